@@ -10,7 +10,7 @@
 # --hostname     the machine's own name: the address that is printed uses it, and requests to it are let in.
 # The address is not loopback, so a token is asked for: it is in the URL that `docker logs` shows.
 # /data          recordings; without a volume there they end with the container.
-# /tmp           for a while, while a file is uploaded, exported or opened.
+# /tmp           for a while, while a file is uploaded, exported or opened; and for compiled code (2 MB).
 
 # Versions are named in full, so that two builds of one commit are of the same parts; raise them when Python does.
 FROM python:3.13.12-slim-bookworm AS build
@@ -25,7 +25,7 @@ COPY . .
 RUN uv sync --frozen --no-dev --no-editable
 # Compile the hot loops now, for any CPU of this architecture. Started from / so that the installed package is meant.
 ENV NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
-RUN cd / && /app/bin/python -c "from server.commands.common import warm; warm(None)" && ls /app/numba/kept.bin
+RUN cd / && /app/bin/python -c "from server.commands.common import warm; warm(None)" && ls /app/numba/*/*.nbi
 
 FROM python:3.13.12-slim-bookworm
 COPY --from=build /app /app

@@ -1,1 +1,1 @@
-"""Bytes ⇄ typed columns. No sockets, threads, sleeps, clocks or asyncio; knows nobody else in the house."""
+"""Bytes ⇄ typed columns. No sockets, threads, sleeps, clocks or asyncio; imports no other part of the project."""

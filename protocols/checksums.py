@@ -1,4 +1,4 @@
-"""Is this frame whole? The checksums of the protocols, compiled, each with its published check value.
+"""Checksums of all protocols, compiled, each with its published check value.
 
     sum8    Xbus: every byte after the preamble, the checksum byte included, sums to 0 modulo 256
             (MT0101P 2020.A, section 5.1). Check value: FA FF 30 00 D1, the GoToConfig message of section 6.
@@ -10,13 +10,13 @@
     crc32_autosar   IDTP's Safety trailer: polynomial 0xF4ACFB13, reflected, start 0xFFFFFFFF, inverted at the end.
             "123456789" gives 0x1697D06A. (AUTOSAR, Specification of CRC Routines, profiles CRC8H2F and CRC32P4.)
 
-A checksum is a function of `data[start:stop]` and returns an integer; what the result must be is the business of the
-protocol's frames.py. `check_sum8` below is the value a sender appends.
+A checksum is a function of `data[start:stop]` and returns an integer; the protocol's frames.py knows the expected
+result. `check_sum8` below is the value that a sender appends.
 
-A cyclic redundancy check is linear: that of a block is the sum (xor) of what each of its bytes contributes alone, and
-what a byte contributes depends only on its value and on how many bytes follow. With one table of 256 contributions per
-place the bytes of a block are looked up independently of each other, which a processor does side by side: 19 bytes of
-header in 8 ns, and 16 bytes a step over a frame ("slicing by 16") at 3.5 GB/s, measured.
+A cyclic redundancy check is linear: the check of a block is the sum (xor) of the contributions of its bytes, and a
+byte's contribution depends only on its value and on the number of bytes after it. With one table of 256 contributions
+per place the lookups are independent of each other, so a processor runs them in parallel: 19 bytes of header in 8 ns,
+and 16 bytes a step over a frame ("slicing by 16") at 3.5 GB/s, measured.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def check_sum8(body: bytes) -> int:
 def fletcher16(data: NDArray[Any], start: int, stop: int) -> int:
     """The sums of `data[start:stop]`: the plain one in the low byte, the sum of sums in the high byte.
 
-    In the sum of sums a byte counts as often as there are bytes from it to the end. Said so, no step of the loop waits
-    for the one before: 10 to 20 GB/s, where adding up the plain sum runs at 5.
+    In the sum of sums a byte counts as often as there are bytes from it to the end. In this form no step of the loop
+    depends on the one before: 10 to 20 GB/s, where adding up the plain sum runs at 5.
     """
     plain = 0
     weighted = 0
@@ -78,7 +78,7 @@ _signed = np.int64  # a lookup in an unsigned table, for sums with Python's numb
 
 
 def _crc8_tables(polynomial: int, places: int) -> NDArray[np.uint8]:
-    """(places, 256): what a byte contributes at each place of a block; most significant bit first."""
+    """(places, 256): contribution of a byte at each place of a block; most significant bit first."""
     tables = np.empty((places, 256), np.uint8)
     for byte in range(256):
         crc = byte
@@ -91,7 +91,7 @@ def _crc8_tables(polynomial: int, places: int) -> NDArray[np.uint8]:
 
 
 def _crc32_tables(reflected: int, places: int) -> NDArray[np.uint32]:
-    """(places, 256): what a byte contributes when 0, 1, … bytes follow; least significant bit first."""
+    """(places, 256): contribution of a byte followed by 0, 1, … bytes; least significant bit first."""
     tables = np.empty((places, 256), np.uint32)
     for byte in range(256):
         crc = byte
@@ -112,7 +112,7 @@ _CRC32 = _crc32_tables(0xC8DF352F, CRC32_BLOCK)  # 0xF4ACFB13 with its bits in r
 
 @inlined
 def crc8_block(data: NDArray[Any], at: Any, crc: Any) -> Any:
-    """The CRC-8 after CRC8_BLOCK bytes from `at` (unsigned), which was `crc` before; not inverted."""
+    """The CRC-8 after CRC8_BLOCK bytes from `at` (unsigned), starting from `crc`; not inverted."""
     total = _signed(_CRC8[0, (crc ^ _signed(data[at])) & 0xFF])
     for i in range(unsigned(1), unsigned(CRC8_BLOCK)):
         total ^= _signed(_CRC8[i, data[at + unsigned(i)]])
@@ -136,7 +136,7 @@ def crc8_autosar(data: NDArray[Any], start: int, stop: int) -> int:
 
 @inlined
 def _crc32_block(data: NDArray[Any], at: Any, crc: Any, size: int) -> Any:
-    """The CRC-32 after `size` bytes from `at` (unsigned), 4 to CRC32_BLOCK, which was `crc` before; not inverted."""
+    """The CRC-32 after `size` bytes from `at` (unsigned), 4 to CRC32_BLOCK, starting from `crc`; not inverted."""
     total = _signed(0)
     for i in range(unsigned(4)):
         byte = _signed(data[at + unsigned(i)]) ^ (crc >> 8 * _signed(i) & 0xFF)

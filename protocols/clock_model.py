@@ -1,4 +1,4 @@
-"""One uninterrupted stretch of a device's clock, seen through a link that only ever delays.
+"""Model of one uninterrupted segment of a device's clock, observed through a link that only delays.
 
 ## The lower envelope
 
@@ -7,8 +7,8 @@ A frame cannot arrive before it was sent. With `w` the time its own bytes take o
     arrival = device + offset + drift × device + w + delay,      delay ≥ 0
 
 so the points (device, arrival − device − w) all lie on or above a straight line, and touch it whenever a frame met no
-delay. That line is what we look for: the lower envelope. (Where a frame came in pieces, the bytes that came first touch
-it, not the last ones, which waited in an adapter: chunk_boundaries.py.)
+delay. The model estimates that line: the lower envelope. (Of a frame that came in pieces, the first bytes touch it, not
+the last ones, which waited in an adapter: chunk_boundaries.py.)
 
     arrival − device − w
        │   ·    ·      · ·        ·          each · a frame: delayed by scheduling, a 16 ms USB burst, a busy network
@@ -17,17 +17,17 @@ it, not the last ones, which waited in an adapter: chunk_boundaries.py.)
        └─────────────────────────────────── device
 
 Of each second of device time only the lowest point is kept, for `WINDOW_S` seconds. Once a second their lower convex
-hull is built; the hull's edge above the mean device time is the line under all points with the least mean distance
-to them. With little history a slope means nothing, so it is weighted by T² / (T² + S²) of the span T: points known to A
-need S = A / 50 ppm to tell the drift of a usual crystal: a second or two behind a good cable, eight behind an
+hull is computed; the hull's edge above the mean device time is the line under all points with the least mean distance
+to them. With little history a slope is meaningless, so it is weighted by T² / (T² + S²) of the span T: points known to
+A need S = A / 50 ppm to resolve the drift of a usual crystal: a second or two behind a good cable, eight behind an
 adapter.
 
 ## The mapping
 
-The line moves as it is learned, but the mapping handed out never does: it is a chain of knots (device, host), fixed up
-to the newest device time added, and from there heading for the line, faster or slower than true by at most a few per
+The line moves as it is learned, but published times never do: the mapping is a chain of knots (device, host), fixed up
+to the newest device time added, and from there it approaches the line, faster or slower than true by at most a few per
 cent. So host times are continuous, strictly increasing in device time, and a frame that carries an older time (a GNSS
-solution among IMU samples) falls on the very mapping its neighbours had.
+solution among IMU samples) falls on the same mapping as its neighbours.
 
     host │            ╱ line now
          │        _ ╱            the plan: reach the line within `SLEW` of slope error
@@ -35,10 +35,10 @@ solution among IMU samples) falls on the very mapping its neighbours had.
          │  _╱   newest added    the past: never rewritten
          └──────────────────── device
 
-## What this cannot know
+## Limits
 
-Truth is the end of a frame on the wire: a delay that every frame has (a buffering adapter which never delivers at once)
-looks like an offset. `uncertainty` says ± how much of that could be hidden, judged from how the delays are spread
+The reference is the end of a frame on the wire: a delay common to all frames (a buffering adapter which never delivers
+at once) looks like an offset. `uncertainty` estimates ± how much of that could be hidden, from the spread of the delays
 (delay_stats.py).
 
 Rules for editing: all times are int64 ns outside and float64 ns relative to the first row inside (exact for 100 days).
@@ -57,10 +57,10 @@ from protocols.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
 
-WINDOW_S = 120  # how long the envelope remembers: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm;
-# longer, and a drift that changes by 8 ppm a minute (a sensor warming up) would cost more than half a millisecond
+WINDOW_S = 120  # memory of the envelope: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm; with a
+# longer one a drift that changes by 8 ppm a minute (a sensor warming up) would cost more than half a millisecond
 BUCKET_NS = 1e9  # one point is kept per bucket
-CRYSTAL = 50e-6  # drift that a usual crystal has
+CRYSTAL = 50e-6  # drift of a usual crystal
 SURE_S, UNSURE_S = 1.0, 8.0  # limits of S
 MAX_DRIFT = 1e-3  # a crystal is 20-100 ppm off; an RC oscillator may be worse
 PLAN_NS = 20e6  # the mapping is replanned at most this often
@@ -69,26 +69,26 @@ SLEW, SLEW_EARLY, SLEW_FAR = 0.005, 0.05, 0.5  # slope error while settled; in t
 FAR_NS = 50e6
 EARLY_NS = 3e9
 KNOTS = 1024
-PRIOR_NS, PRIOR_ROWS = 16e6, 16  # before anything is known: one burst of a USB adapter; what so many rows halve
-COMMON_DRIFT = 1e-4  # what a drift not yet known may be
+PRIOR_NS, PRIOR_ROWS = 16e6, 16  # initially: one burst of a USB adapter; halved after this many rows
+COMMON_DRIFT = 1e-4  # bound of a drift not yet known
 FLOOR_NS = 100e3  # scheduling of the reading thread itself, and the tick of an MTi's clock
-SHARP_NS = 50e3  # what the least late point of a second is known to, at best
-FEWEST_POINTS = 6  # of the envelope, from which their own scatter says how well they are known
-FORGET_NS = 120e9  # a delay that an adapter hides moves with the drift between two crystals: for so long it is ...
-WANDER = 1.4  # ... held to have moved by what was hidden, and some more, while the drift was learned
-JUDGED_NS, JUDGED_FROM = 0.2e9, 64  # how often the delays are judged, once there are so many
-STEP_NS = 50e6  # rows that far below the line are a step of the clock: three times the longest USB burst
-SMALLEST_STEP_NS, STEP_BOUNDS = 1e6, 4  # once the line is known, a step is what is that much and so many ± below it
+SHARP_NS = 50e3  # best accuracy of the least late point of a second
+FEWEST_POINTS = 6  # of the envelope, from which their own scatter gives their accuracy
+FORGET_NS = 120e9  # a delay hidden by an adapter moves with the drift between two crystals: for this long ...
+WANDER = 1.4  # ... it may have moved by the hidden amount, and more, while the drift was learned
+JUDGED_NS, JUDGED_FROM = 0.2e9, 64  # how often the delays are judged, once there are this many
+STEP_NS = 50e6  # rows this far below the line are a step of the clock: three times the longest USB burst
+SMALLEST_STEP_NS, STEP_BOUNDS = 1e6, 4  # once the line is known, a step is this much and this many ± below it
 
 
 class ClockModel:
-    """One uninterrupted stretch of a device's clock: its envelope, its line, and the knots handed out.
+    """One uninterrupted segment of a device's clock: its envelope, its line, and the published knots.
 
     Args:
         origin: device time of its first row, ns.
         host_origin: arrival of that row, ns since the Unix epoch.
-        late: what is to keep its delays.
-        unknown_ns: what nobody can know of the way here: the one-way time of a network.
+        late: stores its delays.
+        unknown_ns: unknowable part of the delay: the one-way time of a network.
 
     Inside: x = device − origin; y = arrival − w − host origin − x; h = host − host origin; all float64 ns.
     """
@@ -106,7 +106,7 @@ class ClockModel:
         self._lowest: tuple[float, float] | None = None  # lowest point of the open bucket
         self._knot_x = np.zeros(2 * KNOTS)
         self._knot_h = np.zeros(2 * KNOTS)
-        self._knots = 1
+        self._breakpoints = 1
         self._final_slope = 1.0  # of the mapping after its last knot
         self._planned = -np.inf
         self.late = late
@@ -115,13 +115,13 @@ class ClockModel:
         self._unknown_ns = unknown_ns
         self._shrink_s = UNSURE_S
         self._scatter: float | None = None  # of the envelope's points above their line; None: too few
-        self._judged = -np.inf
+        self._tested = -np.inf
         self._wander = 0.0  # how far a hidden delay may have moved while the drift was learned
         self._uncertainty = PRIOR_NS
 
     # -- learning
 
-    def learn(
+    def update(
         self,
         x: Array,
         delay: Array,
@@ -131,12 +131,12 @@ class ClockModel:
         *,
         judged: bool = True,
     ) -> None:
-        """Take rows with their delays over the line as it is; move the line, then the plan.
+        """Add rows with their delays over the current line; move the line, then the plan.
 
         Args:
             size: bytes of a frame.
-            waited: how much longer the last bytes of the frames were on their way, ns; None: no longer.
-            judged: its delays tell about the link; not those of a message that waits for others on the line.
+            waited: extra delay of the last bytes of the frames, ns; None: none.
+            judged: its delays describe the link; not those of a message that waits for others on the line.
         """
         settled = self.newest
         first = self.late.rows == 0
@@ -146,31 +146,33 @@ class ClockModel:
         if len(x) > 1:
             newest = max(newest, float(x.max()))
         if judged or first:
-            self._remember(x, delay, arrival, size, waited)
+            self._append_history(x, delay, arrival, size, waited)
         self.newest = max(settled, newest)
         self.oldest = min(self.oldest, float(x[0]))
         self.arrival = max(self.arrival, arrival)
         if low < 0 or first:
             self.intercept += low
             low = 0.0
-        self._keep(low_x, low + self.intercept + self.slope * low_x)
+        self._store(low_x, low + self.intercept + self.slope * low_x)
         if first:
             self.begin_at(self.intercept, 0.0)
         elif self.newest - self._planned >= PLAN_NS:
             self._plan(settled)
-        if self.newest - self._judged >= JUDGED_NS or self.late.rows <= JUDGED_FROM:
-            self._judge()
+        if self.newest - self._tested >= JUDGED_NS or self.late.rows <= JUDGED_FROM:
+            self._test_step()
 
-    def _remember(self, x: Array, delay: Array, arrival: int, size: float, waited: Array | None) -> None:
-        """Keep delays. An older row (a GNSS solution, seconds late by its own time) says nothing about the link."""
+    def _append_history(self, x: Array, delay: Array, arrival: int, size: float, waited: Array | None) -> None:
+        """Store delays. An older row (a GNSS solution, seconds late by its own time) gives no information on the
+        link.
+        """
         fresh = x >= self.newest
         if self.late.rows and not fresh.all():
             x, delay, waited = x[fresh], delay[fresh], None if waited is None else waited[fresh]
         if len(x):
             self.late.add(x, delay, size, arrival, waited)
 
-    def _keep(self, x: float, y: float) -> None:
-        """One point of the envelope; at the end of a bucket the line is fitted anew."""
+    def _store(self, x: float, y: float) -> None:
+        """Add one point of the envelope; at the end of a bucket fit the line again."""
         if x >= self._bucket_end:
             if self._lowest is not None:
                 self._buckets.append(self._lowest)
@@ -195,22 +197,22 @@ class ClockModel:
     # -- the mapping
 
     def begin_at(self, h: float, x: float | None = None) -> None:
-        """Start the mapping: host time `h` at `x` (the origin when not given)."""
+        """Start the mapping: host time `h` at `x` (default: the origin)."""
         self._knot_x[0] = 0.0 if x is None else x
         self._knot_h[0] = h
-        self._knots = 1
+        self._breakpoints = 1
         self._final_slope = 1.0 + self.slope
         self._planned = self._knot_x[0]
 
     def _plan(self, settled: float) -> None:
-        """Keep the mapping up to `settled`; from there head for the line."""
-        h = self._at(settled)
+        """Keep the mapping up to `settled`; from there approach the line."""
+        h = self._evaluate(settled)
         line = 1.0 + self.slope
         error = settled * line + self.intercept - h
         size = abs(error)
         slew = SLEW_FAR if size > FAR_NS else SLEW_EARLY if self.newest < EARLY_NS else SLEW
         time = max(size / slew, PLAN_TIME_NS)
-        n = self._knots
+        n = self._breakpoints
         while n > 1 and self._knot_x[n - 1] >= settled:
             n -= 1
         if n + 2 > 2 * KNOTS:
@@ -221,13 +223,13 @@ class ClockModel:
             self._knot_x[n], self._knot_h[n] = settled, h
             n += 1
         self._knot_x[n], self._knot_h[n] = settled + time, h + time * line + error
-        self._knots = n + 1
+        self._breakpoints = n + 1
         self._final_slope = line
         self._planned = settled
 
-    def _at(self, x: float) -> float:
+    def _evaluate(self, x: float) -> float:
         """The mapping at one x."""
-        n = self._knots
+        n = self._breakpoints
         end = self._knot_x[n - 1]
         if x >= end:
             return float(self._knot_h[n - 1] + (x - end) * self._final_slope)
@@ -237,7 +239,7 @@ class ClockModel:
 
     def host(self, device: Array) -> NDArray[np.float64]:
         """Unix seconds of device times."""
-        n = self._knots
+        n = self._breakpoints
         x = (device - self.origin).astype(np.float64)
         h = np.interp(x, self._knot_x[:n], self._knot_h[:n])
         beyond = x - np.clip(x, self._knot_x[0], self._knot_x[n - 1])
@@ -249,14 +251,14 @@ class ClockModel:
 
     def last_host(self) -> float:
         """Host time of the newest row, ns."""
-        return self._at(self.newest) + float(self.host_origin)
+        return self._evaluate(self.newest) + float(self.host_origin)
 
     def first_host(self) -> float:
         """Host time at which the mapping begins, ns."""
         return float(self._knot_h[0]) + float(self.host_origin)
 
     def distance(self, device: Array) -> NDArray[np.float64]:
-        """How far device times lie outside of the stretch that was seen, ns; 0 within."""
+        """Distance of device times from the observed range, ns; 0 within."""
         x = (device - self.origin).astype(np.float64)
         return np.asarray(np.abs(x - np.clip(x, self.oldest, self.newest)))
 
@@ -271,22 +273,23 @@ class ClockModel:
         """± in ns."""
         return self._uncertainty
 
-    def _judge(self) -> None:
-        """±, from the ways to be wrong: few rows so far; no recent row touched the line; the delays come in steps (a
+    def _test_step(self) -> None:
+        """±, from all sources of error: few rows so far; no recent row touched the line; the delays come in steps (a
         poll grid that beats with the stream), so that the smallest may itself be most of a step; an adapter may hide
-        more; the drift is not known yet; the mapping is still on its way to the line."""
+        more; the drift is not known yet; the mapping has not reached the line yet.
+        """
         spread = self.spread = self.late.spread(self.newest)
-        if spread.holds and self.newest > RECENT_NS:
-            faded = min(max((self.newest - self._judged) / FORGET_NS, 0.0), 1.0)
+        if spread.hold and self.newest > RECENT_NS:
+            faded = min(max((self.newest - self._tested) / FORGET_NS, 0.0), 1.0)
             self._wander = max(WANDER * spread.hidden, self._wander * (1 - faded))
         doubt = spread.low + max(spread.hidden, min(COMMON_DRIFT * self.newest, self._wander))
         vague = max(self._wander, spread.gap if self._scatter is None else self._scatter)
         self._shrink_s = min(max((vague + SHARP_NS) / CRYSTAL / 1e9, SURE_S), UNSURE_S)
-        self._judged = self.newest
+        self._tested = self.newest
         span, shrink = self.newest / 1e9, self._shrink_s
         value = max(PRIOR_NS * PRIOR_ROWS / (PRIOR_ROWS + self.late.rows), doubt)
         value += COMMON_DRIFT * self.newest * shrink**2 / (shrink**2 + span**2)
-        value += abs(self.newest * (1 + self.slope) + self.intercept - self._at(self.newest)) + FLOOR_NS
+        value += abs(self.newest * (1 + self.slope) + self.intercept - self._evaluate(self.newest)) + FLOOR_NS
         self._uncertainty = value + self._unknown_ns
         settled = self.newest - self.oldest > EARLY_NS
         self.step_ns = min(STEP_NS, STEP_BOUNDS * self._uncertainty + SMALLEST_STEP_NS) if settled else STEP_NS
@@ -306,7 +309,7 @@ def _lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _edge_slope(hull: list[tuple[float, float]], x: float) -> float:
-    """Slope of the hull's edge above `x`; 0 of a single corner."""
+    """Slope of the hull's edge above `x`; 0 for a single corner."""
     for (ax, ay), (bx, by) in pairwise(hull):
         if bx >= x and bx > ax:
             return (by - ay) / (bx - ax)

@@ -1,26 +1,25 @@
-"""Which rows belong to one uninterrupted stretch of a device's clock, and when were they on the host's?
+"""Mapping from device time to host time.
 
-    parts of a drain ──> in the order of the stream ──> fits the mapping? ── yes ──> ClockModel (clock_model.py) ──>
-    host time
-    (rows of a message,                                       │ no
-     device time, arrival)                                    └──> a candidate mapping; three rows in a row confirm it
+    parts of a drain ──> in stream order ──> fits the mapping? ── yes ──> ClockModel (clock_model.py) ──> host time
+    (rows of a message,                          │ no
+     device time, arrival)                       └──> a candidate mapping; three rows in a row confirm it
 
 ## Steps of the device clock
 
-A clock that jumps ahead makes frames arrive before they were sent by the mapping so far, which nothing else can. One
+A clock that jumps ahead makes frames arrive before they were sent by the mapping so far, which has no other cause. One
 that jumps back or restarts makes a message go back against its own last time, late by as much: messages may be older
 than others (a GNSS solution among IMU samples), but each keeps its own order. Such rows open a candidate mapping of
-their own; three in a row make it the mapping, one good row discards it. `breaks` tells where a mapping began.
+their own; three in a row confirm it, one good row discards it. `discontinuities` lists where mappings began.
 
-How far off is too far depends on how well the line is known: 50 ms in the first seconds, a few ± later.
+The threshold depends on how well the line is known: 50 ms in the first seconds, a few ± later.
 
-## Never backwards
+## Monotonic host time
 
-Of each message the host times told never decrease, whatever its clock and the link did: a mapping never rewrites what
-it has told, a new one begins where the last one ended, and what is left (a lone wrong time) waits for the time told
-before.
+For each message the published host times never decrease, whatever its clock and the link did: a mapping never rewrites
+published times, a new one begins where the last one ended, and remaining cases (a lone wrong time) repeat the last
+published time.
 
-Rules for editing: one row costs about 15 µs in `times`; count the numpy calls.
+Rules for editing: one row costs about 15 µs in `map_to_host`; count the numpy calls.
 """
 
 from __future__ import annotations
@@ -41,8 +40,8 @@ Floats = NDArray[np.float64]
 
 LATE_NS = 10e9
 CONFIRM_ROWS = 3
-FAR_NS = 0.5e9  # a row that is so far from a candidate belongs to yet another clock
-BLOCK = 512  # rows looked at together; one point of the envelope each
+FAR_NS = 0.5e9  # a row this far from a candidate belongs to yet another clock
+BLOCK = 512  # rows processed together; one point of the envelope each
 SOURCES = 256  # messages whose order is remembered
 FIRST = -(1 << 62)  # before any device time
 
@@ -54,9 +53,9 @@ class TimedRows:
     Args:
         device: (n,) int64, unwrapped device time, ns.
         arrival: (n,) int64, host time of arrival, ns since the Unix epoch.
-        offset: (n,) int64, where each frame began in the stream; None where there is one part only.
+        offset: (n,) int64, start of each frame in the stream; None if there is one part only.
         size: bytes of each frame on the wire.
-        source: which message: it keeps its own order.
+        source: number of the message, which keeps its own order.
     """
 
     device: Array
@@ -66,14 +65,14 @@ class TimedRows:
     source: int = 0
 
     def rows(self, which: slice) -> TimedRows:
-        """Some of them."""
+        """A slice of them."""
         offset = None if self.offset is None else self.offset[which]
         return TimedRows(self.device[which], self.arrival[which], offset, self.size, self.source)
 
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """The rows of all parts in the order of the stream. `size` and `source`: of all rows where there is one part."""
+    """The rows of all parts in stream order. `size` and `source`: of all rows if there is one part."""
 
     device: Array
     arrival: Array
@@ -85,7 +84,7 @@ class _Rows:
         return len(self.device)
 
     def rows(self, which: slice) -> _Rows:
-        """Some of them."""
+        """A slice of them."""
         offset = None if self.offset is None else self.offset[which]
         size = self.size if isinstance(self.size, int) else self.size[which]
         source = self.source if isinstance(self.source, int) else self.source[which]
@@ -96,13 +95,14 @@ class ClockSync:
     """Device time → host time, learned from arrivals.
 
     Args:
-        byte_time_ns: how long one byte takes on the wire (10 bits at 115200 Bd: 86 806 ns); 0 where it does not matter.
-        holds_ns: for how long an adapter is known to keep bytes back; 0: not known, or there is none.
-        unknown_ns: what nobody can know of the way here; part of ±.
-        pieces: of the stream that the offsets of the rows are of; kept up by who feeds it. None: not known.
+        byte_time_ns: duration of one byte on the wire (10 bits at 115200 Bd: 86 806 ns); 0 if irrelevant.
+        holds_ns: how long an adapter is known to hold bytes back; 0: unknown, or no adapter.
+        unknown_ns: unknowable part of the delay; part of ±.
+        pieces: of the stream that the rows' offsets refer to; maintained by the caller. None: unknown.
+
     Attributes:
-        restarts: how often the mapping was begun anew; the first time does not count.
-        breaks: unix s at which mappings began that did so during the last `times` or `add`.
+        restarts: how often the mapping was restarted, without the first start.
+        discontinuities: unix s of the starts of mappings during the last `map_to_host` or `add`.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class ClockSync:
         self._pieces = pieces
         self.byte_time_ns = byte_time_ns
         self.restarts = -1
-        self.breaks: list[float] = []
+        self.discontinuities: list[float] = []
         self.holds_ns = holds_ns
         self._unknown_ns = unknown_ns
         self._now: ClockModel | None = None
@@ -124,48 +124,48 @@ class ClockSync:
         self._candidate: ClockModel | None = None
         self._candidate_rows = 0
         self._last: dict[int, int] = {}  # source → its last device time
-        self._told: dict[int, float] = {}  # source → the last host time told
+        self._published: dict[int, float] = {}  # source → its last published host time
         self._counts: dict[int, int] = {}  # source → rows
         self._running: dict[int, int] = {}  # the same, row by row within a drain
-        self._careful = False  # the rows of this drain had to be looked at one by one
-        self._main = 0  # the source with most rows: its delays tell about the link
+        self._is_cautious = False  # the rows of this drain need checking one by one
+        self._main = 0  # the source with most rows: its delays describe the link
 
     def restart(self) -> None:
-        """Forget the mapping: the next row added begins a new one. For a new link; steps of the clock need no call."""
+        """Forget the mapping: the next row added starts a new one. For a new link; steps of the clock need no call."""
         self._before, self._now = self._now, None
         self._last.clear()
         self._forget()
 
-    # -- rows in
+    # -- input ---------------------------------------------------------------------------------------------------------
 
-    def times(self, parts: Sequence[TimedRows]) -> list[Floats]:
+    def map_to_host(self, parts: Sequence[TimedRows]) -> list[Floats]:
         """Learn from the rows of a drain and map them.
 
         Returns:
-            Host time of the rows of each part that has any, unix s; it never decreases within a source.
+            Host time of the rows of each non-empty part, unix s; it never decreases within a source.
         """
-        self.breaks = []
+        self.discontinuities = []
         parts = [part for part in parts if len(part.device)] if not all(len(part.device) for part in parts) else parts
         if not parts:
             return []
-        self._running, self._careful = self._last.copy(), False
+        self._running, self._is_cautious = self._last.copy(), False
         back = False
         for part in parts:
             back |= self._goes_back(part)
         if len(parts) == 1:
             (part,) = parts
-            told = [self._take(_Rows(part.device, part.arrival, part.offset, part.size, part.source), back=back)]
+            told = [self._add(_Rows(part.device, part.arrival, part.offset, part.size, part.source), back=back)]
         else:
             told = self._take_all(parts, back=back)
         if self._candidate_rows:
-            self._last = self._running  # rows that nothing explains yet are nobody's last
+            self._last = self._running  # rows that are not explained yet do not count as last
         else:
             for part in parts:
                 self._last[part.source] = int(part.device[-1])
         return [self._never_back(part.source, one) for part, one in zip(parts, told, strict=True)]
 
     def _take_all(self, parts: Sequence[TimedRows], *, back: bool) -> list[Floats]:
-        """The rows of several messages, in the order of the stream."""
+        """Process the rows of several messages, in stream order."""
         counts = [len(part.device) for part in parts]
         offset = np.concatenate([part.offset for part in parts])
         order = np.argsort(offset, kind="stable")
@@ -175,17 +175,17 @@ class ClockSync:
         arrival = np.concatenate([part.arrival for part in parts])
         host = np.empty(len(order))
         rows = _Rows(device[order], arrival[order], offset[order], size[order], source[order])
-        host[order] = self._take(rows, back=back)
+        host[order] = self._add(rows, back=back)
         ends = np.cumsum(counts).tolist()
         return [host[end - count : end] for end, count in zip(ends, counts, strict=True)]
 
     def add(self, device_ns: Array, arrival_ns: Array, size: int = 0, source: int = 0) -> Floats:
-        """`times` of rows of one message; see TimedRows."""
-        told = self.times([TimedRows(device_ns, arrival_ns, None, size, source)])
+        """`map_to_host` of rows of one message; see TimedRows."""
+        told = self.map_to_host([TimedRows(device_ns, arrival_ns, None, size, source)])
         return told[0] if told else np.zeros(0)
 
     def host(self, device_ns: Array) -> Floats:
-        """Host time of device times as it is known now, (n,) float64 unix s. NaN before the first row."""
+        """Host time of device times by the current mapping, (n,) float64 unix s. NaN before the first row."""
         if self._now is None:
             return np.full(len(device_ns), np.nan)
         other = self._before
@@ -196,8 +196,8 @@ class ClockSync:
             return self._now.host(device_ns)
         return np.where(mine, self._now.host(device_ns), other.host(device_ns))
 
-    def _take(self, rows: _Rows, *, back: bool) -> Floats:
-        """Learn, and map; a block at a time, by what is known then."""
+    def _add(self, rows: _Rows, *, back: bool) -> Floats:
+        """Learn and map, a block at a time, with the knowledge at that point."""
         if len(rows) <= BLOCK:
             return self._block(rows, back=back)
         starts = range(0, len(rows), BLOCK)
@@ -219,13 +219,13 @@ class ClockSync:
             return self._row_by_row(rows, sent, waited)
         if self._candidate_rows:
             self._forget()
-        self._learn(now, x, delay, waited, rows)
+        self._update(now, x, delay, waited, rows)
         if self._before is not None and now.newest > LATE_NS:
             self._before = None
         return self.host(device)
 
     def _sent(self, rows: _Rows) -> tuple[Array, Array]:
-        """When the frames began on the line at the latest, unix ns; how much longer their last bytes waited, ns."""
+        """Latest possible start of transmission of each frame, unix ns, and the extra wait of its last bytes, ns."""
         if not self.byte_time_ns:
             return rows.arrival, np.zeros(len(rows))
         last = rows.arrival - np.asarray(rows.size * self.byte_time_ns).astype(np.int64)
@@ -234,24 +234,24 @@ class ClockSync:
         sent = self._pieces.sent(rows.offset, rows.size, last, self.byte_time_ns)
         return sent, (last - sent).astype(np.float64)
 
-    def _learn(self, now: ClockModel, x: Array, delay: Array, waited: Array, rows: _Rows) -> None:
-        """All rows are of this mapping; the delays of the main message tell about the link."""
+    def _update(self, now: ClockModel, x: Array, delay: Array, waited: Array, rows: _Rows) -> None:
+        """Update the model with rows that all fit it; the delays of the main message describe the link."""
         arrival = int(rows.arrival[-1])
         if isinstance(rows.source, int):
             size = float(rows.size) if isinstance(rows.size, int) else float(rows.size[-1])
-            now.learn(x, delay, arrival, size, waited, judged=rows.source == self._main)
+            now.update(x, delay, arrival, size, waited, judged=rows.source == self._main)
             return
-        now.learn(x, delay, arrival, judged=False)
+        now.update(x, delay, arrival, judged=False)
         mine = np.flatnonzero(rows.source == self._main)
         if len(mine):
             size = float(rows.size if isinstance(rows.size, int) else rows.size[mine[0]])
             now.late.add(x[mine], delay[mine], size, arrival, waited[mine])
 
     def _goes_back(self, part: TimedRows) -> bool:
-        """Does a message go back against its own last time?"""
+        """Whether the time of a message goes back against its own last time."""
         source, device = part.source, part.device
         if len(self._last) > SOURCES:
-            for known in (self._last, self._told, self._counts):
+            for known in (self._last, self._published, self._counts):
                 known.clear()
         count = self._counts[source] = self._counts.get(source, 0) + len(device)
         if count > self._counts.get(self._main, 0):
@@ -261,21 +261,21 @@ class ClockSync:
         return int(device[0]) < self._last.get(source, FIRST)
 
     def _never_back(self, source: int, host: Floats) -> Floats:
-        """What was told of a message stays ahead of nothing that is told later."""
-        told = self._told.get(source, -np.inf)
+        """Limit mapped times so that no later time of the same message is earlier."""
+        told = self._published.get(source, -np.inf)
         if len(host) and host[0] < told:
             host = np.maximum(host, told)
-        if len(host) > 1 and self._careful:
+        if len(host) > 1 and self._is_cautious:
             host = np.maximum.accumulate(host)
         if len(host):
-            self._told[source] = float(host[-1])
+            self._published[source] = float(host[-1])
         return host
 
     # -- steps
 
     def _row_by_row(self, rows: _Rows, sent: Array, waited: Array) -> Floats:
-        """The careful way, for rows of which some do not fit the mapping."""
-        self._careful = True
+        """Check rows one by one when some do not fit the mapping."""
+        self._is_cautious = True
         n = len(rows)
         sources = np.broadcast_to(rows.source, n).tolist()
         sizes = np.broadcast_to(rows.size, n).tolist()
@@ -288,18 +288,18 @@ class ClockSync:
             delay = float(s - now.host_origin) - x - now.slope * x - now.intercept
             back = d < self._running.get(source, FIRST)
             if delay < -now.step_ns or (back and delay > now.step_ns):
-                of = self._suspect(d, s, a)
+                of = self._check_outliers(d, s, a)
             else:
                 self._forget()
                 wait = waited[row : row + 1]
-                now.learn(np.array([x]), np.array([delay]), a, size, wait, judged=source == self._main)
+                now.update(np.array([x]), np.array([delay]), a, size, wait, judged=source == self._main)
                 self._running[source] = d
                 of = now
             out[row] = of.host(np.array([d]))[0]
         return out
 
-    def _suspect(self, device: int, sent: int, arrival: int) -> ClockModel:
-        """A row that the mapping cannot explain: it begins, or confirms, another, which is returned."""
+    def _check_outliers(self, device: int, sent: int, arrival: int) -> ClockModel:
+        """Handle a row that the mapping cannot explain: start or confirm another mapping, which is returned."""
         new = self._candidate
         if new is not None:
             x = float(device - new.origin)
@@ -307,7 +307,7 @@ class ClockSync:
             if delay < -FAR_NS:
                 new = None  # not even its predecessor explains it
             elif delay < FAR_NS:
-                new.learn(np.array([x]), np.array([delay]), arrival)
+                new.update(np.array([x]), np.array([delay]), arrival)
                 self._candidate_rows += 1
         if new is None:
             new, self._candidate_rows = self._following(device, sent, arrival), 1
@@ -320,17 +320,17 @@ class ClockSync:
         return ClockModel(device, sent, DelayStatistics(self.holds_ns, self.byte_time_ns), self._unknown_ns)
 
     def _following(self, device: int, sent: int, arrival: int) -> ClockModel:
-        """A mapping that begins with this row. Host time does not run backwards there."""
+        """A mapping that begins with this row, without running backwards in host time."""
         new = self._mapping(device, sent)
-        new.learn(np.zeros(1), np.zeros(1), arrival)
+        new.update(np.zeros(1), np.zeros(1), arrival)
         if self._now is not None:
             new.begin_at(max(0.0, self._now.last_host() - float(sent)))
         return new
 
     def _switch(self, new: ClockModel) -> None:
-        """Another mapping from now on."""
+        """Replace the mapping."""
         self.restarts += 1
-        self.breaks.append(new.first_host() / 1e9)
+        self.discontinuities.append(new.first_host() / 1e9)
         if self._now is not None:
             new.late.stalls.extend(self._now.late.stalls)
         self._now, self._before = new, self._now
@@ -339,14 +339,14 @@ class ClockSync:
         self._forget()
 
     def _forget(self) -> None:
-        """No doubt about the mapping."""
+        """Drop the candidate mapping."""
         self._candidate, self._candidate_rows = None, 0
 
-    # -- what is known
+    # -- results -------------------------------------------------------------------------------------------------------
 
     @property
     def drift_ppm(self) -> float:
-        """How much faster the device's clock runs than the host's, parts per million; 0 until seconds have passed."""
+        """Rate of the device's clock against the host's, parts per million; 0 during the first seconds."""
         return -self._now.slope / (1 + self._now.slope) * 1e6 if self._now else 0.0
 
     @property
@@ -356,17 +356,17 @@ class ClockSync:
 
     @property
     def rows(self) -> int:
-        """How many delays the mapping has seen."""
+        """Number of delays in the model."""
         return self._now.late.rows if self._now else 0
 
     @property
     def spread(self) -> DelaySpread:
-        """How late frames came in the last seconds."""
+        """Spread of the delays in the last seconds."""
         return self._now.spread if self._now else DelaySpread()
 
     @property
     def stalls(self) -> list[tuple[int, float]]:
-        """(arrival in unix ns, how late in ns) of the last times that frames came late all at once."""
+        """(arrival in unix ns, delay in ns) of the latest stalls, after which frames arrived all at once."""
         return list(self._now.late.stalls) if self._now else []
 
     def jitter_ns(self, p: float = 99) -> float:

@@ -18,9 +18,10 @@ def utc_ns(
 
     Args:
         ns: (n,) of the second, may be negative.
-        valid: (n,) which of them their sender vouches for.
+        valid: (n,) whether the sender marks each as valid.
+
     Returns:
-        (n,) int64, ns since the Unix epoch; UNKNOWN where a time is not vouched for, or is no time.
+        (n,) int64, ns since the Unix epoch; UNKNOWN if a time is marked invalid, or is not a time.
     """
     out = np.full(len(year), UNKNOWN, np.int64)
     good = valid & (year >= 1970) & (year < 2262) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)

@@ -1,7 +1,7 @@
-"""How late do frames come, and what may that hide?
+"""Delays of frames, and how much delay they may hide.
 
-Every frame is late by something: the host wakes up, a network queues, an adapter waits for more bytes. The least late
-ones show where the line of a clock lies (clock_model.py); how all of them are spread shows how far off it may still be.
+Every frame is delayed: the host wakes up, a network queues, an adapter waits for more bytes. The least delayed ones
+show the line of a clock (clock_model.py); the spread of all delays bounds its error.
 
     delay            delay                 delay                  delay
      │                │  /|  /|  /|  /      │ ·                    │    |\\
@@ -11,17 +11,16 @@ ones show where the line of a clock lies (clock_model.py); how all of them are s
 
 ## What an adapter hides
 
-An adapter that hands over when 62 bytes have gathered, or when its timer T runs out, keeps no byte for longer than
+An adapter that passes bytes on when 62 have gathered, or when its timer T runs out, keeps no byte for longer than
 
     hold = min(T, the time until the next frames have filled a packet)
 
-So all true delays lie between 0 and `hold`. If those seen reach from the line up to R, the line itself is at most
-hold − R too high, and no more can be said: a stream locked to the timer, each frame late by the same 8 ms, looks like
-one that is never late. (A stream whose frames are cut by full packets is known better: chunk_boundaries.py. Of each
-frame both delays are kept, of its last bytes and of those that came soonest.) Where T is not known but bursts are seen
-it is taken
-for the 16 ms with which adapters are delivered. Without an adapter, what may be hidden is judged from the delays
-themselves: as much as the greatest hole among the smaller ones, as in a poll grid that beats with the stream.
+So all true delays lie between 0 and `hold`. If the observed ones reach from the line up to R, the line itself is at
+most hold − R too high, and no more can be concluded: a stream locked to the timer, each frame late by the same 8 ms,
+looks like one that is never late. (A stream whose frames are cut by full packets is known better: chunk_boundaries.py.
+Of each frame both delays are kept, of its last bytes and of its earliest ones.) If T is unknown but bursts are seen, it
+is assumed to be 16 ms, the default of adapters. Without an adapter, the hidden delay is estimated from the delays
+themselves: the greatest gap among the smaller ones, as in a poll grid that beats with the stream.
 
 Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", sections 3.2 and 3.3.
 """
@@ -39,15 +38,15 @@ Array = NDArray[Any]
 
 KEPT = 2048  # delays remembered
 RECENT_NS = 5e9
-FEWEST = 24  # delays from which anything is concluded
+FEWEST = 24  # delays needed for any conclusion
 PACKET = 62
-USUAL_TIMER_NS = 16e6  # of an adapter as delivered
-WAKE_NS = 1e6  # a host that is up takes no longer to read
-BURST_NS = 2e6  # an adapter that holds bytes no longer than this is no trouble
-STALL_NS = 0.1e9  # a delay that only a host makes, or a network
+USUAL_TIMER_NS = 16e6  # default of an adapter
+WAKE_NS = 1e6  # a running host reads within this time
+BURST_NS = 2e6  # an adapter that holds bytes no longer than this is harmless
+STALL_NS = 0.1e9  # a delay that only a host or a network causes
 UNSURE = 0.4
 STALLS = 8
-MOST = 0.9  # share of the delays that must fit what is known of an adapter
+MOST = 0.9  # share of the delays that must fit the known adapter
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +54,11 @@ class DelaySpread:
     """The delays of the last seconds, ns.
 
     Attributes:
-        low: of the least late frame. top: R above, stalls left out.
-        gap: the greatest hole among the smaller delays.
-        hidden: how much of a delay that all frames have the line may hide.
+        low: of the least late frame. top: R above, without stalls.
+        gap: the greatest gap among the smaller delays.
+        hidden: part of a delay common to all frames that the line may hide.
         bursts: an adapter gathers bytes.
-        holds: for how long it keeps one, 0 where there is none.
+        hold: how long it keeps one, 0 without an adapter.
     """
 
     low: float = 0.0
@@ -67,17 +66,18 @@ class DelaySpread:
     gap: float = 0.0
     hidden: float = 0.0
     bursts: bool = False
-    holds: float = 0.0
+    hold: float = 0.0
 
 
 class DelayStatistics:
-    """The delays of one stretch of a device's clock.
+    """The delays of one segment of a device's clock.
 
     Args:
-        holds_ns: what the adapter's timer is known to be; 0: not known, or there is none.
+        holds_ns: the adapter's timer; 0: unknown, or no adapter.
         byte_ns: time of a byte on the line; 0: not known.
+
     Attributes:
-        stalls: (arrival in unix ns, how late the first frame was in ns) of the last ones.
+        stalls: (arrival in unix ns, delay of the first frame in ns) of the latest ones.
     """
 
     def __init__(self, holds_ns: float = 0.0, byte_ns: float = 0.0) -> None:
@@ -86,14 +86,15 @@ class DelayStatistics:
         self._holds_ns = holds_ns
         self._byte_ns = byte_ns
         self._delays = np.zeros(KEPT)  # of the last bytes of frames
-        self._least = np.zeros(KEPT)  # of the bytes that came soonest: the same where frames came whole
+        self._least = np.zeros(KEPT)  # of the earliest bytes: the same if frames came whole
         self._x = np.full(KEPT, -np.inf)
         self._size = 0.0
-        self._late, self._late_since = 0.0, 0  # how late the first frame of what may be a stall was, and when it came
+        self._late, self._late_since = 0.0, 0  # delay and arrival of the first frame of a possible stall
 
     def add(self, x: Array, delay: Array, size: float, arrival: int, waited: Array | None = None) -> None:
-        """Keep rows that came together: x in ns, their delays, bytes of a frame, unix ns at which the last came, how
-        much longer the last bytes of frames had waited than those that came before them."""
+        """Store rows that arrived together: x in ns, their delays, bytes of a frame, unix ns of the last arrival, and
+        the extra delay of the frames' last bytes over their earlier ones.
+        """
         least = delay
         if waited is not None:
             delay = delay + waited
@@ -114,21 +115,21 @@ class DelayStatistics:
             self._x[rows] = x
 
     def _catches_up(self, first: float, last: float, arrival: int) -> None:
-        """A frame came late: is it a stall, after which the others come all at once, and none of them lost its time?"""
+        """Detect a stall: a late frame, after which the others come all at once without loss."""
         if not self._late and self.rows >= FEWEST:
             self._late, self._late_since = first, arrival
         if self._late and last < self._late / 4:
             self.stalls.append((arrival, self._late))
             self._late = 0.0
         elif arrival - self._late_since > self._late / 2:
-            self._late = 0.0  # the stream goes on late: a queue, not a stall
+            self._late = 0.0  # the stream stays late: a queue, not a stall
 
     def recent(self, newest: float) -> NDArray[np.float64]:
-        """Delays of the last seconds before `newest`, ascending; those of out-of-date rows left out."""
+        """Delays of the last seconds before `newest`, ascending, without out-of-date rows."""
         return np.sort(self._delays[self._x >= newest - RECENT_NS])
 
-    def soonest(self, newest: float) -> NDArray[np.float64]:
-        """The same of the bytes of each frame that came soonest."""
+    def minimum(self, newest: float) -> NDArray[np.float64]:
+        """The same for the earliest bytes of each frame."""
         return np.sort(self._least[self._x >= newest - RECENT_NS])
 
     def spread(self, newest: float) -> DelaySpread:
@@ -137,7 +138,7 @@ class DelayStatistics:
         count = len(delays)
         if count < 2:
             return DelaySpread(hidden=self._holds_ns)  # nothing is known yet
-        soonest = self.soonest(newest)
+        soonest = self.minimum(newest)
         low = max(float(soonest[0]), 0.0)
         gap = float(np.diff(soonest[: count * 5 // 8 + 2]).max())
         if count < FEWEST:
@@ -147,12 +148,12 @@ class DelayStatistics:
         hold = min(timer, self._filled_after(newest))
         inside = delays[: int(np.searchsorted(delays, hold + WAKE_NS if hold else STALL_NS))]
         top = float(inside[len(inside) * 49 // 50]) if len(inside) else 0.0
-        sure = min(self._holds_ns, WAKE_NS) * UNSURE  # how late those are that are least late is never known to a hair
-        longer = len(inside) < MOST * count  # it keeps bytes for longer than was thought
+        sure = min(self._holds_ns, WAKE_NS) * UNSURE  # the delay of the least late ones is never known exactly
+        longer = len(inside) < MOST * count  # it keeps bytes for longer than assumed
         return DelaySpread(low, top, gap, gap if longer or not hold else max(sure, hold - top), bursts, hold)
 
     def _filled_after(self, newest: float) -> float:
-        """How long the last byte of a frame waits at most until those after it have filled a packet, ns."""
+        """Longest wait of the last byte of a frame for the bytes that fill a packet, ns."""
         recent = self._x[self._x >= newest - RECENT_NS]
         if len(recent) < 2 or self._size < 1:
             return USUAL_TIMER_NS
@@ -162,8 +163,9 @@ class DelayStatistics:
 
 
 def _bursts(delays: Array) -> bool:
-    """Do these delays, ascending, come of an adapter that gathers bytes? They are spread over some ms, evenly or in few
-    steps, and end sharply; those of a busy host or a network thin out instead."""
+    """Whether these delays, ascending, come from a buffering adapter: they are spread over some ms, evenly or in few
+    steps, and end sharply, while those of a busy host or a network thin out.
+    """
     delays = delays[: int(np.searchsorted(delays, STALL_NS))]
     count = len(delays)
     if count < FEWEST:

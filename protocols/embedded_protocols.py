@@ -1,12 +1,12 @@
-"""Whose messages are between the frames of a stream's own protocol? NMEA, u-blox and RTCM 3, found together.
+"""Foreign messages between the frames of a stream: NMEA, UBX, RTCM.
 
     bytes   $GNGGA,…*hh\\r\\n  B5 62 … CK CK  D3 00 … CRC
     found   nmea              ubx            rtcm3
 
-Binary messages are looked for first, because their payloads may hold anything, a `$` too; sentences in what is left.
-Where two overlap the first from the left that checks wins. A false length costs nothing: it delays only what
-is found here, by at most ubx.LONGEST bytes, and never a frame of the stream's own protocol, which the scanner finds
-before anything here is asked.
+Binary messages are searched for first, because their payloads may contain anything, even a `$`; sentences in the rest.
+If two overlap, the first valid one from the left wins. A false length costs nothing: it delays only the messages found
+here, by at most ubx.LONGEST bytes, and never a frame of the stream's own protocol, which the scanner finds before this
+search.
 """
 
 from __future__ import annotations
@@ -22,25 +22,26 @@ _STARTS = re.compile(b"[" + ubx.SYNC[:1] + rtcm.SYNC + b"]")
 
 
 def find(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
-    """All foreign messages in `data`, a stretch that held no frame of the stream's own protocol.
+    """All foreign messages in `data`, a stretch without frames of the stream's own protocol.
 
     Args:
-        final: nothing follows; what is incomplete now will never be whole.
+        final: no data follows; incomplete messages will never be completed.
+
     Returns:
-        what was found, in order, with an empty name where a check failed; and from where bytes must be kept because a
-        message there may still be incomplete (the length of `data` when none is).
+        the messages in order, with an empty name if a check failed; and the position from which bytes must be kept
+        because a message there may be incomplete (the length of `data` if none is).
     """
     if not _STARTS.search(data):
         return nmea.find_nmea(data, final=final)
     found: list[ParsedMessage] = []
-    text = 0  # from where sentences have not been looked for
+    text = 0  # where the search for sentences continues
     at = 0
     while start := _STARTS.search(data, at):
         at = start.start()
         module = rtcm if data[at] == rtcm.SYNC[0] else ubx
         one = module.message_at(data, at, final=final)
         if one == ubx.WAIT:
-            return found + _sentences(data, text, at, final=True)[0], at  # no sentence goes on over such a byte
+            return found + _sentences(data, text, at, final=True)[0], at  # no sentence continues over such a byte
         if isinstance(one, ParsedMessage):
             found += _sentences(data, text, at, final=True)[0]
             found.append(one)

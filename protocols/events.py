@@ -1,15 +1,15 @@
-"""All that comes out of a decoder.
+"""Events: everything a decoder returns.
 
-    Batch    n samples of one message, as columns: what is plotted and recorded
-    Reply    one answer or indication, with its values by name: what a dialogue waits for
-    Text     one line of text in the stream (NMEA, a device's console)
-    Reject   a candidate that failed its checks: counted, shown, never raised
-    Gap      samples that a counter says were lost before a given one
-    Step     the device clock jumped, was reset or wrapped unexpectedly
+    Batch           n samples of one message, as columns: plotted and recorded
+    Reply           one answer or indication, with its values by name: awaited by transactions
+    Text            one line of text in the stream (NMEA, a device's console)
+    RejectedFrame   a candidate that failed its checks: counted, shown, never raised
+    SampleGap       samples lost just before a given one, by a counter
+    ClockStep       the device clock jumped, was reset or wrapped unexpectedly
 
-A decoder is fed chunks and drained of events. `feed` appends and is cheap; `drain` does the work on everything that is
-complete. Content never raises, and the events do not depend on how the bytes were cut into chunks (their grouping into
-batches may: a batch holds what one drain found).
+A decoder is fed chunks and drained of events. `feed` appends and is cheap; `drain` decodes everything that is complete.
+Content never raises, and the events do not depend on how the bytes were cut into chunks (their grouping into batches
+may: a batch holds the result of one drain).
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ Array = NDArray[Any]
 
 
 class LazyMapping(Mapping[str, Any]):
-    """Values by name, read when first asked for: most answers and sentences of a busy stream are never looked at.
+    """Values by name, read on first access: most answers and sentences of a busy stream are never used.
 
     Args:
-        read: gives the values; called at most once.
+        read: returns the values; called at most once.
     """
 
     __slots__ = ("_read", "_values")
@@ -57,22 +57,22 @@ class LazyMapping(Mapping[str, Any]):
         return repr(dict(self._all()))
 
 
-@dataclass(slots=True, eq=False)  # not frozen: that costs 0.4 µs each, and a live stream has one a frame
+@dataclass(slots=True, eq=False)  # not frozen: that costs 0.4 µs each, and a live stream has one per frame
 class Batch:
-    """n samples of one message. To be read only.
+    """n samples of one message. Read-only by convention.
 
     Args:
-        message: the row; where the layout varies from frame to frame (MTData2) its `fields` are those of this layout.
-        device: who sent it within the stream ("" where a stream has one device; an IDTP device id).
+        message: the row; if the layout varies from frame to frame (MTData2) its `fields` are those of this layout.
+        device: sender within the stream ("" if a stream has one device; an IDTP device id).
         arrival_ns: (n,) int64, host time of the chunk that completed each frame, ns since the Unix epoch.
-        offset: (n,) int64, where each frame began in the stream, bytes.
-        time_ns: (n,) int64, unwrapped device time, ns since the device's own epoch; None when there is no clock in it.
-        columns: field name → array of n rows in native byte order and shown units (float64, or the wire's own integer
-            or float32 type where scale is 1); records are numpy structured arrays. Computed when first asked for.
-        verified: False for data whose authenticity was asked for and could not be checked.
-        size: bytes of each frame on the wire, 0 where that is not known.
-        header: what each frame's header says beside its payload (a timestamp as sent, a sequence number): name → (n,)
-            array. Computed when first asked for.
+        offset: (n,) int64, start of each frame in the stream, bytes.
+        time_ns: (n,) int64, unwrapped device time, ns since the device's own epoch; None without a clock.
+        columns: field name → array of n rows in native byte order and displayed units (float64, or the wire's own
+            integer or float32 type if scale is 1); records are numpy structured arrays. Computed on first access.
+        verified: False for data whose requested authenticity check was not possible.
+        size: bytes of each frame on the wire, 0 if unknown.
+        header: values of each frame's header beside its payload (a timestamp as sent, a sequence number): name → (n,)
+            array. Computed on first access.
     """
 
     message: Message
@@ -91,7 +91,9 @@ class Batch:
 
 @dataclass(slots=True)  # not frozen: see Batch
 class Reply:
-    """One answer, indication or (when listening to the host's side) command: values by field name. To be read only."""
+    """One answer, indication or (when reading the host's side) command: values by field name. Read-only by
+    convention.
+    """
 
     message: Message
     values: Mapping[str, Any]
@@ -103,7 +105,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """One line of text; `fields` where its meaning is known (an NMEA sentence's values by name)."""
+    """One line of text; `fields` if its meaning is known (an NMEA sentence's values by name)."""
 
     protocol: str
     name: str
@@ -118,7 +120,7 @@ class Text:
 class RejectedFrame:
     """A candidate that failed: `reason` is a word of the protocol's list ("bad_checksum", "bad_size", "truncated").
 
-    Of a frame that is whole and yet refused, `device` is who sent it, and `detail` says why in words; "" otherwise.
+    For an intact but refused frame, `device` is its sender and `detail` the reason in words; "" otherwise.
     """
 
     offset: int
@@ -156,19 +158,21 @@ Event = Batch | Reply | Text | RejectedFrame | SampleGap | ClockStep
 
 
 class Decoder(Protocol):
-    """What a session needs of a protocol."""
+    """Decoder interface that a session uses."""
 
     def feed(self, data: bytes, arrival_ns: int) -> None:
         """Append a chunk. Cheap; content never raises."""
 
     def feed_many(self, data: bytes, ends: NDArray[np.int64], arrival_ns: NDArray[np.int64]) -> None:
-        """Append many chunks that lie one after the other in `data`: (n,) where each ends, and when each arrived.
+        """Append many consecutive chunks: (n,) end of each in `data`, and its arrival.
 
-        The same as `feed` of each of them, without a call for each: an hour of a recording is half a million chunks."""
+        Same as `feed` for each, without a call for each: an hour of a recording is half a million chunks.
+        """
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
-        """Everything complete, in order. `stalled` says that no byte came for the stall time (or that the file ended):
-        an incomplete candidate is then given up as `truncated` and the search resumes after its preamble."""
+        """Return every complete event, in order. `stalled`: no byte came for the stall time (or the file ended); an
+        incomplete candidate is then given up as `truncated` and the search resumes after its preamble.
+        """
 
     @property
     def buffered(self) -> int:
@@ -177,25 +181,24 @@ class Decoder(Protocol):
 
 @runtime_checkable
 class Remembers(Protocol):
-    """A decoder that refuses frames it has seen before, and must not forget them with a connection.
+    """A decoder that refuses frames it has seen before, and must remember them across connections.
 
-    What is remembered is the last verified number of each device of the stream.
+    It stores the last verified number of each device of the stream.
     """
 
-    def remembered(self) -> Mapping[int, int]:
-        """Of every device with a verified frame so far."""
+    def state(self) -> Mapping[int, int]:
+        """Replay state of every device with a verified frame so far."""
 
-    def recall(self, numbers: Mapping[int, int]) -> None:
-        """What an earlier decoder of the same stream remembered."""
+    def restore(self, numbers: Mapping[int, int]) -> None:
+        """Restore the replay state of an earlier decoder of the same stream."""
 
     def rearm(self, device: str = "") -> None:
-        """Accept whatever number comes next, of one device or ("") of all. For an operator to ask for."""
+        """Accept any number next, of one device or ("") of all. On the operator's request."""
 
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How far the counter of a device has gone: which number came first and which last, modulo `modulus`, and how many
-    it has gone on in between."""
+    """Range of a device's counter: its first and last number, modulo `modulus`, and its progress between them."""
 
     counter: str
     first: int
@@ -206,26 +209,27 @@ class Count:
 
 @runtime_checkable
 class Counts(Protocol):
-    """A decoder of a protocol whose frames are counted by the device, so that a later decoder of the same device can
-    tell how many there were between the two."""
+    """A decoder of a protocol with counted frames: a later decoder of the same device can compute how many were sent
+    between the two.
+    """
 
     def count_of(self, device: str = "") -> Count | None:
-        """Of one device of the stream ("": the line's own); None while nothing of it was counted."""
+        """Counter range of one device of the stream ("": the line's own); None before its first counted frame."""
 
 
 @runtime_checkable
 class Shared(Protocol):
-    """A decoder of a line on which several devices may speak, each under an address of its own.
+    """A decoder of a line that several devices may share, each with an address of its own.
 
-    `addresses` has that of each device that was heard, by its name in the stream ("": the line's own). Whoever
-    connects again hands the same mapping to the next decoder, so that a device keeps its name whoever speaks first.
+    `addresses` has the address of each device seen, by its name in the stream ("": the line's own). On reconnecting,
+    pass the same mapping to the next decoder, so that a device keeps its name whichever speaks first.
     """
 
     addresses: dict[str, int]
 
 
 class Doubt(Protocol):
-    """A setting that the stream contradicts, and why."""
+    """A setting that the stream contradicts, and the reason."""
 
     @property
     def unit(self) -> str: ...
@@ -235,13 +239,13 @@ class Doubt(Protocol):
 
 @runtime_checkable
 class Doubts(Decoder, Protocol):
-    """A decoder whose unit of time is a setting; `contradiction` once arrival speaks for another."""
+    """A decoder whose time unit is a setting; `contradiction` is set once arrival times suggest another."""
 
     contradiction: Doubt | None
 
 
 def sender_of(event: Event) -> str:
-    """Who sent it, as the stream names it; "" where nobody is named."""
+    """Sender of an event, as named in the stream; "" without one."""
     return "" if isinstance(event, Text | RejectedFrame) else event.device
 
 

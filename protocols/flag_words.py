@@ -1,13 +1,13 @@
-"""A flag word from the names of its flags and groups.
+"""Flag words from the names of flags and groups.
 
     A|B                        the flags A and B
     GPS1_SOURCE=SER1|G15       the group GPS1_SOURCE at its value SER1, and the flag G15
     GPS|GAL                    groups that are on or off: all of their bits
     ["IO_CONFIG_G9_MASK …"]    as `imuscope inspect` lists them: the vendor's constants, "GROUP: VALUE"
 
-A value of a group is written after = or :, or joined to the name of its group by _ (G6G7_COM1), or as a number. Names
-are compared without regard to case; of the vendor's constant its end is enough. A flag that is not named is 0, and so
-is a group. What the table does not define is refused with what it does: a wrong bit is another port, or another pin.
+A value of a group is written after = or :, or joined to the group's name by _ (G6G7_COM1), or as a number. Names are
+case-insensitive; the end of the vendor's constant is sufficient. Flags and groups that are not named are 0. Names not
+in the table are refused with a list of valid ones: a wrong bit is another port, or another pin.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FEW = 6
 
 
 def word_of(text: str, field: Field, path: str = "") -> int:
-    """The word that names stand for.
+    """The flag word for the given names.
 
     Raises:
         EncodeError: a name that the field's table does not have, a group without a value, a group twice.
@@ -60,7 +60,7 @@ def _term(term: str, rows: Sequence[Bits], path: str) -> tuple[Bits, int]:
 
 
 def _named(name: str, rows: Sequence[Bits]) -> Bits | None:
-    """The row of a name: its own, or the vendor's constant, or an end of that which holds its own."""
+    """The row of a name: its own, the vendor's constant, or an unambiguous end of the constant."""
     return next((row for row in rows if _is(name, row.name, row.doc)), None)
 
 
@@ -86,7 +86,7 @@ def _value(row: Bits, meaning: str, path: str) -> int:
 
 
 def _whole(row: Bits, path: str) -> int:
-    """The value of a group that is named without one: all of it, where it has such a value."""
+    """The value of a group named without one: all bits, if the group has such a value."""
     others = [value for value, one in row.choices.items() if one in ALL]
     others = others or [value for value in row.choices if value] * (len(row.choices) == 2)
     if not others:
@@ -104,7 +104,7 @@ def _shown(row: Bits) -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """ "nearest are: …"; all, where they are few."""
+    """List the nearest names ("nearest are: …"), or all of them if they are few."""
     names = list(names)
     if len(names) <= FEW:
         return f"there are: {', '.join(names)}"

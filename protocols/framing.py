@@ -1,23 +1,23 @@
-"""Where do frames begin and end in a stream that was cut anywhere?
+"""Frame scanning: frames in a stream that may be cut anywhere.
 
-A link gives chunks: pieces of the byte stream with the time at which they arrived. Frames straddle them. `StreamBuffer`
-keeps the bytes that are not decided yet and remembers when each arrived; a protocol's `scan` (a plain loop, compiled)
-goes over them and writes what it found into a table.
+A link gives chunks: pieces of the byte stream with their arrival times. Frames straddle them. `StreamBuffer` keeps the
+undecided bytes and the arrival time of each; a protocol's `scan` (a plain loop, compiled) goes over them and writes its
+findings into a table.
 
 ## The resync rule, the same for every protocol
 
-    1. Search for the preamble. Whatever is before it belongs to no frame.
-    2. A candidate whose header cannot be right is rejected as soon as the header is there: never wait for its length.
-    3. A candidate that is not complete waits. The wait is bounded by the protocol's largest frame, and on a live link
-       by a stall time after which it is given up as `truncated`.
+    1. Search for the preamble. Bytes before it belong to no frame.
+    2. A candidate with an invalid header is rejected as soon as the header is complete: never wait for its length.
+    3. An incomplete candidate waits. The wait is bounded by the protocol's largest frame, and on a live link by a stall
+       time, after which it is given up as `truncated`.
     4. A candidate that fails is rejected, and the search resumes right after its preamble: never skip the claimed
        length, because a good frame may lie inside it. The first valid frame from the left wins.
 
-From these follows what the tests hold: the result does not depend on how the stream was cut, and a good frame survives
-any corruption before it.
+Two properties follow, and the tests hold them: the result does not depend on how the stream was cut, and a good frame
+survives any corruption before it.
 
     stream     ···noise···[frame][frame]·noise·[FA ······ rejected ······]
-                                                 └─ the search goes on here ─┘
+                                                 └─ the search resumes here ─┘
     decided    ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
     Buffer                                       ^^^^^^^^^^ from the first byte that is still undecided
 
@@ -26,8 +26,8 @@ any corruption before it.
 `table` is int64, one row per quantity and one column per candidate, in stream order, accepted and rejected alike:
 
     OFFSET    where the candidate begins, in bytes from the start of the scanned data
-    SIZE      its length on the wire, header and checksum included; of a failed one, the bytes that were looked at, or
-              as claimed where it is truncated (0: the header does not even tell)
+    SIZE      its length on the wire, header and checksum included; of a failed one, the bytes that were examined, or
+              the claimed length where it is truncated (0: the header is too short to give one)
     BODY      where its payload begins
     LENGTH    its payload's length
     ID        message number
@@ -54,23 +54,23 @@ QUANTITIES = 7
 
 REASONS = (
     *("", "bad_checksum", "bad_size", "bad_id", "truncated", "bad_item", "bad_type", "bad_crc8", "bad_version"),
-    *("bad_mode", "below_min_mode", "bad_crc32", "bad_hmac", "no_key", "indt", "stale", "far_ahead"),
+    *("bad_mode", "below_min_mode", "bad_crc32", "bad_hmac", "no_key", "successor", "stale", "far_ahead"),
 )
 FRAME, BAD_CHECKSUM, BAD_SIZE, BAD_ID, TRUNCATED, BAD_ITEM, BAD_TYPE, BAD_CRC8, BAD_VERSION = range(9)
-BAD_MODE, BELOW_MIN_MODE, BAD_CRC32, BAD_HMAC, NO_KEY, INDT, STALE, FAR_AHEAD = range(9, 17)
+BAD_MODE, BELOW_MIN_MODE, BAD_CRC32, BAD_HMAC, NO_KEY, SUCCESSOR, STALE, FAR_AHEAD = range(9, 17)
 
-REFUSED = frozenset(("bad_version", "bad_mode", "below_min_mode", "no_key", "indt", "stale", "far_ahead"))
-"""Reasons of frames that are whole, and not accepted as they are: nothing was damaged on the wire."""
+REFUSED = frozenset(("bad_version", "bad_mode", "below_min_mode", "no_key", "successor", "stale", "far_ahead"))
+"""Reasons of frames that are intact but not accepted as they are: nothing was damaged on the wire."""
 
 Scan = Callable[[Bytes, int, bool, Ints], tuple[int, int, int, int]]
-"""scan(data, at, final, table) -> (columns written, where to go on, failed candidates, bytes in frames).
+"""scan(data, at, final, table) -> (columns written, where to resume, failed candidates, bytes in frames).
 
-Stops when the data or the table is at its end.
+Stops at the end of the data or of the table.
 """
 
-_TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in a second-level cache
+_TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in the second-level cache
 _SMALL = 1 << 11
-_KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; what is not written to is not there
+_KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; memory is committed only to columns that are written
 
 
 class StreamBuffer:
@@ -84,7 +84,7 @@ class StreamBuffer:
         self._kept = b""
         self._chunks: list[bytes] = []
         self._ends = [0]  # position after each remembered chunk …
-        self._arrivals = [0]  # … and when it arrived; the first entry covers what was decided before
+        self._arrivals = [0]  # … and its arrival time; the first entry covers the bytes decided before
 
     def __len__(self) -> int:
         return self._ends[-1] - self.start
@@ -97,7 +97,7 @@ class StreamBuffer:
             self._arrivals.append(arrival_ns)
 
     def extend(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
-        """Add many chunks that lie one after the other in `data`; (n,) where each ends and when it arrived."""
+        """Add many consecutive chunks; ends, arrival_ns: (n,) end of each in `data` and its arrival time."""
         if data:
             base = self._ends[-1]
             self._chunks.append(bytes(data))
@@ -114,7 +114,7 @@ class StreamBuffer:
 
     def release(self, position: int) -> None:
         """Forget the bytes before `position`."""
-        if position == self._ends[-1]:  # all of them, as mostly between two frames of a live stream
+        if position == self._ends[-1]:  # all of them, the usual case between two frames of a live stream
             self.start = position
             self._kept = b""
             self._chunks = []
@@ -128,25 +128,34 @@ class StreamBuffer:
             del self._ends[:done], self._arrivals[:done]
 
     def arrival(self, last: int) -> int:
-        """When the byte at position `last` arrived, ns."""
+        """Arrival of the byte at position `last`, ns."""
         return self._arrivals[min(bisect_right(self._ends, last), len(self._arrivals) - 1)]
 
+    @property
+    def arrived_at_once(self) -> bool:
+        """Whether all bytes kept are of one chunk."""
+        return len(self._arrivals) == 2
+
+    def same_arrivals(self, n: int) -> Ints:
+        """(n,) int64: arrival time of the newest chunk."""
+        return np.full(n, self._arrivals[-1], np.int64)
+
     def arrivals(self, last: Ints) -> Ints:
-        """When each of the bytes at the positions `last` (ascending) arrived, ns: (n,) int64."""
-        if len(self._arrivals) == 2 or len(last) == 0:
-            return np.full(len(last), self._arrivals[-1], np.int64)
-        cuts = np.searchsorted(last, np.array(self._ends, np.int64))  # few chunks in many rows, not the other way round
+        """Arrival of each of the bytes at the positions `last` (ascending), ns: (n,) int64."""
+        if self.arrived_at_once or len(last) == 0:
+            return self.same_arrivals(len(last))
+        cuts = np.searchsorted(last, np.array(self._ends, np.int64))  # few chunks in many rows, not the reverse
         cuts[0], cuts[-1] = 0, len(last)
         return np.repeat(np.array(self._arrivals[1:], np.int64), np.diff(cuts))
 
 
 @dataclass(slots=True)
 class ScanResult:
-    """What a scan of everything found.
+    """Result of a scan.
 
     Args:
         table: (QUANTITIES, n).
-        at: from where the next scan goes on: where a candidate waits for more bytes, or the end.
+        at: where the next scan resumes: at a candidate that waits for more bytes, or at the end.
         failed: how many of the candidates failed.
         framed: bytes in accepted frames.
     """
@@ -158,30 +167,30 @@ class ScanResult:
 
 
 class ScanCapacity:
-    """Memory that one stream uses again in every drain: fresh memory of this size can cost more than the work in it.
+    """Memory that one stream reuses in every drain: allocating memory of this size can cost more than the work in it.
 
-    What is written there is good until the next drain.
+    Contents are valid until the next drain.
     """
 
     def __init__(self) -> None:
         self._kept: dict[int, Ints] = {}
 
     def table(self, rows: int, columns: int) -> Ints:
-        """An (rows, columns or more) array, its contents left from before; small ones are fresh."""
+        """An array of (rows, at least columns), with leftover contents; small ones are newly allocated."""
         if columns < _SMALL:
             return np.empty((rows, columns), np.int64)
         kept = self._kept.get(rows)
         if kept is None or kept.shape[1] < columns:
-            # the odd width keeps the beginnings of the rows out of each other's way in the cache
+            # the odd width keeps the starts of the rows on different cache sets
             kept = self._kept[rows] = np.empty((rows, max(columns, _KEPT_COLUMNS) + 56), np.int64)
         return kept
 
 
 @compiled(INT, STRIDED)
 def compact_rejected(table: Ints) -> int:
-    """Move the accepted candidates of a scan's table to its first columns, in their order; returns how many there are.
+    """Move the accepted candidates of a scan's table to its first columns, in order; returns their number.
 
-    In place, because a mask of numpy's costs several times the scan.
+    In place, because a numpy mask costs several times the scan.
     """
     kept = 0
     for k in range(table.shape[1]):
@@ -193,9 +202,9 @@ def compact_rejected(table: Ints) -> int:
 
 
 def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: ScanCapacity | None = None) -> ScanResult:
-    """Run `scan` from `at` to the end of `data`; with a `room`, the table is good until its next use."""
+    """Run `scan` from `at` to the end of `data`; with a `room`, the table is valid until its next use."""
     columns = min(_TABLE_COLUMNS, len(data) - at + 1)
-    if columns < _SMALL:  # a column for each byte, and so enough
+    if columns < _SMALL:  # a column for each byte is always enough
         table = np.empty((QUANTITIES, columns), np.int64)
         found, at, failed, framed = scan(data, at, final, table)
         return ScanResult(table[:, :found], at, failed, framed)

@@ -1,4 +1,4 @@
-"""Which of these frames belong together? Rows with equal keys, in groups, without sorting.
+"""Groups of frames with the same layout: rows with equal keys, grouped without sorting.
 
 A drain finds frames of several layouts (and devices) in any order; each combination becomes one batch. Its number is
 the frame's key, and a hash table finds the group of a key in a few nanoseconds, where a sort would take tens:
@@ -17,7 +17,7 @@ from protocols.jit import INT, INTS, compiled, unsigned
 
 Ints = NDArray[np.int64]
 
-_MOST_SLOTS = 4096  # a stream has a handful of keys; noise that has more makes chains longer, and only slower
+_MOST_SLOTS = 4096  # a stream has a handful of keys; noise with more only makes chains longer and slower
 
 
 @compiled(INT, INTS, INTS, INTS)
@@ -28,14 +28,15 @@ def group(keys: Ints, order: Ints, bounds: Ints) -> int:
         keys: (n,).
         order: (n,), written.
         bounds: (n + 1,), written.
+
     Returns:
-        How many groups there are.
+        Number of groups.
     """
     n = len(keys)
     slots = 16
     while slots < 2 * n and slots < _MOST_SLOTS:
         slots *= 2
-    newest = np.full(slots, -1, np.int64)  # slot → the newest group whose key falls there …
+    newest = np.full(slots, -1, np.int64)  # slot → the newest group whose key hashes to it …
     before = np.empty(n, np.int64)  # … → the group before it
     key_of = np.empty(n, np.int64)
     of = np.empty(n, np.int64)

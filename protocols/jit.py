@@ -1,36 +1,40 @@
-"""How is a hot loop compiled, and where is the result kept?
+"""Hot loops: plain Python until compiled, machine code afterwards.
 
-`compiled` is numba's `njit` with two habits of this house: the signature is written out, so that nothing is compiled
-behind the reader's back while a device streams, and the machine code is kept on disk:
+`compiled` marks a function to be compiled by numba for exactly one signature, and changes nothing else: until `load` is
+called the function runs as plain Python and gives the same results, slower. So no caller waits for a compiler:
 
-    the server has said where    in one file of ours (protocols/native_cache.py), from which it is taken at the next
-                                 start; numba is not even imported then
-    it has not (tests, scripts)  by numba, in `NUMBA_CACHE_DIR`, beside the source file or in the user's cache folder;
-                                 where none of them can be written the function is compiled for this run only
+    a small file, the first second of a server   plain Python; some kilobytes take less time than importing numba
+    load()                                       numba takes each function from its cache on disk, or compiles it
+    afterwards                                   every caller runs the machine code, whatever it imported before
 
-Because numba may never be there, the types of a signature are said as what they will be once it is: a `TypeSpec` makes
-numba's type of its module `types`.
+Code that reads much data calls `load_for` with its size and need not call `load`; a server, which must not wait, takes
+that over (`automatic`) and loads in a thread.
+
+numba keeps its cache in NUMBA_CACHE_DIR (server/jit_cache.py chooses it), beside the source file or in the user's cache
+folder; if none of them is writable the functions are compiled for this run only. With NUMBA_DISABLE_JIT=1 they stay
+Python.
+
+Because numba may not be imported, a signature names its types: a `TypeSpec` makes the numba type from the module
+`numba.types` once it is imported.
 
 Rules for the functions themselves:
 
-    - Bytes are read as `int(data[i])`: with `NUMBA_DISABLE_JIT=1` the same source runs as plain Python on numpy
-      scalars, whose 8-bit sums would overflow.
-    - Where a loop is to run at the speed of memory its indices are `unsigned`. A signed index may be negative and then
-      counts from the end; the test for that keeps the loop from being vectorised (a sum of bytes: 14 times slower).
-    - Numba notices a change of the file it compiled, not of a file whose functions that one calls: after editing a
-      callee, touch its callers or delete the cache.
+    - Bytes are read as `int(data[i])`: plain Python works on numpy scalars, whose 8-bit sums would overflow.
+    - Where a loop must run at memory speed its indices are `unsigned`. A signed index may be negative and then counts
+      from the end; the test for that prevents vectorisation (a sum of bytes: 14 times slower).
+    - Arguments are not checked: an array of another layout than the signature's is read wrongly. Tests call
+      `load(checked=True)`, which keeps numba's own check.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Callable
-from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numpy as np
-
-from protocols import native_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 TypeSpec = Callable[[Any], Any]
@@ -38,7 +42,7 @@ TypeSpec = Callable[[Any], Any]
 
 
 def scalar(name: str) -> TypeSpec:
-    """A number, as numba calls it."""
+    """A number type, by numba's name."""
     return lambda types: getattr(types, name)
 
 
@@ -52,78 +56,168 @@ def several(*kinds: TypeSpec) -> TypeSpec:
     return lambda types: types.Tuple([kind(types) for kind in kinds])
 
 
-BYTES = array("uint8", 1, "C", readonly=True)  # what np.frombuffer(bytes) gives; a writable array fits too
+BYTES = array("uint8", 1, "C", readonly=True)  # the result of np.frombuffer(bytes); a writable array fits too
 ROWS = array("uint8", 2, "C")
 INTS = array("int64", 1, "C")
 TABLE = array("int64", 2, "C")  # one row per quantity, one column per frame: each quantity is contiguous
-STRIDED = array("int64", 2, "A")  # a TABLE of which some columns are left out
+STRIDED = array("int64", 2, "A")  # a TABLE without some of its columns
 INT = scalar("int64")
 FLAG = scalar("boolean")
 NOTHING = scalar("void")
 PAIR = several(INT, INT)
+TRIPLE = several(INT, INT, INT)
 FOUR = several(INT, INT, INT, INT)
 
 unsigned = np.uint64
 
-_disabled = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-_place = None if _disabled else native_cache.cache_path()
-_kept = native_cache.load(_place) if _place else {}
-_is_whole = bool(_kept)
-_made: dict[str, Any] = {}
-_parts: list[Path] = []
+INTERPRETED_BYTES = 1 << 16
+"""Plain Python processes this many bytes in half the time of importing numba and its compiled code."""
+
+DISABLED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+class Kernel:
+    """A function that is compiled by `load`.
+
+    Each kernel is the only instance of a class of its own, whose `__call__` is the plain function first and the entry
+    of the machine code later: Python then calls either without an intermediate step.
+
+    Args:
+        function: plain Python.
+        signature: result and arguments; None inlines the function into its compiled callers.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: tuple[TypeSpec, ...] | None) -> None:
+        self.function = cast(FunctionType, function)
+        self.signature = signature
+        self.dispatcher: Any = None
+        self.__name__, self.__doc__, self.__module__ = function.__name__, function.__doc__, function.__module__
+
+    def callees(self) -> dict[str, Kernel]:
+        """The kernels that it calls, by the names it uses for them."""
+        values = self.function.__globals__
+        return {
+            name: found for name in self.function.__code__.co_names if isinstance(found := values.get(name), Kernel)
+        }
+
+    def fingerprint(self) -> str:
+        """Equal where the machine code may be reused: covers the function's code, its callees and their constants.
+
+        numba's cache notices a change in the function's own file, not in the files of its callees.
+        """
+        code, values = self.function.__code__, self.function.__globals__
+        digest = hashlib.sha256(code.co_code + repr((code.co_consts, code.co_names)).encode())
+        for name in code.co_names:
+            value = values.get(name)
+            if isinstance(value, Kernel):
+                digest.update(value.fingerprint().encode())
+            elif isinstance(value, np.ndarray):
+                digest.update(value.tobytes())
+            elif isinstance(value, (int, float, tuple, bytes)):
+                digest.update(repr(value).encode())
+        return digest.hexdigest()[:12]
+
+    def compile(self) -> Any:
+        """Numba's dispatcher of it, compiled or loaded from the cache."""
+        if self.dispatcher is None:
+            import numba
+
+            code, plain = self.function.__code__, self.function
+            inner = {name: one.compile() for name, one in self.callees().items()}
+            source = FunctionType(
+                code, plain.__globals__ | inner, plain.__name__, plain.__defaults__, plain.__closure__
+            )
+            source.__module__ = plain.__module__
+            source.__qualname__ = f"{plain.__qualname__}_{self.fingerprint()}"  # numba's cache is keyed by that name
+            if self.signature is None:
+                self.dispatcher = numba.njit(inline="always")(source)
+            else:
+                result, *arguments = (kind(numba.types) for kind in self.signature)
+                self.dispatcher = _cached(numba, source, result(*arguments))
+        return self.dispatcher
+
+    def install(self, *, checked: bool) -> None:
+        """Run the machine code from now on."""
+        if self.signature is not None:
+            [made] = self.dispatcher.overloads.values()
+            type(self).__call__ = staticmethod(self.dispatcher if checked else made.entry_point)  # type: ignore
+
+
+_kernels: list[Kernel] = []
+_loaded = False
+_checked = False
+automatic = True
+"""Whether `load_for` may load."""
 
 
 def compiled(result: TypeSpec, *arguments: TypeSpec) -> Callable[[F], F]:
-    """Compile the decorated function for exactly these types, once, kept on disk where that is possible."""
+    """Compile the decorated function for exactly these types when `load` is called; at once if it was called before."""
 
     def decorate(function: F) -> F:
-        name = f"{function.__module__}.{function.__qualname__}"
-        if name in _kept:
-            return cast(F, _kept[name])
-        import numba
-
-        signature = result(numba.types)(*(kind(numba.types) for kind in arguments))
-        try:
-            made = numba.njit(signature, cache=_place is None, nogil=True)(function)
-        except RuntimeError as problem:
-            if "locator" not in str(problem):
-                raise
-            made = numba.njit(signature, nogil=True)(function)
-        _made[name] = made
-        return cast(F, made)
+        return cast(F, _kernel(function, (result, *arguments)))
 
     return decorate
 
 
 def inlined(function: F) -> F:
-    """Write the decorated function into the compiled ones that call it; worth it in a loop over frames only."""
-    if _kept:
-        return function  # it is in the machine code of its callers
-    import numba
-
-    return cast(F, numba.njit(inline="always")(function))
+    """Inline the decorated function into its compiled callers; worth it only in a loop over frames."""
+    return cast(F, _kernel(function, None))
 
 
-def save() -> None:
-    """Write the machine code of all that was compiled to where the next process looks for it, if anything was.
+def _kernel(function: Callable[..., Any], signature: tuple[TypeSpec, ...] | None) -> Any:
+    if DISABLED:
+        return function
+    kernel = type(function.__name__, (Kernel,), {"__call__": staticmethod(function)})(function, signature)
+    _kernels.append(kernel)
+    if _loaded:
+        kernel.compile()
+        kernel.install(checked=_checked)
+    return kernel
 
-    Raises:
-        OSError: it cannot be written.
+
+def load(*, checked: bool = False, stop: Callable[[], bool] = lambda: False) -> None:
+    """Compile every kernel of the modules imported now or later.
+
+    Takes a second if numba has them in its cache, otherwise half a minute of a core. May be called in a thread: other
+    threads continue with plain Python until it is done.
+
+    Args:
+        checked: let numba check the arguments of each call.
+        stop: called between two functions; true ends loading, and plain Python continues.
     """
-    if _place and _made and not _is_whole:
-        native_cache.save(_place, _made, *_parts)
-        for part in _parts:
-            part.unlink(missing_ok=True)
+    global _loaded, _checked
+    if DISABLED or (_loaded and _checked == checked):
+        return
+    for kernel in list(_kernels):
+        if stop():
+            return
+        kernel.compile()
+    _loaded, _checked = True, checked
+    for kernel in list(_kernels):
+        kernel.compile()  # of a module imported since
+        kernel.install(checked=checked)
 
 
-def save_module(path: Path, package: str) -> None:
-    """Write that of one package's modules only, for another process to `load_module`."""
-    native_cache.save(path, {name: made for name, made in _made.items() if name.startswith(f"{package}.")})
+def load_for(size: int) -> None:
+    """Load if that is worth it for `size` bytes and no server does it itself (`automatic`)."""
+    if automatic and not _loaded and size > INTERPRETED_BYTES:
+        load()
 
 
-def load_module(part: Path) -> None:
-    """Use what another process has compiled, for modules that are not imported yet, and keep it with the rest."""
-    functions = native_cache.load(part)
-    if functions:
-        _kept.update(functions)
-        _parts.append(part)
+def is_loaded() -> bool:
+    """Whether machine code is in use."""
+    return _loaded
+
+
+def compiled_anew() -> int:
+    """Number of functions compiled because the cache lacked them."""
+    return sum(sum(one.dispatcher.stats.cache_misses.values()) for one in _kernels if one.dispatcher is not None)
+
+
+def _cached(numba: Any, function: FunctionType, signature: Any) -> Any:
+    try:
+        return numba.njit(signature, cache=True, nogil=True)(function)
+    except RuntimeError as problem:
+        if "locator" not in str(problem):
+            raise
+        return numba.njit(signature, nogil=True)(function)  # no cache folder is writable

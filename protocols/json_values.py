@@ -9,7 +9,7 @@ from protocols.schema import Bits, Field
 
 
 def jsonable(value: Any) -> Any:
-    """Bytes as hex, wherever they are."""
+    """Bytes as hex, at any depth."""
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, Mapping):
@@ -25,7 +25,7 @@ def flag_names(
     """The set bits of the flag words in `value`, with the path of each word.
 
     Args:
-        title: what a bit or a group of bits is called.
+        title: label of a bit or a group of bits.
     """
     if not field.fields and not field.bits:
         return

@@ -1,8 +1,8 @@
-"""Vendors' names and numbers as a person knows them.
+"""Vendors' names and numbers in readable form.
 
-Constants as words: GROUND_VEHICLE → "Ground vehicle", ZERO_MOTION → "Zero motion". Only what is shouted is spoken:
-capitals and digits with underscores, or a single plain English word of `WORDS`. Names that people know as they are
-(GNGGA, PIMU, DID_INS_1, kRun) stay. Identifiers of devices as on their labels.
+Constants as words: GROUND_VEHICLE → "Ground vehicle", ZERO_MOTION → "Zero motion". Only all-capital names are
+converted: capitals and digits with underscores, or a single plain English word of `WORDS`. Established names (GNGGA,
+PIMU, DID_INS_1, kRun) stay. Identifiers of devices as on their labels.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 
 _KEPT = """
-AHRS BIT BLE CAN CNO CPU DGPS DMA DOP EKF EVB EVB2 GNSS GPS GPX GPIO IMU IMX INS I2C LED LLA NMEA NVR OTP PPD PPS RMC
+AHRS BIT BLE CAN CNO CPU DGPS DMA DOP EKF EVB EVB2 GNSS GPS GPIO IMU INS I2C LED LLA NMEA NVR OTP PPD PPS RMC
 ROM ROS RTCM3 RTK RTOS RUG3 SBAS SPI SWO TTL UART UBLOX UBX UDP UINS USB UTC VRS WMM XBEE
 """
 _WORDS = """
@@ -24,17 +24,22 @@ GYR gyroscope, HDW hardware, INIT initialise, LEDS LEDs, MAG magnetic, MANF manu
 RCVR receiver, RECAL recalibration, REF reference, RX receive, STATS statistics, TRIG trigger, TX transmit, WIFI Wi-Fi
 """
 _IS_LONG = 0x8000_0000
-KEPT = frozenset(_KEPT.split())
+KEPT = set(_KEPT.split())
 WORDS = frozenset(_WORDS.split())
 MEANT = dict(entry.split() for entry in _MEANT.replace("\n", " ").split(","))
 _CONSTANT = re.compile(r"[A-Z0-9]+(_[A-Z0-9]+)*\Z")
 
 
-def device_label(number: int) -> str:
-    """The identifier of a device as it is printed on its label: 0080003A, of 64 bits 0080800001.
+def add_acronyms(*names: str) -> None:
+    """Keep these names unchanged: those of a family's products."""
+    KEPT.update(names)
 
-    Bit 31 of the low word marks one of 64 bits. Some messages have its low word first (Configuration of Xsens), read as
-    one number it is the other way round then.
+
+def device_label(number: int) -> str:
+    """The identifier of a device as printed on its label: 0080003A, with 64 bits 0080800001.
+
+    Bit 31 of the low word marks one of 64 bits. Some messages have its low word first (Configuration of Xsens); read as
+    one number its words are then swapped.
     """
     high, low = number >> 32, number & 0xFFFF_FFFF
     if high & _IS_LONG and not low & _IS_LONG:
@@ -43,7 +48,7 @@ def device_label(number: int) -> str:
 
 
 def spoken(name: str) -> str:
-    """A constant as words, beginning with a capital; any other name as it is."""
+    """A constant as words, starting with a capital; any other name unchanged."""
     if not _CONSTANT.match(name) or name.startswith("DID_") or ("_" not in name and name not in WORDS):
         return name
     text = " ".join(_part(part) for part in name.removeprefix("CMD_").removeprefix("MODE_").split("_"))

@@ -1,15 +1,15 @@
-"""How do the rows of a table become bytes, and bytes columns?
+"""Layouts: table rows to bytes, and bytes to columns.
 
-A payload is its message's fields, packed, in the order of the table. From the fields follow
+A payload is its message's fields, packed, in the order of the table. From the fields follow:
 
-    sizes      size_of, fit       how many bytes; which of a message's forms a payload of some size has
+    sizes      size_of, fit       number of bytes; the form of a message for a payload of some size
     one frame  unpack, pack       payload → values by name (Python numbers, text, lists) and back
     many       Layout             frames of one layout, gathered into one array → columns
 
     frames   [hdr|a a|b b b b|x|cs]  [hdr|a a|b b b b|x|cs] …
     gathered [a a b b b b x]               one row of bytes per frame; a packed numpy dtype is laid over it
              [a a b b b b x]
-    columns  a: (n,)   b: (n,)   x: (n,)   native byte order, shown units, converted when first asked for
+    columns  a: (n,)   b: (n,)   x: (n,)   native byte order, displayed units, converted on first access
 
 Wire encodings that numpy lacks:
 
@@ -20,9 +20,9 @@ Wire encodings that numpy lacks:
     ascii    one byte a character (read as Latin-1, so that any byte survives); padding is not part of the value;
              with a second dimension a list of texts
 
-Values here are wire values: unscaled numbers, fixed point as the exact float64. Only columns carry shown units.
+Values here are wire values: unscaled numbers, fixed point as the exact float64. Only columns carry displayed units.
 
-Rules for editing: a field whose shape begins with -1 takes what the payload has left, so it stands last.
+Rules for editing: a field whose shape begins with -1 takes the rest of the payload, so it comes last.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ Array = NDArray[Any]
 
 _FP1632 = np.dtype([("low", ">u4"), ("high", ">i2")])
 _SPECIAL = {"fp1220": np.dtype(">i4"), "fp1632": _FP1632, "bytes": np.dtype("u1"), "ascii": np.dtype("S1")}
-_MANY, _SHORT = 64, 16  # rows from which, and length of a vector up to which, see _copied
+_MANY, _SHORT = 64, 16  # rows from which, and length of a vector up to which, `_copied` goes by components
 _FIXED_POINT = {"fp1220": (20, 4), "fp1632": (32, 6)}  # fraction bits, bytes
 
 
 class EncodeError(ValueError):
-    """A value that does not fit its field. The text names the field, what was given and what is allowed.
+    """A value that does not fit its field. The text names the field, the given value and the allowed range.
 
     Args:
-        path: of the field within what was given ("outputs.3.output_frequency"), "" where it is not known.
+        path: of the field within the given value ("outputs.3.output_frequency"), "" if unknown.
     """
 
     def __init__(self, message: str, path: str = "") -> None:
@@ -62,24 +62,24 @@ class EncodeError(ValueError):
 
 
 def element(field: Field) -> np.dtype[Any]:
-    """The packed dtype of one element of `field`, as it travels."""
+    """The packed dtype of one element of `field`, as on the wire."""
     if field.fields:
         return np.dtype([(part.name, element(part), part.shape) for part in field.fields])
     return _SPECIAL.get(field.dtype) or np.dtype(field.dtype)
 
 
 def size_of(field: Field) -> int:
-    """Bytes of `field` on the wire; of one element where its shape begins with -1."""
+    """Bytes of `field` on the wire; of one element if its shape begins with -1."""
     return element(field).itemsize * math.prod(n for n in field.shape if n != -1)
 
 
 def is_open(field: Field) -> bool:
-    """Does the field take as many elements as there are?"""
+    """Whether the field takes any number of elements."""
     return bool(field.shape) and field.shape[0] == -1
 
 
 def form_for_size(fields: Sequence[Field], size: int) -> tuple[Field, ...] | None:
-    """`fields` with the open one given its count, for a payload of exactly `size` bytes; None where that cannot be."""
+    """`fields` with the count of the open one filled in, for a payload of exactly `size` bytes; None if impossible."""
     rest = size - sum(size_of(field) for field in fields if not is_open(field))
     if not fields or not is_open(fields[-1]):
         return tuple(fields) if rest == 0 else None
@@ -98,8 +98,8 @@ def unpack(fields: Sequence[Field], payload: bytes, at: int = 0, *, exact: bool 
 
     Args:
         fields: as returned by `form_for_size`; the payload must hold them from `at` on.
-        exact: give a float that is not finite as {"f32": hex} or {"f64": hex}, because a NaN has many spellings; the
-            digits are those of its bits as a number, highest first, in whatever order they travel.
+        exact: give a float that is not finite as {"f32": hex} or {"f64": hex}, because a NaN has many bit patterns;
+            the digits are its bits as a number, highest first, whatever the wire's byte order.
     """
     values = {}
     for field in fields:
@@ -133,7 +133,7 @@ def _read(field: Field, payload: bytes, at: int, exact: bool) -> Any:
 
 
 def _order(field: Field) -> int:
-    """The step that turns the bytes of a number highest first, or back."""
+    """The step that puts the bytes of a number highest first, or back."""
     return -1 if field.dtype.startswith("<") else 1
 
 
@@ -265,24 +265,24 @@ def _write_fixed(field: Field, value: float) -> bytes:
 # -- many frames -------------------------------------------------------------------------------------------------------
 
 Place = tuple[Field, tuple[tuple[int, int], ...]]
-"""A field and the pieces (offset, size) of a gathered row that hold it: more than one where it was sent in parts."""
+"""A field and the pieces (offset, size) of a gathered row that hold it: several if it was sent in parts."""
 
 
 class Layout:
-    """Where each field of a message lies in a gathered row, and how rows become columns.
+    """Offsets of the fields of a message in a gathered row, and conversion of rows to columns.
 
     Args:
-        places: the fields, with the shapes that this layout has, and where they lie.
+        places: the fields, with their shapes in this layout, and their positions.
         size: bytes of a row.
     """
 
     def __init__(self, places: Sequence[Place], size: int) -> None:
         self.size = size
-        self.readers = {field.name: _Reader(field, pieces, size) for field, pieces in places}
+        self.readers = {field.name: _FieldReader(field, pieces, size) for field, pieces in places}
 
     @classmethod
     def of(cls, fields: Sequence[Field]) -> Layout:
-        """The layout of fields that follow each other without gaps; their shapes are closed (see `form_for_size`)."""
+        """The layout of consecutive fields; their shapes are closed (see `form_for_size`)."""
         places: list[Place] = []
         at = 0
         for field in fields:
@@ -295,8 +295,8 @@ class Layout:
         return LazyColumns(self, rows)
 
 
-class _Reader:
-    """One field's bytes in gathered rows → its column. What does not depend on the rows is worked out once."""
+class _FieldReader:
+    """One field's bytes in gathered rows → its column. Row-independent values are computed once."""
 
     __slots__ = ("_at", "_empty", "_field", "_native", "_opaque", "_pieces", "_plain", "_shape", "_strides", "_wire")
 
@@ -325,12 +325,12 @@ class _Reader:
         wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, self._strides)
         if self._plain:
             return _copied(wire, self._native)
-        with np.errstate(invalid="ignore", over="ignore"):  # a device may send any float, a signalling NaN too
+        with np.errstate(invalid="ignore", over="ignore"):  # a device may send any float, even a signalling NaN
             return to_display_units(self._field, wire)
 
 
 class LazyColumns(Mapping[str, Array]):
-    """Field name → array of n rows, made when first asked for (see events.Batch)."""
+    """Field name → array of n rows, made on first access (see events.Batch)."""
 
     __slots__ = ("_done", "_layout", "_rows")
 
@@ -347,7 +347,7 @@ class LazyColumns(Mapping[str, Array]):
 
     @property
     def row_size(self) -> int:
-        """Bytes of one frame's payload, as it came."""
+        """Bytes of one frame's payload, as received."""
         return self._layout.size
 
     def __iter__(self) -> Iterator[str]:
@@ -358,8 +358,9 @@ class LazyColumns(Mapping[str, Array]):
 
 
 def _copied(wire: Array, dtype: np.dtype[Any]) -> Array:
-    """`wire.astype(dtype)`. Of many short vectors first all x, then all y …: numpy would go along each vector, which
-    takes twice as long."""
+    """`wire.astype(dtype)`. Many short vectors are copied component by component (all x, then all y …): numpy would
+    copy vector by vector, which takes twice as long.
+    """
     if len(wire) < _MANY or wire.ndim != 2 or not 1 < wire.shape[1] <= _SHORT:
         return wire.astype(dtype)
     out = np.empty(wire.shape, dtype)
@@ -369,7 +370,7 @@ def _copied(wire: Array, dtype: np.dtype[Any]) -> Array:
 
 
 def to_native_order(field: Field) -> np.dtype[Any]:
-    """The dtype of one element of a column: native byte order; float64 where the shown value is not the wire's."""
+    """The dtype of one element of a column: native byte order; float64 if the displayed value is not the wire's."""
     if field.fields:
         return np.dtype([(part.name, to_native_order(part), part.shape) for part in field.fields])
     if field.dtype == "ascii":
@@ -380,7 +381,7 @@ def to_native_order(field: Field) -> np.dtype[Any]:
 
 
 def to_display_units(field: Field, wire: Array) -> Array:
-    """Wire values, any shape of elements, in native order and shown units."""
+    """Wire values, any shape of elements, in native order and displayed units."""
     if field.fields:
         out = np.empty(wire.shape, to_native_order(field))
         for part in field.fields:
@@ -396,7 +397,7 @@ def to_display_units(field: Field, wire: Array) -> Array:
     if field.scale != 1:
         parts = round(1 / field.scale) if 0 < field.scale < 1 else 0
         if parts and abs(parts * field.scale - 1) < 1e-12:
-            value /= parts  # 9999 hundredths are 99.99; times 0.01 they would be 99.99000000000001
+            value /= parts  # 9999 hundredths are 99.99; times 0.01 gives 99.99000000000001
         else:
             value *= field.scale
     if field.bias != 0:

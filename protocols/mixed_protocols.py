@@ -1,14 +1,13 @@
-"""Does a stream hold messages of another protocol than the one it is read as?
+"""Detection of messages of another protocol within a stream.
 
     read as     [own frame][own frame]················[own frame]
     others                  ^^ chance    [theirs][theirs]
-                               not counted       counted: they share no byte with a frame of the protocol's own
+                               not counted       counted: they do not overlap a frame of the protocol's own
 
-Only frames are looked for, by the compiled scanners, so that a whole file can be examined: a short stretch in the
-middle counts like a long one. Bytes inside a frame whose checks hold are that frame's, whatever they look like; in what
-is left, three frames whose checks hold are hardly chance. (Xbus has a sum of one byte alone: noise holds a frame every
-60 kB. So of its frames those count that come from the device itself, bus identifier FF, with a message that there is:
-one in some 50 MB.)
+Only frames are searched for, by the compiled scanners, so that a whole file can be examined: a short stretch in the
+middle counts like a long one. Bytes inside a valid frame belong to that frame, whatever they look like; in the rest,
+three valid frames are hardly chance. (Xbus has a checksum of one byte: noise contains a frame every 60 kB. So only
+those of its frames count that come from the device itself, bus identifier FF, with a known message: one in some 50 MB.)
 """
 
 from __future__ import annotations
@@ -19,26 +18,22 @@ from collections import Counter
 import numpy as np
 
 from protocols.events import RejectedFrame, Text
-from protocols.framing import ID, OFFSET, SIZE, Ints, Scan
-from protocols.idtp.frames import LITE, scanner
-from protocols.isb.frames import scan as isb_scan
+from protocols.family import ProtocolInfo
+from protocols.framing import OFFSET, SIZE, Ints, Scan
 from protocols.nmea import ParsedMessage
+from protocols.registry import PROTOCOLS
 from protocols.stream_parser import StreamParser
-from protocols.xbus.frames import scan as xbus_scan
-from protocols.xbus.messages import ROWS
 
 FEW = 3  # frames of another protocol; fewer may be chance
-MASTER = 0xFF  # bus identifier of a device that is not one of many
-MESSAGES = np.array(sorted(ROWS))
 
 
 class _Bare(StreamParser):
-    """Frames alone: messages that pass through any port are nobody's own."""
+    """Frames alone: messages that pass through any port do not count."""
 
     def __init__(self, scan: Scan) -> None:
         super().__init__(scan, _nothing, _NEVER)
 
-    def _stretches(
+    def _spans(
         self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[RejectedFrame], stalled: bool
     ) -> None:
         self._find_at = self._scan_at
@@ -52,22 +47,22 @@ _NEVER = re.compile(rb"(?!)")
 
 
 class _Frames:
-    """The frames of one protocol in a stream: where each begins and ends."""
+    """Start and end of the frames of one protocol in a stream."""
 
-    def __init__(self, name: str, stream: StreamParser) -> None:
-        self._stream = stream
-        self._weak = name == "xbus"
+    def __init__(self, family: ProtocolInfo) -> None:
+        self._stream = _Bare(family.scan)
+        self._is_certain = family.is_certain
         self._fed = 0
         self.spans: Ints = np.empty((2, 0), np.int64)
 
     def feed(self, data: bytes, *, final: bool, believed: bool) -> None:
-        """Take a chunk; `believed` leaves out what may well be chance."""
+        """Add a chunk; `believed` leaves out frames that may be chance."""
         self._stream.feed(data, 0)
         self._fed += len(data)
         cut = self._stream.drain(stalled=final)
         table = cut.table
-        if believed and self._weak:
-            table = table[:, (cut.array[table[OFFSET] + 1] == MASTER) & np.isin(table[ID], MESSAGES)]
+        if believed and self._is_certain is not None:
+            table = table[:, self._is_certain(table, cut.array)]
         begins = table[OFFSET] + cut.start
         self.spans = np.concatenate((self.spans, np.stack((begins, begins + table[SIZE]))), axis=1)
 
@@ -85,15 +80,15 @@ class MixedProtocolDetector:
     """Counts the frames of other protocols in a stream.
 
     Args:
-        own: the protocol that it is read as.
+        own: the protocol that decodes the stream.
+
     Attributes:
-        count: protocol → its frames so far that share no byte with one of the own protocol's.
+        count: protocol → number of its frames so far that do not overlap one of the own protocol's.
     """
 
     def __init__(self, own: str) -> None:
-        scans = {"xbus": xbus_scan, "isb": isb_scan, "idtp": scanner(None, LITE, show_unverified=True)}
-        self._own = _Frames(own, _Bare(scans.pop(own)))
-        self._others = {name: _Frames(name, _Bare(scan)) for name, scan in scans.items()}
+        self._own = _Frames(PROTOCOLS[own])
+        self._others = {name: _Frames(family) for name, family in PROTOCOLS.items() if name != own}
         self.count: Counter[str] = Counter()
 
     def feed(self, data: bytes, *, final: bool = False) -> None:
@@ -105,7 +100,7 @@ class MixedProtocolDetector:
             other.feed(data, final=final, believed=True)
             ready = int(np.searchsorted(other.spans[1], own.decided, side="right"))
             begins, ends = other.spans[:, :ready]
-            # Of the own frames that begin before one ends, the last must have ended where it begins.
+            # Of the own frames that begin before the end of one, the last must have ended before it begins.
             before = np.searchsorted(own.spans[0], ends)
             last = np.concatenate(([0], own.spans[1]))[before]
             if free := int((last <= begins).sum()):
@@ -116,5 +111,5 @@ class MixedProtocolDetector:
 
     @property
     def others(self) -> list[str]:
-        """The protocols that are mixed in."""
+        """The other protocols in the stream."""
         return [name for name, count in self.count.items() if count >= FEW]

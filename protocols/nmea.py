@@ -1,4 +1,4 @@
-"""Which sentences of text are in these bytes, and what do they say?
+"""NMEA 0183 sentences: framing and fields.
 
 A sensor's port carries NMEA 0183 sentences between, or instead of, its own frames (MT0101P 2020.A, 5.3.5):
 
@@ -10,9 +10,9 @@ A sensor's port carries NMEA 0183 sentences between, or instead of, its own fram
     │   address: talker and sentence, or P and a maker's own
     start; ! for encapsulated ones
 
-Framing is ours: a start, printable characters, a line end within `LONGEST` bytes, no other start between. A sentence
-whose checksum is wrong, or that breaks off, is found too, with an empty name: what is lost is counted. Meaning comes
-from two places: `SENTENCES` below for what an MTi or an IMX sends and nobody else, pynmeagps for the rest.
+The framing is: a start, printable characters, a line end within `LONGEST` bytes, no other start between. A sentence
+with a wrong checksum, or broken off, is found too, with an empty name, so that losses are counted. Fields come from two
+places: `SENTENCES` below for those specific to one family of devices, pynmeagps for the rest.
 
 Rules for editing: a new sentence is a row in `SENTENCES`. `dtype` "f8" is a number (None when the field is empty),
 "i8" a whole one, "ascii" a word. Widths and decimals are free: the document contradicts itself (PSONCMS has "MM,MMMM",
@@ -25,11 +25,10 @@ import datetime
 import functools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols import imx_sentences
 from protocols.events import LazyMapping
 from protocols.schema import Field, Message
 
@@ -38,12 +37,12 @@ _BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r?\n)?")  # printabl
 _ADDRESS = re.compile(rb"[$!]([A-Z][A-Z0-9]{2,9})[,*]")
 _SUM = re.compile(rb"\*([0-9A-Fa-f]{2})$")
 _STARTS = re.compile(rb"[$!]")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # Python's float takes "1_0" and "inf" too
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # Python's float also accepts "1_0" and "inf"
 _WHOLE = re.compile(r"[+-]?\d{1,20}", re.ASCII)
-STARTS = re.compile(rb"[$!][A-Z]")  # of what is taken for a sentence, good or broken
+STARTS = re.compile(rb"[$!][A-Z]")  # start of anything treated as a sentence, valid or broken
 
 SOURCE = "MT0101P 2020.A, 5.3.5 SetStringOutputType"
-UNCHECKED = frozenset({"PRDID", "HEHDT"})  # printed without a checksum in that table; taken with and without
+UNCHECKED = frozenset({"PRDID", "HEHDT"})  # without a checksum in that table; accepted with and without
 
 
 def _number(name: str, unit: str, doc: str = "") -> Field:
@@ -58,10 +57,10 @@ def _vector(name: str, unit: str) -> tuple[Field, ...]:
     return tuple(_number(name + axis, unit) for axis in "XYZ")
 
 
-SENTENCES: Mapping[str, Message] = {
+PAIRS: dict[str, tuple[str, str]] = {}  # see add_sentences
+SENTENCES: dict[str, Message] = {
     row.name: row
     for row in (
-        *imx_sentences.ROWS,
         Message(
             3,
             "PHTRO",
@@ -122,11 +121,11 @@ class ParsedMessage:
     """One sentence in a stretch of bytes.
 
     Args:
-        offset, size: where, within the bytes given; line end included.
+        offset, size: within the given bytes; line end included.
         protocol: "nmea" or the name of a binary string.
         name: address ("GPGGA"); "" when its check failed.
-        line: the text without its line end; of a binary string, its bytes in hex.
-        fields: values by name, {} where the check failed; strings "field_01"… where the meaning is not known.
+        line: the text without its line end; for a binary string, its bytes in hex.
+        fields: values by name, {} if the check failed; strings "field_01"… if the meaning is unknown.
     """
 
     offset: int
@@ -138,13 +137,14 @@ class ParsedMessage:
 
 
 def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMessage], int]:
-    """All sentences in `data`, a stretch that held no frame of another protocol.
+    """All sentences in `data`, a stretch without frames of another protocol.
 
     Args:
-        final: nothing follows; what is incomplete now will never be whole.
+        final: no data follows; incomplete sentences will never be completed.
+
     Returns:
-        what was found, in order, and from where bytes must be kept because a sentence there may still be incomplete
-        (the length of `data` when none is).
+        the sentences in order, and the position from which bytes must be kept because a sentence there may be
+        incomplete (the length of `data` if none is).
     """
     data = bytes(data)
     found: list[ParsedMessage] = []
@@ -170,7 +170,7 @@ def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMess
 
 
 def _sentence(raw: bytes, offset: int) -> ParsedMessage | None:
-    """A whole line: checked, and read. None for a line that only began like a sentence."""
+    """A whole line, checked and read. None for a line that only starts like a sentence."""
     line = raw.rstrip(b"\r\n")
     address = _ADDRESS.match(line + b",")
     if not address:
@@ -191,7 +191,9 @@ def _sentence(raw: bytes, offset: int) -> ParsedMessage | None:
 
 
 def checksum(content: bytes) -> int:
-    """Exclusive-or of the bytes between start and asterisk: as one long number, folded in half until a byte is left."""
+    """Exclusive-or of the bytes between start and asterisk: computed as one long number, halved until a byte is
+    left.
+    """
     total = int.from_bytes(content, "big")
     shift = 8 << max(len(content) - 1, 1).bit_length()
     while shift > 8:
@@ -200,14 +202,30 @@ def checksum(content: bytes) -> int:
     return total & 0xFF
 
 
+def sentence(text: str) -> bytes:
+    """A line of NMEA 0183: `text` is the part between $ and *."""
+    return f"${text}*{checksum(text.encode()):02X}\r\n".encode()
+
+
+def add_sentences(rows: Iterable[Message], pairs: Mapping[str, tuple[str, str]]) -> None:
+    """Register sentences specific to one family of devices.
+
+    Args:
+        rows: their fields, in order.
+        pairs: names of those that end in a variable number of pairs: id_1, period_1, id_2 …
+    """
+    SENTENCES.update((row.name, row) for row in rows)
+    PAIRS.update(pairs)
+
+
 def _own(name: str, content: bytes) -> dict[str, Any]:
-    """Values of a sentence from the table; fields that the line lacks are left out, surplus ones kept."""
+    """Values of a sentence from the table; missing fields are left out, surplus ones kept."""
     words = _text(content).split(",")[1:]
     values: dict[str, Any] = {}
     for row, word in zip(SENTENCES[name].fields, words, strict=False):
         values[row.name] = word.strip() if row.dtype == "ascii" else _number_of(row, word)
     count = len(SENTENCES[name].fields)
-    pair = imx_sentences.PAIRS.get(name)
+    pair = PAIRS.get(name)
     for index in range(count, len(words)):
         if pair:
             values[f"{pair[(index - count) % 2]}_{(index - count) // 2 + 1}"] = _whole(words[index])
@@ -221,26 +239,26 @@ def _number_of(row: Field, word: str) -> float | int | None:
 
 
 def _whole(word: str) -> int | None:
-    """The whole number of a word; None where it is none."""
+    """The whole number of a word; None if it is not one."""
     return int(word) if _WHOLE.fullmatch(word.strip()) else None
 
 
 def _float(word: str) -> float | None:
-    """The number of a word; None where it is none, or not finite ("nan" is no measurement)."""
+    """The number of a word; None if it is not one, or not finite ("nan" is not a measurement)."""
     value = float(word) if _NUMBER.fullmatch(word.strip()) else math.nan
     return value if math.isfinite(value) else None
 
 
 def _standard(line: bytes, content: bytes) -> dict[str, Any]:
-    """Values of a standard sentence, as pynmeagps reads them; latitude and longitude in signed degrees."""
-    import pynmeagps  # here, because it takes 60 ms that a start without sentences need not spend
+    """Values of a standard sentence, read by pynmeagps; latitude and longitude in signed degrees."""
+    import pynmeagps  # here, because it takes 60 ms, unneeded without sentences
     from pynmeagps import exceptions
 
     bad = (exceptions.NMEAMessageError, exceptions.NMEAParseError, exceptions.NMEATypeError, exceptions.NMEAStreamError)
     try:
         message = pynmeagps.NMEAReader.parse(line + b"\r\n", validate=0)
     except (*bad, ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
-        message = None  # the checksum was right, so the sentence stands; its words are kept as they are
+        message = None  # the checksum is right, so the sentence counts; its words are kept as they are
     if message is None:
         return {f"field_{i:02d}": word or None for i, word in enumerate(_text(content).split(",")[1:], 1)}
     return {name: _plain(value) for name, value in vars(message).items() if not name.startswith("_")}

@@ -1,15 +1,15 @@
-"""Which quantities do sentences carry? Their numbers, put together as batches of a message that plots can show.
+"""Quantities in NMEA sentences: their numbers, combined into batches of a message for plots.
 
     $PSONCMS,0.99,0.01,…,9.81,…*hh     q0 q1 q2 q3 │ accX accY accZ │ gyrX … │ magX … │ temp
                                        Quaternion  │ Acceleration   │ …      │ …      │ Temperature
     $HCHDM,354.0,M*hh                  headingM, 0 … 360°: a quantity that wraps
 
-A sentence gives names and numbers (protocols/nmea.py, protocols/xbus/binary_strings.py); what they measure is said
-here, by name, whichever sentence they stand in. Numbers that lie along axes are one quantity, as they are in a device's
-own messages: an orientation is drawn as one. A name that is not listed is shown as it is.
+A sentence gives names and numbers (protocols/nmea.py, protocols/xbus/binary_strings.py); this module assigns quantities
+by name, for any sentence. Numbers along axes are one quantity, as in a device's own messages: an orientation is drawn
+as one. A name that is not listed is shown unchanged.
 
-A number whose sign stands in the next field, as a letter, gets it here: `$PHTRO,10.37,P` is a pitch of −10.37°. The
-sentence itself keeps both as the wire has them.
+A number whose sign is a letter in the next field gets it here: `$PHTRO,10.37,P` is a pitch of −10.37°. The sentence
+itself keeps both as on the wire.
 
 Rules for editing: a new quantity is a row of `TOGETHER` (several numbers) or `ALONE` (one).
 Sources: MT0101P 2020.A, 5.3.5; NMEA 0183 names as pynmeagps spells them.
@@ -29,10 +29,8 @@ from protocols.schema import Field, Message
 
 _XYZ = ("x", "y", "z")
 _NED = ("north", "east", "down")
-_SIDES = re.compile(
-    r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$"
-)  # fields that tell which way the number before is
-_NEGATIVE = frozenset("SWLPB")  # south, west, left (port); of PHTRO bow down and port down
+_SIDES = re.compile(r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$")  # fields with the direction of the number before
+_NEGATIVE = frozenset("SWLPB")  # south, west, left (port); in PHTRO bow down and port down
 _MOST_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
 TOGETHER: Mapping[tuple[str, ...], Field] = {
@@ -98,13 +96,13 @@ ALONE: Mapping[str, Field] = {
 
 
 class NmeaQuantities:
-    """Makes batches of the sentences of one stream; one message is kept for each kind of sentence."""
+    """Makes batches from the sentences of one stream, with one message for each kind of sentence."""
 
     def __init__(self) -> None:
         self._messages: dict[tuple[str, ...], Message] = {}
 
     def batches(self, texts: Iterable[Text]) -> list[Batch]:
-        """One batch for each kind of sentence, of those that hold numbers; without device time."""
+        """One batch for each kind of sentence that contains numbers; without device time."""
         kinds: dict[tuple[str, ...], list[tuple[Text, list[float]]]] = {}
         for text in texts:
             if not text.name:
@@ -144,11 +142,11 @@ def _message(kind: tuple[str, ...]) -> Message:
     own = {field.name: field for field in SENTENCES[name].fields} if name in SENTENCES else {}
     fields += [_named(one, own.get(one)) for one in names if one not in taken]
     title = name if protocol == name.lower() else f"{protocol.upper()} {name}"
-    return Message(0, name, tuple(fields), apart=tuple(field.name for _, field in whole), title=title)
+    return Message(0, name, tuple(fields), separate_channels=tuple(field.name for _, field in whole), title=title)
 
 
 def _named(name: str, own: Field | None) -> Field:
-    """A number by itself: as it is known everywhere, else as the table of its sentence has it."""
+    """A single number: as generally known, else from the table of its sentence."""
     row = ALONE.get(name) or own or Field("", "f8")
     return Field(
         name, "f8", unit=row.unit, decimals=row.decimals, period=row.period, title=row.title, doc=row.title or row.doc
@@ -163,7 +161,7 @@ def _numbers(fields: Mapping[str, Any]) -> dict[str, float]:
         if _is_number(value):
             found[name] = float(value)
         elif before in found and _SIDES.search(name) and str(value).strip().upper() in _NEGATIVE:
-            found[before] = -abs(found[before])  # of a latitude the sign may be there already
+            found[before] = -abs(found[before])  # a latitude may be signed already
         before = name
     return found
 

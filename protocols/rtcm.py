@@ -1,14 +1,14 @@
-"""Which RTCM 3 messages are in these bytes?
+"""RTCM 3 messages: framing and identification.
 
     D3   000000 LL LLLLLLLL   PAYLOAD (L bytes)   CRC (3)          the payload begins with its number, 12 bits
     0    1         2          3
 
 L has ten bits, so a message has at most 1029 bytes. The CRC is CRC-24Q over everything before it, most significant byte
 first. Corrections from a base station pass through the ports of an Inertial Sense device; here they are found, checked
-and named. D3 alone is one byte in 256, so a candidate that fails its check is no news and is not reported.
+and named. D3 alone is one byte in 256, so a candidate that fails its check is common and not reported.
 
-A stream that holds nothing but corrections (a caster's) is taken apart by `RtcmFramer`; there, bytes that belong to no
-message are a loss, and counted.
+`RtcmFramer` splits a stream of nothing but corrections (a caster's); there, bytes that belong to no message are a loss,
+and counted.
 
 Source: RTCM 10403.3, section 4 (transport layer) and table 3.5-1 (messages).
 """
@@ -57,7 +57,7 @@ NAMES: Mapping[int, str] = {
 
 
 def message_at(data: bytes, at: int, *, final: bool) -> ParsedMessage | Wait | None:
-    """The message that begins at `at`, where SYNC is; see ubx.message_at."""
+    """The message that begins at `at`, at SYNC; see ubx.message_at."""
     left = len(data) - at
     if left >= 2 and data[at + 1] & 0xFC:
         return None
@@ -74,21 +74,21 @@ def message_at(data: bytes, at: int, *, final: bool) -> ParsedMessage | Wait | N
 
 
 class RtcmFramer:
-    """Whole messages out of a stream of corrections that arrives in any pieces.
+    """Whole messages from a stream of corrections in pieces of any size.
 
     Attributes:
         skipped: bytes so far that belong to no message.
-        rejected: how many stretches of such bytes there were: each is at least one message lost or damaged.
+        rejected: number of stretches of such bytes: each is at least one message lost or damaged.
     """
 
     def __init__(self) -> None:
         self.skipped = 0
         self.rejected = 0
         self._kept = b""
-        self._lost = False  # the last bytes were of no message
+        self._lost = False  # the last bytes belonged to no message
 
     def feed(self, data: bytes) -> list[ParsedMessage]:
-        """The messages that these bytes complete, with their hex as `line`; offsets mean nothing here."""
+        """The messages completed by these bytes, with their hex as `line`; offsets are meaningless here."""
         self._kept += data
         found: list[ParsedMessage] = []
         at = 0
@@ -110,7 +110,7 @@ class RtcmFramer:
 
 
 def epoch_ms(number: int, frame: bytes) -> int | None:
-    """Time of week of the observations in a message, ms; None for a message that has none, or GLONASS's time of day."""
+    """Time of week of the observations in a message, ms; None for a message without, or with GLONASS's time of day."""
     timed = 1001 <= number <= 1004 or (1071 <= number <= 1137 and not 1081 <= number <= 1087 and 1 <= number % 10 <= 7)
     if not timed or len(frame) < HEADER + 7:
         return None

@@ -1,16 +1,16 @@
-"""The vocabulary in which every specification is written, as data.
+"""Vocabulary of all specifications, as data.
 
-A protocol document is a set of tables: which messages there are, which fields each carries, what a field's number
-means. Those tables are written here as rows, once, and everything else reads them: the decoder makes numpy layouts of
-them, the wire advertises them to the page, the forms, the command line and the documentation print the same words.
+A protocol document is a set of tables: messages, their fields, the meaning of a field's number. Those tables are
+written here as rows, once, and everything else reads them: the decoder makes numpy layouts from them, the wire
+advertises them to the page, and the forms, the command line and the documentation print the same words.
 
     Command, Setting ── have many ──┐
     Message ── has many ──> Field ── may have ──> Bits (named flags or bit groups of an integer)
                               └── may have ──> Field (a record: its own fields, fixed or repeated)
 
-Rules for editing: adding a message is adding a row; a row never holds code. `doc` is one sentence for a person,
-`source` the section of the document the row was read from. Units are written as in SI ("m/s²", "°/s", "rad/s"); a
-field whose wire unit differs from the shown one carries `scale`, shown = wire × scale + bias.
+Rules for editing: adding a message is adding a row; a row never holds code. `doc` is one sentence for the user,
+`source` the section of the document of the row. Units are written as in SI ("m/s²", "°/s", "rad/s"); a
+field whose wire unit differs from the displayed one carries `scale`, shown = wire × scale + bias.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Severity = Literal["", "caution", "fault"]
+Severity = Literal["", "warning", "error"]
 
 NO_CHOICES: Mapping[int, str] = {}
 NO_HARMLESS: Mapping[str, tuple[int, ...]] = {}
@@ -34,9 +34,9 @@ class Bits:
         low: lowest bit, 0 = least significant.
         width: number of bits; 1 is a flag.
         choices: meaning of each value of a group; empty for a flag.
-        severity: how a set flag reads on the page: "" is plain information.
-        normal_set: True where the set state is the healthy one (FilterValid), so that a *cleared* bit is what is shown.
-        doc: one sentence for the lane's hover.
+        severity: severity of a set flag on the page: "" is plain information.
+        normal_set: True if the set state is the healthy one (FilterValid), so that a *cleared* bit is shown.
+        doc: one sentence for the lane's tooltip.
     """
 
     name: str
@@ -53,6 +53,45 @@ class Bits:
 
 
 @dataclass(frozen=True, slots=True)
+class Meaning:
+    """Meaning of a field while the field of the same record that it depends on has certain values.
+
+    Args:
+        values: of the other field; empty: all values that no meaning before names.
+        title, unit, scale, decimals, doc: instead of those of the field.
+        low, high: allowed range of the wire value; None: that of the field.
+        signed: the unsigned wire value is a two's complement; `low` and `high` are signed.
+    """
+
+    values: tuple[int, ...]
+    title: str
+    unit: str = ""
+    scale: float = 1.0
+    decimals: int = -1
+    low: float | None = None
+    high: float | None = None
+    signed: bool = False
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TextList:
+    """Texts that a device lists in a setting.
+
+    Args:
+        setting: name of the setting.
+        records: its field that is a list of records.
+        text: the field of a record that holds the text.
+        used: the field that is 0 in an unused record.
+    """
+
+    setting: str
+    records: str
+    text: str
+    used: str
+
+
+@dataclass(frozen=True, slots=True)
 class Field:
     """One named quantity of a message.
 
@@ -61,28 +100,31 @@ class Field:
         dtype: wire type: a numpy dtype with byte order (">f4", ">u2", "u1"), or one of the wire encodings numpy lacks,
             "fp1220", "fp1632" (Xsens fixed point), "bytes" (opaque, shown as hex) or "ascii"; "" for a record.
         shape: () for a scalar, (3,) for a vector, (3, 3) for a matrix; -1 means "as many as the payload holds".
-        unit: unit of the shown value.
-        scale, bias: shown = wire × scale + bias.
+        unit: unit of the displayed value.
+        scale, bias: displayed = wire × scale + bias.
         axes: one label per element ("x", "y", "z"; "roll", "pitch", "yaw"); empty for a scalar.
         choices: meaning of each value of an enumeration.
         bits: meaning of the bits of a flag word.
         fields: the fields of a record; a record with shape (-1,) or (n,) repeats.
         decimals: digits after the point on the page; -1 lets the page choose.
         period: the value at which the quantity wraps (360 for a heading in °); 0 for none.
-        title: name for a person where `name` is terse ("Magnetic field"); "" means `name`.
+        title: display name if `name` is terse ("Magnetic field"); "" means `name`.
         frame: coordinate frame of a vector, or both frames of a rotation ("ENU", "ENU from body").
-        id: number in the document where the field has one (an Xsens data identifier), else -1.
-        column_major: a matrix that travels column by column; the shown one is row by row, as is its `axes`.
-        pad: the byte that fills an "ascii" field up to its length and is no part of the value (0x20 or 0); -1: none.
-        low, high: allowed range of the wire value where it is narrower than its type; None where the type decides.
-        default: wire value that a form starts with; None: none.
-        most: greatest number of elements of an open shape; 0 where the payload decides.
-        simple: False for what most people never change: a form shows it one click away.
-        read_only: told by the device, never written.
-        momentary: what is so now and is not kept: a temperature, a counter, the state of something that runs. It is
-            shown; it is no difference between two states of a device, and is not put back.
+        id: number in the document if the field has one (an Xsens data identifier), else -1.
+        column_major: a matrix sent column by column; the displayed one is row by row, as is its `axes`.
+        pad: the byte that fills an "ascii" field up to its length and is not part of the value (0x20 or 0); -1: none.
+        low, high: allowed range of the wire value if narrower than its type; None: the type decides.
+        default: initial wire value of a form; None: none.
+        max_length: greatest number of elements of an open shape; 0 if the payload decides.
+        basic: False for rarely changed ones: a form shows them one click away.
+        read_only: reported by the device, never written.
+        momentary: a present state that is not stored: a temperature, a counter, the state of a process. It is
+            displayed; it is not a difference between two states of a device, and not restored.
         base: 16 for an identifier that is printed in hex on the label; the wire value stays a number.
-        options: texts that a text field is known to take; a device may know others.
+        options: known values of a text field; a device may know others.
+        listed: where the device lists the texts that it takes; a value may join several of them by "/".
+        meaning_of: name of the field of the same record on which the meaning of this one depends; "" for none.
+        meanings: the meanings, by values of that field.
         doc, source: one sentence; section of the document.
     """
 
@@ -106,12 +148,15 @@ class Field:
     low: float | None = None
     high: float | None = None
     default: Any = None
-    most: int = 0
-    simple: bool = True
+    max_length: int = 0
+    basic: bool = True
     read_only: bool = False
     momentary: bool = False
     base: int = 10
     options: tuple[str, ...] = ()
+    listed: TextList | None = None
+    meaning_of: str = ""
+    meanings: tuple[Meaning, ...] = ()
     doc: str = ""
     source: str = ""
 
@@ -131,11 +176,11 @@ class Message:
         tick_ns: length of one tick of that clock.
         wrap: ticks at which it wraps; 0 when the rule is found from the data or it never does.
         kind: "data" streams into plots; "reply" and "indication" are events; "command" is sent by the host.
-        split: True when every field is a quantity of its own that a page subscribes to alone (the items of MTData2).
-        apart: fields that a page subscribes to alone (the vectors, status words and lists of a message whose other
-            fields stay together); each is a channel called message.field.
-        direction: who sends it.
-        title, doc, source: for a person; one sentence; section of the document.
+        channel_per_field: True if every field is a quantity with a channel of its own (the items of MTData2).
+        separate_channels: fields with channels of their own (the vectors, status words and lists of a message whose
+            other fields stay together), named message.field.
+        direction: its sender.
+        title, doc, source: display name; one sentence; section of the document.
     """
 
     id: int
@@ -145,8 +190,8 @@ class Message:
     tick_ns: int = 0
     wrap: int = 0
     kind: Literal["data", "reply", "indication", "command"] = "data"
-    split: bool = False
-    apart: tuple[str, ...] = ()
+    channel_per_field: bool = False
+    separate_channels: tuple[str, ...] = ()
     direction: Direction = "to_host"
     title: str = ""
     doc: str = ""
@@ -158,20 +203,20 @@ Caution = Literal["", "restarts", "stops-output", "cuts-line", "loses-settings",
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Something that a device can be told or asked: one form, one line of `imuscope send`, one row of documentation.
+    """A command or request of a device: one form, one line of `imuscope send`, one row of documentation.
 
     Args:
         name: the document's name ("SetOutputConfiguration", "DID_SYS_CMD.softwareReset").
-        arguments: what a person fills in; `fields` of the message on the wire, or what it is made of.
+        arguments: values to fill in; `fields` of the message on the wire, or their source.
         kind: "ask" changes nothing; "set" writes a setting; "do" starts something.
         group: heading under which it is listed.
-        reply: name of the message that answers; "" when nothing does.
-        timeout_s: how long its answer may take.
-        caution: what kind of harm it can do; a person is asked once more, in the words of `consequence`.
-        consequence: one sentence that names what is lost or cut ("All settings return to the factory's.").
-        harmless: argument → values with which the caution does not apply (a command that asks, or that ends something).
-        simple: False for what is one click away.
-        title, doc, source: for a person; one sentence; section of the document.
+        reply: name of the message that answers; "" for none.
+        timeout_s: longest time of its answer.
+        caution: kind of possible harm; the user must confirm, in the words of `consequence`.
+        consequence: one sentence on the effect or loss ("All settings return to the factory's.").
+        harmless_values: argument → values without the caution (a command that asks, or that ends something).
+        basic: False for those one click away.
+        title, doc, source: display name; one sentence; section of the document.
     """
 
     name: str
@@ -182,30 +227,30 @@ class Command:
     timeout_s: float = 0.5
     caution: Caution = ""
     consequence: str = ""
-    simple: bool = True
+    basic: bool = True
     title: str = ""
     doc: str = ""
     source: str = ""
-    harmless: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: NO_HARMLESS)
+    harmless_values: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: NO_HARMLESS)
 
-    def harms(self, values: Mapping[str, Any]) -> bool:
-        """Does the caution apply with these arguments?"""
-        return bool(self.caution) and not any(values.get(name) in those for name, those in self.harmless.items())
+    def is_risky(self, values: Mapping[str, Any]) -> bool:
+        """Whether the caution applies with these arguments."""
+        return bool(self.caution) and not any(values.get(name) in those for name, those in self.harmless_values.items())
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """Values that a device keeps: read by one exchange, written by one, compared and put back by name.
+    """Values stored by a device: read by one transaction, written by one, compared and restored by name.
 
     Args:
         name: key in a snapshot, without "Req" and "Set" ("OutputConfiguration", "DID_FLASH_CONFIG").
         fields: wire values by name, as `imuscope inspect` prints them.
-        read, write: names of the commands; write "" for what a device only tells.
-        partial: True where single fields can be written alone (an ISB data set by offset).
+        read, write: names of the commands; write "" for read-only values.
+        partial: True if single fields can be written alone (an ISB data set by offset).
         editor: "" for a plain form; "outputs" (Xsens output configuration) and "streams" (ISB streams) have their own.
-        after: what makes a written value take effect: "" at once, "measurement" on leaving Config, "reset".
+        after: when a written value takes effect: "" at once, "measurement" on leaving Config, "reset".
         caution, consequence: as for a command.
-        group, simple, title, doc, source: as for a command.
+        group, basic, title, doc, source: as for a command.
     """
 
     name: str
@@ -218,7 +263,7 @@ class Setting:
     caution: Caution = ""
     consequence: str = ""
     group: str = ""
-    simple: bool = True
+    basic: bool = True
     title: str = ""
     doc: str = ""
     source: str = ""

@@ -1,11 +1,11 @@
-"""What does a port carry, piece by piece? Frames of its protocol, messages of others between them, and neither.
+"""Parser of a stream, chunk by chunk. Yields frames of its protocol, messages of other protocols, and noise.
 
     bytes   [frame][frame]$GPGGA,…*hh\\r\\n[frame]··noise··[frame][fra
     Cut     table of the frames · Text for the sentence · Reject for each candidate that failed
-    kept                                                         ^^^^ until the rest comes
+    kept                                                         ^^^^ until the rest arrives
 
-Both a decoder (columns) and a listing (one line a frame) stand on this. Other messages are looked for only where no
-frame was found; one that is cut by the end of the data waits for its rest, and so does not hold up the frames after it.
+Both a decoder (columns) and a listing (one line a frame) build on this. Other messages are searched for only outside
+frames; one that is cut by the end of the data waits for its rest without delaying the frames after it.
 """
 
 from __future__ import annotations
@@ -33,21 +33,22 @@ from protocols.framing import (
     compact_rejected,
     scan_all,
 )
+from protocols.jit import INTERPRETED_BYTES, load_for
 from protocols.nmea import ParsedMessage
 
 Find = Callable[..., tuple[list[ParsedMessage], int]]
-"""find(data, final=…) -> (what was found, from where bytes must be kept); see protocols/embedded_protocols.py."""
+"""find(data, final=…) -> (messages found, where bytes must be kept from); see protocols/embedded_protocols.py."""
 
 
 @dataclass(slots=True)
 class ParseResult:
-    """What one drain found; `table` is good until the next one.
+    """Result of one drain; `table` is valid until the next one.
 
     Args:
         data: the bytes that `table` indexes; `array` is the same as uint8.
         start: position of `data[0]` in the stream.
         table: (QUANTITIES, n) of the accepted frames, see protocols/framing.py.
-        arrival_ns: (n,) when each frame was complete.
+        arrival_ns: (n,) arrival of each frame's last byte.
         rejects, texts: in order of their offsets, within each kind.
     """
 
@@ -66,8 +67,7 @@ class StreamParser:
     Args:
         scan: finds frames.
         find: finds other messages between them.
-        starts: what each of these messages begins with; a stretch without it, to which nothing will be added, need not
-            be searched.
+        starts: how each of these messages begins; a final stretch without a match need not be searched.
     """
 
     def __init__(self, scan: Scan, find: Find, starts: re.Pattern[bytes]) -> None:
@@ -78,6 +78,7 @@ class StreamParser:
         self._room = ScanCapacity()
         self._scan_at = 0  # positions in the stream: from where to look for frames …
         self._find_at = 0  # … and for other messages
+        self._is_short = True  # so far little enough for plain Python
         self._known = 0  # bytes of accepted frames and of texts
 
     def feed(self, data: bytes, arrival_ns: int) -> None:
@@ -99,21 +100,25 @@ class StreamParser:
         return self._buffer.start - self._known
 
     def drain(self, *, stalled: bool = False) -> ParseResult:
-        """Everything that is complete; see events.Decoder.drain."""
+        """Return everything complete; see events.Decoder.drain."""
         data = self._buffer.data()
+        if self._is_short and self._buffer.start + len(data) > INTERPRETED_BYTES:
+            self._is_short = False
+            load_for(self._buffer.start + len(data))
         array = np.frombuffer(data, np.uint8)
         at = self._scan_at - self._buffer.start
         return self._cut(data, array, scan_all(self._scan, array, at, final=stalled, room=self._room), stalled)
 
     def drain_full(self, chunks: Sequence[tuple[bytes, int]]) -> ParseResult | None:
-        """Everything in chunks of which each is full: frames one after the other, and the last ends where it ends.
+        """Return everything in chunks that are each full: consecutive frames, the last of which ends with the chunk.
 
-        What is found in them is then the same whether they are searched together, which costs less, or apart.
+        Searching them together then gives the same result as searching each, and costs less.
 
         Args:
             chunks: each with its arrival, ns. Nothing else is undecided.
+
         Returns:
-            None when one of them is not full, and then none was taken.
+            None if one of them is not full; then none is consumed.
         """
         data = b"".join(chunk for chunk, _ in chunks)
         array = np.frombuffer(data, np.uint8)
@@ -130,7 +135,7 @@ class StreamParser:
         return self._cut(data, array, scanned, True)
 
     def _cut(self, data: bytes, array: Bytes, scanned: ScanResult, stalled: bool) -> ParseResult:
-        """What was scanned, decided; `data` is all of the buffer."""
+        """Decide the scanned frames; `data` is the whole buffer."""
         buffer = self._buffer
         start = buffer.start
         table = scanned.table
@@ -141,13 +146,15 @@ class StreamParser:
         if table.shape[1] == 1:  # the usual case of a live stream
             offset, size = table[:2, 0].tolist()
             arrivals = np.array((buffer.arrival(start + offset + size - 1),))
+        elif buffer.arrived_at_once:
+            arrivals = buffer.same_arrivals(table.shape[1])
         else:
             arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
         self._scan_at = start + scanned.at
         self._known += scanned.framed
         texts: list[Text] = []
         if scanned.framed != self._scan_at - self._find_at:
-            self._stretches(data, start, table, texts, rejects, stalled)
+            self._spans(data, start, table, texts, rejects, stalled)
             rejects.sort(key=lambda reject: reject.offset)
         else:
             self._find_at = self._scan_at
@@ -155,7 +162,7 @@ class StreamParser:
         return ParseResult(data, array, start, table, arrivals, rejects, texts)
 
     def _rejects(self, table: Ints, start: int) -> list[RejectedFrame]:
-        """The failed candidates of a scan. One that is cut short has the size that is there."""
+        """The failed candidates of a scan. The size of a truncated one is that of its available bytes."""
         failed = table[:, np.flatnonzero(table[STATUS])]
         end = start + len(self._buffer)
         rejects = []
@@ -165,10 +172,10 @@ class StreamParser:
             rejects.append(RejectedFrame(at, last - at, REASONS[status], self._buffer.arrival(last - 1)))
         return rejects
 
-    def _stretches(
+    def _spans(
         self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[RejectedFrame], stalled: bool
     ) -> None:
-        """Look through the stretches between the frames."""
+        """Search the stretches between the frames."""
         begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
         stops = np.concatenate((table[OFFSET] + start, [self._scan_at]))
         which = np.flatnonzero(begins < stops)
@@ -193,7 +200,7 @@ class StreamParser:
 
 
 class FrameParser(Protocol):
-    """What a decoder hands its chunks to."""
+    """Interface of a frame parser."""
 
     def feed(self, data: bytes, arrival_ns: int) -> None: ...
     def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None: ...
@@ -207,7 +214,7 @@ S = TypeVar("S", bound=FrameParser)
 
 
 class StreamDecoder(Decoder, Generic[S]):
-    """The side of a decoder that bytes go in; what comes out of `drain` is each protocol's own.
+    """The input side of a decoder; `drain` is each protocol's own.
 
     Args:
         stream: cuts the bytes into frames.

@@ -1,16 +1,16 @@
-"""The ticks of a clock that wraps, row by row: does this row go on, wrap, come late, jump or start again?
+"""Ticks of a clock that wraps, row by row: each row continues, wraps, is late, jumps or restarts.
 
-The loop of clocks.Unwrap, compiled. It decides each row from the rows before it alone, so the result does not depend on
-how the stream was cut. With `newest` the highest unwrapped tick so far and `value` this row's raw ticks plus the turns
-made so far:
+The loop of counters.TickUnwrapper, compiled. Each row is decided from the rows before it alone, so the result does not
+depend on how the stream was cut. With `newest` the highest unwrapped tick so far and `value` this row's raw ticks plus
+the turns so far:
 
     newest − late              newest        newest + near
     ────┼──────────────────────────┼──────────────┼────>
-        │ late: keeps its time, if │ goes on      │ jumped ahead
+        │ late: keeps its time, if │ continues    │ jumped ahead
         │ few in a row are         │              │
     far behind: it wrapped if value + wrap is just after newest; else the clock was set back (jump) or restarted (reset)
 
-With arrival times, `near` is what time passed at the host, so that an outage is no jump.
+With arrival times, `near` is the time elapsed at the host, so that an outage is not a jump.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from protocols.jit import FLAG, INT, INTS, TABLE, compiled
 
 Ints = NDArray[np.int64]
 
-LATE_ROWS = 8  # so many late rows in a row are not late: the clock was set back
+LATE_ROWS = 8  # after this many late rows in a row the clock was set back
 NEAR_SHARE = 4096  # without arrival times, a step of more than this share of the wrap is a jump
 
 # The state of a clock between calls.
@@ -34,10 +34,11 @@ RESET, JUMP = 0, 1
 
 @compiled(FLAG, INT, INT, INTS, INTS)
 def _wraps(ticks: int, near: int, state: Ints, wraps: Ints) -> bool:
-    """Is `ticks` just after the newest tick across the end of the clock? Then the turn is counted, the modulus known.
+    """Whether `ticks` is just after the newest tick, across the end of the clock. If so, count the turn and fix the
+    modulus.
 
     Args:
-        near: how many ticks "just after" is; -1: the usual share of the modulus.
+        near: the most ticks that count as "just after"; -1: the usual share of the modulus.
     """
     last = state[NEWEST] - state[TURNS]
     for candidate in range(state[OPEN_FROM], state[OPEN_TO]):
@@ -67,18 +68,19 @@ def follow(
     """Unwrap the rows `raw`.
 
     Args:
-        raw: (n,) ticks as sent.
+        arrival: (n,) ns, or (0,) if unknown.
         arrival: (n,) ns, or (0,) where not known.
-        state: (STATES,), updated. WRAP: index into `wraps` of the modulus in effect; OPEN_FROM, OPEN_TO: those that are
+        state: (STATES,), updated. WRAP: index into `wraps` of the modulus in effect; OPEN_FROM, OPEN_TO: those still
             still possible.
         wraps: candidates for the modulus, ascending.
         late: ticks by which a row may be older than the newest.
-        tick_ns: length of a tick, for comparison with arrival times; 0: not known.
-        slack_ns: how much further than the host's clock the device's may advance in a step.
+        tick_ns: length of a tick, for comparison with arrival times; 0: unknown.
+        slack_ns: how far the device's clock may advance beyond the host's in a step.
         out: (n,), written.
         steps: (3, n), written: row, RESET or JUMP, by how many ticks.
+
     Returns:
-        How many steps there were.
+        Number of steps.
     """
     found = 0
     timed = len(arrival) > 0 and tick_ns > 0

@@ -1,26 +1,26 @@
-"""Command exchanges without I/O: how is a device asked, and what is done when it does not answer?
+"""Command exchanges without I/O: requests, waits, retries and refusals.
 
-A dialogue is a generator. It yields what it wants done and is sent what came of it; it never sleeps, reads or writes by
-itself, so a test plays it with a list and the server plays it on a link:
+A transaction is a generator. It yields actions and is sent their results; it never sleeps, reads or writes by itself,
+so a test plays it with a list and the server runs it on a link:
 
     def ask(frame):                          the runner
         yield Send(frame, "ReqDID")          writes the bytes, sends None
-        values = yield WaitFor(did, 0.5)      feeds every event to `did` until it makes something of one, sends that;
-                                             sends None when the time is up
-        return values                        has the result of the dialogue
+        values = yield WaitFor(did, 0.5)     passes every event to `did` until it returns a value, sends that;
+                                             sends None on time-out
+        return values                        has the result of the transaction
 
     yield Sleep(0.1)                         waits, sends None
-    yield ReopenLink(baud=921600)                closes the link and opens it at that rate, sends True; False: it cannot
-    yield Note("It is restarted.")           tells who watches what no frame shows, sends None
+    yield ReopenLink(baud=921600)            closes the link and opens it at that rate, sends True; False: it failed
+    yield Note("It is restarted.")           informs observers of what no frame shows, sends None
 
-What a device refuses is a `DeviceRejectedError`, what it never answers a `NoReplyError`; both say what was asked, so
-that the page can show it. A runner that is stopped calls `cancel(dialogue)` and writes the frames that it returns
-(GoToMeasurement after a browser has gone). Not `close()`: a generator that is being closed may not yield any more.
+A device's refusal is a `DeviceRejectedError`, its silence a `NoReplyError`; both name the request, for the page. To
+stop a transaction, a runner calls `cancel(transaction)` and writes the frames that it returns (GoToMeasurement after a
+browser has gone). Not `close()`: a generator that is being closed may not yield any more.
 
-A body that is given to `DeviceDriver.within` runs in the state in which settings are read and written, unless it says
-otherwise (`RequiresState`): some commands make sense only while the device measures.
+A body given to `DeviceDriver.within` runs in the state in which settings are read and written, unless it requires
+another (`RequiresState`): some commands make sense only while the device measures.
 
-`DeviceDriver` is what a protocol knows about configuring its devices; protocols/registry.py has one for each.
+`DeviceDriver` is a protocol's knowledge about configuring its devices; protocols/registry.py has one for each.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from protocols.schema import Caution, Command, Setting
 
 T = TypeVar("T")
 NO_STATES: Mapping[str, str] = {}
-AT_REST = "Config"  # of `DeviceDriver.states`: a device stays in it when a person has sent it there
+AT_REST = "Config"  # of `DeviceDriver.states`: a device that the user sent there stays in it
 Values = Mapping[str, Any]
 """Wire values by field name, as `imuscope inspect` prints them: integers for choices and flag words, lists, records as
 objects, bytes as hex."""
@@ -42,7 +42,7 @@ objects, bytes as hex."""
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Write these bytes. `what` names them where the protocol's own listing cannot."""
+    """Write these bytes. `what` names them if the protocol's own listing cannot."""
 
     frame: bytes
     what: str = ""
@@ -50,7 +50,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class WaitFor:
-    """Wait for an event of which `match` makes something; None after `timeout_s`."""
+    """Wait for an event for which `match` returns a value; None after `timeout_s`."""
 
     match: Callable[[Event], Any | None]
     timeout_s: float
@@ -66,14 +66,14 @@ class Sleep:
 
 @dataclass(frozen=True, slots=True)
 class ReopenLink:
-    """Close the link and open it again, at another rate where one is given; what arrives afterwards is decoded anew."""
+    """Close the link and open it again, optionally at another rate; bytes arriving afterwards are decoded afresh."""
 
     baud: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Tell whoever watches: a sentence that the frames do not say by themselves (a device is restarted, and why)."""
+    """Inform observers with a sentence that the frames do not contain (a device is restarted, and why)."""
 
     words: str
 
@@ -83,7 +83,7 @@ Transaction = Generator[Act, Any, T]
 
 
 class DeviceRejectedError(Exception):
-    """The device said no: `what` was asked and why, in the document's words ("parameter invalid or outside range")."""
+    """The device refused: `what` was requested and why it failed, in the document's words ("parameter invalid …")."""
 
     def __init__(self, what: str, why: str, code: int | None = None) -> None:
         super().__init__(f"{what}: {why}")
@@ -91,68 +91,68 @@ class DeviceRejectedError(Exception):
 
 
 class NoReplyError(Exception):
-    """No answer to `what` after `tries` tries of `timeout_s` each."""
+    """No answer to `what` after `attempts` attempts of `timeout_s` each."""
 
-    def __init__(self, what: str, tries: int, timeout_s: float) -> None:
-        super().__init__(f"No answer to {what} ({tries} tries of {timeout_s:g} s).")
-        self.what, self.tries, self.timeout_s = what, tries, timeout_s
+    def __init__(self, what: str, attempts: int, timeout_s: float) -> None:
+        super().__init__(f"No answer to {what} ({attempts} attempts of {timeout_s:g} s).")
+        self.what, self.attempts, self.timeout_s = what, attempts, timeout_s
 
 
 class TransactionCancelledError(Exception):
-    """Thrown into a dialogue that is stopped: it may still yield `Send` for what must not be left undone."""
+    """Thrown into a transaction to stop it: it may still yield `Send` for required cleanup."""
 
 
-def cancel(dialogue: Transaction[Any]) -> list[Send]:
-    """End a dialogue before its time.
+def cancel(transaction: Transaction[Any]) -> list[Send]:
+    """Stop a transaction.
 
     Returns:
-        What the runner still has to write, in order; waits and expectations are skipped.
+        Frames that the runner must still write, in order; waits are skipped.
     """
     last: list[Send] = []
     try:
-        act = dialogue.throw(TransactionCancelledError())
+        act = transaction.throw(TransactionCancelledError())
         while True:
             if isinstance(act, Send):
                 last.append(act)
-            act = dialogue.send(None)
+            act = transaction.send(None)
     except (StopIteration, TransactionCancelledError, DeviceRejectedError, NoReplyError):
         return last
 
 
 class RequiresState(Generator[Act, Any, T]):
-    """A dialogue that says in which state the device must be: "config", "measuring", or "any".
+    """A transaction with the required state of the device: "config", "measuring", or "any".
 
-    `DeviceDriver.within` looks at it; for anything else it is the dialogue itself.
+    `DeviceDriver.within` reads it; otherwise it behaves as the transaction itself.
 
     Args:
-        continues: it takes up what an earlier command began (stores a reset, ends a calibration): between the two the
+        continues: it continues an earlier command (stores a reset, ends a calibration): between the two the device must
+            neither restart nor pass through another state.
             device must neither restart nor pass through another state.
     """
 
     def __init__(
-        self, dialogue: Transaction[T], state: Literal["config", "measuring", "any"], *, continues: bool = False
+        self, transaction: Transaction[T], state: Literal["config", "measuring", "any"], *, continues: bool = False
     ) -> None:
-        self._dialogue = dialogue
+        self._transaction = transaction
         self.state = state
         self.continues = continues
 
     def send(self, value: Any, /) -> Act:
-        return self._dialogue.send(value)
+        return self._transaction.send(value)
 
     def throw(self, *args: Any) -> Act:
-        return self._dialogue.throw(*args)
+        return self._transaction.throw(*args)
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceContext:
-    """What is known about a device; empty where it has not told.
+    """Known identity and state of a device; empty if unknown.
 
     Args:
-        baud: of the link now; None where it has none.
-        device: who is meant where a link carries several (an IDTP device id, the bus identifier of an MTi).
+        baud: present rate of the link; None if it has none.
+        device: the addressed one if a link carries several (an IDTP device id, the bus identifier of an MTi).
         key: for Secure frames; None without.
-        at_rest: a person has sent it to the state in which settings are read, and there it stays
-        (`DeviceDriver.within`).
+        at_rest: the user sent it to the state in which settings are read, and it stays there (`DeviceDriver.within`).
     """
 
     product: str = ""
@@ -166,7 +166,7 @@ class DeviceContext:
 
 @dataclass(frozen=True, slots=True)
 class ByteRange:
-    """A few bytes of a frame and what they mean: `path` names the field ("outputs.3"), "" for the envelope's own."""
+    """Some bytes of a frame and their meaning: `path` names the field ("outputs.3"), "" for the envelope."""
 
     offset: int
     size: int
@@ -176,7 +176,7 @@ class ByteRange:
 
 @dataclass(frozen=True, slots=True)
 class OutputLoad:
-    """What one output costs: `path` names it in the setting ("outputs.3")."""
+    """Load of one output: `path` names it in the setting ("outputs.3")."""
 
     path: str
     title: str
@@ -185,12 +185,12 @@ class OutputLoad:
 
 @dataclass(frozen=True, slots=True)
 class LinkLoad:
-    """Bytes per second that outputs ask of the line.
+    """Bytes per second that outputs need on the line.
 
     Args:
-        parts: one per output; what every message costs whatever is in it (header, checksum) is the part with path "".
+        parts: one per output; the fixed cost of every message (header, checksum) is the part with path "".
         total: sum of the parts.
-        limits: per-message limits that are broken, one sentence each.
+        limits: exceeded per-message limits, one sentence each.
     """
 
     parts: tuple[OutputLoad, ...]
@@ -200,12 +200,12 @@ class LinkLoad:
 
 @dataclass(frozen=True, slots=True)
 class WriteResult:
-    """What came of writing one setting.
+    """Outcome of writing one setting.
 
     Args:
         asked: the values sent.
-        got: the values read back; None where they could not be read.
-        refused: why nothing was written, in the document's words; "" when it was.
+        got: the values read back; None if they could not be read.
+        refused: why nothing was written, in the document's words; "" if it was written.
     """
 
     setting: str
@@ -216,13 +216,13 @@ class WriteResult:
 
 @dataclass(frozen=True, slots=True)
 class BaudChange:
-    """A change after which the line may be dead.
+    """A change that may cut the line.
 
     Args:
-        baud: rate of the line afterwards; None where it is not the rate that changes.
+        baud: rate of the line afterwards; None if the rate does not change.
         kind: "baud" (the rate), "port" (it may be off), "protocol" (another language), "silent" (no output).
-        words: one sentence for a person.
-        others: rates at which the device may be found as well, where it is not known which port is ours.
+        words: one sentence for the user.
+        others: other possible rates of the device, if it is unknown which port is ours.
     """
 
     kind: Literal["baud", "port", "protocol", "silent"]
@@ -233,68 +233,70 @@ class BaudChange:
 
 @dataclass(frozen=True, slots=True)
 class Harm:
-    """What something could cost: its kind, and one sentence for a person."""
+    """Possible harm of a change: its kind, and one sentence for the user."""
 
     caution: Caution
     consequence: str
 
 
 class DeviceDriver(Protocol):
-    """What a protocol knows about configuring its devices. Tables, frames and dialogues; no I/O, no state.
+    """Configuration of a protocol's devices: tables, frames and transactions; no I/O, no state.
 
-    Every method that takes values raises protocols.layouts.EncodeError with the field's path, the value and the allowed
-    range when they cannot be sent. Dialogues raise DeviceRejectedError and NoReplyError.
+    Every method with values raises protocols.layouts.EncodeError with the field's path, the value and the allowed range
+    if they cannot be sent. Transactions raise DeviceRejectedError and NoReplyError.
     """
 
     name: str
     states: Mapping[str, str]
-    """Message → the state that a device is in when it has sent it ("Config"); empty where there are no states."""
+    """Message → the device's state after sending it ("Config"); empty without states."""
     begins: Collection[str]
-    """Messages with which a device begins anew: what a command left unfinished is discarded."""
+    """Messages that signal a restart of the device: work that a command left unfinished is discarded."""
     ends_rest: str
-    """The command that ends the state in which settings are read (`AT_REST`); "" where there is no such state."""
+    """The command that ends the state in which settings are read (`AT_REST`); "" without such a state."""
 
     def commands(self, known: DeviceContext) -> Sequence[Command]:
-        """Every command of the document that this product has; all of the protocol while it is not known."""
+        """Every command of the document for this product; for all products if it is unknown."""
 
     def settings(self, known: DeviceContext) -> Sequence[Setting]:
-        """Everything this device keeps that can be read, and what of it can be written."""
+        """Readable settings of this device, and whether they are writable."""
 
     def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:
-        """The bytes of a command (an NMEA line, too, is bytes)."""
+        """The bytes of a command (or of an NMEA line)."""
 
     def setting_frames(
         self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
-        """The bytes that would write these values (only those given, where the setting is `partial`).
+        """The bytes to write these values (only those given, if the setting is `partial`).
 
         Args:
-            held: as of `write`.
-            old: what the device has, where that is known and decides what has to be sent.
+            held: as in `write`.
+            old: values on the device, if known and relevant to the bytes.
         """
 
-    def spans(self, frame: bytes) -> list[ByteRange]:
-        """The frame byte by byte: spans that cover it without overlap, in order."""
+    def annotate(self, frame: bytes) -> list[ByteRange]:
+        """The frame byte by byte: ordered spans that cover it without overlap."""
 
     def name_of(self, frame: bytes) -> str:
-        """Its name, for the log of the exchange."""
+        """Its name, for the traffic log."""
 
     def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
-        """`body` in the state that it needs, and back afterwards, also after failure (GoToConfig … GoToMeasurement);
-        a device that was at rest stays at rest."""
+        """`body` in its required state, and the previous one afterwards, also after failure (GoToConfig …
+        GoToMeasurement); a device at rest stays at rest.
+        """
 
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
-        """Send one command, wait for what answers; its values."""
+        """Send one command and wait for its answer; returns its values."""
 
     def unfinished(self, command: str, values: Values) -> str | None:
-        """What a command leaves open that a change of state throws away, in words; "" where it ends that of an earlier
-        command of its kind; None where it does neither."""
+        """Unfinished work of a command that a change of state discards, in words; "" if it completes that of an earlier
+        command of its kind; None if neither.
+        """
 
     def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
-        """Settings that may be others after a command, beside those that it is there to write (Setting.write).
+        """Settings that a command may change, besides the one it writes (Setting.write).
 
         Args:
-            values: its arguments; one that is not in it is not known.
+            values: its arguments; missing ones are unknown.
         """
 
     def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
@@ -306,49 +308,53 @@ class DeviceDriver(Protocol):
         """Write and read back; a refusal is in the result, silence is raised.
 
         Args:
-            held: the device has told these values itself, so they go back whatever the tables allow: a way back must
-                not depend on our ranges. Only what does not fit the bytes of its field is an EncodeError then.
+            held: the values were read from the device, so they are written whatever the tables allow: restoring must
+                not depend on our ranges. Only a value that does not fit its field is then an EncodeError.
         """
 
     def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
-        """Ask who it is: product, serial number, firmware."""
+        """Query the identity: product, serial number, firmware."""
 
     def formerly(self, serial_number: str) -> Sequence[str]:
-        """Other numbers under which earlier versions of this program filed the same device."""
+        """Other numbers that earlier versions of this program used for the same device."""
 
     def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-        """Would this write cut the line?"""
+        """Effect of this write on the link."""
 
     def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
-        """Rates at which a device with these settings may be found after a restart, likeliest first; empty where it
-        stays where it is."""
+        """Possible rates of a device with these settings after a restart, likeliest first; empty if the rate does not
+        change.
+        """
 
     def instead(
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
-        """The setting and the values that have the place of a command which this product should not be sent any more;
-        no values where `present` does not tell enough. None for a command that is sent as it is."""
+        """The setting and the values that replace a command which is deprecated for this product; no values if
+        `present` is insufficient. None for a command that is sent unchanged.
+        """
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
-        """What this write could cost beside what `line_change` and the setting's own caution say: of single fields."""
+    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
+        """Harm of this write, by single fields, apart from `line_change` and the setting's own caution."""
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
-        """Make what was written last and take effect: save where the protocol asks for it, reset. The link may die."""
+        """Make written values persistent and effective: save if the protocol requires it, reset. The link may die."""
 
-    def alive(self, known: DeviceContext) -> Transaction[bool]:
-        """Is the device there and does it speak, at the link's present rate? Short; never raises."""
+    def is_alive(self, known: DeviceContext) -> Transaction[bool]:
+        """Whether the device answers at the link's present baud rate. Short; never raises."""
 
     def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
-        """The document's procedure for a device that answers at no rate; a person switches its power meanwhile."""
+        """The document's procedure for a device that answers at no rate; the user power-cycles it during the
+        procedure.
+        """
 
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
-        """What these settings make the device send, bytes per second, exact to the byte."""
+        """Load of these settings, bytes per second, exact to the byte."""
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
+    def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         """The same settings with rates lowered so that their load is within `capacity` bytes per second."""
 
     def factory(self, known: DeviceContext) -> Mapping[str, Values]:
-        """The documented factory defaults, of those settings where the document tells them."""
+        """The documented factory defaults, of the settings that have one."""
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
-        """Paths of the fields in which two values of a setting differ in what they mean."""
+        """Paths of the fields whose meaning differs between two values of a setting."""

@@ -1,16 +1,15 @@
-"""Which u-blox messages are in these bytes?
+"""u-blox UBX messages: framing and identification.
 
     B5 62   CLASS   ID   LENGTH (2)   PAYLOAD   CK_A CK_B
     0  1    2       3    4            6
 
 LENGTH counts the payload, little-endian. CK_A and CK_B are two running sums modulo 256 over CLASS to the end of the
 payload. A receiver's messages pass through the ports of an Inertial Sense device between its own packets; here they
-are found, checked and named, so that they are counted and seen. What they say is not read.
+are found, checked and named, so that they are counted and shown. Their content is not read.
 
-A length beyond LONGEST is believed by nobody: the search goes on behind the two sync characters.
+A length beyond LONGEST is rejected: the search continues after the two sync characters.
 
-Source: u-blox F9 HPG 1.32 Interface Description (UBX-22008968), 3.2 and 3.8; names of other generations as pyubx2 lists
-them.
+Source: u-blox F9 HPG 1.32 Interface Description (UBX-22008968), 3.2 and 3.8; names of other generations from pyubx2.
 """
 
 from __future__ import annotations
@@ -86,18 +85,19 @@ NAMES: Mapping[tuple[int, int], str] = {
 
 
 def name_of(group: int, number: int) -> str:
-    """ "NAV-PVT", or by number where the table does not know it."""
+    """Name of a message: "NAV-PVT", or by number if the table lacks it."""
     known = NAMES.get((group, number))
     return known or f"{CLASSES.get(group, f'0x{group:02X}')}-0x{number:02X}"
 
 
 def message_at(data: bytes, at: int, *, final: bool) -> ParsedMessage | Wait | None:
-    """The message that begins at `at`, where SYNC's first byte is.
+    """The message that begins at `at`, at SYNC's first byte.
 
     Args:
-        final: nothing follows; what is incomplete now will never be whole.
+        final: no data follows; incomplete messages will never be completed.
+
     Returns:
-        what was found, with an empty name where its checksum failed; WAIT while it may still become a message.
+        the message, with an empty name if its checksum failed; WAIT while it may still become one.
     """
     head = data[at : at + 6]
     if not head.startswith(SYNC) and head != SYNC[:1]:

@@ -1,14 +1,14 @@
-"""May these values be sent? What the rows of a table say about the range of their fields, applied.
+"""Validation of values before they are sent, by the ranges in the rows of a table.
 
-    Field.low, high      the range of a number, where it is narrower than its type
-    Field.choices        an enumeration: one of these numbers
-    Field.most           the greatest number of elements of a list, of characters of a text, of bytes
-    Field.dtype, shape   everything else
+    Field.low, high          the range of a number, if narrower than its type
+    Field.choices            an enumeration: one of these numbers
+    Field.max_length         the greatest number of elements of a list, of characters of a text, of bytes
+    Field.dtype, shape       everything else
 
-Whatever a device has sent can be composed again (protocols/layouts.py); what a person sends is checked here first. A
-form shows all problems at once, each at its field; a caller that just wants to send gets the first as an error.
+Anything a device has sent can be composed again (protocols/layouts.py); user input is checked here first. A form shows
+all problems at once, each at its field; other callers get the first as an error.
 
-Paths: names and places in lists joined by dots, "outputs.3.output_frequency".
+Paths: names and list indexes joined by dots, "outputs.3.output_frequency".
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _FIXED = {"fp1220": 2.0**11, "fp1632": 2.0**15}
 
 @dataclass(frozen=True, slots=True)
 class ValueProblem:
-    """What is wrong with one value: `message` names the field, the value and what is allowed."""
+    """Problem of one value: `message` names the field, the value and the allowed range."""
 
     path: str
     message: str
@@ -47,11 +47,11 @@ def require_valid(fields: Sequence[Field], values: Mapping[str, Any], *, partial
 def find_problems(
     fields: Sequence[Field], values: Mapping[str, Any], *, partial: bool = False, at: str = ""
 ) -> Iterator[ValueProblem]:
-    """Everything that is wrong with `values`.
+    """Find every problem of `values`.
 
     Args:
-        partial: fields may be left out. Those that a device only tells always may.
-        at: path of the record that `values` are.
+        partial: fields may be left out; read-only fields always may.
+        at: path of the record `values`.
     """
     names = [field.name for field in fields]
     for name in values:
@@ -83,8 +83,8 @@ def _of(field: Field, value: Any, path: str) -> Iterator[ValueProblem]:
         yield ValueProblem(path, f"{field.name} is a list, given {value!r:.80}")
     else:
         count = math.prod(field.shape)
-        if is_open(field) and field.most and len(value) > field.most:
-            yield ValueProblem(path, f"{field.name} has at most {field.most} entries, given {len(value)}")
+        if is_open(field) and field.max_length and len(value) > field.max_length:
+            yield ValueProblem(path, f"{field.name} has at most {field.max_length} entries, given {len(value)}")
         elif not is_open(field) and len(value) != count:
             which = f" ({', '.join(field.axes)})" if field.axes else ""
             yield ValueProblem(path, f"{field.name} has {count} values{which}, given {len(value)}")
@@ -113,7 +113,7 @@ def _of_text(field: Field, value: Any, path: str) -> Iterator[ValueProblem]:
     except (TypeError, ValueError):
         yield ValueProblem(path, f"{field.name} is {'hex' if unit == 'bytes' else 'ASCII text'}, given {value!r:.80}")
         return
-    most = field.most if is_open(field) else math.prod(field.shape)
+    most = field.max_length if is_open(field) else math.prod(field.shape)
     least = int(field.low or 0)
     if most and len(raw) > most:
         yield ValueProblem(path, f"{field.name} has at most {most} {unit}, given {len(raw)}")
@@ -124,7 +124,7 @@ def _of_text(field: Field, value: Any, path: str) -> Iterator[ValueProblem]:
 
 
 def _of_number(field: Field, value: Any) -> str:
-    """What is wrong with one number; "" when nothing is."""
+    """Problem of one number; "" if there is none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return f"{field.name} is a number, given {value!r:.80}"
     low, high = bounds(field)
@@ -139,12 +139,12 @@ def _of_number(field: Field, value: Any) -> str:
 
 
 def is_whole(field: Field) -> bool:
-    """Does the field hold whole numbers?"""
+    """Whether the field holds integers."""
     return field.dtype not in _FIXED and np.dtype(field.dtype).kind in "iu"
 
 
 def bounds(field: Field) -> tuple[float, float]:
-    """The least and the greatest wire value that may be sent."""
+    """The least and the greatest allowed wire value."""
     if field.dtype in _FIXED:
         least, greatest = -_FIXED[field.dtype], math.nextafter(_FIXED[field.dtype], 0)
     elif is_whole(field):

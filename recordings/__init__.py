@@ -1,1 +1,1 @@
-"""Chunks on disk: decoded columns, replay, import and export. Knows protocols, nobody else in the house."""
+"""Chunks on disk: decoded columns, replay, import and export. Imports protocols, no other part of the project."""

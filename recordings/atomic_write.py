@@ -1,7 +1,7 @@
-"""How does a file survive a power cut? Written aside, forced to disk, renamed, and the folder's entry forced too.
+"""Atomic writes that survive a power cut: a temporary file is synced and renamed, then its folder is synced.
 
-Whoever reads it finds the old text or the new one, never a part; when `write_atomic` returns, the new one is what a
-power cut leaves.
+A reader finds the old text or the new one, never a part; when `write_atomic` returns, a power cut leaves the new one.
+No other code in the project replaces one file by another (tests/test_architecture.py).
 """
 
 from __future__ import annotations
@@ -11,24 +11,41 @@ import secrets
 from pathlib import Path
 
 
-def write_atomic(path: Path, text: str) -> None:
-    """Make `path` hold `text`. OSError: it could not; the old text is still there."""
+def write_atomic(path: Path, data: str | bytes, mode: int = 0o666) -> None:
+    """Make `path` hold `data`.
+
+    Args:
+        mode: permissions at any moment, less the process's umask.
+
+    Raises:
+        OSError: writing failed; the old file is unchanged.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}")
+    temporary = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}")
     try:
-        with aside.open("w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode), "wb") as file:
+            file.write(data.encode() if isinstance(data, str) else data)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(aside, path)
+        replace(temporary, path)
     except BaseException:
-        aside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
-    _sync(path.parent)
+
+
+def replace(temporary: Path, path: Path, *, durable: bool = True) -> None:
+    """Move a finished temporary file of the same file system to its place.
+
+    Args:
+        durable: also after a power cut.
+    """
+    os.replace(temporary, path)
+    if durable:
+        _sync(path.parent)
 
 
 def remove(path: Path) -> None:
-    """Make `path` be gone, also after a power cut."""
+    """Remove `path`, durably."""
     path.unlink(missing_ok=True)
     _sync(path.parent)
 
@@ -37,7 +54,7 @@ def _sync(folder: Path) -> None:
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:
-        return  # a file system on which folders cannot be opened has nothing to force
+        return  # a file system whose folders cannot be opened has nothing to sync
     try:
         os.fsync(handle)
     except OSError:

@@ -1,10 +1,10 @@
-"""Bounds for a process that works aside: what a hostile file makes it do must not take the machine's memory or time.
+"""Resource limits of a worker process: a hostile file must not take the machine's memory or time.
 
-    memory    of its own (RLIMIT_DATA), not what is mapped: the columns of a day are mapped files of many gigabytes,
-              which cost nothing that is not free to go. Beyond the bound an allocation fails: MemoryError
+    memory    its own (RLIMIT_DATA), not mapped files: the columns of a day are mapped files of many gigabytes, whose
+              pages the system can drop at any time. Beyond the limit an allocation fails: MemoryError
     time      of the processor (RLIMIT_CPU), by the size of the file. Beyond it: TooLong
 
-The bound of memory is a share of what the machine, or the unit it runs in, has.
+The memory limit is a share of the memory of the machine, or of the unit it runs in.
 
 Source: getrlimit(2), RLIMIT_DATA (since Linux 4.7 private mappings count) and RLIMIT_CPU; the cgroup v2 documentation,
 "memory.max".
@@ -21,20 +21,20 @@ from pathlib import Path
 from typing import NoReturn
 
 MEMORY = 3 << 30  # bytes; opening an hour of 2 kHz takes less than 500 MB
-LEAST_MEMORY = 1 << 30  # on a small machine: libraries reserve stacks for each core, which count and cost nothing
-SHARE = 2  # one part in so many of the machine's memory is for one process
+LEAST_MEMORY = 1 << 30  # on a small machine: libraries reserve stacks for each core, which count but are not used
+SHARE = 2  # one process may use 1/SHARE of the machine's memory
 CPU_S = 1800  # a day of 1 kHz takes minutes
-LEAST_CPU_S, CPU_S_PER_MB = 60, 5  # a slow machine imports for seconds, and reads a megabyte of text in one
+LEAST_CPU_S, CPU_S_PER_MB = 60, 5  # a slow machine takes seconds to import, and one to read a megabyte of text
 
-TO_END_S = 10  # from the end of its time to being told again
+TO_END_S = 10  # from the end of its time to the next signal
 
 
 class TooLong(BaseException):
-    """The time is over."""
+    """The processor time is used up."""
 
 
 def bounded(memory: int | None = None, cpu_s: int = CPU_S) -> None:
-    """Bound this process from here on, where that can be had. To be called first."""
+    """Limit this process from here on, if the system supports it. Call it first."""
     if sys.platform != "linux":
         return
     import resource
@@ -45,7 +45,7 @@ def bounded(memory: int | None = None, cpu_s: int = CPU_S) -> None:
 
 
 def bounded_by(path: Path) -> None:
-    """The same of the time from here on, once it is known which file is read."""
+    """Limit the processor time from here on, once the file to be read is known."""
     with contextlib.suppress(OSError):
         if sys.platform == "linux":
             import resource
@@ -54,17 +54,17 @@ def bounded_by(path: Path) -> None:
 
 
 def seconds_for(size: int) -> int:
-    """How much time of a processor a file of so many bytes may take."""
+    """CPU time allowed for a file of this size, s."""
     return min(CPU_S, LEAST_CPU_S + CPU_S_PER_MB * (size >> 20))
 
 
 def memory_of_one() -> int:
-    """How much memory one process may have on this machine, bytes."""
+    """Memory allowed for one process on this machine, bytes."""
     return max(LEAST_MEMORY, min(MEMORY, min(_memories(), default=MEMORY * SHARE) // SHARE))
 
 
 def _memories() -> Iterator[int]:
-    """What the machine has, and what the groups have that this process is in."""
+    """Memory of the machine, and limits of this process's control groups."""
     with contextlib.suppress(OSError, ValueError):
         yield os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     with contextlib.suppress(OSError, StopIteration):
@@ -72,7 +72,7 @@ def _memories() -> Iterator[int]:
         own = Path("/sys/fs/cgroup") / next(line[4:] for line in lines if line.startswith("0::/"))
         for folder in (own, *own.parents):
             with contextlib.suppress(OSError, ValueError):
-                yield int((folder / "memory.max").read_text())  # "max" where there is no bound
+                yield int((folder / "memory.max").read_text())  # "max" without a limit
 
 
 def _limit(what: int, most: int) -> None:
@@ -86,12 +86,12 @@ def _limit(what: int, most: int) -> None:
 def _over(number: int, frame: object) -> NoReturn:
     import resource
 
-    _limit(resource.RLIMIT_CPU, _used_s() + TO_END_S)  # else it is told every second
+    _limit(resource.RLIMIT_CPU, _used_s() + TO_END_S)  # else the signal comes every second
     raise TooLong
 
 
 def _used_s() -> int:
-    """The time of the processor that this process has taken."""
+    """Processor time used by this process."""
     import resource
 
     used = resource.getrusage(resource.RUSAGE_SELF)

@@ -1,22 +1,21 @@
-"""At what moment did each byte of a capture arrive, when the capture holds nothing but the bytes?
+"""Arrival times reconstructed for captures that hold only bytes.
 
-The device's own clock is in the frames. So the capture is decoded, block by block, and every stretch of bytes up to and
-including a frame with a clock is due when that clock stands at that frame's time:
+The frames contain the device's own clock. So the capture is decoded, block by block, and every run of bytes up to and
+including a frame with a clock is due at that frame's time:
 
     bytes   ....[frame t0][frame, no clock][frame t1] .. [frame t2]
     pieces  └── at 0 ────┘└──── at t1 − t0 ────────┘└─ at t2 − t0 ─┘
 
-    (a frame is told from its neighbours by where the next one with a clock begins, so what stands between two clocked
-    frames leaves with the earlier one)
+    (a frame ends where the next one with a clock begins, so the bytes between two clocked frames belong to the earlier
+    one)
 
-Of each device the busiest kind of frame is followed: a GNSS solution may carry a time that is older than the samples
-around it. Of several devices in one capture each has a clock of its own, which begins where its first frame stands
-among those of the others; from then on what is due is the newest of their times.
+For each device the busiest kind of frame is followed: a GNSS solution may carry a time older than the samples around
+it. With several devices in one capture each has a clock of its own, which starts at the position of its first frame
+among those of the others; from then on the newest of their times is due.
 
-A clock that goes on after a pause says how long that was, and the capture is as long as the device's clock says; who
-plays it need not wait (`longest_ns`). A clock that starts anew, is set, or learns the date is followed from there, one
-usual interval later. Where `BLIND_BYTES` in a row hold no clock at all, they are played at `BLIND_RATE`, and it is said
-so.
+A clock that continues after a pause gives its length, and the capture lasts as long as the device's clock; a player
+need not wait (`longest_ns`). A clock that restarts, is set, or receives the date is followed from there, one usual
+interval later. `BLIND_BYTES` in a row without any clock are played at `BLIND_RATE`, and reported.
 
 Pure: no thread, no clock, no sleep. Memory is bounded by one block and one undecided stretch.
 """
@@ -37,18 +36,18 @@ from protocols.framing import Ints
 BLOCK_BYTES = 1 << 16
 BLIND_BYTES = 1 << 16
 BLIND_RATE = 11_520  # bytes/s: a full line at 115 200 Bd, 8N1
-LONGEST_PAUSE_NS = 5_000_000_000  # that anybody waits for while a capture is played
-LONGEST_LOG_NS = 30 * 86_400 * 1_000_000_000  # a clock that moved on by more was set, and nothing paused
+LONGEST_PAUSE_NS = 5_000_000_000  # the longest wait while a capture is played
+LONGEST_LOG_NS = 30 * 86_400 * 1_000_000_000  # a clock that advanced by more was set, not paused
 MOST_DATES = 2  # blocks: the first UTC after a fix may be off by one interval
-PAUSE_NS = 1_000_000_000  # a device whose clock moved on by more, while another's did not, was set
+PAUSE_NS = 1_000_000_000  # a device whose clock advanced by more, while another's did not, was set
 
 Kind = tuple[str, ...]  # the message's name and those of its fields
-CaptureSender = tuple[str, bool]  # Batch.device and Batch.verified: what has a clock of its own
+CaptureSender = tuple[str, bool]  # Batch.device and Batch.verified: the owner of a clock
 
 
 @dataclass(frozen=True, slots=True)
 class TimedBytes:
-    """Bytes that arrived together, `due_ns` after the start of the capture. `blind`: no clock said so."""
+    """Bytes that arrived together, `due_ns` after the start of the capture. `blind`: without a clock."""
 
     data: bytes
     due_ns: int
@@ -57,7 +56,7 @@ class TimedBytes:
 
 @dataclass(frozen=True, slots=True)
 class TimedBytesBuffer:
-    """Many pieces at once: (n,) where each ends in `data`, and when it is due."""
+    """Many pieces at once: (n,) end of each in `data`, and its due time."""
 
     data: bytes
     ends: Ints
@@ -76,22 +75,22 @@ class _Clock:
     """One device's clock.
 
     Args:
-        shift_ns: what is added to its times: they are when its frames are due then. None before its first frame.
-        newest_ns: the newest time with that added.
-        usual_ns: between two frames of the kind that is followed.
+        shift_ns: added to its times to get the due times of its frames. None before its first frame.
+        newest_ns: the newest time, shifted.
+        usual_ns: interval of the followed kind of frames.
     """
 
     frames: Counter[Kind] = field(default_factory=Counter)
     shift_ns: int | None = None
     newest_ns: int = 0
     usual_ns: int = 0
-    waiting: list[ClockStep] = field(default_factory=list)  # steps before a frame that is yet to come
+    waiting: list[ClockStep] = field(default_factory=list)  # steps before a later frame
 
     def due(self, starts: Ints, times: Ints, steps: Sequence[ClockStep], longest_ns: int) -> tuple[Ints, int]:
-        """When the frames of a block are due by this clock alone, and how much of pauses was left out, ns.
+        """Due times of the frames of a block by this clock alone, and the total of removed pauses, ns.
 
         Args:
-            steps: of this clock in the block, as the decoder told them.
+            steps: of this clock in the block, from the decoder.
         """
         assert self.shift_ns is not None
         due = times + self.shift_ns
@@ -110,25 +109,25 @@ class _Clock:
         return due, left_out
 
     def _follow(self, starts: Ints, due: Ints, steps: Sequence[ClockStep], apart: Collection[int]) -> None:
-        """Take steps of the clock out of `due`, but for those at the rows `apart`."""
+        """Remove steps of the clock from `due`, except those at the rows `apart`."""
         waiting, self.waiting = [*self.waiting, *steps], []
         for step in waiting:
             at = int(np.searchsorted(starts, step.offset))
             if at == len(due):
                 self.waiting.append(step)
             elif step.kind == "sync" and step.by_ns:
-                due[at:] -= step.by_ns  # the same clock, by another name
+                due[at:] -= step.by_ns  # the same clock with another epoch
             elif at not in apart and (step.kind != "jump" or step.by_ns < 0):
                 due[at:] += (int(due[at - 1]) if at else self.newest_ns) + self.usual_ns - int(due[at])
 
     def hold_back(self, newest_ns: int, starts: Ints, due: Ints, others_at: Ints, others: Ints) -> None:
-        """A clock that moved on by a pause which other devices' frames after it know nothing of was set: it is
-        followed from there, a usual interval later.
+        """Treat a clock that advanced by a pause, while later frames of other devices did not, as set: it is followed
+        from there, a usual interval later.
 
         Args:
             newest_ns: before this block.
             starts, due: of its frames in this block; `due` is changed.
-            others_at, others: of the frames of all others, in the order of the stream.
+            others_at, others: of the frames of all other devices, in stream order.
         """
         moved = np.diff(due, prepend=newest_ns)
         for row in np.flatnonzero(moved > PAUSE_NS).tolist():
@@ -141,17 +140,18 @@ class _Clock:
 
 
 class CaptureTiming:
-    """Cuts a capture into pieces with their time.
+    """Cuts a capture into timed pieces.
 
     Args:
-        decoder: a fresh decoder of the capture's protocol; None when it is not known: then all is played blind.
+        decoder: a new decoder of the capture's protocol; None if unknown: then all is played blind.
         longest_ns: longer pauses are left out.
         utc, dated: of the protocol (registry.ProtocolInfo).
+
     Attributes:
-        skipped_ns: sum of the pauses that were left out.
-        blind: whether some of it had no clock to go by.
-        started_ns: when the capture began by the UTC that its samples carry, ns since the Unix epoch; None without.
-        dated_ns: the same by what stands at its head.
+        skipped_ns: sum of the skipped pauses.
+        blind: whether some of it had no clock.
+        started_ns: start of the capture by the UTC in its samples, ns since the Unix epoch; None without.
+        dated_ns: the same by the date at its head.
     """
 
     def __init__(
@@ -176,16 +176,16 @@ class CaptureTiming:
         self.dated_ns: int | None = None
         self._utc = utc
         self._dated = dated
-        self._dates = 0  # blocks from which the UTC was taken
+        self._dates = 0  # blocks used for the UTC
 
     @property
     def is_dated(self) -> bool:
-        """Whether reading on would tell no more of when the capture began."""
+        """Whether reading on would not improve the start time of the capture."""
         return self._dates == MOST_DATES
 
     @property
     def lasted_ns(self) -> int:
-        """How long what was read so far takes."""
+        """Duration of the part read so far, ns."""
         return self._due_ns
 
     def __iter__(self) -> Iterator[TimedBytes]:
@@ -220,7 +220,7 @@ class CaptureTiming:
                 found.setdefault((event.device, event.verified), []).append(event)
         if not found:
             return
-        unknown = not self._clocks  # then the first frame sets the clock and ends nothing
+        unknown = not self._clocks  # then the first frame sets the clock and ends no piece
         steps = [event for event in events if isinstance(event, ClockStep)]
         starts, due = self._due(found, steps)
         if self._dates < MOST_DATES:
@@ -236,7 +236,7 @@ class CaptureTiming:
             yield self._take(ends[ended], before[ended])
 
     def _date(self, found: dict[CaptureSender, list[Batch]]) -> None:
-        """When the capture began, by the newest UTC in a block."""
+        """Start of the capture, from the newest UTC in a block."""
         for sender, batches in found.items():
             shift = self._clocks[sender].shift_ns
             for batch in batches if shift is not None else ():
@@ -247,19 +247,19 @@ class CaptureTiming:
                     return
 
     def _due(self, found: dict[CaptureSender, list[Batch]], steps: list[ClockStep]) -> tuple[Ints, Ints]:
-        """Where the frames that are followed begin, in stream order, and when each is due."""
+        """Starts and due times of the followed frames, in stream order."""
         rows = {sender: self._followed(sender, batches) for sender, batches in found.items()}
         rows = {sender: (starts, times) for sender, (starts, times) in rows.items() if len(starts)}
         own: dict[CaptureSender, tuple[Ints, Ints]] = {}
         newest = {sender: clock.newest_ns for sender, clock in self._clocks.items()}
         for sender, (starts, times) in sorted(rows.items(), key=lambda one: int(one[1][0][0])):
             clock = self._clocks[sender]
-            if clock.shift_ns is None:  # it begins where it stands among the others
+            if clock.shift_ns is None:  # starts at its position among the others
                 past = [due[: np.searchsorted(at, starts[0])] for at, due in own.values()]
                 clock.newest_ns = max([self._due_ns, *(int(due.max()) for due in past if len(due))])
                 newest[sender], clock.shift_ns = clock.newest_ns, clock.newest_ns - int(times[0])
-            mine = [step for step in steps if step.device == sender[0]]
-            due, left_out = clock.due(starts, times, mine, self._longest_ns)
+            own_steps = [step for step in steps if step.device == sender[0]]
+            due, left_out = clock.due(starts, times, own_steps, self._longest_ns)
             self.skipped_ns += left_out
             own[sender] = starts, due
         for sender, (starts, due) in own.items():
@@ -270,7 +270,7 @@ class CaptureTiming:
         return starts, np.maximum.accumulate(np.maximum(due, self._due_ns))
 
     def _followed(self, sender: CaptureSender, batches: list[Batch]) -> tuple[Ints, Ints]:
-        """Where the frames of a device's busiest kind begin, and what its clock says."""
+        """Starts and clocks of the frames of a device's most frequent kind."""
         clock = self._clocks.setdefault(sender, _Clock())
         for batch in batches:
             clock.frames[_kind(batch)] += len(batch)
@@ -299,7 +299,7 @@ def _kind(batch: Batch) -> Kind:
 
 
 def _in_order(batches: list[Batch]) -> tuple[Ints, Ints]:
-    """Where each frame begins and what its clock says, in stream order."""
+    """Start and clock of each frame, in stream order."""
     starts = [batch.offset for batch in batches]
     times = [batch.time_ns for batch in batches if batch.time_ns is not None]
     if not starts:
@@ -309,7 +309,7 @@ def _in_order(batches: list[Batch]) -> tuple[Ints, Ints]:
 
 
 def _merged(parts: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
-    """Starts and values of several devices in the order of the stream."""
+    """Starts and values of several devices in stream order."""
     if len(parts) == 1:
         return parts[0]
     starts = np.concatenate([np.empty(0, np.int64), *(starts for starts, _ in parts)])
@@ -320,11 +320,11 @@ def _merged(parts: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
 def play(
     pieces: Iterator[TimedBytes], now_ns: Callable[[], int], wait: Callable[[float], bool], speed: float = 1.0
 ) -> Iterator[TimedBytes]:
-    """The pieces, each when it is due.
+    """Yield the pieces, each when it is due.
 
     Args:
         now_ns: a clock that does not step.
-        wait: sleeps for so many seconds; True means stop.
+        wait: sleeps for the given seconds; True means stop.
         speed: 2 plays twice as fast.
     """
     start_ns = now_ns()

@@ -1,14 +1,14 @@
-"""An MCAP file in chunks, compressed and indexed, so that it is small and any moment of it is found at once.
+"""An MCAP file in chunks, compressed and indexed: small, and quick to seek.
 
     magic, header
-    [chunk: schemas, channels, messages][one message index a channel]   …again and again
-    metadata                                                            what was told last of each name
+    [chunk: schemas, channels, messages][one message index a channel]   … repeated
+    metadata                                                            the last of each name
     data end
     summary: schemas, channels, statistics, chunk indexes, metadata indexes, summary offsets
     footer, magic
 
-The records of a message come as they are to stand (recordings/mcap_records.py), many at once; only where they lie is
-decided here. So it runs at the speed of the compression, in little memory.
+Message records are passed in their final form (recordings/mcap_records.py), many at once; only their place is decided
+here. So it runs at the speed of the compression, in little memory.
 
 Source: MCAP specification, "Chunk", "Message Index", "Summary Section".
 """
@@ -32,13 +32,14 @@ from recordings.mcap_writer import PROFILE
 
 HEAD = MESSAGE_HEAD.size  # of a message record, before its data
 SMALLEST, LARGEST = 1 << 14, 1 << 20  # bytes of a chunk before compression
-PART = 32  # of a file: what is lost with a chunk, at most, where it is cut off or damaged
+PART = 32  # of a file: at most this share is lost with a truncated or damaged chunk
 _LEVEL = 3
 
 
 def chunk_bytes(size: int) -> int:
-    """How large the chunks of a file of that size are: those of a short one are small, because a chunk that is damaged
-    or cut off is lost whole; those of a long one are as large as reading and compressing them likes."""
+    """Chunk size for a file of that size: small for a short one, because a damaged or truncated chunk is lost whole;
+    for a long one as large as is efficient to read and compress.
+    """
     return min(max(size // PART, SMALLEST), LARGEST)
 
 
@@ -58,7 +59,7 @@ def cut(sizes: Ints, largest: int) -> Iterator[tuple[int, int]]:
 
 
 class ChunkedFile:
-    """A file that is written.
+    """A file being written.
 
     Args:
         profile: of its header.
@@ -69,7 +70,7 @@ class ChunkedFile:
         self._at = 0
         self._schemas: dict[tuple[str, str, bytes], Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._new: list[McapRecord] = []  # told within the next chunk
+        self._new: list[McapRecord] = []  # for the next chunk
         self._indexes: list[ChunkIndex] = []
         self._counts: dict[int, int] = {}
         self._first, self._last = 0, 0
@@ -83,7 +84,7 @@ class ChunkedFile:
         return at
 
     def tell(self, topics: Mapping[int, McapChannel]) -> None:
-        """Those of these channels that are new."""
+        """Write those of these channels that are new."""
         for topic in topics.values():
             if topic.id in self._channels:
                 continue
@@ -106,13 +107,13 @@ class ChunkedFile:
             self._new.append(channel)
 
     def chunk(self, data: memoryview, rows: Ints) -> None:
-        """One chunk of these messages, and its indexes."""
+        """Write one chunk of these messages, and its indexes."""
         head = b"".join(bytes_of(record) for record in self._new)
         self._new.clear()
         sizes = rows[LENGTH] + HEAD
         offsets = len(head) + np.cumsum(sizes) - sizes
         starts, ends = (rows[DATA] - HEAD).tolist(), (rows[DATA] + rows[LENGTH]).tolist()
-        if ends[-1] - starts[0] == int(sizes.sum()):  # they lie one after the other
+        if ends[-1] - starts[0] == int(sizes.sum()):  # they are consecutive
             body = head + bytes(data[starts[0] : ends[-1]])
         else:
             body = head + b"".join(data[start:end] for start, end in zip(starts, ends, strict=True))
@@ -134,29 +135,29 @@ class ChunkedFile:
         )
         begin = self._at
         for channel in np.unique(rows[CHANNEL_ID]).tolist():
-            mine = rows[CHANNEL_ID] == channel
-            pairs = np.column_stack((rows[TIME][mine], offsets[mine])).astype("<u8").tobytes()
-            told = struct.pack("<HI", channel, len(pairs)) + pairs
-            index.message_index_offsets[channel] = self._put(struct.pack("<BQ", MESSAGE_INDEX, len(told)) + told)
-            self._counts[channel] = self._counts.get(channel, 0) + int(mine.sum())
+            selected = rows[CHANNEL_ID] == channel
+            pairs = np.column_stack((rows[TIME][selected], offsets[selected])).astype("<u8").tobytes()
+            body = struct.pack("<HI", channel, len(pairs)) + pairs
+            index.message_index_offsets[channel] = self._put(struct.pack("<BQ", MESSAGE_INDEX, len(body)) + body)
+            self._counts[channel] = self._counts.get(channel, 0) + int(selected.sum())
         index.message_index_length = self._at - begin
         self._first = min(self._first, first) if self._indexes else first
         self._last = max(self._last, last)
         self._indexes.append(index)
 
     def end(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
-        """Metadata, data end, summary, footer."""
-        told = []
+        """Write metadata, data end, summary, footer."""
+        indexes = []
         for name, values in metadata.items():
             record = bytes_of(Metadata(name=name, metadata=dict(values)))
-            told.append(MetadataIndex(offset=self._put(record), length=len(record), name=name))
+            indexes.append(MetadataIndex(offset=self._put(record), length=len(record), name=name))
         statistics = Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
             chunk_count=len(self._indexes),
             message_count=sum(self._counts.values()),
-            metadata_count=len(told),
+            metadata_count=len(indexes),
             message_start_time=self._first,
             message_end_time=self._last,
             schema_count=len(self._schemas),
@@ -166,6 +167,6 @@ class ChunkedFile:
             (Opcode.CHANNEL, list(self._channels.values())),
             (Opcode.STATISTICS, [statistics]),
             (Opcode.CHUNK_INDEX, list(self._indexes)),
-            (Opcode.METADATA_INDEX, list(told)),
+            (Opcode.METADATA_INDEX, list(indexes)),
         ]
         self._put(ending(self._at, groups))

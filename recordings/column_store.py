@@ -1,22 +1,22 @@
-"""Decoded columns on disk: any stretch of any channel, exact or as min/max buckets, at once, however long it is.
+"""Decoded columns on disk: any range of any channel, exact or as min/max buckets, quickly at any length.
 
-A file of hours is decoded once, from front to back, into a store; every plot at every zoom is then one query of it. A
-store is two files, mapped into memory, an index and a manifest:
+A file of hours is decoded once, from start to end, into a store; every plot at every zoom is then one query. A store is
+two files, mapped into memory, an index and a manifest:
 
     columns.bin    block after block; a block is up to 65 536 rows of one channel, column by column, and its fine levels
-    overview.bin   the coarse levels of the blocks (recordings/downsampling.py says where in both each column is)
-    blocks.npy     one row a block: channel, rows, where its clocks and its values are, first and last key and arrival
-    manifest.json  what the channels are, and whatever the maker adds; written last, so a store without one is none
+    overview.bin   the coarse levels of the blocks (recordings/downsampling.py defines the offsets in both)
+    blocks.npy     one row a block: channel, rows, offsets of its clocks and values, first and last key and arrival
+    manifest.json  the channels, and any data of the maker; written last, so a store without one is incomplete
 
-A query reads the coarsest level that still has eight summaries for each bucket asked for: it touches a few hundred
-kilobytes, never the whole column.
+A query reads the coarsest level with at least eight summaries for each bucket: it reads a few hundred kilobytes, never
+the whole column.
 
-`key` is what a query searches by in the device base: device time mapped to host time, or the arrival where there is
-none, made non-decreasing, because a sample may carry a time older than its neighbours'. Quantities that come in one
-message have the same clocks, which are written once.
+`key` is the search key in the device base: device time mapped to host time, or the arrival if there is none, made
+non-decreasing, because a sample may carry a time older than its neighbours'. Quantities of one message have the same
+clocks, which are written once.
 
-Stores are a cache: made aside and renamed, never changed afterwards, deleted at any time. One that is being made can be
-read already (`ColumnStoreWriter.show`): blocks are only ever added, and what names them is replaced whole.
+Stores are a cache: written to a temporary folder and renamed, never changed afterwards, deletable at any time. A store
+can be read while it is being made (`ColumnStoreWriter.show`): blocks are only added, and the index is replaced whole.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from recordings import atomic_write
 from recordings.downsampling import FAR, LEVELS, level_offsets, padding, reduce
 
 Array = NDArray[Any]
@@ -43,7 +44,7 @@ _CLOCKS: tuple[Clock, ...] = ("key", "arrival", "time")
 
 VERSION = 3
 BLOCK_ROWS = 1 << 16
-PER_BUCKET = 8  # summaries that a bucket is at least made of
+PER_BUCKET = 8  # least number of summaries in a bucket
 INDEX = np.dtype(
     [
         *(("channel", "<u4"), ("rows", "<u4"), ("clocks", "<u8"), ("values", "<u8")),
@@ -51,7 +52,7 @@ INDEX = np.dtype(
         *(("key0", "<f8"), ("key1", "<f8"), ("arrival0", "<f8"), ("arrival1", "<f8")),
     ]
 )
-_CLOCKS_KEPT = 4  # written lately, to be shared: as many messages as interleave closely
+_CLOCKS_KEPT = 4  # recently written ones, for sharing: as many messages as interleave closely
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ class ChannelLayout:
 
     Args:
         dtypes: as on the wire ("f4", "u2").
-        status: of each, whether it is a word of flags, summarised by its bits.
+        status: for each, whether it is a flag word, summarised by its bits.
     """
 
     dtypes: tuple[str, ...]
@@ -69,7 +70,7 @@ class ChannelLayout:
 
 @dataclass(frozen=True, slots=True)
 class ExactRows:
-    """Rows as they are: (n,) each."""
+    """Rows as stored: (n,) each."""
 
     arrival: Floats
     time: Floats
@@ -81,7 +82,7 @@ class ExactRows:
 
 @dataclass(frozen=True, slots=True)
 class MinMaxBuckets:
-    """Rows summarised: (m,) each; a bucket without rows is left out.
+    """Summarised rows: (m,) each; a bucket without rows is left out.
 
     Args:
         t: the first key (or arrival) in the bucket, unix s.
@@ -99,12 +100,12 @@ class MinMaxBuckets:
 
 
 def downsample(rows: ExactRows, t: Floats, status: Sequence[bool], grid: tuple[float, float, int]) -> MinMaxBuckets:
-    """Buckets of rows that are in memory (a live ring): what a store answers for the same rows.
+    """Buckets of rows in memory (a live ring): same result as a store's query for these rows.
 
     Args:
         t: (n,) non-decreasing time of each row, unix s.
-        status: of each column, whether it is a word of flags.
-        grid: t0, t1, how many buckets.
+        status: for each column, whether it is a flag word.
+        grid: t0, t1, number of buckets.
     """
     cuts = _cuts(t, grid)
     return MinMaxBuckets(
@@ -116,26 +117,26 @@ def downsample(rows: ExactRows, t: Floats, status: Sequence[bool], grid: tuple[f
 
 
 def _cuts(t: Floats, grid: tuple[float, float, int]) -> NDArray[np.int64]:
-    """Where in `t` each bucket of the grid that holds something begins."""
+    """Start in `t` of each non-empty bucket of the grid."""
     t0, t1, width = grid
     place = np.clip(((t - t0) * (width / max(t1 - t0, 1e-9))).astype(np.int64), 0, width - 1)
     return np.flatnonzero(np.diff(np.maximum.accumulate(place), prepend=-1))
 
 
 class ColumnStoreWriter:
-    """A store that is being made.
+    """A store being made.
 
     Args:
-        folder: where it will be; nothing is there before `finish`.
+        folder: its final place; nothing is there before `finish`.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._aside = folder.with_name(f".{folder.name}.{os.getpid()}.making")
-        shutil.rmtree(self._aside, ignore_errors=True)
-        self._aside.mkdir(parents=True)
-        self._near = _Growing(self._aside / "columns.bin")
-        self._far = _Growing(self._aside / "overview.bin")
+        self._temporary = folder.with_name(f".{folder.name}.{os.getpid()}.making")
+        shutil.rmtree(self._temporary, ignore_errors=True)
+        self._temporary.mkdir(parents=True)
+        self._near = _Growing(self._temporary / "columns.bin")
+        self._far = _Growing(self._temporary / "overview.bin")
         self._shapes: dict[int, ChannelLayout] = {}
         self._waiting: dict[int, list[Sequence[Array]]] = {}
         self._rows: dict[int, int] = {}
@@ -144,13 +145,13 @@ class ColumnStoreWriter:
         self._written: deque[tuple[tuple[Array, Array, Array], tuple[int, int]]] = deque(maxlen=_CLOCKS_KEPT)
 
     def channel(self, number: int, shape: ChannelLayout) -> None:
-        """A channel, before its first rows."""
+        """Declare a channel, before its first rows."""
         self._shapes[number] = shape
         self._waiting[number] = []
         self._rows[number] = 0
 
     def append(self, number: int, columns: Sequence[Array]) -> None:
-        """Rows: `arrival`, `time` (unix s; NaN where there is no clock), then the channel's own columns."""
+        """Append rows: `arrival`, `time` (unix s; NaN without a clock), then the channel's own columns."""
         if len(columns[0]) == 0:
             return
         self._waiting[number].append(columns)
@@ -159,21 +160,21 @@ class ColumnStoreWriter:
             self._write(number, everything=False)
 
     @property
-    def aside(self) -> Path:
-        """The folder in which it is made: further files of the store are written there."""
-        return self._aside
+    def temporary(self) -> Path:
+        """The folder in which it is made, also for further files of the store."""
+        return self._temporary
 
     def show(self, manifest: Mapping[str, Any]) -> Path:
-        """Make the rows appended so far readable while more come: a folder for ColumnStore, gone when this is finished.
+        """Make the rows appended so far readable while more are added: a folder for ColumnStore, removed by `finish`.
 
         Raises:
             OSError: the disk failed.
         """
         self._name(manifest)
-        return self._aside
+        return self._temporary
 
     def finish(self, manifest: Mapping[str, Any]) -> ColumnStore:
-        """Write what waits, and the manifest; the store is there afterwards.
+        """Write the remaining rows and the manifest; afterwards the store exists.
 
         Raises:
             OSError: the disk failed; nothing is left behind.
@@ -182,23 +183,23 @@ class ColumnStoreWriter:
             self._name(manifest)
             self._close()
             shutil.rmtree(self._folder, ignore_errors=True)
-            os.replace(self._aside, self._folder)
+            atomic_write.replace(self._temporary, self._folder, durable=False)
         except OSError:
             self.abandon()
             raise
         return ColumnStore(self._folder)
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Remove everything written."""
         self._close()
-        shutil.rmtree(self._aside, ignore_errors=True)
+        shutil.rmtree(self._temporary, ignore_errors=True)
 
     def _close(self) -> None:
         self._near.file.close()
         self._far.file.close()
 
     def _name(self, manifest: Mapping[str, Any]) -> None:
-        """Write what waits, and name all that is written; who reads meanwhile has the names of before, or these."""
+        """Write waiting blocks and the index; concurrent readers have the old index or this one."""
         for number in self._shapes:
             self._write(number, everything=True)
         self._near.file.flush()
@@ -207,13 +208,13 @@ class ColumnStoreWriter:
         shapes = {str(number): [shape.dtypes, shape.status] for number, shape in self._shapes.items()}
         sizes = {"columns.bin": self._near.at, "overview.bin": self._far.at}
         body = json.dumps({**manifest, "version": VERSION, "shapes": shapes, "sizes": sizes}, ensure_ascii=False)
-        np.save(self._aside / "next.npy", index)
-        os.replace(self._aside / "next.npy", self._aside / "blocks.npy")
-        (self._aside / "next.json").write_text(body, encoding="utf-8")
-        os.replace(self._aside / "next.json", self._aside / "manifest.json")
+        np.save(self._temporary / "next.npy", index)
+        atomic_write.replace(self._temporary / "next.npy", self._temporary / "blocks.npy", durable=False)
+        (self._temporary / "next.json").write_text(body, encoding="utf-8")
+        atomic_write.replace(self._temporary / "next.json", self._temporary / "manifest.json", durable=False)
 
     def _write(self, number: int, *, everything: bool) -> None:
-        """Whole blocks of what waits; the rest, too, when it is everything."""
+        """Write whole blocks of the waiting rows; the rest, too, if `everything`."""
         parts, shape = self._waiting[number], self._shapes[number]
         if not parts:
             return
@@ -250,7 +251,7 @@ class ColumnStoreWriter:
         self._newest[number] = float(key[-1])
 
     def _clocks(self, clocks: tuple[Array, Array, Array]) -> tuple[int, int]:
-        """Where these and their levels are written; once, where another quantity of the message has them too."""
+        """Offsets of these clocks and their levels; written once if several quantities of a message share them."""
         for known, at in self._written:
             if all(np.array_equal(a, b, equal_nan=True) for a, b in zip(known, clocks, strict=True)):
                 return at
@@ -266,14 +267,14 @@ class ColumnStoreWriter:
 
 
 class _Growing:
-    """A file that columns are added to."""
+    """A file to which columns are appended."""
 
     def __init__(self, path: Path) -> None:
         self.file = path.open("wb", buffering=1 << 20)
         self.at = 0
 
     def put(self, array: Array) -> None:
-        """One more column."""
+        """Append a column."""
         self.file.write(array.data)
         self.file.write(bytes(padding(array.nbytes)))
         self.at += array.nbytes + padding(array.nbytes)
@@ -283,9 +284,10 @@ class ColumnStore:
     """A store, for queries. Threads may share it.
 
     Args:
-        folder: as ColumnStoreWriter made it.
+        folder: made by ColumnStoreWriter.
+
     Raises:
-        OSError, ValueError: it is not there, of another version, or damaged: make it again.
+        OSError, ValueError: it is missing, of another version, or damaged: make it again.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -304,35 +306,37 @@ class ColumnStore:
         index = np.load(folder / "blocks.npy")
         self._near, self._far = _mapped(folder / "columns.bin"), _mapped(folder / "overview.bin")
         self._blocks = {number: index[index["channel"] == number] for number in self.shapes}
-        self._firsts = {number: np.cumsum(mine["rows"]) - mine["rows"] for number, mine in self._blocks.items()}
+        self._firsts = {
+            number: np.cumsum(entries["rows"]) - entries["rows"] for number, entries in self._blocks.items()
+        }
         own = {number: [np.dtype("<" + dtype) for dtype in shape.dtypes] for number, shape in self.shapes.items()}
         self._own = own
         self._places = {
-            number: level_offsets(mine, [dtype.itemsize for dtype in own[number]])
-            for number, mine in self._blocks.items()
+            number: level_offsets(entries, [dtype.itemsize for dtype in own[number]])
+            for number, entries in self._blocks.items()
         }
         self._check(folder)
 
     def _check(self, folder: Path) -> None:
-        """Raise ValueError where the files are too short for their manifest, or hold other times than it names."""
+        """Raise ValueError if the files are too short for their manifest, or hold other times than their index."""
         for name, file in (("columns.bin", self._near), ("overview.bin", self._far)):
             if len(file) < self.manifest["sizes"][name]:
                 raise ValueError(f"{name} in {folder.name} is too short")
-        for number, mine in self._blocks.items():
-            for block in {0, len(mine) - 1} if len(mine) else ():
+        for number, entries in self._blocks.items():
+            for block in {0, len(entries) - 1} if len(entries) else ():
                 key = self._column(number, block, "key")
-                if (key[0], key[-1]) != (mine["key0"][block], mine["key1"][block]):
+                if (key[0], key[-1]) != (entries["key0"][block], entries["key1"][block]):
                     raise ValueError(f"columns.bin in {folder.name} does not hold what its index names")
 
     def rows(self, channel: int) -> int:
-        """How many rows a channel has."""
+        """Number of rows of a channel."""
         return int(self._blocks[channel]["rows"].sum())
 
     def span(self, channel: int | None = None, base: Base = "device") -> tuple[float, float] | None:
-        """First and last time of a channel, or of all; None when there is nothing."""
+        """First and last time of a channel, or of all; None without rows."""
         name = "key" if base == "device" else "arrival"
         parts = [self._blocks[channel]] if channel is not None else list(self._blocks.values())
-        ends = [(mine[f"{name}0"].min(), mine[f"{name}1"].max()) for mine in parts if len(mine)]
+        ends = [(entries[f"{name}0"].min(), entries[f"{name}1"].max()) for entries in parts if len(entries)]
         return (float(min(a for a, _ in ends)), float(max(b for _, b in ends))) if ends else None
 
     def query(
@@ -348,61 +352,62 @@ class ColumnStore:
         """The rows with t0 ≤ t ≤ t1.
 
         Args:
-            width: how many buckets are wanted; rows are given as they are when there are at most twice as many, and
-                always with 0.
-            columns: which of the channel's own columns, by position; None for all.
+            width: number of buckets; rows are returned as stored if there are at most twice as many, and always with
+                0.
+            columns: the channel's own columns, by position; None for all.
             base: which time `t` is.
         """
-        wanted = range(len(self.shapes[channel].dtypes)) if columns is None else columns
+        selected = range(len(self.shapes[channel].dtypes)) if columns is None else columns
         lo, hi = self._row(channel, t0, "left", base), self._row(channel, t1, "right", base)
         if width <= 0 or hi - lo <= 2 * width:
-            return self.exact(channel, lo, hi, columns=wanted)
-        return self._buckets(channel, lo, hi, (t0, t1, width), wanted, base)
+            return self.exact(channel, lo, hi, columns=selected)
+        return self._buckets(channel, lo, hi, (t0, t1, width), selected, base)
 
     def exact(self, channel: int, lo: int, hi: int, *, columns: Sequence[int] | None = None) -> ExactRows:
-        """Rows lo ≤ row < hi, in the order of the stream."""
-        wanted = range(len(self.shapes[channel].dtypes)) if columns is None else columns
-        names: list[Any] = ["arrival", "time", *wanted]
+        """Rows lo ≤ row < hi, in stream order."""
+        selected = range(len(self.shapes[channel].dtypes)) if columns is None else columns
+        names: list[Any] = ["arrival", "time", *selected]
         parts: list[list[Array]] = [[] for _ in names]
         for block, a, b in self._within(channel, lo, hi):
             for part, name in zip(parts, names, strict=True):
                 part.append(self._column(channel, block, name)[a:b])
-        dtypes = ["f8", "f8", *(self.shapes[channel].dtypes[i] for i in wanted)]
+        dtypes = ["f8", "f8", *(self.shapes[channel].dtypes[i] for i in selected)]
         whole = [np.concatenate(p) if p else np.empty(0, "<" + d) for p, d in zip(parts, dtypes, strict=True)]
         return ExactRows(whole[0], whole[1], whole[2:])
 
     def thinned(self, channel: int, t0: float, t1: float, most: int, *, base: Base = "device") -> ExactRows:
-        """At most `most` of the rows with t0 ≤ t ≤ t1, evenly chosen, the last one always: of an attitude a sample says
-        something, a least and a greatest component do not."""
+        """At most `most` of the rows with t0 ≤ t ≤ t1, evenly chosen, always with the last: an attitude needs samples,
+        its least and greatest components are meaningless.
+        """
         lo, hi = self._row(channel, t0, "left", base), self._row(channel, t1, "right", base)
         if hi - lo <= most:
             return self.exact(channel, lo, hi)
-        wanted = np.unique(np.linspace(lo, hi - 1, most).astype(np.int64))
+        chosen = np.unique(np.linspace(lo, hi - 1, most).astype(np.int64))
         columns: list[list[Array]] = []
         for block, a, b in self._within(channel, lo, hi):
             first = int(self._firsts[channel][block])
-            rows = wanted[np.searchsorted(wanted, first + a) : np.searchsorted(wanted, first + b)] - first
+            rows = chosen[np.searchsorted(chosen, first + a) : np.searchsorted(chosen, first + b)] - first
             names: list[Any] = ["arrival", "time", *range(len(self.shapes[channel].dtypes))]
             columns.append([self._column(channel, block, name)[rows] for name in names])
         whole = [np.concatenate(column) for column in zip(*columns, strict=True)]
         return ExactRows(whole[0], whole[1], whole[2:])
 
     def row_at(self, channel: int, t: float, base: Base = "device") -> int:
-        """The last row with time ≤ t; −1 when there is none."""
+        """The last row with time ≤ t; −1 without one."""
         return self._row(channel, t, "right", base) - 1
 
     def between(self, channel: int, t0: float, t1: float, base: Base = "device") -> tuple[int, int]:
-        """The rows with t0 ≤ t ≤ t1: the first, and the one past the last."""
+        """The rows with t0 ≤ t ≤ t1: the first, and one past the last."""
         lo = self._row(channel, t0, "left", base)
         return lo, max(lo, self._row(channel, t1, "right", base))
 
     def clock(self, channel: int, lo: int, hi: int, name: Clock = "key") -> Floats:
-        """One clock of the rows lo ≤ row < hi; `key` is the one in which they are searched, non-decreasing."""
+        """One clock of the rows lo ≤ row < hi; `key` is the non-decreasing search key."""
         parts = [self._column(channel, block, name)[a:b] for block, a, b in self._within(channel, lo, hi)]
         return np.concatenate(parts) if parts else np.empty(0)
 
     def values(self, channel: int, column: int, lo: int, hi: int) -> Iterator[Array]:
-        """One own column of the rows lo ≤ row < hi, block after block."""
+        """One own column of the rows lo ≤ row < hi, block by block."""
         for block, a, b in self._within(channel, lo, hi):
             yield self._column(channel, block, column)[a:b]
 
@@ -433,7 +438,7 @@ class ColumnStore:
         return found
 
     def _buckets(
-        self, channel: int, lo: int, hi: int, grid: tuple[float, float, int], wanted: Sequence[int], base: Base
+        self, channel: int, lo: int, hi: int, grid: tuple[float, float, int], selected: Sequence[int], base: Base
     ) -> MinMaxBuckets:
         width = grid[2]
         step = max((level for level in (1, *LEVELS) if (hi - lo) // level >= PER_BUCKET * width), default=1)
@@ -441,17 +446,17 @@ class ColumnStore:
         name: Clock = "key" if base == "device" else "arrival"
         times: list[Array] = []
         counts: list[Array] = []
-        lows: list[list[Array]] = [[] for _ in wanted]
-        highs: list[list[Array]] = [[] for _ in wanted]
+        lows: list[list[Array]] = [[] for _ in selected]
+        highs: list[list[Array]] = [[] for _ in selected]
         for block, a, b in self._within(channel, lo, hi):
             rows = int(self._blocks[channel]["rows"][block])
-            first, past = a // step, -(-b // step)  # summaries that reach over an end are in: nothing is hidden
+            first, past = a // step, -(-b // step)  # summaries across an end are included: nothing is hidden
             times.append(self._column(channel, block, name, step)[first:past])
             n = np.full(past - first, step, np.int64)
             if past * step > rows and past > first:
                 n[-1] = rows - (past - 1) * step
             counts.append(n)
-            for i, column in enumerate(wanted):
+            for i, column in enumerate(selected):
                 lows[i].append(self._column(channel, block, column, step, 0)[first:past])
                 highs[i].append(self._column(channel, block, column, step, 1)[first:past])
         t = np.concatenate(times)
@@ -459,14 +464,14 @@ class ColumnStore:
         return MinMaxBuckets(
             t[cuts],
             np.add.reduceat(np.concatenate(counts), cuts),
-            [reduce(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, wanted, strict=True)],
-            [reduce(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, wanted, strict=True)],
+            [reduce(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, selected, strict=True)],
+            [reduce(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, selected, strict=True)],
         )
 
-    # -- where a column of a block is ----------------------------------------------------------------------------------
+    # -- offsets of columns --------------------------------------------------------------------------------------------
 
     def _column(self, channel: int, block: int, name: Clock | int, step: int = 1, which: int = 0) -> Array:
-        """One column of a block: of its rows (step 1), or of a level: `which` 0 the least, 1 the greatest."""
+        """One column of a block: its rows (step 1), or a level: `which` 0 the least, 1 the greatest values."""
         n = -(-int(self._blocks[channel]["rows"][block]) // step)
         data, where = self._far if step in FAR else self._near, self._places[channel]
         if isinstance(name, str):
@@ -478,5 +483,5 @@ class ColumnStore:
 
 
 def _mapped(path: Path) -> Array:
-    """A file's bytes. No np.memmap: a slice of one is made in Python, and a query takes a thousand."""
+    """A file's bytes. Not np.memmap: it slices in Python, and a query takes a thousand slices."""
     return np.asarray(np.memmap(path, np.uint8, "r")) if path.stat().st_size else np.empty(0, np.uint8)

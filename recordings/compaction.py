@@ -1,10 +1,10 @@
-"""A closed recording is rewritten: in chunks, compressed and indexed (recordings/chunked.py), so that it is small and
-any moment of it is found at once.
+"""Compaction of a closed recording into chunks, compressed and indexed (recordings/chunked.py): small and quick to
+seek.
 
-The records of a message are copied as they stand; only where they lie changes. So packing runs at the speed of the
-compression, in little memory. The new file is written beside the old one, read again, and takes the other's name only
-when it is on disk and holds the same messages, byte for byte. A file that somebody writes is left alone, and so is one
-that is damaged anywhere but at its torn end: what stands behind a damage must not be thrown away.
+The records of messages are copied unchanged; only their place changes. So compaction runs at the speed of the
+compression, in little memory. The new file is written beside the old one, read back, and replaces it only when it is on
+disk and holds the same messages, byte for byte. A file that is being written is left alone, and so is one that is
+damaged anywhere but at its torn end: data after the damage must not be lost.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import BinaryIO
 import numpy as np
 
 from protocols.framing import Ints
-from recordings import file_lock
+from recordings import atomic_write, file_lock
 from recordings.bounds import TooLong, bounded, bounded_by
 from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
@@ -32,8 +32,8 @@ from recordings.mcap_records import message
 from recordings.mcap_writer import RecordingError, disk_error
 from recordings.parent_death import die_with_parent
 
-MEMORY = 1 << 30  # bytes, of which it takes a tenth: of a recording it holds a chunk at a time
-ASIDE = ".packing"  # a file that is being written beside the other
+MEMORY = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
+ASIDE = ".packing"  # suffix of the temporary file beside the other
 
 
 def compact(
@@ -45,14 +45,15 @@ def compact(
         path: of an MCAP file, torn or whole.
         edit: metadata "edit" to write into it.
         progress: called with 0..1.
+
     Raises:
-        RecordingError: the disk failed, somebody writes the file, it is damaged in its middle, or the copy is not the
-            same; the file is as it was.
+        RecordingError: the disk failed, the file is being written, it is damaged in its middle, or the copy differs;
+            the file is unchanged.
     """
-    # Each process has its own: one whose server was killed may still be at work when the next server begins anew.
-    aside = path.with_name(f".{path.name}.{os.getpid()}{ASIDE}")
+    # One per process: that of a killed server may still be working when the next server starts.
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{ASIDE}")
     try:
-        with path.open("rb") as held, McapReader(path) as source, aside.open("w+b") as out:
+        with path.open("rb") as held, McapReader(path) as source, temporary.open("w+b") as out:
             if not file_lock.share(held.fileno()):
                 raise RecordingError(
                     f"{path.name} is being recorded.", "It can be packed when the recording has ended."
@@ -62,25 +63,24 @@ def compact(
             _nothing_lost(source)
             out.flush()
             os.fsync(out.fileno())
-            _same(source, aside)
+            _same(source, temporary)
             stamp = path.stat()
             if not os.path.samestat(stamp, os.fstat(held.fileno())):
                 raise RecordingError(
                     f"{path.name} was replaced while it was packed.", "It is packed at the next start."
                 )
-            os.utime(aside, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-            os.replace(aside, path)
-        _sync_folder(path.parent)
+            os.utime(temporary, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+            atomic_write.replace(temporary, path)
     except OSError as error:
-        aside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise disk_error(error, path) from None
-    except BaseException:  # also when somebody has enough of waiting
-        aside.unlink(missing_ok=True)
+    except BaseException:  # also on cancellation
+        temporary.unlink(missing_ok=True)
         raise
 
 
 def _nothing_lost(source: McapReader) -> None:
-    """What was torn off is gone; what stands behind a damage is not, and must not be thrown away."""
+    """Check that nothing readable would be lost: a torn tail is lost anyway, data after a damaged part is not."""
     for damage in source.damage:
         if source.chunks or not damage.torn:
             raise RecordingError(
@@ -89,22 +89,22 @@ def _nothing_lost(source: McapReader) -> None:
 
 
 def _same(source: McapReader, made: Path) -> None:
-    """Raise RecordingError unless the new file holds what the source holds, and the source what it says it holds."""
-    wanted = _fingerprint(source)
-    told = source.statistics
-    count = sum(wanted[0].values())
-    if told is not None and told.message_count != count:
-        words = f"{source.path.name} stays as it is: {count} of its {told.message_count} messages were found."
+    """Raise RecordingError unless the new file holds all messages of the source, and the source all that it counts."""
+    expected = _fingerprint(source)
+    statistics = source.statistics
+    count = sum(expected[0].values())
+    if statistics is not None and statistics.message_count != count:
+        words = f"{source.path.name} stays as it is: {count} of its {statistics.message_count} messages were found."
         raise RecordingError(words, "All that is whole opens.")
     with McapReader(made) as copy:
         found = _fingerprint(copy)
-        if copy.damage or found != wanted:
+        if copy.damage or found != expected:
             words = f"{source.path.name} stays as it is: its packed copy does not hold the same."
             raise RecordingError(words, "Report this: it is a defect of imuscope, or of the disk.")
 
 
 def _fingerprint(recording: McapReader) -> tuple[dict[int, int], int]:
-    """How many messages each channel has, and a checksum over all of them as they stand."""
+    """Message count of each channel, and a checksum over all messages."""
     counts: Counter[int] = Counter()
     checksum = 0
     for block in recording.blocks():
@@ -118,13 +118,13 @@ def _fingerprint(recording: McapReader) -> tuple[dict[int, int], int]:
 
 
 def _runs(rows: Ints) -> Iterator[tuple[int, int]]:
-    """(first, past the last) of messages that lie one after the other."""
+    """(first, past the last) of runs of consecutive messages."""
     apart = np.flatnonzero(rows[DATA, 1:] - HEAD != rows[DATA, :-1] + rows[LENGTH, :-1]) + 1
     yield from pairwise([0, *apart.tolist(), rows.shape[1]])
 
 
 def is_uncompacted(path: Path) -> bool:
-    """Whether this is a finished recording of ours that is not packed yet."""
+    """Whether this is a finished recording that is not compacted yet."""
     if file_lock.is_written(path):
         return False
     try:
@@ -141,7 +141,7 @@ def write_compacted(
     edit: Mapping[str, str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Write `source`, chunked and indexed, to `out`: a download is this, too."""
+    """Write `source`, chunked and indexed, to `out`; also used for downloads."""
     target = ChunkedFile(out)
     largest = chunk_bytes(source.size)
     for block in source.blocks():
@@ -164,13 +164,14 @@ def write_recording(
     size: int,
     out: BinaryIO,
 ) -> None:
-    """Write a recording of what comes from elsewhere, chunked and indexed.
+    """Write data of other origin as a recording, chunked and indexed.
 
     Args:
         topics: the channels, by id.
         pieces: (channel, data, where each message ends in it, when each was logged in ns), in order.
+        pieces: (channel, data, end of each message in it, log time of each in ns), in order.
         metadata: by name.
-        size: of all data, bytes, about.
+        size: of all data, bytes, roughly.
     """
     target = ChunkedFile(out)
     target.tell(topics)
@@ -186,20 +187,11 @@ def write_recording(
     target.end(metadata)
 
 
-def _sync_folder(folder: Path) -> None:
-    """The new name is on disk, too."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def main() -> int:
-    """`python -m recordings.compaction FILE …`: pack each, with what priority is left over by others.
+    """`python -m recordings.compaction FILE …`: compact each, at low priority.
 
-    Each is told of in a line of JSON: path, packed, and the message of what went wrong. One that takes more memory or
-    time than it may have is the last.
+    Reports each as a line of JSON: path, packed, and the error message. One that exceeds its memory or time ends the
+    process.
     """
     die_with_parent()
     with contextlib.suppress(OSError, AttributeError):
@@ -224,7 +216,7 @@ def main() -> int:
 
 
 def _has_room(path: Path) -> bool:
-    """The packed file stands beside the other for a moment; it is smaller, and nobody knows how much."""
+    """Whether the disk has room for a copy: the compacted file is smaller, but by an unknown amount."""
     try:
         return shutil.disk_usage(path.parent).free > path.stat().st_size
     except OSError:

@@ -1,11 +1,11 @@
-"""A recording as one file that another imuscope opens with everything in it, and the bytes of one device as they came.
+"""Export of a whole recording for another imuscope, and of the bytes of one device as received.
 
-a recording of ours     packed again, with what a person changed in its metadata `edit`
-a capture, a log        wrapped: its bytes as chunks with the times that were made for them
-another's MCAP          as it is, with metadata `edit` put behind its messages
-CSV                     as it is, below a line of comment that holds the same
+a recording of imuscope   compacted again, with the user's changes in its metadata `edit`
+a capture, a log          wrapped: its bytes as chunks with the times derived for them
+another program's MCAP    unchanged, with metadata `edit` after its messages
+CSV                       unchanged, after a comment line with the same
 
-What nobody changed anything about is handed over byte for byte.
+Recordings without changes are passed on byte for byte.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ BOM = b"\xef\xbb\xbf"
 _RECORD = 9  # opcode, length
 _DATA_END = _RECORD + 4
 _FOOTER = _RECORD + 20
-_METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # where it stands in a record of statistics
+_METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # its offset in a statistics record
 
 
 def file_name(entry: LibraryEntry) -> str:
-    """What the file is called that `full_recording` writes."""
+    """File name of the output of `full_recording`."""
     return entry.path.name if entry.peek.format == "csv" else f"{entry.path.stem}.mcap"
 
 
@@ -60,7 +60,7 @@ def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
     source = open_file(entry.path)
     topics = {n: McapChannel(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
     metadata = {
-        RECORDING: {"title": entry.title, "source": entry.path.name, **source.about},
+        RECORDING: {"title": entry.title, "source": entry.path.name, **source.header},
         **{DEVICE + name: _about(source, name) for name in source.devices},
         EDIT: entry.edits.as_metadata(),
     }
@@ -70,28 +70,28 @@ def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
 def original_bytes(path: Path, device: str, out: BinaryIO) -> None:
     """Write the bytes that came from one device. Raises as `full_recording` does."""
     for part in open_file(path).parts():
-        if part.way == "rx" and part.device == device:
+        if part.direction == "rx" and part.device == device:
             out.write(part.data)
 
 
 def _with_edits(file: BinaryIO, edits: sidecar.Edits, format: str, out: BinaryIO) -> None:
-    """Copy a file of another program, and what a person changed about it."""
-    told = edits.as_metadata()
-    if told and format == "csv":
+    """Copy a file of another program with the user's changes."""
+    values = edits.as_metadata()
+    if values and format == "csv":
         first = file.readline(sidecar.MOST_BYTES)
         mark = BOM if first.startswith(BOM) else b""
-        line = f"{sidecar.CSV_EDIT}{json.dumps(told, ensure_ascii=False)}\n".encode()
+        line = f"{sidecar.CSV_EDIT}{json.dumps(values, ensure_ascii=False)}\n".encode()
         out.write(mark + line)
-        if sidecar.from_csv(first) == sidecar.Edits():  # else it says the older ones
+        if sidecar.from_csv(first) == sidecar.Edits():  # else its own line has older edits
             out.write(first.removeprefix(BOM))
-    if not (told and format == "mcap" and _with_metadata(file, Metadata(name=EDIT, metadata=told), out)):
+    if not (values and format == "mcap" and _with_metadata(file, Metadata(name=EDIT, metadata=values), out)):
         shutil.copyfileobj(file, out, 1 << 20)
 
 
 def _with_metadata(file: BinaryIO, metadata: Metadata, out: BinaryIO) -> bool:
-    """Copy an MCAP file with metadata behind its messages; False, and nothing written, where its end is not found.
+    """Copy an MCAP file with metadata after its messages; False, and nothing written, if its end is not found.
 
-    All that was there keeps its place, so the index of its messages holds; only the summary moves.
+    All data keeps its place, so the index of its messages stays valid; only the summary moves.
     """
     size = file.seek(0, 2)
     file.seek(max(0, size - _FOOTER - len(MAGIC)))
@@ -109,17 +109,17 @@ def _with_metadata(file: BinaryIO, metadata: Metadata, out: BinaryIO) -> bool:
     while left and (piece := file.read(min(left, 1 << 20))):
         out.write(piece)
         left -= len(piece)
-    told = bytes_of(metadata)
-    index = MetadataIndex(offset=start - _DATA_END, length=len(told), name=metadata.name)
-    out.write(told + bytes_of(DataEnd(data_section_crc=0)))
+    record = bytes_of(metadata)
+    index = MetadataIndex(offset=start - _DATA_END, length=len(record), name=metadata.name)
+    out.write(record + bytes_of(DataEnd(data_section_crc=0)))
     out.write(b"".join(_summary(tail[_DATA_END:])) + bytes_of(index))
-    out.write(bytes_of(Footer(summary_start=start + len(told), summary_offset_start=0, summary_crc=0)) + MAGIC)
+    out.write(bytes_of(Footer(summary_start=start + len(record), summary_offset_start=0, summary_crc=0)) + MAGIC)
     file.seek(0, 2)
     return True
 
 
 def _summary(records: bytes) -> Iterator[bytes]:
-    """The records of a summary with one more metadata counted, without those that tell where groups of them begin."""
+    """The records of a summary with one more metadata counted, without its summary offsets."""
     at = 0
     while at + _RECORD <= len(records):
         opcode, length = struct.unpack_from("<BQ", records, at)
@@ -133,11 +133,11 @@ def _summary(records: bytes) -> Iterator[bytes]:
 
 
 def _about(source: Source, device: str) -> dict[str, str]:
-    told = source.devices[device]
-    return {"protocol": told.protocol, "link": "file", **told.about}
+    known = source.devices[device]
+    return {"protocol": known.protocol, "link": "file", **known.identity}
 
 
 def _pieces(source: Source, topics: dict[int, McapChannel]) -> Iterator[tuple[int, bytes, Ints, Ints]]:
     numbers = {topic.name: number for number, topic in topics.items()}
     for part in source.parts():
-        yield numbers[f"{part.way}/{part.device}"], part.data, part.ends, part.times
+        yield numbers[f"{part.direction}/{part.device}"], part.data, part.ends, part.times

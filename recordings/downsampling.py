@@ -1,19 +1,19 @@
-"""How are rows summarised, and where in a store's two files does each column of a block and of its summaries lie?
+"""Min/max summaries of rows, and their offsets in the two files of a store.
 
 A *level* summarises every 16 (64, 256, 1024, 4096) rows: the first of each clock, and of each own column the least and
-the greatest value, NaN left out; of a status word the bits that were set in any row and those that were set in all of
-them, so that a fault of one sample is seen at every zoom.
+the greatest value, NaN left out; of a status word the bits set in any row and those set in all of them, so that a fault
+of one sample is visible at every zoom.
 
     columns.bin     a block's clocks   key │ arrival │ time │ key, arrival of level 16 │ of level 64
                     and its values     own columns … │ low … high … of level 16 │ of level 64
     overview.bin    its clocks         key, arrival of level 256 │ of level 1024 │ of level 4096
                     and its values     low … high … of level 256 │ of level 1024 │ of level 4096
 
-The coarse levels lie apart, because a whole recording is looked at first: of an hour at 1 kHz they are 4 MB, read at
-once, where its blocks of 400 MB would be read at a thousand places, which a slow disk takes seconds for. From one level
-to the next it is four times: what a query reads is at most four times what it needs.
+The coarse levels are stored apart, because a whole recording is shown first: for an hour at 1 kHz they are 4 MB, read
+at once, while its blocks of 400 MB would be read at a thousand places, which takes a slow disk seconds. Levels differ
+by a factor of four: a query reads at most four times what it needs.
 
-Every column begins at a multiple of 64 bytes; where, follows from the number of rows and from what is before it.
+Every column begins at a multiple of 64 bytes; its offset follows from the number of rows and the columns before it.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ CLOCK_BYTES = 8
 
 
 def padding(size: int) -> int:
-    """Bytes to the next place where a column may begin."""
+    """Bytes to the next possible start of a column."""
     return -size % ALIGN
 
 
 def reduce(column: Array, cuts: Ints, flags: bool, which: int) -> Array:
-    """Each stretch between `cuts` as one value: least (`which` 0) or greatest; of flags the bits of any, or of all."""
+    """Each range between `cuts` as one value: least (`which` 0) or greatest; of flags the bits of any, or of all."""
     if flags:
         return np.bitwise_or.reduceat(column, cuts) if which == 0 else np.bitwise_and.reduceat(column, cuts)
     return np.fmin.reduceat(column, cuts) if which == 0 else np.fmax.reduceat(column, cuts)
@@ -48,7 +48,7 @@ def reduce(column: Array, cuts: Ints, flags: bool, which: int) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class LevelOffsets:
-    """Where the columns of each block of one channel begin: step (1, or of a level) → (blocks, columns) int64.
+    """Offsets of the columns of each block of one channel: step (1, or of a level) → (blocks, columns) int64.
 
     Args:
         clocks: of step 1 key, arrival, time; of a level key, arrival.
@@ -78,7 +78,7 @@ def level_offsets(blocks: Array, sizes: Sequence[int]) -> LevelOffsets:
 
 
 def _begin(at: Array, rows: Ints, steps: Mapping[int, Ints]) -> dict[int, Ints]:
-    """Step → where each column begins, when they lie one after the other from `at`."""
+    """Step → start of each column, for columns stored consecutively from `at`."""
     found = {}
     next_at = at.astype(np.int64)
     for step, sizes in steps.items():

@@ -1,8 +1,8 @@
-"""Euler angles of what a device sends as quaternions or rotation matrices.
+"""Euler angles of quaternions or rotation matrices sent by a device.
 
-A page works them out of every sample while it is live. Of a recording it sees stretches summarised, and a least and a
-greatest quaternion component say nothing about an angle; so the angles are worked out sample by sample when a recording
-is opened, and exports have them too.
+Live, the page computes them for every sample. Of a recording it sees summaries, and the least and greatest quaternion
+component define no angle; so the angles are computed sample by sample when a recording is opened, and exports have them
+too.
 
     R = Rz(yaw) Ry(pitch) Rx(roll)     frame from body, angles in °, yaw first; within `GIMBAL` of pitch ±90° roll is 0
                                        and yaw takes the rest; a quaternion without length has no angles (NaN)
@@ -29,6 +29,7 @@ def euler_columns(columns: Sequence[Array]) -> list[Floats]:
 
     Args:
         columns: 4 of (n,): w, x, y, z; or 9: the matrix row by row.
+
     Returns:
         three columns (n,), °: roll and yaw in (−180, 180], pitch in [−90, 90].
     """
@@ -45,10 +46,11 @@ def euler_columns(columns: Sequence[Array]) -> list[Floats]:
 
 
 def quaternion_columns(columns: Sequence[Array]) -> list[Floats]:
-    """Quaternions of n rotations that come as Euler angles.
+    """Quaternions of n rotations given as Euler angles.
 
     Args:
         columns: roll, pitch and yaw, (n,) °.
+
     Returns:
         w, x, y, z: (n,) each, of unit norm.
     """

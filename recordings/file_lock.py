@@ -1,13 +1,13 @@
-"""Advisory locks on recordings, so that a file that somebody writes belongs to that writer alone.
+"""Advisory locks on recordings, so that a file being written belongs to its writer alone.
 
-    writer      holds the file exclusively from its making until it is closed     recordings/mcap_writer.py
-    compaction  shares the file it reads and the file it makes beside it          recordings/compaction.py
-    others      ask `is_written` before they rename, delete or rewrite a file, and `is_in_use` before they take away
-                what looks like a leftover
+    writer      holds the file exclusively from its creation until it is closed   recordings/mcap_writer.py
+    compaction  shares the file it reads and the file it writes beside it         recordings/compaction.py
+    others      check `is_written` before they rename, delete or rewrite a file, and `is_in_use` before they remove a
+                possible leftover
 
-The kernel releases a lock with the process that holds it, however that ended; so no lock is ever left behind, and a
-second process on the same folder sees what the first one writes. On a file system without locks nothing counts as
-held: there the one process that records leaves its own file alone by its name.
+The kernel releases a lock when the process that holds it ends, however it ends; so no lock is ever left behind, and a
+second process on the same folder sees which files the first one writes. On a file system without locks no file counts
+as held: there the one recording process excludes its own file by name.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from pathlib import Path
 
 
 def hold(handle: int) -> None:
-    """Lock an open file exclusively; nothing happens where that cannot be."""
+    """Lock an open file exclusively; no effect if the file system has no locks."""
     _locked(handle, fcntl.LOCK_EX)
 
 
 def share(handle: int) -> bool:
-    """Lock an open file together with others who share it.
+    """Lock an open file shared.
 
     Returns:
         False while a writer holds it.
@@ -32,12 +32,12 @@ def share(handle: int) -> bool:
 
 
 def is_written(path: Path) -> bool:
-    """Whether a writer holds this file; False where there is none, or where it cannot be opened."""
+    """Whether a writer holds this file; False if it does not exist or cannot be opened."""
     return _is_held(path, fcntl.LOCK_SH)
 
 
 def is_in_use(path: Path) -> bool:
-    """Whether anybody holds or shares this file."""
+    """Whether any process holds or shares this file."""
     return _is_held(path, fcntl.LOCK_EX)
 
 
@@ -49,7 +49,7 @@ def _is_held(path: Path, kind: int) -> bool:
     try:
         return not _locked(handle, kind)
     finally:
-        os.close(handle)  # and the lock goes
+        os.close(handle)  # releases the lock
 
 
 def _locked(handle: int, kind: int) -> bool:

@@ -1,7 +1,7 @@
-"""What is a recording's file called? After when it began and what was recorded: 20261121T044324Z-MTi-630.mcap.
+"""File names of recordings: start time and contents: 20261121T044324Z-MTi-630.mcap.
 
-The name is the recording's id. Words from outside (a device's name) give letters, digits, dash and underscore, never a
-path; a name that is taken gets a number.
+The name is the recording's id. External text (a device's name) is reduced to letters, digits, dash and underscore,
+never a path; a name in use gets a number.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ def slug(text: str) -> str:
 
 
 def device_names(devices: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """What each device is called where names must differ: entities, topics, frames, files. By id.
+    """Unique name of each device, by id; used for entities, topics, frames and files.
 
     Args:
-        devices: with "id" and "name"; the first of a name keeps it, the second is "MTi-630-2" by its id.
+        devices: with "id" and "name"; the first with a name keeps it, the second is "MTi-630-2" by its id.
     """
     names: dict[str, str] = {}
     for device in devices:
@@ -36,11 +36,11 @@ def device_names(devices: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def free_path(folder: Path, time_s: float, words: str) -> Path:
-    """A path in `folder` that is not taken.
+    """An unused path in `folder`.
 
     Args:
-        time_s: when it began, unix s.
-        words: what it holds; may be empty.
+        time_s: start time, unix s.
+        words: contents; may be empty.
     """
     stamp = datetime.fromtimestamp(time_s, UTC).strftime("%Y%m%dT%H%M%SZ")
     stem = "-".join(part for part in (stamp, slug(words)) if part)

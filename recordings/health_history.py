@@ -1,12 +1,13 @@
-"""How did each device fare, second by second? What the health panel tells live, found anew when a recording is opened.
+"""Per-second link and clock statistics of a recording: the live health panel's values, computed when a recording is
+opened.
 
-    fared.bin    row after row, as the recording is decoded; several rows may speak of one second
+    health.bin    row after row, as the recording is decoded; several rows may belong to one second
                  second │ device │ message │ count │ bytes │ late │ drift │ uncertainty
                    i8       u2       u2       u4      u4     f4     f4        f4
 
-`message` 0 is the link: how many bytes came, and what was known of the device's clock; any other is a kind of message:
-how many samples came in that second, and how late the latest hundredth of them was against the device's clock (ms).
-Counts of one second add up, of the others the last or the worst one counts. An hour of five messages is 750 kB.
+`message` 0 is the link: bytes received, and the state of the device's clock; any other is a kind of message: its
+samples in that second, and the delay of the latest hundredth of them against the device's clock (ms). Counts of one
+second add up; of the other values the last or the worst counts. An hour of five messages is 750 kB.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ from protocols.framing import Ints
 
 Floats = NDArray[np.float64]
 
-NAME = "fared.bin"
+NAME = "health.bin"
 ROW = np.dtype(
     [
         *(("second", "<i8"), ("device", "<u2"), ("message", "<u2"), ("count", "<u4"), ("bytes", "<u4")),
         *(("late", "<f4"), ("drift", "<f4"), ("uncertainty", "<f4")),
     ]
 )
-LATE_SHARE = 0.99  # as the live figure: what 99 of 100 samples stay below
+LATE_SHARE = 0.99  # as the live figure: 99 of 100 samples stay below
 LINK = 0
-NOBODY = 0xFFFF
+UNKNOWN = 0xFFFF
 
 
 class HealthHistoryWriter:
     """Writes the file while a recording is decoded.
 
     Args:
-        folder: the store that is being made.
+        folder: the store being made.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -49,17 +50,17 @@ class HealthHistoryWriter:
 
     @property
     def names(self) -> dict[str, list[str]]:
-        """What the numbers of devices and messages stand for, to be kept in the manifest."""
+        """Names of devices and messages by number, for the manifest."""
         return {"devices": list(self._devices), "messages": list(self._messages)}
 
-    def heard(self, device: str, ends: Ints, times: Ints) -> None:
-        """Chunks came: where each ends, and when it came (ns)."""
+    def add(self, device: str, ends: Ints, times: Ints) -> None:
+        """Add chunks: the end of each, and its arrival (ns)."""
         seconds, which = np.unique(times // 1_000_000_000, return_inverse=True)
         sizes = np.bincount(which, np.diff(ends, prepend=0), len(seconds))
         self._put(device, "", seconds, bytes=sizes)
 
     def samples(self, device: str, message: str, arrival: Floats, time: Floats) -> None:
-        """Samples of one message came: (n,) each, unix s; `time` by the device's clock, NaN where it has none."""
+        """Add samples of one message: (n,) each, unix s; `time` by the device's clock, NaN if it has none."""
         if not len(arrival):
             return
         order = np.floor(arrival).astype(np.int64)
@@ -69,15 +70,15 @@ class HealthHistoryWriter:
         self._put(device, message, order[starts], count=np.diff(starts, append=len(order)), late=np.array(worst))
 
     def clock(self, device: str, at: float, drift_ppm: float, uncertainty_ms: float) -> None:
-        """What was known of the device's clock at a moment, unix s."""
+        """Store the clock figures of a device at a time, unix s."""
         self._put(device, "", np.array([int(at)]), drift=drift_ppm, uncertainty=uncertainty_ms)
 
     def flush(self) -> None:
-        """Let it be read."""
+        """Make the data readable."""
         self._file.flush()
 
     def close(self) -> None:
-        """No more comes."""
+        """Finish the file."""
         self._file.close()
 
     def _put(self, device: str, message: str, seconds: NDArray[np.int64], **values: Any) -> None:
@@ -102,12 +103,12 @@ def _highest(late: Floats) -> float:
 
 @dataclass(slots=True)
 class HealthHistory:
-    """A stretch of seconds of one device: a list holds one value a second from `first` on; None: nothing is known.
+    """A range of seconds of one device: a list holds one value a second from `first` on; None: unknown.
 
     Args:
         first: the first second, unix s.
-        before: bytes that had come by then.
-        jitter_ms: how late the latest hundredth of the samples was.
+        before: bytes received before.
+        jitter_ms: delay of the latest hundredth of the samples.
         messages: kind of message → samples in each second.
         counted: kind of message → samples before `first`.
     """
@@ -122,19 +123,21 @@ class HealthHistory:
     counted: dict[str, int] = field(default_factory=dict)
 
 
-def fared(folder: Path, names: Mapping[str, list[str]], device: str, link: str, t0: int, t1: int) -> HealthHistory:
+def health_history(
+    folder: Path, names: Mapping[str, list[str]], device: str, link: str, t0: int, t1: int
+) -> HealthHistory:
     """The seconds t0 ≤ second ≤ t1.
 
     Args:
         folder: of the store.
         names: of its manifest.
-        link: the device whose link it shares (itself, where it has its own): bytes are the link's.
+        link: the device whose link it shares (itself if it has its own): bytes are counted per link.
     """
     n = t1 - t0 + 1
     rows = _rows(folder)
-    mine = rows[rows["device"] == _number(names, "devices", device)]
+    selected = rows[rows["device"] == _number(names, "devices", device)]
     links = rows[(rows["device"] == _number(names, "devices", link)) & (rows["message"] == LINK)]
-    near = mine[(mine["second"] >= t0) & (mine["second"] <= t1)]
+    near = selected[(selected["second"] >= t0) & (selected["second"] <= t1)]
     size = links[(links["second"] >= t0) & (links["second"] <= t1)]
     late = np.full(n, np.nan)
     np.fmax.at(late, near["second"] - t0, near["late"])
@@ -143,11 +146,11 @@ def fared(folder: Path, names: Mapping[str, list[str]], device: str, link: str, 
         before=int(links["bytes"][links["second"] < t0].sum(dtype=np.int64)),
         bytes=_summed(size["second"] - t0, size["bytes"], n),
         jitter_ms=_plain(late),
-        drift_ppm=_plain(_held(mine, "drift", t0, n)),
-        uncertainty_ms=_plain(_held(mine, "uncertainty", t0, n)),
+        drift_ppm=_plain(_held(selected, "drift", t0, n)),
+        uncertainty_ms=_plain(_held(selected, "uncertainty", t0, n)),
     )
-    past = mine[mine["second"] < t0]
-    for number in np.unique(mine["message"]).tolist():
+    past = selected[selected["second"] < t0]
+    for number in np.unique(selected["message"]).tolist():
         if number == LINK:
             continue
         name = names["messages"][number]
@@ -158,7 +161,7 @@ def fared(folder: Path, names: Mapping[str, list[str]], device: str, link: str, 
 
 
 def _rows(folder: Path) -> NDArray[Any]:
-    """Those that are whole: the last one may still be being written."""
+    """Complete rows: the last one may be partially written."""
     path = folder / NAME
     whole = path.stat().st_size // ROW.itemsize if path.exists() else 0
     return np.memmap(path, ROW, "r", shape=(whole,)) if whole else np.empty(0, ROW)
@@ -166,7 +169,7 @@ def _rows(folder: Path) -> NDArray[Any]:
 
 def _number(names: Mapping[str, list[str]], kind: str, name: str) -> int:
     known = names.get(kind, [])
-    return known.index(name) if name in known else NOBODY
+    return known.index(name) if name in known else UNKNOWN
 
 
 def _summed(place: NDArray[np.int64], values: NDArray[Any], n: int) -> list[int]:

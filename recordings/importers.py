@@ -1,16 +1,15 @@
-"""What is in this file, and how is it read? A format is one row: what its name and its first bytes say, and its reader.
+"""Importers: recognise a file and read it. Each format is a row: file name, first bytes and reader.
 
-    .mcap              a recording of ours; of others, where their messages are plain numbers (recordings/tabular.py)
-    .mtb               frames of an Xsens device, one after the other
-    .raw .dat       logs of Inertial Sense devices (recordings/inertial_sense_logs.py); all parts of a split log are one
+    .mcap              a recording of imuscope; of other programs if their messages are numbers (recordings/tabular.py)
+    .mtb .raw .dat …   logs of the vendors' programs (recordings/vendor_logs.py); a split log is one recording
     .csv               a table with a time column (recordings/tabular.py)
-    everything else    bytes as they came from a port, of any protocol
+    everything else    bytes as received from a port, of any protocol
 
-A capture has no times of arrival. They are made from the device's own clock, as if the line had been quick (Pace):
-`timed` is False then, and the page says so. It is dated by the UTC in it, or by its head or name; where none of them
-says anything it ends when the file was last written.
+A capture has no arrival times. They are derived from the device's own clock, assuming a fast line (CaptureTiming):
+`timed` is False then, and the page reports it. It is dated by its UTC, its head or its name; without any of them it
+ends when the file was last written.
 
-Source: of each format, see its module.
+Source: for each format, see its module.
 """
 
 from __future__ import annotations
@@ -22,8 +21,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from protocols.family import Damage, LogFormat, ProtocolInfo
 from protocols.registry import PROTOCOLS, detect, permissive_decoder
-from recordings import inertial_sense_logs
+from recordings import vendor_logs
 from recordings.capture_timing import CaptureTiming
 from recordings.mcap_reader import MAGIC, FileDamage, McapReader
 from recordings.mcap_writer import READABLE, RecordingError
@@ -32,26 +32,29 @@ from recordings.tabular import CsvSource, MessageSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5
-DATE_BYTES = 1 << 22  # of a log whose name says when it began: in so many a device with a receiver has told the date
-SUFFIXES = (".mcap", ".mtb", ".raw", ".dat", ".bin", ".log", ".txt", ".csv", ".hex", ".ubx", ".nmea", ".idtp", ".isb")
+DATE_BYTES = 1 << 22  # of a log whose name has its start: within these a device with a receiver has sent the date
+SUFFIXES = (
+    *(".mcap", *vendor_logs.log_suffixes(), ".bin", ".log", ".txt", ".csv", ".hex", ".ubx", ".nmea"),
+    *(f".{name}" for name in PROTOCOLS),
+)
 DEVICE = "1"
 
 
 class CaptureSource:
-    """Bytes of one device, without times: a capture, an .mtb, a .raw log and its further parts.
+    """Bytes of one device, without times: a capture, or a log and its further parts.
 
-    Args:
+    files: in order.
         files: one after the other.
         protocol: "" to recognise it.
     """
 
     timed = False
-    guessed = False  # whether its times are, for want of a clock in it; known when its parts are read
+    guessed = False  # whether its times are, without a clock in it; known when its parts are read
 
     def __init__(self, files: list[Path], format: str, protocol: str = "", about: Mapping[str, str] = {}) -> None:
         self.path = files[0]
         self.format = format
-        self.about: Mapping[str, str] = {}
+        self.header: Mapping[str, str] = {}
         self._files = files
         self._size = sum(file.stat().st_size for file in files)
         self.protocol = protocol or self._recognise()
@@ -68,10 +71,10 @@ class CaptureSource:
         return guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
 
     def _bytes(self) -> BinaryIO:
-        return _Joined(self._files)  # type: ignore[return-value]  # Pace reads, no more
+        return _Joined(self._files)  # type: ignore[return-value]  # only read
 
     def stream(self) -> BinaryIO:
-        """Its bytes from the beginning, to be read and closed."""
+        """Its bytes from the start, to be read and closed by the caller."""
         return self._bytes()
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
@@ -84,9 +87,10 @@ class CaptureSource:
             )
 
     def _started(self) -> int:
-        """When the capture began: by the UTC in its samples; by its name, or its head; or so long before it was last
-        written as its clock says."""
-        name = inertial_sense_logs.log_name(self.path)
+        """Start of the capture: by the UTC in its samples, its name or its head; else by its clock's duration before
+        the last write to the file.
+        """
+        name = vendor_logs.log_name(self.path)
         with closing(self._bytes()) as file:
             pace = paced(file, self.protocol)
             seen = 0
@@ -101,31 +105,35 @@ class CaptureSource:
         self.guessed = pace.blind
         return pace.dated_ns or max(0, self._files[-1].stat().st_mtime_ns - pace.lasted_ns)
 
-    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
-        """Nothing was kept beside the bytes."""
+    def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """Metadata stored beside the bytes: none."""
         return iter(())
 
 
 class IndexedSource(CaptureSource):
-    """A raw log with an index beside it: that knows when its bytes came, to the millisecond.
+    """A raw log with an index beside it, which gives arrival times to the millisecond.
 
-    Where the index is in another time than the device (a log that was written faster than it was measured) it is not
-    used: `fits` compares the two.
+    The index is not used if its time differs from the device's (a log that was written faster than it was measured):
+    `fits` compares the two.
     """
 
     timed = True
 
+    def __init__(self, files: list[Path], log: LogFormat, protocol: str, about: Mapping[str, str]) -> None:
+        super().__init__(files, log.name, protocol, about)
+        self._log = log
+
     def _started(self) -> int:
-        """The index is in the logger's time, as the name is."""
-        name = inertial_sense_logs.log_name(self.path)
+        """The start by the index, which uses the logger's time, as the name does."""
+        name = vendor_logs.log_name(self.path)
         return name.started_ns if name is not None else super()._started()
 
     @property
     def fits(self) -> bool:
-        """Does the index last about as long as the device's own clock says?"""
+        """Whether the duration of the index is about that of the device's own clock."""
         pieces = list(paced(self._bytes(), self.protocol).blocks())
         clock_ms = (int(pieces[-1].due_ns[-1]) - int(pieces[0].due_ns[0])) / 1e6 if pieces else 0.0
-        indexes = [inertial_sense_logs.read_index(file) for file in self._files]
+        indexes = [vendor_logs.read_index(file, self._log) for file in self._files]
         if any(index is None for index in indexes):
             return False
         last = max(int(index[1][-1]) for index in indexes if index is not None)
@@ -136,7 +144,7 @@ class IndexedSource(CaptureSource):
         done = 0
         for file in self._files:
             data = file.read_bytes()
-            index = inertial_sense_logs.read_index(file)
+            index = vendor_logs.read_index(file, self._log)
             assert index is not None
             offsets, ms = index
             inside = (offsets > 0) & (offsets < len(data))
@@ -146,8 +154,19 @@ class IndexedSource(CaptureSource):
             yield ChunkBlock(DEVICE, "rx", data, ends, times, done / max(self._size, 1))
 
 
-class DatSource(CaptureSource):
-    """A .dat log: its records as the packets that brought them."""
+class PacketSource(CaptureSource):
+    """A log that does not hold the port's bytes: its records as the packets that carried them."""
+
+    def __init__(
+        self,
+        files: list[Path],
+        log: LogFormat,
+        packets: Callable[[bytes, Damage], Iterator[bytes]],
+        protocol: str,
+        about: Mapping[str, str],
+    ) -> None:
+        super().__init__(files, log.name, protocol, about)
+        self._packets_of = packets
 
     def _bytes(self) -> BinaryIO:
         self._damage.clear()
@@ -155,16 +174,14 @@ class DatSource(CaptureSource):
 
     def _packets(self) -> Iterator[bytes]:
         for file in self._files:
-            yield from inertial_sense_logs.packets(file.read_bytes(), self._damage)
+            yield from self._packets_of(file.read_bytes(), self._note_damage)
 
-
-def is_dat(head: bytes) -> bool:
-    """Do these bytes, the first of a file, begin a .dat log of Inertial Sense, whatever the file is called?"""
-    return head.startswith(inertial_sense_logs.MARKER)
+    def _note_damage(self, offset: int, words: str) -> None:
+        self._damage.append(FileDamage(offset, words))
 
 
 def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
-    """The bytes of a capture with their times; "" where nobody knows what they are."""
+    """The bytes of a capture with their times; protocol "" if unknown."""
     if not protocol:
         return CaptureTiming(file, None)
     row = PROTOCOLS[protocol]
@@ -176,12 +193,13 @@ def open_file(path: Path, protocol: str = "") -> Source:
 
     Args:
         protocol: of a capture; "" to recognise it.
+
     Raises:
-        RecordingError: it is not there, may not be read, is empty, or nothing that is known.
+        RecordingError: it is missing, unreadable, empty, or of an unknown format.
     """
     try:
         with path.open("rb") as file:
-            head = file.read(len(MAGIC) + 8)
+            head = file.read(max(len(MAGIC) + 8, vendor_logs.MARKER_BYTES))
     except IsADirectoryError:
         raise RecordingError(f"{path.name} is a folder.", "Give a file in it.") from None
     except OSError as error:
@@ -190,19 +208,22 @@ def open_file(path: Path, protocol: str = "") -> Source:
         raise RecordingError(f"{path.name} is empty.", "Give a recording with something in it.")
     if head.startswith(MAGIC):
         return _mcap(path)
-    suffix = ".dat" if is_dat(head) else path.suffix.lower()
-    maker = _LOGS.get(suffix)
-    if maker is not None:
-        return maker(path, protocol)
+    suffix = path.suffix.lower()
+    found = vendor_logs.marked_format(head) or vendor_logs.suffix_format(suffix)
+    if found is not None:
+        return _log(path, *found, protocol)
+    if suffix == ".csv":
+        return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path)
     source = CaptureSource([path], "bin", protocol)
-    if not source.protocol:
-        hint = "Supported: .mcap, .mtb, .raw, .dat, .csv, and captures, whose protocol --protocol can name."
+    if not source.protocol and suffix not in vendor_logs.log_suffixes():
+        kinds = ", ".join((".mcap", *vendor_logs.log_suffixes(), ".csv"))
+        hint = f"Supported: {kinds}, and captures, whose protocol --protocol can name."
         raise RecordingError(f"{path.name} is not a format imuscope knows.", hint)
     return source
 
 
 def _mcap(path: Path) -> Source:
-    """A recording, or where it has no bytes of a device, the numbers in it."""
+    """A recording, or if it has no bytes of a device, the numbers in it."""
     with McapReader(path) as recording:
         if recording.is_ours:
             return McapSource(path)
@@ -213,35 +234,19 @@ def _mcap(path: Path) -> Source:
     return MessageSource(path)
 
 
-def _csv(path: Path, protocol: str) -> Source:
-    return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path)
-
-
-def _mtb(path: Path, protocol: str) -> Source:
-    return CaptureSource([path], "mtb", protocol or "xbus")
-
-
-def _raw(path: Path, protocol: str) -> Source:
-    files = inertial_sense_logs.parts_of(path)
-    name = inertial_sense_logs.log_name(path)
+def _log(path: Path, family: ProtocolInfo, log: LogFormat, protocol: str) -> Source:
+    """A file of a vendor's own format."""
+    files = vendor_logs.parts_of(path)
+    name = vendor_logs.log_name(path)
     about = {"serial_number": name.serial_number} if name is not None else {}
-    if name is not None:
-        indexed = IndexedSource(files, "raw", protocol, about)
+    protocol = protocol or (family.name if log.certain else "")
+    if log.packets is not None:
+        return PacketSource(files, log, log.packets, protocol, about)
+    if log.read_index is not None and name is not None:
+        indexed = IndexedSource(files, log, protocol, about)
         if indexed.fits:
             return indexed
-    return CaptureSource(files, "raw", protocol, about)
-
-
-def _dat(path: Path, protocol: str) -> Source:
-    with path.open("rb") as file:
-        if not is_dat(file.read(len(inertial_sense_logs.MARKER))):
-            return CaptureSource([path], "bin", protocol)
-    name = inertial_sense_logs.log_name(path)
-    about = {"serial_number": name.serial_number} if name is not None else {}
-    return DatSource(inertial_sense_logs.parts_of(path), "dat", protocol or "isb", about)
-
-
-_LOGS: Mapping[str, Callable[[Path, str], Source]] = {".mtb": _mtb, ".raw": _raw, ".dat": _dat, ".csv": _csv}
+    return CaptureSource(files, log.name, protocol, about)
 
 
 class _Joined:
@@ -263,14 +268,14 @@ class _Joined:
             self.close()
 
     def close(self) -> None:
-        """The file that is open, if one is."""
+        """Close the open file, if any."""
         if self._open is not None:
             self._open.close()
             self._open = None
 
 
 class _Generated:
-    """Bytes that are made as they are read."""
+    """Bytes generated as they are read."""
 
     def __init__(self, pieces: Iterator[bytes]) -> None:
         self._pieces = pieces
@@ -286,5 +291,5 @@ class _Generated:
         return data
 
     def close(self) -> None:
-        """Make no more of them."""
+        """Stop generating."""
         self._pieces = iter(())

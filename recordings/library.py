@@ -1,16 +1,16 @@
-"""Which recordings are there? The folder is the truth: what lies in it is listed, whoever put it there.
+"""Library: the folder of recordings. Every recording in the folder is listed, whichever program put it there.
 
     <data>/recordings/20261121T044324Z-MTi-630.mcap         a recording
-                      20261121T044324Z-MTi-630.mcap.json    what a person changed about it (recordings/sidecar.py)
+                      20261121T044324Z-MTi-630.mcap.json    changes made by the user (recordings/sidecar.py)
                       LOG_SN60339_…_0001.raw, _0002.raw     a split log: listed as one
-                      .index/<file>.json                    what was found out when it was opened; may be deleted
-                      .bin/<ms>/…                           deleted at that time, with all that belongs to it; 7 days
+                      .index/<file>.json                    findings of the first opening; may be deleted
+                      .bin/<ms>/…                           deleted at that time, with all its files; kept for 7 days
                       .incoming/<token>/…                   being uploaded
 
-A recording's id is its file's name without suffix; where several files share that, the first kind of `SUFFIXES` has it
-and the others go by their whole name. Listing looks at names, sizes and times only; a file is looked into (probe.py)
-when these are new. Subfolders are not looked into. Names from outside never become paths: a recording is found among
-those that are listed, and the name of an upload is cleaned.
+A recording's id is its file's name without suffix; if several files share that, the first kind of `SUFFIXES` has it and
+the others use their whole name. Listing reads names, sizes and times only; a file is probed (probe.py) when these are
+new. Subfolders are ignored. External names never become paths: a recording is looked up in the list, and the name of an
+upload is cleaned.
 
 Threads may share a Library; its methods wait for the disk.
 """
@@ -31,20 +31,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recordings import atomic_write, file_lock, inertial_sense_logs, sidecar
+from recordings import atomic_write, file_lock, sidecar, vendor_logs
 from recordings.column_store import ColumnStore
 from recordings.importers import SUFFIXES, open_file
 from recordings.mcap_writer import RecordingError, disk_error
-from recordings.probe import RecordedDevice, RecordingProbe, probe
+from recordings.probe import ProbedDevice, RecordingProbe, probe
 from recordings.quota import BIN
 from recordings.sidecar import Edits, Marker
 from recordings.summary import is_summary, summarize
 
 INDEX, INCOMING = ".index", ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
-STALE_S = 3600.0  # an upload that nobody goes on with
+STALE_S = 3600.0  # age of an abandoned upload
 LONGEST_NAME = 120
-DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # what no file may be called on Windows
+DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # reserved names on Windows
 _SWEEP_S = 600.0
 _COMPANIONS = (".idx",)
 
@@ -54,10 +54,10 @@ class LibraryEntry:
     """One recording in the list.
 
     Args:
-        files: it consists of these, in order; the first names it.
-        peek: what it says of itself, with what was found when it was opened.
-        edits: what a person changed, over what the file holds.
-        indexed: whether it was looked at since it is as it is (Library.learn).
+        files: of the recording, in order; the first names it.
+        peek: its own metadata, with findings of the first opening.
+        edits: changes made by the user, over those in the file.
+        indexed: whether it was indexed since its last change (Library.index).
         deleted: unix s, while it is in the bin.
     """
 
@@ -83,33 +83,33 @@ class LibraryEntry:
 
     @property
     def markers(self) -> int:
-        """How many, also those put in later."""
+        """Number of markers, including those added later."""
         return max(self.peek.markers, len(self.marker_texts)) + len(self.edits.markers)
 
     @property
     def began(self) -> float:
-        """What the list is sorted by."""
+        """Sort key of the list."""
         return self.peek.started if self.peek.started is not None else self.modified
 
-    def holds(self, words: Iterable[str]) -> bool:
-        """Are all these words (case-folded) somewhere in what is told of it?"""
+    def contains(self, words: Iterable[str]) -> bool:
+        """Whether all these words (case-folded) occur in the metadata."""
         devices = [text for one in self.peek.devices for text in (one.name, one.product, one.serial_number)]
         edits = self.edits
         markers = [marker.text for marker in edits.markers]
-        told = (self.title, self.path.name, *(edits.tags or ()), edits.notes or "", *devices, *markers)
-        text = "\n".join((*told, *self.marker_texts)).casefold()
+        texts = (self.title, self.path.name, *(edits.tags or ()), edits.notes or "", *devices, *markers)
+        text = "\n".join((*texts, *self.marker_texts)).casefold()
         return all(word in text for word in words)
 
 
 class NamingError(RecordingError):
-    """A recording cannot be called that: another file has the name, or it says nothing."""
+    """The name is not possible for a recording: taken, or without letters and digits."""
 
 
 class Library:
     """The recordings of one folder.
 
     Args:
-        folder: made when something is written into it.
+        folder: created on the first write.
         now: unix seconds.
     """
 
@@ -118,7 +118,8 @@ class Library:
         self._now = now
         self._lock = threading.RLock()
         self._peeks: dict[Path, tuple[tuple[int, int], RecordingProbe | None]] = {}
-        self._swept = -_SWEEP_S
+        self._paths: dict[str, Path] = {}
+        self._last_removal = -_SWEEP_S
 
     # ── listing ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -126,9 +127,10 @@ class Library:
         """Newest first; then those in the bin, newest deletion first."""
         words = search.casefold().split()
         with self._lock:
-            self._sweep()
-            entries = [entry for entry in self._live() if entry.holds(words)]
-            gone = [entry for entry in self._deleted() if entry.holds(words)]
+            self._remove_stale()
+            entries = [entry for entry in self._live() if entry.contains(words)]
+            gone = [entry for entry in self._deleted() if entry.contains(words)]
+        self._paths.update({entry.id: entry.path for entry in entries})
         return [
             *sorted(entries, key=lambda entry: entry.began, reverse=True),
             *sorted(gone, key=lambda entry: entry.deleted or 0.0, reverse=True),
@@ -138,32 +140,39 @@ class Library:
         """One that is not deleted.
 
         Raises:
-            KeyError: there is none of that id.
+            KeyError: not found.
         """
         with self._lock:
-            return next((entry for entry in self._live(only=recording) if entry.id == recording), None) or _none(
+            return next((entry for entry in self._live(only=recording) if entry.id == recording), None) or _missing(
                 recording
             )
 
     def path(self, recording: str) -> Path:
-        """Its file, the first where there are several. KeyError: there is none of that id."""
+        """Its file, the first if there are several. KeyError: not found."""
         return self.get(recording).path
 
+    def known_path(self, recording: str) -> Path:
+        """Its file as last listed, without reading the folder again. KeyError: not found."""
+        known = self._paths.get(recording)
+        if known is None or not known.exists():
+            known = self._paths[recording] = self.get(recording).path
+        return known
+
     def stamp(self, written: str = "") -> int:
-        """Changes when a file in the folder does, but for one that is being written (its name without suffix)."""
+        """A number that changes with any file in the folder, except one being written (its name without suffix)."""
         with self._lock:
             files = sorted(self._files(self.folder).items())
         return hash(tuple((path.name, *stamp) for path, stamp in files if path.stem != written))
 
-    def learn(self, recording: str, columns: ColumnStore) -> None:
-        """Keep what the list wants to know of an opened recording. KeyError: there is none of that id."""
+    def index(self, recording: str, columns: ColumnStore) -> None:
+        """Store the index of an opened recording for the list. KeyError: not found."""
         entry = self.get(recording)
         stat = entry.path.stat()
         body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, **summarize(columns)}
         for device in body["devices"]:
             if device["name"] == entry.path.name:
-                device["name"] = ""  # it has none but its file's, which may change
-        with contextlib.suppress(OSError):  # a folder that is not ours to write: it is found out anew each time
+                device["name"] = ""  # it has only its file's name, which may change
+        with contextlib.suppress(OSError):  # a read-only folder: indexed again each time
             (self.folder / INDEX).mkdir(exist_ok=True)
             atomic_write.write_atomic(
                 self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False)
@@ -193,7 +202,7 @@ class Library:
             return []
 
     def _files(self, folder: Path) -> dict[Path, tuple[int, int]]:
-        """What lies in a folder and may be a recording: path → size, time of change."""
+        """Files of a folder that may be recordings: path → size, time of change."""
         found = {}
         try:
             with os.scandir(folder) as entries:
@@ -226,12 +235,12 @@ class Library:
 
     def _apply_index(self, entry: LibraryEntry, stamp: tuple[int, int]) -> None:
         try:
-            told = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
-            if (told["size"], told["modified_ns"]) != stamp or not is_summary(told):
+            index = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
+            if (index["size"], index["modified_ns"]) != stamp or not is_summary(index):
                 return
-            entry.peek = _completed(entry.peek, told, entry.path.name)
-            entry.thumbnail, entry.losses = told["thumbnail"], told["losses"]
-            entry.marker_texts = told["markers"]
+            entry.peek = _completed(entry.peek, index, entry.path.name)
+            entry.thumbnail, entry.losses = index["thumbnail"], index["losses"]
+            entry.marker_texts = index["markers"]
             entry.indexed = True
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return
@@ -239,39 +248,40 @@ class Library:
     # ── changing ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def edit(self, recording: str, edits: Edits) -> LibraryEntry:
-        """Change what is not None; markers are added to those that there are.
+        """Apply the changes that are not None; markers are added to the existing ones.
 
         Raises:
-            KeyError: there is none of that id.
-            RecordingError: it cannot be kept.
+            KeyError: not found.
+            RecordingError: they cannot be stored.
         """
         with self._lock:
             entry = self.get(recording)
-            self._keep(entry, edits.over(sidecar.read(entry.path)))
+            self._store(entry, edits.over(sidecar.read(entry.path)))
             return self.get(recording)
 
     def mark(self, recording: str, marker: Marker) -> Marker:
-        """A marker or note that was not put in while it was recorded. Raises as `edit` does."""
+        """Add a marker or note after recording. Raises as `edit` does."""
         with self._lock:
             entry = self.get(recording)
             edits = entry.edits.with_marker(marker)
-            self._keep(entry, replace(sidecar.read(entry.path), markers=edits.markers))
+            self._store(entry, replace(sidecar.read(entry.path), markers=edits.markers))
             return edits.markers[-1]
 
-    def _keep(self, entry: LibraryEntry, edits: Edits) -> None:
+    def _store(self, entry: LibraryEntry, edits: Edits) -> None:
         try:
             sidecar.write(entry.path, edits)
         except OSError as error:
             raise disk_error(error, sidecar.sidecar_path(entry.path)) from None
 
     def rename(self, recording: str, name: str) -> LibraryEntry:
-        """Give its file another name, and so the recording another id; what belongs to it comes along.
+        """Rename its file, which changes the recording's id; its companion files are renamed too.
 
         Args:
-            name: as a person typed it, with or without the suffix, which stays.
+            name: as entered by the user, with or without the suffix, which stays.
+
         Raises:
-            KeyError: there is none of that id.
-            NamingError: it cannot be called that.
+            KeyError: not found.
+            NamingError: the name is not possible.
             RecordingError: it cannot be renamed.
         """
         with self._lock:
@@ -280,7 +290,7 @@ class Library:
             _check_unused(entry)
             if len(entry.files) > 1:
                 hint = "Give it a title instead."
-                raise NamingError("The parts of a split log are told by their names, which stay.", hint)
+                raise NamingError("Parts of a split log are identified by their names, which cannot change.", hint)
             typed = name.strip()
             typed = typed[: -len(path.suffix)] if typed.lower().endswith(path.suffix.lower()) else typed
             if not any(c.isalnum() for c in typed):
@@ -298,12 +308,12 @@ class Library:
                     os.rename(one, to)
             except OSError as error:
                 raise disk_error(error, path) from None
-            with contextlib.suppress(OSError):  # else it is found out anew
+            with contextlib.suppress(OSError):  # else it is indexed again
                 os.rename(self.folder / INDEX / f"{path.name}.json", self.folder / INDEX / f"{target.name}.json")
             return next(one for one in self._live() if one.path == target)
 
     def delete(self, recording: str) -> LibraryEntry:
-        """Into the bin, with all that belongs to it. Raises as `edit` does."""
+        """Move it to the bin, with all its files. Raises as `edit` does."""
         with self._lock:
             entry = self.get(recording)
             _check_unused(entry)
@@ -319,15 +329,15 @@ class Library:
             return replace(entry, deleted=stamp / 1000)
 
     def undelete(self, recording: str) -> LibraryEntry:
-        """Out of the bin; of several the one that was deleted last.
+        """Restore from the bin; of several the one deleted last.
 
         Raises:
-            KeyError: there is none of that id in the bin.
-            NamingError: a file of that name is there.
+            KeyError: not in the bin.
+            NamingError: a file of that name exists.
         """
         with self._lock:
             found = [entry for entry in self._deleted() if recording == entry.id]
-            entry = max(found, key=lambda one: one.deleted or 0.0, default=None) or _none(recording)
+            entry = max(found, key=lambda one: one.deleted or 0.0, default=None) or _missing(recording)
             source = entry.path.parent
             taken = next((file for file in source.iterdir() if (self.folder / file.name).exists()), None)
             if taken is not None:
@@ -340,11 +350,11 @@ class Library:
                 raise disk_error(error, entry.path) from None
             return next(one for one in self._live() if one.path.name == entry.path.name)
 
-    def _sweep(self) -> None:
-        """Empty the bin of what is older than 7 days; forget uploads that ended in the middle."""
-        if self._now() - self._swept < _SWEEP_S:
+    def _remove_stale(self) -> None:
+        """Remove what has been in the bin for more than 7 days, and abandoned uploads."""
+        if self._now() - self._last_removal < _SWEEP_S:
             return
-        self._swept = self._now()
+        self._last_removal = self._now()
         for folder in self._bins():
             if self._now() - int(folder.name) / 1000 > KEPT_S:
                 shutil.rmtree(folder, ignore_errors=True)
@@ -355,13 +365,13 @@ class Library:
         there = self._files(self.folder)
         self._peeks = {path: known for path, known in self._peeks.items() if path in there or BIN in path.parts}
 
-    # ── taking in ────────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── uploads ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def incoming(self, name: str) -> Path:
-        """A path to write an upload to, under its cleaned name; `take` or `refuse` it afterwards.
+        """A path to write an upload to, under its cleaned name; `add_file` or `refuse` it afterwards.
 
         Raises:
-            RecordingError: there is no place for it.
+            RecordingError: there is no room for it.
         """
         folder = self.folder / INCOMING / secrets.token_hex(8)
         try:
@@ -370,11 +380,11 @@ class Library:
             raise disk_error(error, folder) from None
         return folder / clean_name(name)
 
-    def take(self, path: Path) -> LibraryEntry:
-        """An upload is whole: look whether it is a recording, and let it appear.
+    def add_file(self, path: Path) -> LibraryEntry:
+        """Check a complete upload and add it to the list.
 
         Raises:
-            RecordingError: it is nothing that can be opened; it is gone then.
+            RecordingError: it is not a recording that can be opened; it is removed.
         """
         try:
             open_file(path)
@@ -388,13 +398,13 @@ class Library:
             self.refuse(path)
 
     def refuse(self, path: Path) -> None:
-        """Leave nothing of an upload."""
+        """Remove an upload completely."""
         shutil.rmtree(path.parent, ignore_errors=True)
 
 
 def clean_name(name: str) -> str:
-    """A file's name out of whatever somebody calls it: no folder, nothing hidden, nothing that cannot be printed,
-    nothing that a command takes for an option or Windows for a device.
+    """A safe file name from any name: no folder, not hidden, printable, not a command-line option or a Windows
+    device.
 
     >>> clean_name("../../etc/passwd\\x00")
     'passwd.bin'
@@ -411,7 +421,7 @@ def clean_name(name: str) -> str:
 
 
 def _free(path: Path) -> Path:
-    """The path, or one like it that is not taken."""
+    """The path, or a similar one that is not taken."""
     count, free = 1, path
     while free.exists():
         count += 1
@@ -420,27 +430,27 @@ def _free(path: Path) -> Path:
 
 
 def _check_unused(entry: LibraryEntry) -> None:
-    """Raise RecordingError while somebody, in whatever process, writes the recording."""
+    """Raise RecordingError while any process writes the recording."""
     if any(file_lock.is_written(file) for file in entry.files):
         raise RecordingError(f"{entry.path.name} is being recorded.", "Stop the recording first.")
 
 
-def _none(recording: str) -> LibraryEntry:
+def _missing(recording: str) -> LibraryEntry:
     raise KeyError(recording)
 
 
 def _groups(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[int, int]]]:
-    """The files of one recording together: the parts of a log in order, any other file alone."""
+    """The files grouped by recording: the parts of a log in order, any other file alone."""
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
     for path in files:
-        name = inertial_sense_logs.log_name(path) if path.suffix.lower() in (".raw", ".dat") else None
+        name = vendor_logs.log_name(path) if path.suffix.lower() in vendor_logs.log_suffixes() else None
         key = (name.stem if name is not None else path.name, path.suffix)
         groups.setdefault(key, []).append((name.part if name is not None else 0, path))
     return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]
 
 
 def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Path, tuple[int, int]]]]:
-    """Each group with the id that the module's docstring gives it."""
+    """Each group with its id, as the module's docstring defines it."""
 
     def rank(group: dict[Path, tuple[int, int]]) -> tuple[int, str]:
         first = next(iter(group))
@@ -454,19 +464,19 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
     return list(found.items())
 
 
-def _completed(known: RecordingProbe, told: dict[str, Any], file: str) -> RecordingProbe:
-    """What the file says of itself, with what was found when it was opened."""
+def _completed(known: RecordingProbe, index: dict[str, Any], file: str) -> RecordingProbe:
+    """Metadata of the file, completed with the findings of the first opening."""
     return replace(
         known,
-        started=told["started"] if told["started"] is not None else known.started,
-        duration=told["duration"] if told["duration"] is not None else known.duration,
-        devices=[RecordedDevice(**{**one, "name": one["name"] or file}) for one in told["devices"]] or known.devices,
-        damaged=told["damaged"] or known.damaged,
+        started=index["started"] if index["started"] is not None else known.started,
+        duration=index["duration"] if index["duration"] is not None else known.duration,
+        devices=[ProbedDevice(**{**one, "name": one["name"] or file}) for one in index["devices"]] or known.devices,
+        damaged=index["damaged"] or known.damaged,
     )
 
 
 def _belonging(files: list[Path]) -> list[Path]:
-    """A recording's files, and what lies beside them because of them."""
+    """A recording's files and their companions."""
     found = []
     for file in files:
         others = (sidecar.sidecar_path(file), *(file.with_suffix(suffix) for suffix in _COMPANIONS))

@@ -1,14 +1,14 @@
-"""What numbers are in a message that another program recorded? Its schema, which the file holds, says it.
+"""Decoders for MCAP messages of other programs, chosen by the schema in the file.
 
-    json                       the message says it itself
-    protobuf   protobuf        a FileDescriptorSet: foxglove.*, and whatever else describes itself
-    cdr        ros2msg         the text of its definition: sensor_msgs/msg/Imu and all that a ROS 2 bag holds
+    json                       self-describing
+    protobuf   protobuf        a FileDescriptorSet: foxglove.* and any other
+    cdr        ros2msg         the text of its definition: sensor_msgs/msg/Imu and everything in a ROS 2 bag
 
 A number within messages and short arrays is a column: angular_velocity.x, orientation_covariance.0. Text, bytes and
-long arrays (images, clouds) are none. When it was measured is its header.stamp, stamp or timestamp, where it has one.
+long arrays (images, clouds) are not. The time of measurement is header.stamp, stamp or timestamp, if present.
 
-The libraries are loaded when such a file is opened. Schemas and messages come from outside: one that makes no sense
-gives no reader, or no numbers.
+The libraries are loaded when such a file is opened. Schemas and messages come from outside: invalid ones give no
+reader, or no numbers.
 
 Source: MCAP well-known encodings, mcap.dev/spec/registry; units: ROS REP 103 and the definitions in sensor_msgs.
 """
@@ -42,10 +42,10 @@ _EMPTY_SECTION = re.compile(r"(?:^|\n)MSG:[^\n]*\n(?:[ \t]*(?:#[^\n]*)?(?:\n|$))
 
 @dataclass(slots=True)
 class NumericMessage:
-    """The numbers of one message by their path, and when it was measured, unix s; NaN where it does not say.
+    """The numbers of one message by their path, and its time of measurement, unix s; NaN if absent.
 
     Args:
-        rows: of a table of a moment ({"rows": [{…}, …]}, as exports of ours have satellites), each of its rows.
+        rows: the rows of a table of a moment ({"rows": [{…}, …]}, as satellites in our own exports).
     """
 
     stamp: float = math.nan
@@ -53,12 +53,12 @@ class NumericMessage:
     rows: list[NumericMessage] = field(default_factory=list)
 
     def put(self, path: str, value: Any) -> None:
-        """One value: only numbers count."""
+        """Store one value, if it is a number."""
         if isinstance(value, bool | int | float):
             self.of[path or "value"] = float(value)
 
     def stamped(self, path: str, seconds: float, nanoseconds: float) -> None:
-        """A moment: when it was measured, where the path says so; else it is a number like others."""
+        """Store a time: the time of measurement if the path says so, else a number like others."""
         moment = seconds + nanoseconds / 1e9
         if path in STAMPS:
             self.stamp = moment if moment > 0 else math.nan
@@ -70,7 +70,7 @@ MessageReader = Callable[[bytes], NumericMessage]
 
 
 def reader_of(topic: McapChannel) -> MessageReader | None:
-    """What reads the messages of a channel; None where nobody can say what they mean."""
+    """Decoder for the messages of a channel; None if their encoding is unknown."""
     maker = _MAKERS.get((topic.encoding, topic.schema_encoding if topic.encoding != "json" else ""))
     try:
         read = maker(topic) if maker is not None else None
@@ -79,17 +79,17 @@ def reader_of(topic: McapChannel) -> MessageReader | None:
     if read is None:
         return None
 
-    def careful(data: bytes) -> NumericMessage:
+    def safe(data: bytes) -> NumericMessage:
         try:
             return read(data)
         except _SENSELESS:
             return NumericMessage()
 
-    return careful
+    return safe
 
 
 def unit_of(topic: McapChannel, path: str) -> str:
-    """The unit of a number, where the kind of message says it."""
+    """The unit of a number, if the message type defines it."""
     known = UNITS.get(topic.schema, {})
     return next((unit for name, unit in known.items() if path == name or path.startswith(f"{name}.")), "")
 
@@ -124,11 +124,11 @@ def _ros2(topic: McapChannel) -> MessageReader | None:
 
     text = topic.schema_data.decode()
     if _EMPTY_SECTION.search(text) or not all(c.isprintable() or c in "\n\r\t" for c in text):
-        return None  # an array of what is empty has any length in no bytes; and what is wrong gets printed
+        return None  # an array of empty elements has any length in no bytes; and errors in the text are printed
     schema = Schema(id=1, data=topic.schema_data, encoding="ros2msg", name=topic.schema)
     try:
         decode = DecoderFactory().decoder_for("cdr", schema)
-    except Exception as error:  # its parser has a dozen of its own, of no common kind
+    except Exception as error:  # the parser raises a dozen types without a common base
         raise ValueError(str(error)) from None
     if decode is None:
         return None
@@ -182,7 +182,7 @@ def _protobuf(topic: McapChannel) -> MessageReader:
 
 
 def _in_order(files: Mapping[str, Any]) -> list[Any]:
-    """Each file after those that it needs."""
+    """Each file after its dependencies."""
     done: dict[str, Any] = {}
 
     def visit(name: str, depth: int) -> None:
@@ -198,7 +198,7 @@ def _in_order(files: Mapping[str, Any]) -> list[Any]:
 
 
 def _fields(message: Any, path: str, depth: int, found: NumericMessage) -> None:
-    """The numbers of a protobuf message, also those that are zero because nobody set them."""
+    """The numbers of a protobuf message, including unset ones, which are zero."""
     if depth > DEEPEST:
         return
     for one in message.DESCRIPTOR.fields:

@@ -1,16 +1,16 @@
-"""Reading a recording quickly: where are its messages, and what is told about it?
+"""Fast reading of a recording: an index of its messages, and its metadata.
 
 A recording of an hour has hundreds of thousands of chunks; one Python object for each would take longer than decoding
-their bytes. So records are found by a compiled loop that writes a table, a block of records at a time: a block is an
-MCAP chunk, or, in a file that is being recorded or was torn off, a few thousand of its records.
+their bytes. So a compiled loop finds the records and writes a table, a block of records at a time: a block is an MCAP
+chunk or, in a file that is being recorded or was truncated, a few thousand of its records.
 
-    file     [magic][header][channel][message][message]···[message][mess        torn: the last record is not whole
+    file     [magic][header][channel][message][message]···[message][mess        torn: the last record is incomplete
     block                    ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
-    table    one column a message: channel, time, where its data begin, how many bytes
+    table    one column a message: channel, time, start of its data, number of bytes
 
-Damage never raises: `McapReader.damage` says where the file stops making sense and why. Everything before is given, and
-what stands whole behind it: reading resumes where several records follow each other again. A chunk whose checksum fails
-is left out and told; what comes after it is read.
+Damage never raises: `McapReader.damage` lists where the file is invalid and why. Everything before is returned, and so
+are intact records after it: reading resumes where several records follow each other again. A chunk whose checksum fails
+is skipped and reported; data after it is read.
 
 Source: MCAP specification, "Records".
 """
@@ -35,21 +35,21 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 
 from protocols.framing import Bytes, Ints
-from protocols.jit import BYTES, FOUR, INT, TABLE, compiled
+from protocols.jit import BYTES, FOUR, INT, TABLE, compiled, load_for
 from recordings.mcap_writer import PROFILE, READABLE, RecordingError
 from recordings.tolerant_json import loads
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
-PRIVATE = 0x80  # and above: kinds of record that an application may have for itself
-ENDINGS = (DATA_END, FOOTER)  # of the length that they have; of another they are damage
+PRIVATE = 0x80  # and above: record types reserved for applications
+ENDINGS = (DATA_END, FOOTER)  # with a fixed length; any other is damage
 CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
-LARGEST_CHUNK = 64 << 20  # bytes; one that claims to be larger is damage. Writers make chunks of 1 to 4 MB
+LARGEST_CHUNK = 64 << 20  # bytes; a larger one is damage. Writers make chunks of 1 to 4 MB
 _RECORD = 9  # opcode, length
 TORN, FULL, AT_END = -1, -2, -3
 _COLUMNS = 1 << 15
-_LONGEST_RECORD = 64 << 20  # bytes; of a record that is not a chunk: more is damage
+_LONGEST_RECORD = 64 << 20  # bytes, of a record that is not a chunk; a longer one is damage
 
 
 @compiled(INT, BYTES, INT)
@@ -63,7 +63,7 @@ def _u8(data: Bytes, at: int) -> int:
 def _messages(data: Bytes, at: int, table: Ints) -> tuple[int, int, int, int]:
     """Walk over records from `at`: (messages written, where it stopped, opcode there, its length).
 
-    Stops before a record that is no message (its opcode is given), before one that is not whole (TORN), at the end
+    Stops before a record that is not a message (its opcode is returned), before an incomplete one (TORN), at the end
     (AT_END), or when the table is full (FULL).
     """
     n = 0
@@ -91,11 +91,11 @@ def _messages(data: Bytes, at: int, table: Ints) -> tuple[int, int, int, int]:
 
 @compiled(INT, BYTES, INT, BYTES)
 def _resume(data: Bytes, at: int, known: Bytes) -> int:
-    """Where records follow each other again, at or behind `at`: a message of a known channel or a chunk, and three more
-    whole records or the end of the data behind it; −1 where they do not.
+    """Next offset at or after `at` where records follow each other: a message of a known channel or a chunk, then three
+    more whole records or the end of the data; −1 if there is none.
 
     Args:
-        known: (65536,) 1 at the id of every channel that has been described.
+        known: (65536,) 1 at the id of every described channel.
     """
     end = len(data)
     while at + 31 <= end:
@@ -122,12 +122,12 @@ def _resume(data: Bytes, at: int, known: Bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class MessageBlock:
-    """Messages that lie together.
+    """Consecutive messages.
 
     Args:
         data: the bytes that `table` points into.
-        table: (4, n) int64: CHANNEL_ID, TIME (ns), DATA (offset in `data`), LENGTH; in the order of the file.
-        done: bytes of the file up to here, for a progress bar.
+        table: (4, n) int64: CHANNEL_ID, TIME (ns), DATA (offset in `data`), LENGTH; in file order.
+        done: bytes of the file up to here, for progress.
     """
 
     data: memoryview
@@ -139,7 +139,7 @@ class MessageBlock:
         return np.ascontiguousarray(self.table[:, self.table[CHANNEL_ID] == channel])
 
     def joined(self, rows: Ints) -> tuple[bytes, Ints]:
-        """The data of these messages one after the other, and where each ends: (n,) int64."""
+        """The concatenated data of these messages, and the end of each: (n,) int64."""
         starts, sizes = rows[DATA].tolist(), rows[LENGTH]
         pieces = [self.data[at : at + size] for at, size in zip(starts, sizes.tolist(), strict=True)]
         return b"".join(pieces), np.cumsum(sizes)
@@ -159,10 +159,10 @@ class McapChannel:
 
 @dataclass(frozen=True, slots=True)
 class FileDamage:
-    """From where the file, or a chunk of it, makes no sense.
+    """Start and cause of damage in the file or in a chunk of it.
 
     Args:
-        torn: nothing but an unfinished record stands behind it, as a killed writer or a power cut leaves it.
+        torn: only an unfinished record follows, as after a killed writer or a power cut.
     """
 
     offset: int
@@ -171,12 +171,13 @@ class FileDamage:
 
 
 class McapReader:
-    """One MCAP file, ours or another's. Cheap to make: nothing is read before it is asked for.
+    """One MCAP file, of any program. Cheap to create: it reads on demand.
 
     Args:
         path: of the file.
+
     Raises:
-        RecordingError: it cannot be read, or is no MCAP file.
+        RecordingError: it cannot be read, or is not an MCAP file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -186,21 +187,21 @@ class McapReader:
                 self.size = file.seek(0, 2)
                 file.seek(0)
                 if file.read(len(MAGIC)) != MAGIC:
-                    raise RecordingError(f"{path.name} is no MCAP file.", "It does not begin as one.")
+                    raise RecordingError(f"{path.name} is not an MCAP file.", "Its first bytes are not those of MCAP.")
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
         self.topics: dict[int, McapChannel] = {}
-        self._metadata: dict[tuple[str, frozenset[tuple[str, str]]], dict[str, str]] = {}  # in the order last told
-        self._pointed_at: set[int] = set()  # metadata that the index has led to
+        self._metadata: dict[tuple[str, frozenset[tuple[str, str]]], dict[str, str]] = {}  # in order of last occurrence
+        self._pointed_at: set[int] = set()  # offsets of metadata listed in the index
         self.damage: list[FileDamage] = []
-        self.whole = False  # its end is there
-        self.statistics: Statistics | None = None  # counts and times, where its end tells them
+        self.whole = False  # its end is present
+        self.statistics: Statistics | None = None  # counts and times, if its end has them
         self._schemas: dict[int, Schema] = {}
         self.chunks = self._summary()
 
     def close(self) -> None:
-        """Let go of the file; blocks that are still held keep it until they go."""
+        """Release the file; blocks in use keep it open until they are released."""
         with contextlib.suppress(BufferError):
             self._map.close()
 
@@ -216,9 +217,10 @@ class McapReader:
         """The messages, block by block in the order of the file.
 
         Args:
-            start_ns, stop_ns: blocks that lie wholly outside are left out where an index tells; what is given may
-                still hold messages outside.
+            start_ns, stop_ns: blocks entirely outside are skipped if there is an index; returned blocks may still
+                contain messages outside.
         """
+        load_for(self.size)
         if not self.chunks:
             yield from self._walk(memoryview(self._map), len(MAGIC))
             return
@@ -230,19 +232,19 @@ class McapReader:
 
     @property
     def is_ours(self) -> bool:
-        """Was it recorded by imuscope? Its header says so."""
+        """Whether imuscope recorded the file, by its header."""
         try:
             return self._map[len(MAGIC)] == HEADER and _stream(self._map[17:300]).read_prefixed_string() == PROFILE
         except (UnicodeDecodeError, IndexError, EndOfFile):
             return False
 
     def meta(self, name: str) -> dict[str, str]:
-        """The last metadata of that name; empty where there is none. Complete after `blocks` in a file without end."""
+        """The last metadata of that name; empty if absent. In a file without an end, complete only after `blocks`."""
         return next((values for (found, _), values in reversed(self._metadata.items()) if found == name), {})
 
     @property
     def metadata(self) -> list[tuple[str, dict[str, str]]]:
-        """Names and values, each pair once, where it was told last."""
+        """Names and values, each pair once, at its last occurrence."""
         return [(name, values) for (name, _), values in self._metadata.items()]
 
     def topic(self, name: str) -> McapChannel | None:
@@ -252,29 +254,29 @@ class McapReader:
     # -- records -------------------------------------------------------------------------------------------------------
 
     def _summary(self) -> list[ChunkIndex]:
-        """Chunk indexes, channels and metadata out of the summary at the end, where the file has one."""
+        """Read chunk indexes, channels and metadata from the summary at the end, if present."""
         footer = self.size - len(MAGIC) - _RECORD - 20
         if footer < len(MAGIC) or self._map[-len(MAGIC) :] != MAGIC or self._map[footer] != FOOTER:
             return []
         self.whole = True
-        start, _, told = struct.unpack_from("<QQI", self._map, footer + _RECORD)
+        start, _, checksum = struct.unpack_from("<QQI", self._map, footer + _RECORD)
         if not len(MAGIC) <= start < footer:
             return []
-        if told and zlib.crc32(self._map[start : footer + _RECORD + 16]) != told:
+        if checksum and zlib.crc32(self._map[start : footer + _RECORD + 16]) != checksum:
             self.damage.append(
                 FileDamage(start, "The index at the end is damaged; the file is read from its beginning.")
             )
             return []
         try:
             return self._indexed(start, footer)
-        except (struct.error, ValueError, EndOfFile):  # whatever a garbled record does to its reader
+        except (struct.error, ValueError, EndOfFile):  # errors of the record reader on garbled data
             self.damage.append(
                 FileDamage(start, "The index at the end is damaged; the file is read from its beginning.")
             )
             return []
 
     def _indexed(self, at: int, end: int) -> list[ChunkIndex]:
-        """Learn from the records of the summary; the chunks it knows, those that lie within the file."""
+        """Read the records of the summary; returns the chunk indexes that lie within the file."""
         found: list[ChunkIndex] = []
         while at < end:
             opcode, length = struct.unpack_from("<BQ", self._map, at)
@@ -285,21 +287,21 @@ class McapReader:
                     raise ValueError("a chunk outside the file")
             elif opcode == METADATA_INDEX:
                 (where,) = struct.unpack_from("<Q", body)
-                if where not in self._pointed_at:  # an index of many lines may point at one large record
+                if where not in self._pointed_at:  # many index entries may point at one large record
                     self._pointed_at.add(where)
-                    self._told(METADATA, where)
+                    self._read_record(METADATA, where)
             else:
                 self._learn(opcode, body)
             at += _RECORD + length
         return found
 
-    def _told(self, opcode: int, at: int) -> None:
+    def _read_record(self, opcode: int, at: int) -> None:
         if at + _RECORD <= self.size and self._map[at] == opcode:
             (length,) = struct.unpack_from("<Q", self._map, at + 1)
             self._learn(opcode, self._map[at + _RECORD : at + _RECORD + length])
 
     def _walk(self, data: memoryview, at: int, done: int | None = None) -> Iterator[MessageBlock]:
-        """From record to record: a file without an index, or the inside of a chunk (`done` is then where that ends)."""
+        """Walk the records of a file without an index, or of a chunk (`done` is then its end)."""
         array = np.frombuffer(data, np.uint8)
         end = len(array)
         table = np.empty((4, _COLUMNS), np.int64)
@@ -344,7 +346,7 @@ class McapReader:
     def _unpacked(self, at: int, end: int) -> bytes | None:
         try:
             head = struct.unpack_from("<QQQI", self._map, at + _RECORD)
-            size, told = head[2], head[3]
+            size, checksum = head[2], head[3]
             where = at + _RECORD + 28
             (named,) = struct.unpack_from("<I", self._map, where)
             packing = self._map[where + 4 : where + 4 + named].decode()
@@ -354,7 +356,7 @@ class McapReader:
             if size > LARGEST_CHUNK:
                 raise ValueError(f"it claims {size} bytes")
             data = _unpack(packing, body, size)
-            if len(data) != size or (told and zlib.crc32(data) != told):
+            if len(data) != size or (checksum and zlib.crc32(data) != checksum):
                 raise ValueError("its checksum is wrong")
         except (ValueError, struct.error, zstandard.ZstdError, RuntimeError) as error:
             words = f"The chunk at byte {at:,} cannot be read: {error}.".replace(",", " ")
@@ -363,7 +365,7 @@ class McapReader:
         return data
 
     def _learn(self, opcode: int, body: bytes) -> None:
-        """Keep what a schema, channel or metadata record says; one that is garbled says nothing."""
+        """Store a schema, channel or metadata record; a garbled one is ignored."""
         try:
             if opcode == SCHEMA:
                 schema = Schema.read(_stream(body))
@@ -382,11 +384,11 @@ class McapReader:
             elif opcode == STATISTICS:
                 self.statistics = Statistics.read(_stream(body))
             elif opcode == METADATA:
-                told = Metadata.read(_stream(body))
-                key = (told.name, frozenset(told.metadata.items()))
-                self._metadata.pop(key, None)  # told again: now it is the last
-                self._metadata[key] = told.metadata
-        except Exception as error:  # whatever a garbled record does to its reader
+                metadata = Metadata.read(_stream(body))
+                key = (metadata.name, frozenset(metadata.metadata.items()))
+                self._metadata.pop(key, None)  # repeated: now it is the last
+                self._metadata[key] = metadata.metadata
+        except Exception as error:  # errors of the record reader on garbled data
             self.damage.append(FileDamage(-1, f"A record of kind {opcode} cannot be read: {type(error).__name__}."))
 
 
@@ -411,8 +413,8 @@ def _unpack(packing: str, body: bytes, size: int) -> bytes:
         case "":
             return body
         case "zstd":
-            told = zstandard.get_frame_parameters(body).content_size  # it would be believed, however large
-            if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            claimed = zstandard.get_frame_parameters(body).content_size  # unchecked, any size would be trusted
+            if claimed not in (size, zstandard.CONTENTSIZE_UNKNOWN):
                 raise ValueError("it unpacks to another size than it claims")
             return zstandard.ZstdDecompressor().decompress(body, max_output_size=size)
         case "lz4":
@@ -425,7 +427,7 @@ def _stream(body: bytes) -> ReadDataStream:
 
 
 def _torn(at: int, head: bytes, rest: Bytes) -> FileDamage:
-    """The file ends in the middle of a record, in zeros, or in something else that nothing follows."""
+    """The file ends in an incomplete record, in zeros, or in data that no record follows."""
     length = struct.unpack_from("<Q", head, 1)[0] if len(head) == _RECORD else 0
     is_record = head[0] <= DATA_END and len(rest) < _RECORD + length and length <= _LONGEST_RECORD
     torn = not rest.any() or (head[0] > 0 and (is_record or len(rest) < _RECORD))

@@ -1,11 +1,10 @@
-"""What do the records of an MCAP file look like, where they are written by hand?
+"""Encoders of MCAP records.
 
     record    [opcode u8][length u64] body
     message   [5][22 + n]  channel u16 · sequence u32 · log time u64 · publish time u64 · data (n bytes)
     ending    [data end][summary: groups of equal records][one summary offset a group][footer][magic]
 
-Messages are written thousands of times a second, so they are put together here in one step; what is rare is left to the
-records of the mcap package.
+Messages are written thousands of times a second, so they are built here in one step; rare records use the mcap package.
 
 Source: MCAP specification, "Records", "Summary Section", "Footer".
 """
@@ -26,14 +25,14 @@ _MESSAGE_FIXED = MESSAGE_HEAD.size - 9
 
 
 def bytes_of(record: McapRecord) -> bytes:
-    """A record as it stands in the file."""
+    """A record as in the file."""
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
 def message(channel: int, time_ns: int, data: bytes) -> bytes:
-    """A message record; it was published when it was logged."""
+    """A message record; publish time = log time."""
     return MESSAGE_HEAD.pack(Opcode.MESSAGE, _MESSAGE_FIXED + len(data), channel, 0, time_ns, time_ns) + data
 
 
@@ -41,7 +40,7 @@ def ending(at: int, groups: Iterable[tuple[int, Sequence[McapRecord]]]) -> bytes
     """All from the end of the data to the end of the file.
 
     Args:
-        at: where the data end.
+        at: end of the data.
         groups: (opcode, records of that kind) of the summary.
     """
     end = bytes_of(DataEnd(0))
@@ -53,7 +52,7 @@ def ending(at: int, groups: Iterable[tuple[int, Sequence[McapRecord]]]) -> bytes
             where = start + len(summary)
             offsets += bytes_of(SummaryOffset(group_opcode=opcode, group_start=where, group_length=len(group)))
         summary += group
-    told_at = start + len(summary)
-    checked = summary + offsets + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, told_at)
-    footer = Footer(summary_start=start, summary_offset_start=told_at, summary_crc=zlib.crc32(checked))
+    offsets_at = start + len(summary)
+    checked = summary + offsets + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offsets_at)
+    footer = Footer(summary_start=start, summary_offset_start=offsets_at, summary_crc=zlib.crc32(checked))
     return end + summary + offsets + bytes_of(footer) + MAGIC

@@ -1,11 +1,11 @@
-"""A recording on disk: MCAP, written so that a fall of the power loses next to nothing.
+"""A recording on disk: MCAP, written so that a power failure loses next to nothing.
 
-What is recorded is what was on the wire: every chunk of bytes, both ways, with the time at which it arrived. Samples
-are made of them again when the file is opened, so a better decoder improves old files.
+A recording holds the bytes on the wire: every chunk, in both directions, with its arrival time. Samples are decoded
+from them when the file is opened, so a better decoder improves old files.
 
     channel               encoding                    one message is
-    rx/<device>           application/octet-stream    a chunk as it came from the device; log time: its arrival, ns
-    tx/<device>           application/octet-stream    a chunk as it was sent to the device
+    rx/<device>           application/octet-stream    a chunk as received from the device; log time: its arrival, ns
+    tx/<device>           application/octet-stream    a chunk as sent to the device
     events                json                        one event of the session (server/wire.py, EventInfo)
     notes                 json                        {"kind": "marker" | "note", "text", "device"}
     snapshot/<device>     json                        configuration: {"values", "missing", "reason", …}
@@ -13,18 +13,18 @@ are made of them again when the file is opened, so a better decoder improves old
     metadata              name                        holds (strings)
     of the recording      recording                   format, title, created (ISO 8601), host, version
     of a device           device/<device>             source, link, protocol, product, serial_number, firmware, baud, …;
-                                                      written again whenever more of it is known: the last one holds
-    of what came later    edit                        title, tags, notes, pinned: what a person changed
+                                                      written again whenever more is known: the last one counts
+    of later edits        edit                        title, tags, notes, pinned: changes made by the user
 
-While it is recorded the file is written record by record, unbuffered and unchunked: whatever happens to the process, at
-most what had not been handed over is lost, and `sync` bounds what a power cut can take. A closed recording is rewritten
-with chunks, compression and indexes (recordings/compaction.py). Both forms, and a torn one, are valid to every reader
-of MCAP that tolerates a missing end; reading is in recordings/mcap_reader.py.
+During recording the file is written record by record, unbuffered and unchunked: if the process dies, at most the data
+not yet handed over is lost, and `sync` bounds the loss of a power cut. A closed recording is rewritten with chunks,
+compression and indexes (recordings/compaction.py). Both forms, and a truncated one, are valid for every MCAP reader
+that tolerates a missing end; recordings/mcap_reader.py reads them.
 
-`format` is 1, and so is a recording that names none. It is raised when a reader of before would misread what is
-written; a reader meets a number that it does not know with one sentence, and opens nothing (`check_format_version`).
+`format` is 1, and 1 if absent. It is raised when an earlier reader would misread the file; a reader rejects a file with
+a number it does not know (`check_format_version`).
 
-A key never gets into a recording.
+Keys are never recorded.
 
 Source: MCAP specification, https://mcap.dev/spec.
 """
@@ -91,7 +91,7 @@ _WORDS = {
 
 
 class RecordingError(Exception):
-    """The world failed (a full disk, a folder that is gone): one sentence, and what to do."""
+    """External failure (full disk, missing folder): one sentence, and what to do."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -99,14 +99,15 @@ class RecordingError(Exception):
 
 
 class McapWriter:
-    """A recording that is being made.
+    """A recording in progress.
 
     Args:
-        path: of a file that must not exist yet.
+        path: of a file that does not exist yet.
         about: the recording's own metadata; values become strings.
+
     Raises:
-        RecordingError: the file cannot be made. So does every method here when it cannot be written on; what was
-            written until then stays, and the file is closed.
+        RecordingError: the file cannot be created. Every method raises it when writing fails; data written until then
+            stays, and the file is closed.
     """
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
@@ -126,22 +127,22 @@ class McapWriter:
         library = f"imuscope {about.get('version', '')}".strip()
         try:
             self._write([MAGIC + bytes_of(Header(PROFILE, library))])
-            self._tell(RECORDING, {**about, "format": FORMAT})
+            self._write_metadata(RECORDING, {**about, "format": FORMAT})
         except RecordingError:
             with contextlib.suppress(OSError):
                 path.unlink()  # a full disk leaves no empty recording behind
             raise
 
     def device(self, device: str, about: Mapping[str, Any]) -> None:
-        """What is known about a device; the last call holds."""
-        self._tell(DEVICE + device, about)
+        """Set the metadata of a device; the last call counts."""
+        self._write_metadata(DEVICE + device, about)
 
     def chunk(self, device: str, direction: Direction, data: bytes, arrival_ns: int) -> None:
-        """Bytes as they came, or as they were sent."""
+        """Write bytes as received or sent."""
         self.chunks([(device, direction, data, arrival_ns)])
 
     def chunks(self, chunks: Iterable[tuple[str, Direction, bytes, int]]) -> None:
-        """Many of them, (device, direction, data, arrival ns) each, in one write."""
+        """Write many chunks, (device, direction, data, arrival ns) each, at once."""
         records = [
             self._message(f"{direction}/{device}", RAW_ENCODING, None, arrival_ns, data)
             for device, direction, data, arrival_ns in chunks
@@ -149,30 +150,30 @@ class McapWriter:
         self._write(records)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
-        """Something that happened."""
+        """Write an event."""
         self._json(EVENTS, "imuscope.Event", _EVENT_SCHEMA, event, time_ns)
 
-    def note(self, kind: Literal["marker", "note"], text: str, time_ns: int, device: str = "") -> None:
-        """A marker dropped by a key stroke, or a sentence."""
+    def write_note(self, kind: Literal["marker", "note"], text: str, time_ns: int, device: str = "") -> None:
+        """Write a marker or a note."""
         self._json(NOTES, "imuscope.Note", _NOTE_SCHEMA, {"kind": kind, "text": text, "device": device}, time_ns)
 
     def snapshot(self, device: str, body: Mapping[str, Any], time_ns: int) -> None:
-        """The configuration of a device, as read."""
+        """Write the configuration of a device, as read."""
         self._json(SNAPSHOT + device, "imuscope.Snapshot", _SNAPSHOT_SCHEMA, body, time_ns)
 
     def sync(self) -> None:
-        """Let the disk have it: what was written before survives a power cut. May be called in another thread."""
+        """Flush to disk: data written before survives a power cut. May be called in another thread."""
         if not self._closed:
             try:
                 self._file.sync()
             except OSError as error:
-                if not self._closed:  # meanwhile, by who writes: then that one tells why
+                if not self._closed:  # if the writer closed it, the writer reports the cause
                     raise disk_error(error, self.path) from None
 
     def close(self) -> None:
-        """End the file as the format wants it. It can be opened as it is; packing makes it small and quick.
+        """Finish the file as the format requires. It can be opened as it is; compaction makes it small and quick.
 
-        One that somebody else has shortened gets no summary: it would point beside what it describes.
+        A file that another program has truncated gets no summary: its offsets would be wrong.
         """
         if self.is_shortened():
             self.give_up()
@@ -183,23 +184,23 @@ class McapWriter:
             self._file.close()
 
     def give_up(self) -> None:
-        """Let go of the file as it is: torn, and whole up to there."""
+        """Close the file unfinished: truncated, but intact up to there."""
         self._closed = True
         self._file.close()
 
     def is_there(self) -> bool:
-        """Is the file still to be found by its name?"""
+        """Whether the file still exists under its name."""
         return self._closed or self._file.is_at(self.path)
 
     def is_shortened(self) -> bool:
-        """Whether somebody else cut off some of what was written."""
+        """Whether another program truncated the file."""
         return not self._closed and self._file.is_shortened()
 
     def copy_to(self, path: Path) -> None:
-        """Write what is in this file again, into another one: its own may have no name any more.
+        """Write the contents of this file to another one: its own may have no name any more.
 
         Raises:
-            OSError: that cannot be.
+            OSError: writing failed.
         """
         self._file.copy_to(path)
 
@@ -207,7 +208,7 @@ class McapWriter:
         data = json.dumps(body, ensure_ascii=False, separators=(",", ":")).encode()
         self._write([self._message(topic, "json", (name, schema), time_ns, data)])
 
-    def _tell(self, name: str, about: Mapping[str, Any]) -> None:
+    def _write_metadata(self, name: str, about: Mapping[str, Any]) -> None:
         record = bytes_of(Metadata(name=name, metadata=_strings(about)))
         self._metadata.append(MetadataIndex(offset=self.size, length=len(record), name=name))
         self._write([record])
@@ -215,17 +216,17 @@ class McapWriter:
     def _message(
         self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None, time_ns: int, data: bytes
     ) -> bytes:
-        """The record of a message, before it those that tell of its channel where it is the first."""
+        """The record of a message, preceded by its channel's records if it is the first."""
         channel = self._channels.get(topic)
-        told = b""
+        described = b""
         if channel is None:
-            told = self._channel(topic, encoding, schema)
+            described = self._channel(topic, encoding, schema)
             channel = self._channels[topic]
         number = channel.id
         self._counts[number] = self._counts.get(number, 0) + 1
         self._first = time_ns if self._first is None or time_ns < self._first else self._first
         self._last = max(self._last, time_ns)
-        return told + message(number, time_ns, data)
+        return described + message(number, time_ns, data)
 
     def _channel(self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None) -> bytes:
         records: list[McapRecord] = []
@@ -276,9 +277,10 @@ class McapWriter:
 
 
 class AtomicRecordFile:
-    """An unbuffered file that takes whole records: of one that does not fit any more, what was written is cut off.
+    """An unbuffered file that takes whole records: a record that does not fit is removed again.
 
-    It is appended to, so that what comes after somebody else's truncation stands behind what is left, without a hole.
+    It is opened for appending, so that after a truncation by another program new records follow the rest without a
+    hole.
     """
 
     def __init__(self, path: Path) -> None:
@@ -294,7 +296,7 @@ class AtomicRecordFile:
             while done < len(view):
                 done += os.write(self._fd, view[done:])
         except OSError:
-            for record in records:  # those that are whole stay
+            for record in records:  # whole records stay
                 if len(record) > done:
                     break
                 self.count += len(record)
@@ -312,7 +314,7 @@ class AtomicRecordFile:
             return False
 
     def is_shortened(self) -> bool:
-        count = self.count  # before the size: it grows meanwhile
+        count = self.count  # before the size, which may grow in between
         try:
             return os.fstat(self._fd).st_size < count
         except OSError:
@@ -325,7 +327,7 @@ class AtomicRecordFile:
             os.fsync(new.fileno())
 
     def cut(self) -> None:
-        """Back to the last whole record; a disk that cannot even do that keeps a torn end, which readers skip."""
+        """Truncate to the last whole record; if the disk fails at that too, a torn end remains, which readers skip."""
         with contextlib.suppress(OSError):
             if not self.is_shortened():
                 os.ftruncate(self._fd, self.count)
@@ -342,20 +344,20 @@ def _strings(about: Mapping[str, Any]) -> dict[str, str]:
     return {name: "" if value is None else str(value) for name, value in about.items()}
 
 
-def check_format_version(name: str, told: object, known: int = FORMAT) -> RecordingError | None:
-    """What to say of a file that tells a later format than is known here; None where it can be read.
+def check_format_version(name: str, version: object, known: int = FORMAT) -> RecordingError | None:
+    """Error for a file of a later format; None if it can be read.
 
     Args:
-        told: what it says of its format, whatever that is; nothing counts as the first.
+        version: as found in the file, of any type; an absent or invalid one counts as the first.
     """
-    text = str(told)
-    if isinstance(told, bool) or not (text.isascii() and text.isdigit()) or int(text[:9]) <= known:
+    text = str(version)
+    if isinstance(version, bool) or not (text.isascii() and text.isdigit()) or int(text[:9]) <= known:
         return None
     words = f"{name} was written by a newer imuscope (format {text[:9]}; this one reads {known})."
     return RecordingError(words, "Update imuscope; the file is left as it is.")
 
 
 def disk_error(error: OSError, path: Path) -> RecordingError:
-    """What a person is told when the disk fails."""
-    said = _WORDS.get(error.errno or 0, (error.strerror or "It cannot be written").capitalize())
-    return RecordingError(f"{said}: {path.name}.", _HINTS.get(error.errno or 0, ""))
+    """Error text for a failing disk."""
+    cause = _WORDS.get(error.errno or 0, (error.strerror or "It cannot be written").capitalize())
+    return RecordingError(f"{cause}: {path.name}.", _HINTS.get(error.errno or 0, ""))

@@ -1,6 +1,6 @@
-"""What becomes of a process that works aside when the one that asked for it is killed? It ends, too.
+"""Termination of subprocesses when their parent dies.
 
-Nobody waits for what it makes any more, and the next server may be making the same.
+Their output is no longer needed, and the next server may be producing the same.
 
 Source: prctl(2), PR_SET_PDEATHSIG.
 """
@@ -16,7 +16,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def die_with_parent() -> None:
-    """Have this process told to end (SIGTERM) when its parent is gone; where that can be had. To be called first."""
+    """Terminate this process (SIGTERM) when its parent dies, if the system supports that. Call it first."""
     if sys.platform != "linux":
         return
     with contextlib.suppress(OSError, AttributeError):

@@ -1,9 +1,9 @@
-"""Bytes that nobody has described, kept beside the columns of an opened recording, so that an export has them.
+"""Undescribed payloads, kept as bytes beside the columns of an opened recording for export.
 
-    payloads.bin   payload after payload, as they came
-    columns        of each kind of payload a channel with two columns: where in that file it begins, and its bytes
+    payloads.bin   payload after payload, as received
+    columns        for each kind of payload a channel with two columns: offset in that file, and size
 
-A store of columns has numbers of one width; payloads of one kind may differ in length from frame to frame.
+A column store holds numbers of one width; payloads of one kind may differ in length from frame to frame.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from recordings.column_store import ChannelLayout, ExactRows
 NAME = "payloads.bin"
 SHAPE = ChannelLayout(("u8", "u4"), (False, False))
 BYTES = "bytes"
-"""The dtype that such a column has for an export."""
+"""The dtype of such a column in an export."""
 
 
 class PayloadsWriter:
     """Writes the file while a recording is decoded.
 
     Args:
-        folder: the store that is being made.
+        folder: the store being made.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -36,7 +36,7 @@ class PayloadsWriter:
         self._at = 0
 
     def put(self, payloads: NDArray[np.uint8]) -> list[NDArray[Any]]:
-        """(n, k) bytes; the two columns of their rows."""
+        """Append (n, k) bytes; returns the two columns of their rows."""
         count, size = payloads.shape
         self._file.write(np.ascontiguousarray(payloads).data)
         begins = np.uint64(self._at) + np.arange(count, dtype=np.uint64) * np.uint64(size)
@@ -44,19 +44,20 @@ class PayloadsWriter:
         return [begins, np.full(count, size, np.uint32)]
 
     def flush(self) -> None:
-        """Let it be read."""
+        """Make the data readable."""
         self._file.flush()
 
     def close(self) -> None:
-        """No more comes."""
+        """Finish the file."""
         self._file.close()
 
 
 def payloads_of(folder: Path, rows: ExactRows) -> ExactRows:
-    """The rows of such a channel with one column: the bytes themselves.
+    """The rows of such a channel with the payloads as one column.
 
     Args:
         folder: the store.
+
     Raises:
         OSError: it has no payloads.
         ValueError: the file is shorter than its rows say.

@@ -1,10 +1,10 @@
-"""Which recordings have to go so that the folder stays within its quota? The oldest that nobody pinned.
+"""Storage quota: deletes the oldest unpinned recordings.
 
-    counted    recordings of ours with what is kept beside them, pinned or not; what lies in the bin
-    culled     first what lies in the bin, longest there first; then recordings of ours, oldest first
-    neither    what was put there and not recorded here: captures, logs, tables, another's MCAP
+    counted    imuscope's recordings with their companion files, pinned or not; everything in the bin
+    deleted    first what is in the bin, longest there first; then imuscope's recordings, oldest first
+    neither    files put there by others: captures, logs, tables, other programs' MCAP files
 
-What a person deleted goes before what a person kept, though it could have been had back for 7 days.
+Recordings in the bin go before kept ones, although they could be restored for 7 days.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from recordings.mcap_reader import MAGIC, McapReader
 from recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
 
 BIN = ".bin"
-_PROFILE_AT = len(MAGIC) + 1 + 8 + 4  # behind the header's opcode, its length and that of the string
+_PROFILE_AT = len(MAGIC) + 1 + 8 + 4  # after the header's opcode, its length and that of the string
 
 log = logging.getLogger("imuscope.quota")
 
 
 def is_pinned(path: Path) -> bool:
-    """Whether a person wants to keep it. What cannot be read is kept: it may have said so."""
-    said = sidecar.read(path).pinned
-    if said is not None:
-        return said
+    """Whether the recording is pinned. An unreadable one is kept: it may be pinned."""
+    pinned = sidecar.read(path).pinned
+    if pinned is not None:
+        return pinned
     if sidecar.trouble(path) is not None:
         return True
     try:
@@ -42,9 +42,10 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
     """Delete until the recordings of a folder are within the quota, or only pinned and spared ones are left.
 
     Args:
-        spare: what is being recorded.
+        spare: recordings in progress.
+
     Returns:
-        What was deleted, in that order; of the bin the recordings that lay there.
+        Deleted paths, in that order; for the bin the recordings in it.
     """
     deleted = sorted(_deleted(folder))
     found = sorted(_recordings(folder))
@@ -73,7 +74,7 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
 
 
 def _recordings(folder: Path) -> list[tuple[int, Path, int]]:
-    """Those that were made here: when they were last written, path, bytes with what is beside them."""
+    """Recordings made here: time of the last write, path, bytes with companion files."""
     found = []
     for path in folder.glob(f"*{SUFFIX}"):
         try:
@@ -86,7 +87,7 @@ def _recordings(folder: Path) -> list[tuple[int, Path, int]]:
 
 
 def _deleted(folder: Path) -> list[tuple[int, Path, int]]:
-    """The folders of the bin: when each was deleted (ms), path, bytes."""
+    """The folders of the bin: time of deletion (ms), path, bytes."""
     try:
         folders = [one for one in (folder / BIN).iterdir() if one.name.isdecimal()]
         return [(int(one.name), one, sum(map(_size, one.iterdir()))) for one in folders]
@@ -102,7 +103,7 @@ def _size(path: Path) -> int:
 
 
 def _is_ours(path: Path) -> bool:
-    """Was it recorded by an imuscope? Its first bytes say so: they are there before anything else is."""
+    """Whether imuscope recorded the file, by its first bytes, which are written before anything else."""
     try:
         with path.open("rb") as file:
             head = file.read(_PROFILE_AT + len(PROFILE))

@@ -1,16 +1,16 @@
-"""Which bytes of a recording are due now? Its chunks on a clock that is passed in.
+"""Replay clock: the chunks that are due now. Time is passed in.
 
-    replay = Replay(source, now_ns)                      stands at the beginning, playing
-    replay.take()                                        what is due by now, oldest first
-    replay.wait_ns()                                     until the next; None: paused, or at the end
-    replay.pause()  .play()  .seek(ns)  .speed = 4
+    clock = ReplayClock(source, now_ns)                  at the beginning, playing
+    clock.due_chunks()                                   chunks that are due, oldest first
+    clock.wait_ns()                                      until the next; None: paused, or at the end
+    clock.pause()  .play()  .seek(ns)  .speed = 4
 
-    recorded   a────b──c─────────d        a chunk is due when the clock has gone on as far, times the speed,
-    clock      └ speed 2: a──b─c────d     as the recording has
+    recorded   a────b──c─────────d        a chunk is due when the clock has advanced, times the speed,
+    clock      └ speed 2: a──b─c────d     as far as the recording
 
-Several devices of a file play in step, because one clock leads them all; of each device the bytes come in the order of
-the file. A recorded time that runs backwards counts as the one before it. Within a range the replay begins at its start
-and ends at its end, or begins again (`loop`): the first chunks of each turn are `anew`.
+Several devices of a file play in step, because one clock drives them all; the bytes of each device come in file order.
+A recorded time that runs backwards counts as the one before it. Within a range the replay begins at its start and stops
+at its end, or starts over (`loop`): the first chunks of each turn are `restart`.
 
 Pure: no thread, no sleep. Memory is bounded by one part of the file (recordings/sources.py) of each device.
 """
@@ -26,7 +26,7 @@ import numpy as np
 from recordings.sources import ChunkBlock, McapSource, Source
 
 SPEEDS = (0.1, 50.0)
-TURN_NS = 100_000_000  # between two turns of a loop: lines of a plot break there
+TURN_NS = 100_000_000  # between two turns of a loop: plot lines break there
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +34,15 @@ class ReplayedChunk:
     """A chunk that is due.
 
     Args:
-        time_ns: when it was recorded.
-        anew: the first of its device in a new turn, or after a jump: nothing before belongs with it.
+        time_ns: recorded time.
+        restart: the first of its device in a new turn, or after a jump: it does not continue earlier chunks.
     """
 
     device: str
-    way: Literal["rx", "tx"]
+    direction: Literal["rx", "tx"]
     data: bytes
     time_ns: int
-    anew: bool = False
+    restart: bool = False
 
 
 class ReplayClock:
@@ -52,10 +52,10 @@ class ReplayClock:
         source: the file.
         now_ns: a clock that does not step.
         speed: 2 plays twice as fast.
-        start_ns, stop_ns: the range, recorded time; None for the beginning, the end.
-        devices: of the file, those that are wanted; None for all.
-        ways: "rx" what came from a device, "tx" what was sent to it.
-        began_ns: when the clock stood at the beginning, for one that keeps step with others; None: now.
+        start_ns, stop_ns: the range, in recorded time; None for the beginning, the end.
+        devices: devices to play; None for all.
+        ways: "rx" bytes received from a device, "tx" bytes sent to it.
+        began_ns: clock time of the beginning, to keep step with other replays; None: now.
     """
 
     def __init__(
@@ -77,30 +77,26 @@ class ReplayClock:
         self.loop = loop
         self._start_ns, self._stop_ns = start_ns, stop_ns
         self._devices = devices
-        self._ways = ways
+        self._directions = ways
         self._next: ReplayedChunk | None = None
-        self._fresh: set[str] = set()  # devices that have been heard since the last jump
+        self._fresh: set[str] = set()  # devices with a chunk since the last jump
         self._jumped = False
         self._paused = False
-        self._clock_ns = now_ns() if began_ns is None else began_ns  # the clock stood there …
-        self._at_ns: int | None = None  # … when the recording stood here; None before the first chunk
+        self._clock_ns = now_ns() if began_ns is None else began_ns  # the clock was here …
+        self._at_ns: int | None = None  # … when the recording was here; None before the first chunk
         self._chunks = self._from(start_ns)
         self._advance()
 
-    # ── how it is played ─────────────────────────────────────────────────────────────────────────────────────────────
+    # ── playback ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     @property
-    def ended(self) -> bool:
-        """Nothing is left to play."""
+    def has_ended(self) -> bool:
+        """Whether nothing is left to play."""
         return self._next is None
 
     @property
-    def paused(self) -> bool:
-        return self._paused
-
-    @property
     def position_ns(self) -> int | None:
-        """Where the recording stands, recorded time; None where it holds nothing."""
+        """Current recorded time of the replay; None if the recording is empty."""
         if self._at_ns is None or self._paused:
             return self._at_ns
         return self._at_ns + round((self._now_ns() - self._clock_ns) * self._speed)
@@ -115,24 +111,26 @@ class ReplayClock:
         self._speed = speed
 
     def pause(self) -> None:
-        """Stand still."""
+        """Hold the current position."""
         self._anchor()
         self._paused = True
 
     def play(self) -> None:
-        """Go on from where it stands."""
+        """Continue from the current position."""
         if self._paused:
             self._clock_ns = self._now_ns()
             self._paused = False
 
     def seek(self, time_ns: int) -> None:
-        """Go on from another moment; what is due before it is left out."""
+        """Continue from another moment; chunks due before it are skipped."""
         self._begin(time_ns)
         if self._next is not None:
             self._at_ns = time_ns
 
-    def held(self) -> None:
-        """Whoever takes the bytes was held up: time stood still meanwhile. To be called after the last `take`."""
+    def note_stall(self) -> None:
+        """Report that the consumer was held up, so that the time does not count. Call it after the last
+        `due_chunks`.
+        """
         if self._next is not None and self._at_ns is not None:
             position = self.position_ns
             assert position is not None
@@ -143,10 +141,10 @@ class ReplayClock:
         self._at_ns = self.position_ns
         self._clock_ns = self._now_ns()
 
-    # ── what is played ───────────────────────────────────────────────────────────────────────────────────────────────
+    # ── chunks ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def take(self, most: int = 4096) -> list[ReplayedChunk]:
-        """What is due by now, oldest first, at most so many chunks."""
+    def due_chunks(self, most: int = 4096) -> list[ReplayedChunk]:
+        """Chunks that are due, oldest first, up to a limit."""
         found: list[ReplayedChunk] = []
         position = self.position_ns
         if self._paused or position is None:
@@ -154,19 +152,19 @@ class ReplayClock:
         while (one := self._next) is not None and one.time_ns <= position and len(found) < most:
             found.append(one)
             self._advance()
-        if found and self.ended and self.loop:
-            self._turn(found[-1].time_ns)
+        if found and self.has_ended and self.loop:
+            self._loop(found[-1].time_ns)
         return found
 
     def wait_ns(self) -> int | None:
-        """Until the next chunk is due, 0 when one is; None while it is paused and at the end."""
+        """Time until the next chunk is due, 0 if one is; None while paused or at the end."""
         position = self.position_ns
         if self._paused or self._next is None or position is None:
             return None
         return max(0, round((self._next.time_ns - position) / self._speed))
 
-    def _turn(self, last_ns: int) -> None:
-        """Begin again when the range is over, not already when this device has nothing more in it."""
+    def _loop(self, last_ns: int) -> None:
+        """Start over when the range ends, even if this device has nothing more in it earlier."""
         assert self._at_ns is not None
         end_ns = max(last_ns, self._stop_ns if self._stop_ns is not None else last_ns)
         over_ns = self._clock_ns + round((end_ns - self._at_ns) / self._speed)
@@ -183,27 +181,27 @@ class ReplayClock:
     def _advance(self) -> None:
         self._next = next(self._chunks, None)
         if self._next is not None and self._at_ns is None:
-            # In step with whoever plays another device of the same range: the range's own beginning leads, if given.
+            # In step with replays of other devices of the same range: the range's own start leads, if given.
             self._at_ns = self._next.time_ns if self._start_ns is None else min(self._start_ns, self._next.time_ns)
 
     def _from(self, start_ns: int | None) -> Iterator[ReplayedChunk]:
-        """The chunks of the range from a moment on, in the order in which they came."""
+        """The chunks of the range from a moment on, in arrival order."""
         low = start_ns if start_ns is not None else -(1 << 62)
         high = self._stop_ns if self._stop_ns is not None else 1 << 62
         for parts in _blocks(self._source.parts(start_ns, self._stop_ns)):
-            wanted = [part for part in parts if part.way in self._ways and self._wants(part.device)]
+            wanted = [part for part in parts if part.direction in self._directions and self._is_selected(part.device)]
             for part, first, end, time in _merged(wanted):
                 if low <= time < high:
-                    anew = self._jumped and part.device not in self._fresh
+                    restart = self._jumped and part.device not in self._fresh
                     self._fresh.add(part.device)
-                    yield ReplayedChunk(part.device, part.way, part.data[first:end], time, anew)
+                    yield ReplayedChunk(part.device, part.direction, part.data[first:end], time, restart)
 
-    def _wants(self, device: str) -> bool:
+    def _is_selected(self, device: str) -> bool:
         return self._devices is None or device in self._devices
 
 
 def extent(source: Source) -> tuple[int, int] | None:
-    """When the first and the last chunk of a file were recorded, ns; None where it holds none."""
+    """Times of the first and last chunk of a file, ns; None if it has none."""
     first = last = None
     if isinstance(source, McapSource) and source.indexed:
         for parts in _blocks(source.parts()):
@@ -223,7 +221,7 @@ def extent(source: Source) -> tuple[int, int] | None:
 
 
 def _blocks(parts: Iterator[ChunkBlock]) -> Iterator[list[ChunkBlock]]:
-    """Parts that were read together."""
+    """Group the parts that were read together."""
     block: list[ChunkBlock] = []
     for part in parts:
         if block and part.done != block[0].done:
@@ -235,7 +233,7 @@ def _blocks(parts: Iterator[ChunkBlock]) -> Iterator[list[ChunkBlock]]:
 
 
 def _merged(parts: list[ChunkBlock]) -> Iterator[tuple[ChunkBlock, int, int, int]]:
-    """(part, begin, end, time) of the chunks of several parts, by time; within a part in its order."""
+    """(part, start, end, time) of the chunks of several parts, by time; in order within a part."""
     if not parts:
         return
     times = [np.maximum.accumulate(part.times) for part in parts]

@@ -1,4 +1,4 @@
-"""Rotations as other programs want them: quaternions, of whatever a device tells its attitude in, brought to ENU. Pure.
+"""Rotations in the form other programs use: quaternions to ENU, from any attitude representation. Pure.
 
     q_enu_from_body = q_enu_from_frame ⊗ q_frame_from_body        frame: ENU, NED or NWU; scalar first
 
@@ -22,7 +22,7 @@ ENU_FROM: Mapping[str, Quaternion] = {
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
-    """a ⊗ b: first turned by b, then by a."""
+    """A ⊗ b: rotation by b, then by a."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -32,7 +32,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def unit(q: Sequence[float]) -> Quaternion | None:
-    """The same rotation with length 1; None for what is no rotation (zeros, NaN)."""
+    """The same rotation with length 1; None for an invalid one (zeros, NaN)."""
     length = math.hypot(*q)
     if not 1e-6 < length < 1e6:
         return None
@@ -40,7 +40,7 @@ def unit(q: Sequence[float]) -> Quaternion | None:
 
 
 def of_euler(roll: float, pitch: float, yaw: float) -> Quaternion | None:
-    """Of angles in °, yaw first (ZYX intrinsic)."""
+    """Quaternion of angles in °, yaw first (ZYX intrinsic)."""
     r, p, y = (math.radians(angle) / 2 for angle in (roll, pitch, yaw))
     cr, sr, cp, sp, cy, sy = math.cos(r), math.sin(r), math.cos(p), math.sin(p), math.cos(y), math.sin(y)
     return unit(
@@ -54,7 +54,9 @@ def of_euler(roll: float, pitch: float, yaw: float) -> Quaternion | None:
 
 
 def of_matrix(m: Sequence[float]) -> Quaternion | None:
-    """Of a rotation matrix, row by row. From the largest of the four components, so that no root vanishes."""
+    """Quaternion of a rotation matrix, row by row; computed from the largest of the four components, so that no
+    square root vanishes.
+    """
     squares = (
         1 + m[0] + m[4] + m[8],
         1 + m[0] - m[4] - m[8],
@@ -89,7 +91,7 @@ def about_z(angle: float) -> Quaternion:
 
 
 def from_x(v: Vector) -> Quaternion:
-    """A rotation that brings +x to the direction of `v`, which has a length."""
+    """A rotation that brings +x to the direction of `v`, whose length is not 0."""
     x, y, z = (one / math.hypot(*v) for one in v)
     if x < -0.999999:
         return (0.0, 0.0, 0.0, 1.0)

@@ -1,15 +1,14 @@
-"""What a person changed about a recording, where the file itself stays as it is: a small file beside it.
+"""Sidecar file: changes to the metadata of a recording, kept in a small file beside it.
 
     20261121T044324Z-MTi-630.mcap
     20261121T044324Z-MTi-630.mcap.json    {"imuscope": 1, "title": …, "tags": […], "notes": …, "pinned": …,
                                            "markers": [{"id", "time", "kind", "text", "device"}]}
 
-What is not in it stays as the recording has it: in the metadata `edit` of an MCAP file, where the same words stand as
-strings (lists as JSON), so that a download carries them to another imuscope; a CSV file has them in a line of comment.
-The file beside wins.
+Anything not in it stays as in the recording: in the metadata `edit` of an MCAP file, with the same fields as strings
+(lists as JSON), so that a download carries them to another imuscope; a CSV file has them in a comment line. The sidecar
+wins.
 
-It is written whole or not at all. One that cannot be read counts as none; it is kept under another name when something
-is written in its place.
+It is written completely or not at all. An unreadable one is ignored; it is kept under another name when it is replaced.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,7 +32,7 @@ MOST_BYTES = 4 << 20
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """A marker or note that was put in later; `time` in unix s."""
+    """A marker or note that was added later; `time` in unix s."""
 
     time: float
     kind: str = "marker"
@@ -45,7 +43,7 @@ class Marker:
 
 @dataclass(frozen=True, slots=True)
 class Edits:
-    """What a person changed; None: nothing was said."""
+    """Changes to a recording; None: unchanged."""
 
     title: str | None = None
     tags: tuple[str, ...] | None = None
@@ -54,7 +52,7 @@ class Edits:
     markers: tuple[Marker, ...] = field(default=())
 
     def over(self, older: Edits) -> Edits:
-        """These, and where nothing was said, the older ones."""
+        """These edits, filled up from older ones."""
         known = {marker.id for marker in self.markers}
         return Edits(
             older.title if self.title is None else self.title,
@@ -65,12 +63,12 @@ class Edits:
         )
 
     def with_marker(self, marker: Marker) -> Edits:
-        """One more; it gets an id of its own."""
+        """These edits with one more marker, which gets a new id."""
         number = max((one.id for one in self.markers), default=FIRST_MARKER - 1) + 1
         return replace(self, markers=(*self.markers, replace(marker, id=number)))
 
     def as_metadata(self) -> dict[str, str]:
-        """As they stand in the metadata `edit` of an MCAP file."""
+        """Changes as written to the metadata `edit` of an MCAP file."""
         out = {}
         if self.title is not None:
             out["title"] = self.title
@@ -85,26 +83,26 @@ class Edits:
         return out
 
 
-CSV_EDIT = "# imuscope edit: "  # begins the first line of a CSV file that was handed over
-FIRST_MARKER = 1_000_001  # ids of markers put in later begin here: those of the file itself are counted from 1
+CSV_EDIT = "# imuscope edit: "  # starts the first line of an exported CSV file
+FIRST_MARKER = 1_000_001  # ids of markers added later start here: those of the file itself are counted from 1
 
 
 def sidecar_path(path: Path) -> Path:
-    """The file that belongs to a recording."""
+    """The sidecar file of a recording."""
     return path.with_name(path.name + SUFFIX)
 
 
 def read(path: Path) -> Edits:
-    """What was changed about the recording at `path`; nothing where there is no file, or none that can be read."""
+    """Changes to the recording at `path`; empty if there is no readable sidecar."""
     return from_plain(_load(sidecar_path(path)))
 
 
 def write(path: Path, edits: Edits) -> None:
-    """Keep it beside the recording at `path`.
+    """Store the edits beside the recording at `path`.
 
     Raises:
-        OSError: it cannot be written; what was there stays.
-        RecordingError: what is there was written by a newer imuscope, and stays.
+        OSError: it cannot be written; the old one stays.
+        RecordingError: the old one was written by a newer imuscope, and stays.
     """
     target = sidecar_path(path)
     if why := refused(path):
@@ -117,12 +115,12 @@ def write(path: Path, edits: Edits) -> None:
     if edits.markers:
         body["markers"] = [_plain(marker) for marker in edits.markers]
     if target.exists() and not _load(target):
-        os.replace(target, target.with_name(f".{target.name}.unreadable"))
+        atomic_write.replace(target, target.with_name(f".{target.name}.unreadable"))
     atomic_write.write_atomic(target, json.dumps(body, ensure_ascii=False, indent=1))
 
 
 def refused(path: Path) -> RecordingError | None:
-    """Why what was changed about the recording at `path` is not read; None where it is, and where there is nothing."""
+    """Reason why the edits of the recording at `path` are refused; None if they are read, or absent."""
     target = sidecar_path(path)
     try:
         body = json.loads(target.read_text(encoding="utf-8")) if 0 < target.stat().st_size <= MOST_BYTES else {}
@@ -132,7 +130,7 @@ def refused(path: Path) -> RecordingError | None:
 
 
 def trouble(path: Path) -> RecordingError | None:
-    """Why what was changed about the recording at `path` is not shown: damaged, or of a newer imuscope; else None."""
+    """Reason why the edits of the recording at `path` are not shown: damaged, or of a newer imuscope; else None."""
     target = sidecar_path(path)
     if why := refused(path):
         return why
@@ -143,7 +141,7 @@ def trouble(path: Path) -> RecordingError | None:
 
 
 def from_plain(body: Mapping[str, Any]) -> Edits:
-    """Edits of parsed JSON; what has another type than it should was not said."""
+    """Edits of parsed JSON; a value of the wrong type is ignored."""
     tags = body.get("tags")
     markers = body.get("markers")
     return Edits(
@@ -155,27 +153,27 @@ def from_plain(body: Mapping[str, Any]) -> Edits:
     )
 
 
-def from_metadata(told: Mapping[str, str]) -> Edits:
+def from_metadata(values: Mapping[str, str]) -> Edits:
     """Edits of the metadata `edit` of an MCAP file."""
-    body: dict[str, Any] = {name: told[name] for name in ("title", "notes") if name in told}
+    body: dict[str, Any] = {name: values[name] for name in ("title", "notes") if name in values}
     for name in ("tags", "markers"):
         with contextlib.suppress(ValueError, RecursionError, KeyError):
-            body[name] = loads(told[name])
-    if "pinned" in told:
-        body["pinned"] = told["pinned"].lower() in ("true", "1")
+            body[name] = loads(values[name])
+    if "pinned" in values:
+        body["pinned"] = values["pinned"].lower() in ("true", "1")
     return from_plain(body)
 
 
 def from_csv(first: bytes) -> Edits:
-    """Edits of the first line of a CSV file; nothing where it is any other line."""
+    """Edits of the first line of a CSV file; empty if it is not such a line."""
     line = first.decode("utf-8-sig", errors="replace")
     if not line.startswith(CSV_EDIT):
         return Edits()
     try:
-        told = loads(line.removeprefix(CSV_EDIT))
+        values = loads(line.removeprefix(CSV_EDIT))
     except (ValueError, RecursionError):
         return Edits()
-    known = told.items() if isinstance(told, dict) else ()
+    known = values.items() if isinstance(values, dict) else ()
     return from_metadata({name: value for name, value in known if isinstance(value, str)})
 
 
@@ -193,14 +191,14 @@ def _text(value: Any) -> str | None:
     return value if isinstance(value, str) else None
 
 
-def _marker(told: Any) -> Marker | None:
-    if not isinstance(told, dict):
+def _marker(values: Any) -> Marker | None:
+    if not isinstance(values, dict):
         return None
-    time, number = told.get("time"), told.get("id")
+    time, number = values.get("time"), values.get("id")
     if isinstance(time, bool) or not isinstance(time, int | float) or not math.isfinite(time):
         return None
-    kind = "note" if told.get("kind") == "note" else "marker"
-    text, device = _text(told.get("text")) or "", _text(told.get("device")) or ""
+    kind = "note" if values.get("kind") == "note" else "marker"
+    text, device = _text(values.get("text")) or "", _text(values.get("device")) or ""
     return Marker(float(time), kind, text, device, number if isinstance(number, int) else FIRST_MARKER)
 
 

@@ -1,11 +1,11 @@
-"""What a file holds, whatever its format: stretches of bytes of one device, with the time at which each chunk arrived.
+"""Common interface of imported files: blocks of bytes of one device, with the arrival time of each chunk.
 
     part    data     [chunk][chunk][chunk]···
             ends     after each chunk
             times    when each arrived, ns
 
-A part is as large as reading it at once is good for (up to some megabytes), so that an hour of chunks is a few hundred
-parts. `Source` is one file, or the files that one recording was split into.
+A part is sized for efficient reading (up to some megabytes), so that an hour of chunks is a few hundred parts. `Source`
+is one file, or the files of a split recording.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from recordings.tolerant_json import loads
 
 @dataclass(frozen=True, slots=True)
 class ChunkBlock:
-    """Chunks of one device that lie together.
+    """Consecutive chunks of one device.
 
     Args:
-        data: the chunks, one after the other.
-        ends: (n,) int64, where each ends in `data`, ascending.
-        times: (n,) int64, when each arrived (or was sent), ns since the Unix epoch.
-        done: how far into the file this reaches, 0..1.
+        data: the chunks, concatenated.
+        ends: (n,) int64, end of each in `data`, ascending.
+        times: (n,) int64, arrival (or sending) time of each, ns since the Unix epoch.
+        done: share of the file read, 0..1.
     """
 
     device: str
-    way: Literal["rx", "tx"]
+    direction: Literal["rx", "tx"]
     data: bytes
     ends: Ints
     times: Ints
@@ -44,11 +44,11 @@ class ChunkBlock:
 
 @dataclass(slots=True)
 class SourceDevice:
-    """What a file tells of a device before any byte is decoded; `protocol` "" where it does not."""
+    """Metadata of a device before any byte is decoded; `protocol` "" if unknown."""
 
     id: str
     protocol: str = ""
-    about: Mapping[str, str] = field(default_factory=dict)
+    identity: Mapping[str, str] = field(default_factory=dict)
 
 
 class Source(Protocol):
@@ -56,16 +56,16 @@ class Source(Protocol):
 
     Attributes:
         format: "mcap", "mtb", "raw", "dat", "bin".
-        devices: those that are known beforehand; others may turn up in parts.
-        timed: whether the times of its chunks are true; else they were made from the device's own clock.
-        damage: what could not be read, known when the parts have been read.
+        devices: those known beforehand; others may appear in parts.
+        timed: whether the times of its chunks are real; else they are derived from the device's own clock.
+        damage: unreadable parts of the file, complete after the parts have been read.
     """
 
     format: str
     path: Path
     timed: bool
     devices: dict[str, SourceDevice]
-    about: Mapping[str, str]
+    header: Mapping[str, str]
 
     @property
     def damage(self) -> list[FileDamage]: ...
@@ -74,12 +74,12 @@ class Source(Protocol):
         """All of them, or at least those with chunks between two times."""
         ...
 
-    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
-        """(channel, time ns, body) of what was kept beside the bytes: events, notes, snapshots. After `parts`."""
+    def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """(channel, time ns, body) of data stored beside the bytes: events, notes, snapshots. Call after `parts`."""
 
 
 class McapSource:
-    """A recording of ours."""
+    """A recording made by imuscope."""
 
     format = "mcap"
     timed = True
@@ -87,11 +87,11 @@ class McapSource:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._recording = McapReader(path)
-        self._said: list[tuple[str, int, Mapping[str, Any]]] = []
-        if not self._recording.chunks:  # its metadata are spread over the file; the first records have the names
+        self._metadata: list[tuple[str, int, Mapping[str, Any]]] = []
+        if not self._recording.chunks:  # its metadata is spread over the file; the first records have the names
             next(iter(self._recording.blocks()), None)
-        self.about: Mapping[str, str] = self._recording.meta(RECORDING)
-        if why := check_format_version(path.name, self.about.get("format")):
+        self.header: Mapping[str, str] = self._recording.meta(RECORDING)
+        if why := check_format_version(path.name, self.header.get("format")):
             raise why
         self.devices: dict[str, SourceDevice] = {}
         self._learn()
@@ -102,7 +102,7 @@ class McapSource:
 
     @property
     def indexed(self) -> list[int]:
-        """When each block of the file ends, ns; empty where it has no index."""
+        """End of each block of the file, ns; empty without an index."""
         return [index.message_end_time for index in self._recording.chunks]
 
     def _learn(self) -> None:
@@ -114,7 +114,7 @@ class McapSource:
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         recording = self._recording
         recording.damage.clear()
-        self._said.clear()
+        self._metadata.clear()
         for block in recording.blocks(start_ns, stop_ns):
             for number in np.unique(block.table[CHANNEL_ID]).tolist():
                 topic = recording.topics.get(number)
@@ -123,21 +123,21 @@ class McapSource:
                 rows = block.of(number)
                 way, _, device = topic.name.partition("/")
                 if topic.encoding == "json":
-                    self._hear(topic.name, block, rows)
+                    self._collect(topic.name, block, rows)
                 if way not in ("rx", "tx") or topic.encoding == "json":
                     continue
                 data, ends = block.joined(rows)
                 yield ChunkBlock(device, way, data, ends, rows[TIME], block.done / max(recording.size, 1))  # type: ignore[arg-type]
         self._learn()
 
-    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
-        yield from self._said
+    def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        yield from self._metadata
 
-    def _hear(self, topic: str, block: MessageBlock, rows: Ints) -> None:
+    def _collect(self, topic: str, block: MessageBlock, rows: Ints) -> None:
         for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
             try:
                 body = loads(bytes(block.data[at : at + size]))
             except (ValueError, RecursionError):
                 continue
             if isinstance(body, dict):
-                self._said.append((topic, time, body))
+                self._metadata.append((topic, time, body))

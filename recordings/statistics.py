@@ -1,12 +1,11 @@
-"""Mean, standard deviation and extremes of any stretch of a column, along a line or around a circle.
+"""Mean, standard deviation and extremes of any range of a column, linear or circular.
 
-Of a recording a page holds what a screen shows: of an hour at 1 kHz the extremes of a few thousand stretches, from
-which no mean follows. So the store is asked, block after block: memory is that of one block, and an hour takes
-milliseconds for each column.
+The page holds only the data on screen: for an hour at 1 kHz, the extremes of a few thousand ranges, which give no mean.
+So the store is queried block by block: memory is that of one block, and an hour takes milliseconds for each column.
 
-A wrapping angle has no mean along the line. Around the circle the mean is the angle from which the deviations, each
-taken the short way round, add up to zero; σ is the standard deviation (n − 1) of those. The page does the same with
-what it holds (web/src/data/statistics.ts, which says more).
+A wrapping angle has no linear mean. Its circular mean is the angle from which the deviations, each taken the short way
+round, add up to zero; σ is the standard deviation (n − 1) of those. The page does the same with its data
+(web/src/data/statistics.ts, which explains more).
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from recordings.column_store import ColumnStore
 
 Floats = NDArray[np.float64]
 
-LEAST_RESULTANT = 0.05  # shorter, of samples of length 1, it has no direction worth telling: the mean is NaN
+LEAST_RESULTANT = 0.05  # of unit vectors; below it the direction is meaningless: the mean is NaN
 PASSES = 3
-SETTLED = 1e-6  # of the period: an anchor that moves by less is the mean
+SETTLED = 1e-6  # of the period: an anchor that moves by less has converged
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """Of the values that are numbers; NaN where there are none."""
+    """Statistics of the finite values; NaN if there are none."""
 
     n: int
     mean: float
@@ -40,7 +39,7 @@ class Statistics:
 
 @dataclass(slots=True)
 class _Moments:
-    """Number, mean and sum of squared deviations; what is added is combined without cancellation (Chan et al.)."""
+    """Number, mean and sum of squared deviations; blocks are combined without cancellation (Chan et al.)."""
 
     n: int = 0
     mean: float = 0.0
@@ -68,7 +67,7 @@ def wrapped(angle: Any, period: float) -> Any:
 
 
 def statistics(store: ColumnStore, channel: int, column: int, lo: int, hi: int, period: float = 0.0) -> Statistics:
-    """Statistics of the rows lo ≤ row < hi of a channel's own column, by position; 0 for one that never wraps."""
+    """Statistics of the rows lo ≤ row < hi of a channel's own column, by position; period 0: it never wraps."""
 
     def parts() -> Iterator[Floats]:
         for values in store.values(channel, column, lo, hi):
@@ -79,7 +78,7 @@ def statistics(store: ColumnStore, channel: int, column: int, lo: int, hi: int, 
 
 
 def norm_statistics(store: ColumnStore, channel: int, columns: Sequence[int], lo: int, hi: int) -> Statistics:
-    """Statistics of the length of the vectors that these columns are."""
+    """Statistics of the length of the vectors formed by these columns."""
 
     def parts() -> Iterator[Floats]:
         for axes in zip(*(store.values(channel, column, lo, hi) for column in columns), strict=True):
@@ -91,7 +90,7 @@ def norm_statistics(store: ColumnStore, channel: int, columns: Sequence[int], lo
 
 
 def statistics_of(parts: Callable[[], Iterator[Floats]], period: float = 0.0) -> Statistics:
-    """Statistics of finite values that come in parts; `parts` is called once for every pass over them."""
+    """Statistics of finite values given in parts; `parts` is called once for every pass over them."""
     line, least, most = _Moments(), float("inf"), float("-inf")
     for values in parts():
         line.add(values)
@@ -102,7 +101,7 @@ def statistics_of(parts: Callable[[], Iterator[Floats]], period: float = 0.0) ->
     if period <= 0 or most - least <= period / 2:
         return Statistics(line.n, line.mean, line.sigma, least, most)
     mean, sigma = _around(parts, period, line.mean)
-    if least >= 0 and mean < 0:  # a heading that is counted from 0 to 360
+    if least >= 0 and mean < 0:  # a heading counted from 0 to 360
         mean += period
     return Statistics(line.n, mean, sigma, least, most)
 
@@ -112,14 +111,14 @@ def _around(parts: Callable[[], Iterator[Floats]], period: float, other: float) 
     for values in parts():
         total += complex(np.exp(2j * np.pi / period * values).sum())
         n += len(values)
-    is_told = abs(total) / n >= LEAST_RESULTANT
-    anchor = float(np.angle(total)) * period / (2 * np.pi) if is_told else other
+    has_direction = abs(total) / n >= LEAST_RESULTANT
+    anchor = float(np.angle(total)) * period / (2 * np.pi) if has_direction else other
     moments = _Moments()
     for _ in range(PASSES):
         moments = _Moments()
         for values in parts():
             moments.add(wrapped(values - anchor, period))
-        if not is_told or abs(moments.mean) < SETTLED * period:
+        if not has_direction or abs(moments.mean) < SETTLED * period:
             break
         anchor += moments.mean
-    return (float(wrapped(anchor, period)) if is_told else float("nan")), moments.sigma
+    return (float(wrapped(anchor, period)) if has_direction else float("nan")), moments.sigma

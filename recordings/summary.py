@@ -1,10 +1,10 @@
-"""What does the list show of a recording that has been opened? Its motion at a glance, where it lost something, counts.
+"""Summary of an opened recording for the list: its motion, its losses, counts.
 
-    motion   |rate of turn|, or |acceleration|, or else the busiest quantity: in each of 64 buckets
-             the least and the greatest, over the greatest of all; 0, 0 where nothing was measured
+    motion   |rate of turn|, or |acceleration|, or else the busiest quantity: in each of 64 buckets the least and the
+             greatest, divided by the greatest of all; 0, 0 without samples
 
-Worked out of summaries of the columns, so it costs the same whatever the length. The norm of a vector is bounded by
-those of its components in a summary: the picture may be a little too wide, never too narrow.
+Computed from the columns' summaries, so it costs the same at any length. In a summary the norm of a vector is bounded
+by those of its components: the picture may be slightly too wide, never too narrow.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from recordings.column_store import ColumnStore, ExactRows
 
 BUCKETS = 64
-FINE = 32  # summaries asked for in each bucket
+FINE = 32  # summaries for each bucket
 MOST_LOSSES = 200
-_LIKED = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",), ("acceleration",), ("acc",))
+_PREFERRED = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",), ("acceleration",), ("acc",))
 
 
 def thumbnail(columns: ColumnStore) -> list[list[float]]:
-    """(least, greatest) of 64 buckets, 0..1; [] where nothing moves."""
+    """(least, greatest) of 64 buckets, 0..1; [] without motion."""
     number = _moving(columns)
     span = columns.span(number) if number is not None else None
     if number is None or span is None or span[1] <= span[0]:
@@ -45,17 +45,17 @@ def thumbnail(columns: ColumnStore) -> list[list[float]]:
     place = np.clip(((t - span[0]) * (BUCKETS / (span[1] - span[0]))).astype(np.int64), 0, BUCKETS - 1)
     out: list[list[float]] = []
     for bucket in range(BUCKETS):
-        mine = finite & (place == bucket)
+        selected = finite & (place == bucket)
         out.append(
-            [round(float(least[mine].min()) / scale, 3), round(float(greatest[mine].max()) / scale, 3)]
-            if mine.any()
+            [round(float(least[selected].min()) / scale, 3), round(float(greatest[selected].max()) / scale, 3)]
+            if selected.any()
             else [0.0, 0.0]
         )
     return out
 
 
 def losses(manifest: Mapping[str, Any]) -> list[float]:
-    """Where samples were lost, 0..1 of the recording, ascending."""
+    """Positions of lost samples, 0..1 of the recording, ascending."""
     start, end = manifest.get("started"), manifest.get("ended")
     if start is None or end is None or end <= start:
         return []
@@ -69,18 +69,18 @@ def losses(manifest: Mapping[str, Any]) -> list[float]:
 
 
 def summarize(columns: ColumnStore) -> dict[str, Any]:
-    """All that the list wants to know of an opened recording, as JSON can hold it."""
+    """Index entry of an opened recording for the list, as JSON-compatible values."""
     manifest = columns.manifest
     figures = manifest.get("figures", {})
     start, end = manifest.get("started"), manifest.get("ended")
     devices = []
-    for told in manifest.get("devices", ()):
-        counted = figures.get(told["id"], {})
-        words = {name: told.get(name, "") for name in ("id", "name", "protocol", "product", "serial_number")}
+    for device in manifest.get("devices", ()):
+        counted = figures.get(device["id"], {})
+        words = {name: device.get(name, "") for name in ("id", "name", "protocol", "product", "serial_number")}
         messages = sum(counted.get("messages", {}).values())
         devices.append({**words, "messages": messages, "lost": counted.get("lost", 0)})
         devices[-1]["rejects"] = counted.get("rejects", 0)
-    damage = [told["words"] for told in manifest.get("damage", ())]
+    damage = [one["words"] for one in manifest.get("damage", ())]
     return {
         "started": start,
         "duration": end - start if start is not None and end is not None else None,
@@ -92,27 +92,27 @@ def summarize(columns: ColumnStore) -> dict[str, Any]:
     }
 
 
-def is_summary(told: dict[str, Any]) -> bool:
-    """Whether what was kept on disk has the types that `summarize` gives; a damaged file may not."""
+def is_summary(summary: dict[str, Any]) -> bool:
+    """Whether a cached value has the types of `summarize`'s result; a damaged file may not."""
 
     def is_list(value: Any, *kinds: type) -> bool:
         return isinstance(value, list) and all(isinstance(one, kinds) for one in value)
 
-    numbers = all(told[name] is None or isinstance(told[name], int | float) for name in ("started", "duration"))
-    lists = is_list(told["thumbnail"], list) and all(is_list(one, int, float) for one in told["thumbnail"])
-    lists = lists and is_list(told["losses"], int, float) and is_list(told["markers"], str)
-    devices = is_list(told["devices"], dict) and all(
+    numbers = all(summary[name] is None or isinstance(summary[name], int | float) for name in ("started", "duration"))
+    lists = is_list(summary["thumbnail"], list) and all(is_list(one, int, float) for one in summary["thumbnail"])
+    lists = lists and is_list(summary["losses"], int, float) and is_list(summary["markers"], str)
+    devices = is_list(summary["devices"], dict) and all(
         isinstance(value, int if name in ("messages", "lost", "rejects") else str)
-        for one in told["devices"]
+        for one in summary["devices"]
         for name, value in one.items()
     )
-    return numbers and lists and devices and isinstance(told["damaged"], str)
+    return numbers and lists and devices and isinstance(summary["damaged"], str)
 
 
 def _moving(columns: ColumnStore) -> int | None:
-    """The channel whose motion is shown: the busiest of the kind that is liked best."""
+    """The channel whose motion is shown: the busiest of the preferred kind."""
     infos = columns.manifest.get("channels", ())
-    for words in _LIKED:
+    for words in _PREFERRED:
         found = [
             info["id"]
             for info in infos
@@ -127,7 +127,7 @@ def _moving(columns: ColumnStore) -> int | None:
 
 
 def _axes(columns: ColumnStore, number: int) -> list[int]:
-    """The columns that are components: those with an axis, else all floating ones, three at most."""
+    """The columns that are components: those with an axis, else all floating-point ones, three at most."""
     info = next(one for one in columns.manifest["channels"] if one["id"] == number)
     axes = [i for i, column in enumerate(info["columns"]) if column.get("axis")]
     floats = [i for i, column in enumerate(info["columns"]) if column["dtype"].startswith("f")]

@@ -1,18 +1,18 @@
-"""Numbers that somebody else has decoded: CSV with a time column, and MCAP files of other programs.
+"""Numbers decoded by other programs: CSV with a time column, and MCAP files of other programs.
 
     CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
             1760000000.00,0.1,0.2,24.5
 
 The time column is the first whose name is time, timestamp, t, date, datetime or utc, with or without a unit: s, ms, µs,
-ns, in brackets of either kind or behind an underscore (`time_ms`). Without a unit, the size of the first number tells
-it; text is read as ISO 8601, UTC where it names no zone. Times that are not since 1970 are counted from when the file
-was last written. A column `arrival` beside it is taken as that. Lines before the heading that begin with # are skipped;
-fields are parted by comma, semicolon or tab. What is no number is an empty cell, and told.
+ns, in brackets of either kind or after an underscore (`time_ms`). Without a unit, the size of the first number decides;
+text is read as ISO 8601, UTC if it names no zone. Times that are not since 1970 are counted from when the file was last
+written. A column `arrival` beside it is taken as the arrival time. Lines before the heading that begin with # are
+skipped; fields are separated by comma, semicolon or tab. A cell that is not a number is empty, and reported.
 
     MCAP  one table a topic; a number in its messages is a column (recordings/mcap_decoders.py: JSON, protobuf,
-          ROS 2); the log time is when it arrived. Messages that cannot be read are left out, and it is told which.
+          ROS 2); the log time is its arrival. Unreadable messages are skipped and reported.
 
-A table becomes channels by the names of its columns: `Acceleration.x`, `acc_x` and `accX` go with their y and z.
+Columns are grouped into channels by name: `Acceleration.x`, `acc_x` and `accX` go with their y and z.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.plural import counted, plural
 from recordings.mcap_decoders import MessageReader, NumericMessage, reader_of, unit_of
 from recordings.mcap_reader import DATA, LENGTH, TIME, FileDamage, McapChannel, McapReader
 from recordings.mcap_writer import RecordingError
 from recordings.sources import ChunkBlock, SourceDevice
 from recordings.topics import columns_of
 
-if TYPE_CHECKING:  # imported where a CSV file is read: a server starts sooner without
+if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
     import pyarrow as pa
 
 Floats = NDArray[np.float64]
@@ -45,10 +46,10 @@ Floats = NDArray[np.float64]
 DEVICE = "1"
 TIMES = ("time", "timestamp", "t", "date", "datetime", "utc")
 UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
-SINCE_1970 = 1e8  # s; smaller times are counted from something else
+SINCE_1970 = 1e8  # s; smaller times are counted from another epoch
 BLOCK_BYTES = 4 << 20
-LONGEST_LINE = 4 << 20  # of the comment in which a CSV file that was handed over has its markers
-FAR_OFF_S = 86_400.0  # a stamp further from when it came is of another clock
+LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
+FAR_OFF_S = 86_400.0  # a stamp further from the arrival is of another clock
 MOST_COLUMNS = 500
 _TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
@@ -60,13 +61,13 @@ _AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter
 
 @dataclass(frozen=True, slots=True)
 class TableRows:
-    """Rows of one table: (n,) each; what is no number is NaN.
+    """Rows of one table: (n,) each; a missing number is NaN.
 
     Args:
         table: its name.
-        time, arrival: unix s; time NaN where it is not known.
-        columns: by heading, (values, unit). The same headings in every block of a table.
-        done: how far into the file this reaches, 0..1.
+        time, arrival: unix s; time NaN if unknown.
+        columns: by heading, (values, unit). The headings are the same in every block of a table.
+        done: share of the file read, 0..1.
     """
 
     table: str
@@ -77,30 +78,30 @@ class TableRows:
 
 
 class TableSource:
-    """A file that holds numbers and no bytes of a device. As recordings/parts.Source, with `rows` in place of parts."""
+    """A file of numbers, without bytes of a device. As recordings/sources.Source, with `rows` in place of parts."""
 
     timed = True
 
     def __init__(self, path: Path, format: str) -> None:
         self.path, self.format = path, format
-        self.about: Mapping[str, str] = {}
+        self.header: Mapping[str, str] = {}
         self.devices = {DEVICE: SourceDevice(DEVICE, "", {"source": path.name, "name": path.stem})}
         self.damage: list[FileDamage] = []
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
-        """There are no bytes."""
+        """Nothing: the file has no bytes of a device."""
         return iter(())
 
-    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
-        """Nothing was kept beside the numbers."""
+    def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """Metadata stored beside the numbers: none."""
         return iter(())
 
     def rows(self) -> Iterator[TableRows]:
-        """All rows, a block of each table after the other."""
+        """All rows, in blocks of each table."""
         raise NotImplementedError
 
     def last(self) -> float:
-        """When the last row is, as far as that can be told before all are read, unix s; 0 where it cannot."""
+        """Time of the last row, as far as known before all are read, unix s; 0 if unknown."""
         return 0.0
 
 
@@ -108,7 +109,7 @@ class CsvSource(TableSource):
     """One CSV file.
 
     Raises:
-        RecordingError: it has no column of times, or none of numbers.
+        RecordingError: it has no time column, or no numeric one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -161,10 +162,11 @@ class CsvSource(TableSource):
         except pa.ArrowInvalid as error:
             self.damage.append(FileDamage(-1, f"From some line on it is no table: {str(error).splitlines()[0][:200]}"))
         if odd:
-            self.damage.append(FileDamage(-1, f"{len(odd)} lines do not have {len(names)} fields; they are left out."))
+            lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(names), 'field')}"
+            self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))
         if wrong:
-            words = "cell was not a number and was" if wrong == 1 else "cells were not numbers and were"
-            self.damage.append(FileDamage(-1, f"{wrong} {words} left empty."))
+            cells = counted(wrong, "cell was not a number and was", "cells were not numbers and were")
+            self.damage.append(FileDamage(-1, f"{cells} left empty."))
 
     def last(self) -> float:
         assert self._time is not None
@@ -203,7 +205,7 @@ class CsvSource(TableSource):
 
 
 class _Utf8(io.RawIOBase):
-    """A file whose bytes are UTF-8, whatever they were: what is none is put in its place, and told once."""
+    """A file as UTF-8, whatever its bytes: invalid ones are replaced, and reported once."""
 
     def __init__(self, file: BinaryIO, damage: list[FileDamage]) -> None:
         self._file = file
@@ -216,10 +218,10 @@ class _Utf8(io.RawIOBase):
     def read(self, size: int = -1) -> bytes:
         while data := self._file.read(size):
             if text := self._decoder.decode(data):
-                return self._told(text)
-        return self._told(self._decoder.decode(b"", True))
+                return self._report(text)
+        return self._report(self._decoder.decode(b"", True))
 
-    def _told(self, text: str) -> bytes:
+    def _report(self, text: str) -> bytes:
         if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):
             self._damage.append(FileDamage(-1, NO_UTF8))
         return text.encode()
@@ -236,7 +238,9 @@ def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
         second = file.readline(1 << 16)
     delimiter = max(",;\t", key=line.count)
     if line.count(delimiter) == 0:
-        raise RecordingError(f"{path.name} is no table.", "Its first line should name columns, parted by commas.")
+        raise RecordingError(
+            f"{path.name} is not a table.", "The first line must name the columns, separated by commas."
+        )
     heads = next(csv.reader([line], delimiter=delimiter))
     first = next(csv.reader([second], delimiter=delimiter), [])
     if len(heads) > MOST_COLUMNS:
@@ -244,13 +248,13 @@ def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
     return skip, delimiter, heads, first
 
 
-def _unit(told: str) -> str:
-    """The unit of what stands in brackets behind a name; beside it, or alone, a frame may stand there ("m/s; NED")."""
-    return ";".join(part.strip() for part in told.split(";") if not _FRAME.match(part.strip()))
+def _unit(text: str) -> str:
+    """The unit in the brackets after a name; a frame may stand beside or instead of it ("m/s; NED")."""
+    return ";".join(part.strip() for part in text.split(";") if not _FRAME.match(part.strip()))
 
 
 def _time_unit(name: str) -> str | None:
-    """Of a heading that names a time its unit, "" where it tells none; None of any other."""
+    """Unit of a time heading, "" if it has none; None for any other heading."""
     text = name.strip().lower()
     if text in TIMES:
         return ""
@@ -259,7 +263,7 @@ def _time_unit(name: str) -> str | None:
 
 
 def _guessed(value: str) -> float:
-    """The unit of a time without one, by its size; text is none."""
+    """The unit of a number without one, by its size; text has none."""
     try:
         size = abs(float(value))
     except ValueError:
@@ -274,14 +278,14 @@ def _seconds(text: str | None, factor: float) -> float | None:
     except ValueError:
         pass
     try:
-        told = datetime.fromisoformat((text or "").strip())
+        moment = datetime.fromisoformat((text or "").strip())
     except ValueError:
         return None
-    return (told if told.tzinfo is not None else told.replace(tzinfo=UTC)).timestamp()
+    return (moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def _numbers(column: pa.Array) -> tuple[Floats, int]:
-    """Cells as numbers, and how many hold something else."""
+    """Cells as numbers, and the number of cells with anything else."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -355,13 +359,13 @@ class MessageSource(TableSource):
                     if any(body.rows for body in bodies):
                         arrival = np.repeat(arrival, [len(body.rows) for body in bodies])
                         bodies = [row for body in bodies for row in body.rows]
-                    told = columns_of(topic.schema, topic.schema_data) if topic.encoding == "json" else {}
-                    names = headings.setdefault(number, list(told)[:MOST_COLUMNS] or _names(bodies))
+                    described = columns_of(topic.schema, topic.schema_data) if topic.encoding == "json" else {}
+                    names = headings.setdefault(number, list(described)[:MOST_COLUMNS] or _names(bodies))
                     stamps = np.array([body.stamp for body in bodies])
                     time = np.where(np.abs(stamps - arrival) < FAR_OFF_S, stamps, arrival)
                     columns = {}
                     for name in names:
-                        heading, unit = told.get(name) or (name, unit_of(topic, name))
+                        heading, unit = described.get(name) or (name, unit_of(topic, name))
                         columns[heading] = (np.array([body.of.get(name, np.nan) for body in bodies]), unit)
                     yield TableRows(topic.name, time, arrival, columns, block.done / max(recording.size, 1))
             self.damage.extend(recording.damage)
@@ -379,7 +383,7 @@ def _names(bodies: list[NumericMessage]) -> list[str]:
 
 
 def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Columns that belong together: (name of the quantity, [(heading, name in it)])."""
+    """Columns grouped by quantity: (name of the quantity, [(heading, name in it)])."""
     groups: dict[str, list[tuple[str, str]]] = {}
     for name in names:
         match = _AXIS.match(name)

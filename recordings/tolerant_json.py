@@ -1,7 +1,7 @@
-"""JSON that somebody else wrote: read so that what it says can be written again.
+"""JSON of other programs, read so that its content can be written again.
 
-JSON can name half a character ("\\ud800"). Python keeps it in a str, and nothing can encode that: neither a file nor an
-answer. It is read as "?", so that one odd note in a recording does not keep the whole list from being sent.
+JSON can contain an unpaired surrogate ("\\ud800"). Python keeps it in a str, and nothing can encode that: neither a
+file nor a response. It is read as "?", so that one odd note in a recording does not prevent the list from being sent.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any
 
 
 def loads(data: bytes | str) -> Any:
-    """As json.loads, with whole characters.
+    """Decode JSON as json.loads does, replacing unpaired surrogates.
 
     Raises:
-        ValueError, RecursionError: it is no JSON, or nested without end.
+        ValueError, RecursionError: it is not JSON, or nested too deeply.
     """
     value = json.loads(data)
     if "\\u" in data if isinstance(data, str) else b"\\u" in data:

@@ -1,14 +1,14 @@
-"""What other people's viewers are told of a channel of ours: its topic, its schema, its messages as JSON. Pure.
+"""Schemas of channels for other viewers: topics, schemas, messages as JSON. Pure.
 
     topic     /MTi-630/Acceleration            device, message where it has several quantities, quantity
     field     x_m_s2                           the column, with its unit in letters: a plot's path needs no quotes
-    schema    JSON Schema, which says the unit as it is written, the frame, what the field and what its numbers mean
+    schema    JSON Schema with the unit as written, the frame, and the meaning of the field and of its numbers
 
-A number that is not finite is left out of its message, because JSON has none. Single flags of a status word are fields
-of their own, true or false, which a plot of states can show. A table (satellites) is one message a time: {"rows": []}.
+A number that is not finite is left out of its message, because JSON has none. Single flags of a status word are boolean
+fields of their own, which a plot of states can show. A table (satellites) is one message a time: {"rows": []}.
 
-The live Foxglove server and the plottable export both speak so: a layout made of one fits the other. `Encoder` is for a
-few rows at a time, `bodies` for many at once; a test holds them to the same words.
+Both the live Foxglove server and the decoded MCAP export use these: a layout made for one fits the other. `Encoder`
+encodes a few rows at a time, `bodies` many at once; a test checks that both give the same text.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # imported where many rows are encoded: a server starts sooner without
+if TYPE_CHECKING:  # imported where many rows are encoded, so that a server starts sooner
     import pyarrow as pa
 
 Array = NDArray[Any]
@@ -35,17 +35,17 @@ _LETTERS = str.maketrans(
 
 
 def topic_of(device: str, info: Info, taken: Iterable[str]) -> str:
-    """The topic of a channel; one that is taken gets a number.
+    """The topic of a channel; a number is appended if it is taken.
 
     Args:
-        device: what it is called where names must differ (recordings/file_names.py).
+        device: its unique name (recordings/file_names.py).
     """
     parts = [device, *([info["group"]] if info["group"] and info["group"] != info["title"] else [])]
     return named(*map(str, parts), str(info["title"] or info["name"]), taken=taken)
 
 
 def named(*parts: str, taken: Iterable[str]) -> str:
-    """A topic of these words; one that is taken gets a number."""
+    """A topic of these words; a number is appended if it is taken."""
     topic = wanted = "/" + "/".join(map(_word, parts))
     count = 1
     while topic in taken:
@@ -69,32 +69,32 @@ def schema_of(info: Info) -> dict[str, Any]:
     properties: dict[str, Any] = {}
     for name, column in zip(fields_of(info), info["columns"], strict=True):
         kind = "number" if column["dtype"].startswith("f") else "integer"
-        told = {"description": _words(column), "unit": column["unit"], "frame": frame_of(column, str(info["frame"]))}
-        properties[name] = {"type": kind, **{key: text for key, text in told.items() if text}}
+        details = {"description": _words(column), "unit": column["unit"], "frame": frame_of(column, str(info["frame"]))}
+        properties[name] = {"type": kind, **{key: text for key, text in details.items() if text}}
         for bit in _flags(column):
             properties[_flag(name, bit)] = {"type": "boolean", "description": bit["doc"] or bit["name"]}
     words = " ".join(part for part in (info["doc"], f"Frame: {info['frame']}." if info["frame"] else "") if part)
     row = {"type": "object", "title": info["title"] or info["name"], "description": words, "properties": properties}
-    if info["kind"] != "rows":
+    if info["kind"] != "table":
         return row
     return {"type": "object", "title": row["title"], "properties": {"rows": {"type": "array", "items": row}}}
 
 
 def frame_of(column: Mapping[str, Any], frame: str) -> str:
-    """The frame of a column as metadata tells it: axes of a quantity that names none are those of the body."""
+    """The frame of a column for metadata: axes of a quantity without a frame are those of the body."""
     return frame or ("body" if column.get("axis") in ("x", "y", "z") else "")
 
 
 def columns_of(title: str, schema: bytes) -> dict[str, tuple[str, str]]:
-    """What the fields of a schema of ours were columns of: {"x_m_s2": ("Acceleration.x", "m/s²")}; {} of another's.
+    """Columns of the fields of one of our schemas: {"x_m_s2": ("Acceleration.x", "m/s²")}; {} for other schemas.
 
     Args:
         title: the schema's name.
     """
     try:
-        told = json.loads(schema)
-        row = told["properties"].get("rows", {}).get("items", told)
-        if told["title"] != title:
+        parsed = json.loads(schema)
+        row = parsed["properties"].get("rows", {}).get("items", parsed)
+        if parsed["title"] != title:
             return {}
         units = {field: str(one.get("unit", "")) for field, one in row["properties"].items()}
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
@@ -112,10 +112,10 @@ class Encoder:
     def __init__(self, info: Info) -> None:
         self._names = fields_of(info)
         self._flags = _flags_of(info)
-        self._table = info["kind"] == "rows"
+        self._table = info["kind"] == "table"
 
     def messages(self, columns: Sequence[Array]) -> Iterator[tuple[int, bytes]]:
-        """Each sample, or table, as (time in ns since 1970: device time where there is one, JSON).
+        """Each sample, or table, as (time in ns since 1970: device time if known, JSON).
 
         Args:
             columns: arrival, time, then the channel's own; (n,) each.
@@ -144,8 +144,9 @@ def bodies(info: Info, columns: Sequence[Array]) -> pa.Array:
 
     Args:
         columns: the channel's own, (n,) each.
+
     Returns:
-        (n,) large strings, an object each, also of a table: `tables` puts those of a moment together.
+        (n,) large strings, an object each, also of a table: `tables` combines those of a moment.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -170,10 +171,10 @@ def bodies(info: Info, columns: Sequence[Array]) -> pa.Array:
 
 
 def tables(rows: pa.Array, first: Array) -> pa.Array:
-    """The rows of each moment as one message.
+    """One message for the rows of each moment.
 
     Args:
-        first: (m,) where each moment begins.
+        first: (m,) index of each moment's first row.
     """
     import pyarrow as pa
     import pyarrow.compute as pc

@@ -1,12 +1,12 @@
-"""Attitudes, positions and events as the messages that other people's viewers have panels for.
+"""Attitudes, positions and events as the standard messages that other viewers have panels for.
 
     /MTi-630/attitude     foxglove.FrameTransform, from ENU to the device
     /MTi-630/position     foxglove.LocationFix
     /events               foxglove.Log
 
-The live Foxglove server and the plottable export both speak so. Which channel is the attitude and which the position is
-recordings/rrd/entities.py's decision, so that every view agrees. Foxglove's SDK writes the messages; it is imported
-with this file, which whoever needs none of them leaves alone.
+Both the live Foxglove server and the decoded MCAP export use these. recordings/rrd/entities.py chooses the attitude and
+position channels, so that all views agree. Foxglove's SDK encodes the messages; it is imported with this module, which
+is imported only where they are needed.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from foxglove.messages import FrameTransform, LocationFix, Log, LogLevel, Quater
 from numpy.typing import NDArray
 
 from recordings.rotations import ENU_FROM, READ, multiply
-from recordings.rrd.entities import Attitude, Position
+from recordings.rrd.entities import Attitude, PositionEntity
 from recordings.rrd.enu import is_place
 
 __all__ = ["ATTITUDE", "POSITION", "FrameTransform", "LocationFix", "Log", "fixes", "heights", "logged", "transforms"]
 
 Array = NDArray[Any]
 Times = NDArray[np.int64]
-Message = tuple[int, bytes]  # of which row it is, protocol buffer
+Message = tuple[int, bytes]  # row index, protocol buffer
 
 ATTITUDE, POSITION = "attitude", "position"  # last words of their topics
 WORLD = "ENU"
-LEVELS = {"caution": LogLevel.Warning, "fault": LogLevel.Error}
+LEVELS = {"warning": LogLevel.Warning, "error": LogLevel.Error}
 _NOWHERE = Vector3(x=0.0, y=0.0, z=0.0)
 
 
 def transforms(name: str, attitude: Attitude, columns: Sequence[Array], times: Times) -> Iterator[Message]:
-    """How a device lies; what is no rotation is left out.
+    """Transforms of a device; invalid rotations are left out.
 
     Args:
-        name: what the device is called where names must differ.
+        name: of the device, made unique where needed.
         columns: of the attitude's channel, (n,) each.
         times: (n,) ns since 1970.
     """
@@ -59,13 +59,15 @@ def transforms(name: str, attitude: Attitude, columns: Sequence[Array], times: T
         yield number, message.encode()
 
 
-def fixes(name: str, position: Position, columns: Sequence[Array], height: Array, times: Times) -> Iterator[Message]:
-    """Where a device is, in latitude and longitude; what can be no place is left out.
+def fixes(
+    name: str, position: PositionEntity, columns: Sequence[Array], height: Array, times: Times
+) -> Iterator[Message]:
+    """Position fixes of a device; implausible positions are left out.
 
     Args:
-        name: what the device is called where names must differ.
+        name: of the device, made unique where needed.
         columns: of the position's channel, (n,) each.
-        height: (n,) m; of use where the channel tells none.
+        height: (n,) m; used if the channel has no heights.
         times: (n,) ns since 1970.
     """
     lat, lon = columns[position.columns[0]], columns[position.columns[1]]
@@ -76,31 +78,31 @@ def fixes(name: str, position: Position, columns: Sequence[Array], height: Array
         yield number, LocationFix(timestamp=stamp(time), frame_id=name, latitude=a, longitude=b, altitude=c).encode()
 
 
-def heights(told: Times, values: Array, times: Times) -> Array:
-    """Heights that come in a channel of their own: of the same moment, else the last before; 0 where there are none.
+def heights(height_times: Times, values: Array, times: Times) -> Array:
+    """Heights from a channel of their own: of the same moment, else the last before; 0 if there are none.
 
     Args:
-        told, values: (m,) when they came, ns, and what they say, m.
-        times: (n,) when a place is asked for, ns.
+        height_times, values: (m,) their times, ns, and heights, m.
+        times: (n,) of the positions, ns.
     """
-    if not len(told):
+    if not len(height_times):
         return np.zeros(len(times))
-    return values[np.maximum(np.searchsorted(told, times, "right") - 1, 0)]
+    return values[np.maximum(np.searchsorted(height_times, times, "right") - 1, 0)]
 
 
 def logged(event: Mapping[str, Any], name: str) -> tuple[int, bytes]:
-    """What happened: when, ns since 1970, and the message.
+    """Log message of an event: time, ns since 1970, and the encoded message.
 
     Args:
         event: server/wire.py Event.
-        name: of its device; "" of none.
+        name: of its device; "" if it has none.
     """
     time = round(event["time"] * 1e9)
     level = LEVELS.get(event["level"], LogLevel.Info)
-    words = Log(timestamp=stamp(time), level=level, message=str(event["text"]), name=name or "imuscope")
-    return time, words.encode()
+    message = Log(timestamp=stamp(time), level=level, message=str(event["text"]), name=name or "imuscope")
+    return time, message.encode()
 
 
 def stamp(time: int) -> Timestamp:
-    """A moment, ns since 1970."""
+    """Timestamp of a time in ns since 1970."""
     return Timestamp(time // 1_000_000_000, time % 1_000_000_000)

@@ -1,1 +1,3 @@
-"""Where bytes, clocks and people meet: links in, a decoder in the middle, browsers out. Only here: asyncio, FastAPI."""
+"""The server: links, device sessions, streaming, recordings and the HTTP API. The only package that uses asyncio and
+FastAPI.
+"""

@@ -1,25 +1,25 @@
-"""Who may see, who may change, and how is a foreign page kept out?
+"""Access control: view and control tokens, allowed hosts and origins.
 
 Three dangers, three checks, all before a route is reached:
 
-    a stranger on the network      token, needed when the server listens beyond loopback, when the request did not come
-                                   from this machine, or when a proxy forwarded it
+    a stranger on the network      a token is needed when the server listens beyond loopback, when the request did not
+                                   come from this machine, or when a proxy forwarded it
     a foreign page in the          Origin must be this server (or listed), for everything that changes something and for
     visitor's browser              every WebSocket; bodies are JSON, which no form and no "simple" request can send.
-                                   What its pictures and scripts ask for is not answered either: it may begin a viewer
+                                   Requests of its images and scripts are refused too, as they could start a viewer
     a foreign name that resolves   Host must be an address, a name of this machine, or listed, for everything but the
     to this machine (rebinding)    page's own files
 
-A view token sees, a control token also changes things. Three requests are POST only because they carry values (what
-would be sent, would it fit, in what do two sides differ): they change nothing, and a view token may ask them.
+A view token can read, a control token can also change things. Three requests are POST only because they carry values
+(preview, fit rates, compare): they change nothing, and a view token may send them.
 
-Who tries tokens is slowed down: server/login_throttle.py says how, and why a good one is not locked out by it.
+Wrong tokens are rate-limited: server/login_throttle.py explains how, and why a valid token is not locked out.
 
-A token travels as `Authorization: Bearer …`, as `?token=…`, or as the cookie that `GET /?token=…` sets before it
+A token is sent as `Authorization: Bearer …`, as `?token=…`, or as the cookie that `GET /?token=…` sets before it
 redirects to the bare address, so that it does not stay in the address bar, in the history or in a log. Loopback without
-a proxy needs none: who can open that port is on the machine.
+a proxy needs none: any client that can open that port runs on this machine.
 
-The page's own files and `/healthz` are open: they hold nothing of the devices.
+The page's own files and `/healthz` are open: they contain no device data.
 """
 
 from __future__ import annotations
@@ -40,9 +40,10 @@ from urllib.parse import parse_qs, quote, urlencode, urlsplit
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.config import Config, is_loopback
+from server.errors import DomainError, status_of
 from server.login_throttle import UNGUESSABLE, LoginThrottle
+from server.previous_names import path_of
 from server.security_headers import with_defaults
-from server.wire import Problem
 
 log = logging.getLogger("imuscope.auth")
 
@@ -51,28 +52,26 @@ PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/viser", "/rerun", "/f
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MOST_BODY = 1024 * 1024
-LOOKING = re.compile(r"/api/devices/[^/]+/(preview|fit|compare)\Z")  # as POST they carry values, and do nothing
-UPLOAD = ("PUT", "/api/recordings/upload")  # the one body that is no JSON: a recording, as large as is configured
+READ_ONLY_POST = re.compile(r"/api/devices/[^/]+/(preview|fit-rates|compare)\Z")  # POST only because they carry values
+UPLOAD = ("PUT", "/api/recordings/upload")  # the only body that is not JSON: a recording, up to `upload_gb`
 UPLOAD_TYPE = "application/octet-stream"
 COOKIE_AGE_S = 90 * 24 * 3600
 
 
-class RefusedError(Exception):
-    """A request that is not served: status and problem."""
+class RefusedError(DomainError):
+    """A refused request; it may be repeated after `retry_s` (0: no time given)."""
 
-    def __init__(self, status: int, kind: str, message: str, hint: str = "", retry_s: int = 0) -> None:
-        super().__init__(message)
-        self.status = status
-        self.retry_s = retry_s  # 0: not for a moment
-        self.problem = Problem(kind, message, hint)
+    def __init__(self, kind: str, message: str, hint: str = "", retry_s: int = 0) -> None:
+        super().__init__(kind, message, hint)
+        self.retry_s = retry_s
 
 
 class Access:
-    """The rules, without any framework: headers in, a role or a refusal out.
+    """The rules, independent of any framework: headers in, a role or a refusal out.
 
     Args:
-        config: addresses, tokens and allow-lists. Missing tokens are made up when the server listens beyond loopback.
-        failures: the wrong tokens that came.
+        config: addresses, tokens and allow-lists. Missing tokens are generated when the server listens beyond loopback.
+        failures: counter of wrong tokens.
     """
 
     def __init__(self, config: Config, failures: LoginThrottle | None = None) -> None:
@@ -86,24 +85,24 @@ class Access:
         self._origins = {origin.lower().rstrip("/") for origin in config.allowed_origins}
 
     def rules(self) -> dict[str, Any]:
-        """The settings that make the same rules elsewhere, tokens that were made up among them."""
+        """The settings that give the same rules in another process, generated tokens included."""
         names = ("host", "port", "allowed_hosts", "allowed_origins")
         made = {"view_token": self.view_token, "control_token": self.control_token}
         return {**{name: getattr(self.config, name) for name in names}, **made}
 
     def role_of(self, token: str) -> Role | None:
-        """What a token allows. Compared in constant time."""
+        """Rights of a token. Compared in constant time."""
         found: Role | None = None
         for role, right in (("view", self.view_token), ("control", self.control_token)):
             if right and hmac.compare_digest(token.encode(), right.encode()):
                 found = "control" if role == "control" else "view"
         return found
 
-    def judge(self, token: str, client: str, headers: Mapping[str, str]) -> Role | None:
-        """What a token allows; where one is needed, one that allows nothing is counted.
+    def resolve_role(self, token: str, client: str, headers: Mapping[str, str]) -> Role | None:
+        """Rights of a token; where a token is needed, an invalid one is counted.
 
         Raises:
-            RefusedError: too many wrong ones came from there: this one was not looked at.
+            RefusedError: too many wrong tokens came from this client; this one was not checked.
         """
         role = self.role_of(token)
         if self.is_open(client, headers) or (role is not None and len(token) >= UNGUESSABLE):
@@ -111,7 +110,7 @@ class Access:
         wait = math.ceil(self._failures.wait_s(client))
         if wait:
             message = "Too many wrong tokens came from this address."
-            raise RefusedError(429, "too-many-tokens", message, f"Try again in {wait} s.", wait)
+            raise RefusedError("too-many-tokens", message, f"Try again in {wait} s.", wait)
         if role is None:
             self._failures.count(client)
         return role
@@ -132,6 +131,7 @@ class Access:
             method: upper case; "GET" for a WebSocket.
             headers: names in lower case.
             client: address of the peer, "" when unknown.
+
         Raises:
             RefusedError: with the reason and what to do.
         """
@@ -144,14 +144,12 @@ class Access:
         role = self._check_token(headers, client, query_token)
         if changes:
             self._check_body(headers, upload=(method, path) == UPLOAD)
-            if role != "control" and not (method == "POST" and LOOKING.match(path)):
-                raise RefusedError(
-                    403, "view-only", "This token may look, not change.", "Open the page with a control token."
-                )
+            if role != "control" and not (method == "POST" and READ_ONLY_POST.match(path)):
+                raise RefusedError("view-only", "This token is view-only.", "Open the page with a control token.")
         return role
 
     def is_open(self, client: str, headers: Mapping[str, str]) -> bool:
-        """Does it need no token? It listens on loopback only, and whoever asks is on this machine."""
+        """Whether the request needs no token: the server listens on loopback only; the client is on this machine."""
         return self.config.is_loopback and is_loopback(client or "127.0.0.1") and not _is_forwarded(headers)
 
     def _check_host(self, host: str) -> None:
@@ -159,43 +157,43 @@ class Access:
         if name in self._hosts or _is_address(name):
             return
         hint = "Use the address, or add the name to allowed_hosts in the configuration file."
-        raise RefusedError(403, "bad-host", f"This server is not called {name!r:.80}.", hint)
+        raise RefusedError("bad-host", f"This server is not called {name!r:.80}.", hint)
 
     def _check_origin(self, origin: str | None, host: str) -> None:
         if origin is None:
-            return  # not a browser: a browser always says where a WebSocket or a change comes from
+            return  # not a browser: browsers always send Origin with a WebSocket or a change
         parts = urlsplit(origin.lower())
         if origin.lower() in self._origins or (parts.scheme in ("http", "https") and parts.netloc == host.lower()):
             return
         hint = "If it should be, add it to allowed_origins in the configuration file."
-        raise RefusedError(403, "bad-origin", f"The page {origin!r:.120} may not use this server.", hint)
+        raise RefusedError("bad-origin", f"The page {origin!r:.120} may not use this server.", hint)
 
     def _check_site(self, headers: Mapping[str, str]) -> None:
-        """Another page may lead here, in sight of its visitor, and take nothing in unless it is listed. (A browser says
-        so to addresses that it trusts, loopback and TLS; elsewhere there is a token, which it does not send along.)"""
-        own = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
-        led = (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == ("navigate", "document")
-        if own or led:
+        """Allow top-level navigation from another page, but no embedding unless that page is listed. Browsers send
+        these headers to trusted addresses (loopback and TLS) only; elsewhere a token is needed, which they do not send
+        across sites.
+        """
+        same_site = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
+        is_navigation = (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == ("navigate", "document")
+        if same_site or is_navigation:
             return
         parts = urlsplit(headers.get("referer", ""))
         self._check_origin(headers.get("origin") or f"{parts.scheme}://{parts.netloc}", headers.get("host", ""))
 
     def _check_token(self, headers: Mapping[str, str], client: str, query_token: str) -> Role:
         token = _bearer(headers) or query_token or self._cookie(headers)
-        role = self.judge(token, client, headers) if token else None
+        role = self.resolve_role(token, client, headers) if token else None
         if role is not None:
             return role
         if self.is_open(client, headers):
             return "control"
         if token:
-            raise RefusedError(401, "bad-token", "This token is not valid.", "Use the address that the server printed.")
+            raise RefusedError("bad-token", "This token is not valid.", "Use the address that the server printed.")
         if _is_forwarded(headers) and not self.control_token:
             hint = "Set control_token (and view_token) in the configuration file before putting a proxy in front."
-            raise RefusedError(
-                401, "no-token", "A request through a proxy needs a token, and this server has none.", hint
-            )
+            raise RefusedError("no-token", "A request through a proxy needs a token, and this server has none.", hint)
         hint = "Open the address that the server printed when it started; it carries the token."
-        raise RefusedError(401, "no-token", "This server asks for a token.", hint)
+        raise RefusedError("no-token", "This server asks for a token.", hint)
 
     def _check_body(self, headers: Mapping[str, str], *, upload: bool = False) -> None:
         length = headers.get("content-length", "0")
@@ -203,19 +201,19 @@ class Access:
         kind = headers.get("content-type", "").partition(";")[0].strip().lower()
         if upload and has_body and kind != UPLOAD_TYPE:
             hint = f"Send it with Content-Type: {UPLOAD_TYPE}."
-            raise RefusedError(415, "not-a-file", "An upload is the bytes of a file.", hint)
+            raise RefusedError("not-a-file", "The upload has the wrong content type.", hint)
         if has_body and not upload and kind != "application/json":
-            raise RefusedError(415, "not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
+            raise RefusedError("not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
         most = round(self.config.upload_gb * 1e9) if upload else MOST_BODY
         if not length.isascii() or not length.isdigit() or int(length) > most:
-            hint = "upload_gb in the configuration file says how much; a file can be put into the folder, too."
-            raise RefusedError(413, "too-large", f"A body may have at most {most} bytes.", hint if upload else "")
+            hint = "Raise upload_gb in the configuration file, or copy the file into the recordings folder."
+            raise RefusedError("too-large", f"The body may have at most {most} bytes.", hint if upload else "")
         if "transfer-encoding" in headers:
-            raise RefusedError(411, "no-length", "A body needs a length.", "Send it with Content-Length.")
+            raise RefusedError("no-length", "A body needs a length.", "Send it with Content-Length.")
 
     @property
     def cookie_name(self) -> str:
-        """Cookies know no ports: two servers on one host must not overwrite each other's."""
+        """Name with the port: cookies ignore ports, and two servers on one host must not overwrite each other's."""
         return f"imuscope_{self.config.port}"
 
     def _cookie(self, headers: Mapping[str, str]) -> str:
@@ -251,7 +249,7 @@ def _is_address(name: str) -> bool:
 
 
 def is_protected(path: str) -> bool:
-    """Is this path more than the page's own files?"""
+    """Whether this path is more than the page's own files."""
     return any(path == prefix or path.startswith(prefix + "/") for prefix in PROTECTED)
 
 
@@ -259,38 +257,43 @@ class Guard:
     """The rules as ASGI middleware, around everything."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
-        self._app = app
+        self.app = app
         self._access = access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
+            await self.app(scope, receive, send)
             return
         send = with_defaults(send)
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         token = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        path, method = scope["path"], scope.get("method", "GET")
+        path, method = path_of(scope["path"]), scope.get("method", "GET")
         client = (scope.get("client") or ("", 0))[0]
         try:
             if is_protected(path):
                 socket = scope["type"] == "websocket"
                 role = self._access.check(path, method, headers, client=client, query_token=token, websocket=socket)
                 scope.setdefault("state", {})["role"] = role
-            elif token and scope["type"] == "http" and method == "GET" and self._access.judge(token, client, headers):
-                await self._remember(scope, send, token)
+            elif (
+                token
+                and scope["type"] == "http"
+                and method == "GET"
+                and self._access.resolve_role(token, client, headers)
+            ):
+                await self._store(scope, send, token)
                 return
         except RefusedError as refusal:
-            _tell(scope, refusal)
-            await refuse(scope, receive, send, refusal.status, refusal.problem, refusal.retry_s)
+            _log_refusal(scope, refusal)
+            await refuse(scope, receive, send, refusal, refusal.retry_s)
             return
-        await self._app(scope, receive, send)
+        await self.app(scope, receive, send)
 
-    async def _remember(self, scope: Scope, send: Send, token: str) -> None:
+    async def _store(self, scope: Scope, send: Send, token: str) -> None:
         """Put the token of the printed address into a cookie and go to the address without it."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         del query["token"]
         rest = "?" + urlencode(query, doseq=True) if query else ""
-        # "//elsewhere" is another host, to a browser "/\\elsewhere" too; a line break would end the head of the answer.
+        # "//elsewhere" is another host, for browsers "/\\elsewhere" too; a line break would end the response header.
         path = "/" + quote(scope["path"].lstrip("/\\"))
         over_tls = scope.get("scheme") == "https" or (b"x-forwarded-proto", b"https") in scope["headers"]
         secure = "; Secure" if over_tls else ""
@@ -308,23 +311,23 @@ class Guard:
         await send({"type": "http.response.body", "body": b""})
 
 
-def _tell(scope: Scope, refusal: RefusedError) -> None:
-    """Into the log: who wanted what, and why not. Never the query, which may hold a token."""
+def _log_refusal(scope: Scope, refusal: RefusedError) -> None:
+    """Log client, path and reason of a refusal. Never the query, which may contain a token."""
     peer, way = (scope.get("client") or ("", 0))[0], scope.get("method", "WebSocket")
-    problem = refusal.problem
-    text = f"Refused {way} {scope['path'][:200]} of {peer or 'an unknown peer'}: {problem.message}"
-    data = {"kind": problem.kind, "status": refusal.status, "peer": peer, "path": scope["path"][:200]}
-    log.warning("%s", text, extra={"event": "refused", "data": data, "often": ("refused", problem.kind, peer)})
+    text = f"Refused {way} {scope['path'][:200]} from {peer or 'an unknown peer'}: {refusal.message}"
+    data = {"kind": refusal.kind, "status": status_of(refusal.kind), "peer": peer, "path": scope["path"][:200]}
+    log.warning("%s", text, extra={"event": "refused", "data": data, "often": ("refused", refusal.kind, peer)})
 
 
-async def refuse(scope: Scope, receive: Receive, send: Send, status: int, problem: Problem, retry_s: int = 0) -> None:
-    """Answer with the one shape of errors, also before a WebSocket is accepted."""
-    body = json.dumps({"kind": problem.kind, "message": problem.message, "hint": problem.hint}).encode()
+async def refuse(scope: Scope, receive: Receive, send: Send, why: DomainError, retry_s: int = 0) -> None:
+    """Answer with the common error shape, also before a WebSocket is accepted."""
+    status = status_of(why.kind)
+    body = json.dumps({"kind": why.kind, "message": why.message, "hint": why.hint}).encode()
     prefix = "websocket." if scope["type"] == "websocket" else ""
     if prefix:
         await receive()  # websocket.connect
         if "websocket.http.response" not in scope.get("extensions", {}):
-            await send({"type": "websocket.close", "code": 1008, "reason": problem.message[:120]})
+            await send({"type": "websocket.close", "code": 1008, "reason": why.message[:120]})
             return
     headers = [
         (b"content-type", b"application/json"),

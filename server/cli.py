@@ -1,8 +1,8 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
 `record`, `replay`, `decode`, `simulate`.
 
-Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
-needed: `--help` and `--version` answer at once. The folder for compiled code is settled before numba is imported.
+Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
+so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
 """
 
 from __future__ import annotations
@@ -21,23 +21,27 @@ from server.commands.common import (
     UsageError,
     check_protocol,
     check_sources,
-    no_file,
-    placed,
+    checked_protocol,
+    decode_options_of,
+    missing_file_text,
+    normalized_sources,
+    prepare,
+    prepare_decoders,
+    print_status,
     readable,
-    reading_of,
-    settled,
-    warm,
-    whole,
+    seekable,
+    size_of,
 )
 from server.config import ConfigError, load
 from server.devices.decode_options import ReadingError, key_text, parse_source_options
+from server.jit_cache import BackgroundLoad
 from server.printable import printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if sys.stdout is None:  # closed by who called: what is printed has nowhere to go
+    if sys.stdout is None:  # closed by the caller: discard the output
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end
     if not given or (given[0] not in COMMANDS and given[0] not in ("-h", "--help", "--version")):
         given.insert(0, "serve")
@@ -68,13 +72,13 @@ UNWRITABLE = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT)
 
 
 def _silence() -> None:
-    """What is still to be written goes nowhere: the interpreter would fail on it when it ends."""
+    """Discard further output, which the interpreter would fail to write at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _ports(options: argparse.Namespace) -> None:
-    warm(options.data)
+    prepare(options.data)
     from server.links.ports import print_ports
 
     print_ports(sys.stdout)
@@ -82,28 +86,30 @@ def _ports(options: argparse.Namespace) -> None:
 
 def _doctor(options: argparse.Namespace) -> int:
     from server.commands import doctor
-    from server.diagnostics.checks import Machine, look
+    from server.diagnostics.checks import Machine, run_checks
 
     if options.udev_rule and options.systemd_unit:
         raise UsageError("--udev-rule and --systemd-unit print one file each; give one of the two")
     if (options.udev_rule or options.systemd_unit) and options.format == "json":
-        raise UsageError("--format json is for findings, and a file is printed as it is; leave one out")
+        raise UsageError("--format json applies to findings, not to these files; leave one out")
     if options.udev_rule or options.systemd_unit:
         sys.stdout.write(doctor.udev_rule() if options.udev_rule else doctor.systemd_unit())
         return 0
     config = load(options.config, data=options.data)
-    return doctor.format_findings(look(Machine(config.data, config.port)), sys.stdout, as_json=options.format == "json")
+    return doctor.format_findings(
+        run_checks(Machine(config.data, config.port)), sys.stdout, as_json=options.format == "json"
+    )
 
 
 def _inspect(options: argparse.Namespace) -> None:
     path = readable(options.file)
-    warm(options.data)
+    prepare_decoders(options.data, size_of(path))
     from server.commands.inspect import inspect_file
 
-    said = reading_of(options, "auto", replay_check=not options.no_replay_check)
+    decode_options = decode_options_of(options, "auto", replay_check=not options.no_replay_check)
     how = {name: getattr(options, name) for name in ("direction", "format", "rejects", "device")}
     try:
-        inspect_file(path, sys.stdout, said, notes=sys.stderr, **how)
+        inspect_file(path, sys.stdout, decode_options, notes=sys.stderr, **how)
     except (ValueError, OSError) as error:
         if isinstance(error, OSError) and (isinstance(error, BrokenPipeError) or error.errno in UNWRITABLE):
             raise
@@ -115,23 +121,28 @@ def _compose(options: argparse.Namespace) -> None:
         raise UsageError("give a message, or --jsonl with a file")
     if options.jsonl not in (None, "-"):
         readable(options.jsonl)
-    warm(options.data)
-    from server.commands.compose import ComposeError, chosen, composers, frame_of, frames_of, known_of
+    prepare(options.data)
+    from server.commands.compose import ComposeError, composers, context_of, find_composer, frame_of, frames_of
 
-    said = reading_of(options)
-    spoken = composers(said.key, said.schema)
+    decode_options = decode_options_of(options)
+    all_composers = composers(decode_options.key, decode_options.schema)
     try:
         if options.jsonl is None:
-            protocol = "" if said.protocol == "auto" else said.protocol
+            protocol = "" if decode_options.protocol == "auto" else decode_options.protocol
             frame, _ = frame_of(
-                chosen(spoken, options.message, protocol, options.pairs), options.message, options.pairs, known_of(said)
+                find_composer(all_composers, options.message, protocol, options.pairs),
+                options.message,
+                options.pairs,
+                context_of(decode_options),
             )
             print(frame.hex())
             return
         with sys.stdin if options.jsonl == "-" else open(options.jsonl, encoding="utf-8") as lines:
-            if said.protocol not in ("", "auto") and said.protocol not in spoken:
-                raise UsageError(f"there is no protocol {said.protocol!r}; there are: {', '.join(spoken)}")
-            for frame in frames_of(lines, spoken, "" if said.protocol == "auto" else said.protocol):
+            if decode_options.protocol not in ("", "auto") and decode_options.protocol not in all_composers:
+                raise UsageError(f"unknown protocol {decode_options.protocol!r}; available: {', '.join(all_composers)}")
+            for frame in frames_of(
+                lines, all_composers, "" if decode_options.protocol == "auto" else decode_options.protocol
+            ):
                 sys.stdout.write(frame.hex() + "\n")
     except (ComposeError, UnicodeDecodeError) as error:
         raise UsageError(str(error)) from None
@@ -140,28 +151,28 @@ def _compose(options: argparse.Namespace) -> None:
 def _send(options: argparse.Namespace) -> None:
     import asyncio
 
-    warm(options.data)
+    prepare(options.data)
     from server.commands.compose import ComposeError
     from server.commands.send import SendError, SendRequest, send
 
-    source, said = parse_source_options(options.source, reading_of(options))
-    said = settled(said)
-    wish = SendRequest(source, options.message, options.pairs, options.yes, options.device or "")
+    source, decode_options = parse_source_options(options.source, decode_options_of(options))
+    decode_options = checked_protocol(decode_options)
+    request = SendRequest(source, options.message, options.pairs, options.yes, options.device or "")
     try:
-        asyncio.run(send(wish, said, sys.stdout, sys.stderr))
+        asyncio.run(send(request, decode_options, sys.stdout, sys.stderr))
     except (ComposeError, SendError) as error:
         raise UsageError(str(error)) from None
 
 
 def _commands(options: argparse.Namespace) -> None:
-    said = reading_of(options)
-    check_protocol(said.protocol)
-    warm(options.data)
+    decode_options = decode_options_of(options)
+    check_protocol(decode_options.protocol)
+    prepare(options.data)
     from server.commands.commands import manual
     from server.commands.compose import ComposeError
 
     try:
-        for line in manual(said.protocol, options.name, said.schema):
+        for line in manual(decode_options.protocol, options.name, decode_options.schema):
             print(line)
     except ComposeError as error:
         raise UsageError(str(error)) from None
@@ -181,32 +192,33 @@ def _rearm(options: argparse.Namespace) -> None:
 def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
-    data = warm(options.data)
+    data = prepare(options.data)
     from server.commands.record import RecordError, RecordRequest, record
     from server.links.base import LinkError
 
-    given = reading_of(options)
-    named = placed(options.sources)
+    given = decode_options_of(options)
+    named = normalized_sources(options.sources)
     sources = [parse_source_options(source, given) for source in named]
     check_sources(named, given)
-    wished = tuple((source, settled(said)) for source, said in sources)
+    requests = tuple((source, checked_protocol(decode_options)) for source, decode_options in sources)
     try:
-        print(record(RecordRequest(wished, options.output, options.duration, data), sys.stderr))
+        with BackgroundLoad(print_status):
+            print(record(RecordRequest(requests, options.output, options.duration, data), sys.stderr))
     except (RecordError, LinkError) as error:
         raise UsageError(str(error)) from None
 
 
 def _decode(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
-    said = reading_of(options)
-    warm(options.data)
+    decode_options = decode_options_of(options)
+    prepare_decoders(options.data, size_of(file))
     from server.commands.decode import DecodedPart, DecodeError, decode_file
 
-    said = settled(said)
+    decode_options = checked_protocol(decode_options)
     part = DecodedPart(options.begin, options.end, options.device, tuple(options.channel or ()))
     try:
-        with whole(file) as path:
-            for made in decode_file(path, options.output, said, sys.stderr, part):
+        with seekable(file) as path:
+            for made in decode_file(path, options.output, decode_options, sys.stderr, part):
                 print(made)
     except DecodeError as error:
         raise UsageError(str(error)) from None
@@ -216,15 +228,15 @@ def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
     if not Path(options.file).is_file():
-        raise UsageError(no_file(options.file))
+        raise UsageError(missing_file_text(options.file))
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
-    warm(options.data)
+    prepare_decoders(options.data, size_of(Path(options.file)))
     from server import logging_setup
     from server.commands import replay
 
     if options.key is not None:
-        logging_setup.print_or_log("imuscope: --key is not needed: the bytes are sent as they came.")
+        logging_setup.print_or_log("imuscope: --key is not needed: the bytes are sent unchanged.")
 
     def sink() -> replay.Sink:
         if options.tcp is not None:
@@ -251,7 +263,7 @@ def _serve(options: argparse.Namespace) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    warm(options.data)
+    prepare(options.data)
     from server.commands import replay, simulate
     from server.devices.decode_options import key_text, reading
 
@@ -259,9 +271,10 @@ def _simulate(options: argparse.Namespace) -> None:
         device = simulate.options_of(options.device)
         place = replay.address(options.tcp) if options.tcp is not None else None
         key = reading(key=key_text(options.key)).key if options.key is not None else None
-        if key is not None and device.protocol != "idtp":
-            raise UsageError(f"--key is for Secure frames of IDTP; {device.protocol} has none")
-        simulate.simulate(device, key, options.pty, place, sys.stdout)
+        if key is not None and not simulate.has_key(device.protocol):
+            raise UsageError(f"--key is for Secure frames, which {device.protocol} does not have")
+        with BackgroundLoad(print_status):
+            simulate.simulate(device, key, options.pty, place, sys.stdout)
     except (simulate.SimulateError, replay.ReplayError) as error:
         raise UsageError(str(error)) from None
 

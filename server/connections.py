@@ -1,11 +1,11 @@
-"""The connections of a server, and which of them goes when there is no room for one more.
+"""The connections of a server, and the choice of the one that is closed when the server is full.
 
-    HTTP         of a full server the one on which nothing has moved for longest is closed for the newcomer: who opens
-                 many and keeps them silent loses them, and a request that comes, comes through
-    handshake    of TLS (server/handshakes.py): counted with HTTP, and closed like it
-    WebSocket    at most half of the room: they live for hours, and none is closed for another
+    HTTP         if the server is full, the connection that has been idle longest is closed for the new one: a client
+                 that opens many idle connections loses them, and new requests are served
+    handshake    of TLS (server/handshakes.py): counted and closed like HTTP
+    WebSocket    at most half of the room: they stay open for hours, and are not closed for others
 
-A connection moves when a part of a request comes, or when a part of an answer has gone out.
+A connection is active when a part of a request arrives, or a part of an answer has been sent.
 """
 
 from __future__ import annotations
@@ -15,39 +15,39 @@ from weakref import WeakKeyDictionary
 
 
 class Connections:
-    """Those of HTTP, and those whose handshake is not over, by when they moved last; `len` is how many are of HTTP."""
+    """Open connections by time of last activity: HTTP, and pending handshakes; `len` counts HTTP."""
 
     def __init__(self) -> None:
-        self._moved: dict[Any, None] = {}  # the one that moved last is last in it
-        self._shaking: set[Any] = set()
+        self._moved: dict[Any, None] = {}  # in order of last activity, newest last
+        self._handshaking: set[Any] = set()
 
     def __len__(self) -> int:
-        return len(self._moved) - len(self._shaking)
+        return len(self._moved) - len(self._handshaking)
 
     def moved(self, one: Any) -> None:
-        """Something came from it, or went out to it."""
+        """Note activity of a connection."""
         self._moved.pop(one, None)
         self._moved[one] = None
 
     @property
     def shaking(self) -> list[Any]:
-        """Those of them whose TLS handshake is not over."""
-        return list(self._shaking)
+        """Connections whose TLS handshake is pending."""
+        return list(self._handshaking)
 
-    def began(self, one: Any) -> None:
-        """Its TLS handshake is to come."""
-        self._shaking.add(one)
+    def add(self, one: Any) -> None:
+        """Add a connection whose TLS handshake is pending."""
+        self._handshaking.add(one)
         self.moved(one)
 
-    def gone(self, one: Any) -> None:
-        """It is closed, or a WebSocket from here on; or its handshake is over, and what follows counts by itself."""
-        self._shaking.discard(one)
+    def remove(self, one: Any) -> None:
+        """Remove a connection that is closed, upgraded to WebSocket, or past its handshake."""
+        self._handshaking.discard(one)
         self._moved.pop(one, None)
 
-    def idlest(self) -> Any:
-        """Take out the one on which nothing has moved for longest; None where there is none."""
+    def close_idlest(self) -> Any:
+        """Remove and return the connection that has been idle longest; None if there is none."""
         one = next(iter(self._moved), None)
-        self.gone(one)
+        self.remove(one)
         return one
 
 

@@ -1,14 +1,14 @@
-"""TLS, one connection at a time: from the first byte to the end of the handshake, in bounded time.
+"""TLS handshake of one connection, from the first byte to its end, in bounded time.
 
     accepted ──> Handshake ── within HANDSHAKE_S ──> the server's own HTTP, over TLS
                     │
-                    └── too late, or no TLS: closed; too many: the one that waits longest is closed for the newcomer
+                    └── too late, or not TLS: closed; too many: the one idle longest is closed for the new one
 
-Without this a connection that never says anything is known to nobody but the event loop, for a minute: it is counted
-among the connections (server/connections.py) from the moment it is accepted.
+Without this, a silent connection would be open and uncounted for a minute. Here it counts as a connection
+(server/connections.py) as soon as it is accepted.
 
-Rules for editing: between the end of the handshake and the first call to the HTTP protocol bytes may come already; they
-are kept and handed on in order, also the news that the connection was lost.
+Rules for editing: bytes may arrive between the end of the handshake and the first call to the HTTP protocol; they are
+stored and passed on in order, as is the loss of the connection.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from collections.abc import Callable
 
 from server.connections import Connections
 
-HANDSHAKE_S = 5.0  # precedent: nginx has 60 s for it, and a page of ours is read beside its robot
+HANDSHAKE_S = 5.0  # precedent: nginx 60 s; our page is used near the robot
 
 
 class Handshake(asyncio.Protocol):
-    """A connection whose handshake is not over; afterwards only who hands news on.
+    """A connection during its handshake; afterwards it only passes on events.
 
     Args:
-        context: holds the certificate.
-        room: where it is counted meanwhile.
-        make: the protocol that takes over.
-        admit: makes room for one more; False where there is none.
+        context: TLS context with the certificate.
+        room: the connections among which it is counted.
+        make: creates the protocol that takes over.
+        admit: makes room for one more connection; False if that is not possible.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Handshake(asyncio.Protocol):
         admit: Callable[[Handshake], bool],
     ) -> None:
         self._context = context
-        self._room = room
+        self._slots = room
         self._make = make
         self._admit = admit
         self._early = b""
@@ -56,20 +56,20 @@ class Handshake(asyncio.Protocol):
         peer = transport.get_extra_info("peername")
         self.client = (str(peer[0]), int(peer[1])) if isinstance(peer, tuple) else None
         transport.pause_reading()
-        self._room.began(self)
+        self._slots.add(self)
         if self._admit(self):
-            self._task = asyncio.get_running_loop().create_task(self._shake(), name="TLS handshake")
+            self._task = asyncio.get_running_loop().create_task(self._run(), name="TLS handshake")
 
-    async def _shake(self) -> None:
+    async def _run(self) -> None:
         loop = asyncio.get_running_loop()
         try:
             secure = await loop.start_tls(
                 self.transport, self, self._context, server_side=True, ssl_handshake_timeout=HANDSHAKE_S
             )
-        except OSError:  # no TLS, too late, or gone: it is closed already
+        except OSError:  # not TLS, too late, or gone: it is already closed
             secure = None
         finally:
-            self._room.gone(self)
+            self._slots.remove(self)
         if secure is None or self._lost:
             return
         self._next = self._make()
@@ -83,7 +83,7 @@ class Handshake(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._lost = True
-        self._room.gone(self)
+        self._slots.remove(self)
         if self._next is not None:
             self._next.connection_lost(exc)
         elif self._task is not None:

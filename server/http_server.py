@@ -1,13 +1,13 @@
-"""How does the application meet the network? uvicorn, with the few settings that matter here.
+"""HTTP server: uvicorn with our WebSocket protocol.
 
 permessage-deflate off     samples hardly compress, and it costs five times the CPU
-proxy headers off          who asks is the peer itself; a forwarded request needs a token (server/auth.py)
-little unsent data         TCP_NOTSENT_LOWAT: what a slow browser has not taken waits in its outbox, where the oldest
-                           is dropped, and not in megabytes of kernel buffer, where it would only grow old
-TLS is a context            of server/tls.py, looked after once an hour: a renewed certificate needs no restart; each
-                           handshake is ours (server/handshakes.py), so that it is counted and has an end
-the transport is passed    in the WebSocket's scope, so that the sender can see whether bytes move
-frames go out as they are  where they were made once for all browsers, and the socket takes them at once
+proxy headers off          the client is the peer itself; a forwarded request needs a token (server/auth.py)
+little unsent data         TCP_NOTSENT_LOWAT: data for a slow browser waits in its send queue, where the oldest is
+                           dropped, not in megabytes of kernel buffer, where it would become stale
+TLS context                of server/tls.py, checked once an hour: a renewed certificate needs no restart; the handshake
+                           is ours (server/handshakes.py), so that it is counted and bounded in time
+transport is passed        in the WebSocket's scope, so that the sender can see whether bytes move
+prepared frames            made once for all browsers are sent directly if the socket accepts them at once
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from websockets.protocol import State
 from server import shutdown as ending
 from server.config import Config
 from server.connections import connections_of
-from server.error_kinds import status_of
+from server.errors import status_of
 from server.handshakes import Handshake
 from server.wire import Problem
 
@@ -48,69 +48,70 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("imuscope.serving")
 
-LOOK_S = 3600.0  # between two looks at the certificate on disk
-HEAD_S = 10.0  # for the head of a request; precedent: nginx has 60, lighttpd 30, and ours are read by robots and pages
+LOOK_S = 3600.0  # between two checks of the certificate on disk
+HEAD_S = 10.0  # for the head of a request; precedents: nginx 60, lighttpd 30, for slower networks
 MOST_CONNECTIONS = 1000
 MOST_FILES = 65_536
-SWITCH_S = 0.001  # a reading thread waits so long for a busy loop, for each datagram; 5 ms would lose them
-NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
+SWITCH_S = 0.001  # longest wait of a reading thread for a busy loop, per datagram; 5 ms would lose them
+NOT_SENT_BYTES = 64 * 1024  # precedent: HTTP/2 servers, so that priorities stay meaningful
 MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
-MOST_PINGS = 20  # of the protocol's own in a second; a browser sends none, a library one in twenty seconds
+MOST_PINGS = 20  # WebSocket pings per second; a browser sends none, a library one in twenty seconds
 MOST_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
-MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of half of that
+MOST_FROM_VIEWER = 1024 * 1024  # meshes for the 3D scene are sent in pieces of half that size
 
 
 class BoundedHttp(H11Protocol):
-    """uvicorn's HTTP, where no connection is kept for nothing: a request must come whole, and soon, and not too many
-    may be open at once, so that descriptors are left for recordings and links (server/connections.py)."""
+    """uvicorn's HTTP with bounds: requests must arrive completely within a time limit, and the number of connections is
+    limited, so that descriptors are left for recordings and links (server/connections.py).
+    """
 
-    _late: asyncio.TimerHandle | None = None
+    _request_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
         self._room = connections_of(self.server_state)
         if admitted(self, self.server_state):
             self._room.moved(self)
-            self._expect()
+            self._start_request_timer()
 
     def resume_writing(self) -> None:
         self._room.moved(self)
         super().resume_writing()
 
-    def _expect(self) -> None:
-        if self._late is None:
-            self._late = self.loop.call_later(HEAD_S, self.transport.abort)
+    def _start_request_timer(self) -> None:
+        if self._request_timer is None:
+            self._request_timer = self.loop.call_later(HEAD_S, self.transport.abort)
 
-    def _expect_no_more(self) -> None:
-        if self._late is not None:
-            self._late.cancel()
-            self._late = None
+    def _cancel_request_timer(self) -> None:
+        if self._request_timer is not None:
+            self._request_timer.cancel()
+            self._request_timer = None
 
     def data_received(self, data: bytes) -> None:
         self._room.moved(self)
-        self._expect()
+        self._start_request_timer()
         super().data_received(data)
         if self.cycle is not None and not self.cycle.response_complete:
-            self._expect_no_more()  # it has come, and is answered
+            self._cancel_request_timer()  # complete, and being answered
 
     def send_400_response(self, msg: str) -> None:
-        """What is no HTTP is told with its sender, and not for each: uvicorn's own line (`_is_ours`) has neither."""
+        """Report non-HTTP input with its sender, rate-limited: uvicorn's own line (`_is_ours`) has neither."""
         peer = (self.client or ("", 0))[0]
-        text = f"Refused what {peer or 'an unknown peer'} sent: {msg}"
+        text = f"Rejected data from {peer or 'an unknown peer'}: {msg}"
         log.warning("%s", text, extra={"event": "no-http", "data": {"peer": peer}, "often": ("no-http", peer)})
         super().send_400_response(msg)
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        self._expect_no_more()
+        self._cancel_request_timer()
         if len(self.connections) - len(self._room) >= most_connections() // 2:
             self._refuse_websocket()
             return
-        self._room.gone(self)
+        self._room.remove(self)
         super().handle_websocket_upgrade(event)
 
     def _refuse_websocket(self) -> None:
-        words = f"{most_connections() // 2} WebSockets are open, and that is the most."
-        problem = Problem("full", words, "Close a page that nobody looks at, or try again later.")
+        words = f"The maximum of {most_connections() // 2} WebSockets is open."
+        problem = Problem("full", words, "Close an unused page, or try again later.")
         body = json.dumps(asdict(problem)).encode()
         length = str(len(body)).encode()
         headers = [(b"content-type", b"application/json"), (b"content-length", length), (b"connection", b"close")]
@@ -121,52 +122,52 @@ class BoundedHttp(H11Protocol):
 
     def on_response_complete(self) -> None:
         self._room.moved(self)
-        self._expect_no_more()  # from here on uvicorn's own time for what is kept alive
+        self._cancel_request_timer()  # from here on uvicorn's own keep-alive time-out applies
         super().on_response_complete()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._room.gone(self)
-        self._expect_no_more()
+        self._room.remove(self)
+        self._cancel_request_timer()
         super().connection_lost(exc)
 
 
 def admitted(one: BoundedHttp | Handshake, state: ServerState) -> bool:
-    """Is there room for one more, or was some made? If not, it is closed."""
+    """Whether there is room for one more connection, after closing an idle one if necessary. If not, it is closed."""
     room = connections_of(state)
     if len(state.connections) + len(room.shaking) <= most_connections():
         return True
-    idle: BoundedHttp | Handshake = room.idlest() or one
+    idle: BoundedHttp | Handshake = room.close_idlest() or one
     peer = (idle.client or ("", 0))[0]
-    text = f"Closed an idle connection of {peer}: {most_connections()} are open, and that is the most."
+    text = f"Closed an idle connection of {peer}: {most_connections()} are open, the maximum."
     log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
     idle.transport.abort()
     return idle is not one
 
 
 def _over_tls(keeper: CertificateManager) -> type[asyncio.Protocol]:
-    """What uvicorn makes of each connection that it accepts: our HTTP, once the handshake is over."""
+    """Protocol factory for accepted connections: our HTTP, once the handshake is over."""
 
-    def made(config: uvicorn.Config, server_state: ServerState, **others: Any) -> Handshake:
+    def create(config: uvicorn.Config, server_state: ServerState, **others: Any) -> Handshake:
         room = connections_of(server_state)
         http = partial(BoundedHttp, config, server_state, **others)
         return Handshake(keeper.context, room, http, lambda one: admitted(one, server_state))
 
-    return cast(type[asyncio.Protocol], made)
+    return cast(type[asyncio.Protocol], create)
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Not so what is told with its sender, nor a request that `Server._cancel` ended: uvicorn calls that a fault."""
+    """Whether uvicorn's message is not a duplicate of ours, nor about a normal cancellation."""
     is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
     return record.msg != "Invalid HTTP request received." and not is_cancelled
 
 
 def most_connections() -> int:
-    """Of browsers and programs: half of the descriptors at most."""
+    """Maximum number of connections of browsers and programs: half of the descriptors at most."""
     return min(MOST_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
 
 
 def raise_limit() -> None:
-    """As many descriptors as this process may have: 1024, which is usual, is for programs that use select(2)."""
+    """Raise the limit of file descriptors; the usual 1024 is for programs that use select(2)."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, MOST_FILES)
     if soft < wanted:
@@ -175,7 +176,7 @@ def raise_limit() -> None:
 
 
 class WebSocketProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's WebSocket, telling its transport; a viewer of others may send larger messages than our page."""
+    """uvicorn's WebSocket that exposes its transport; other viewers may send larger messages than our page."""
 
     _pings: Sequence[float] = ()  # when the last ones came, s
 
@@ -190,7 +191,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             extensions["imuscope.send_now"] = self.send_now
 
     def send_now(self, frame: bytes) -> bool:
-        """Send a whole frame of a server, ready made, if nothing waits before it; else do nothing and say False."""
+        """Send a prepared frame if nothing is queued before it; otherwise do nothing and return False."""
         transport = self.transport
         if self.conn.state is not State.OPEN or transport.get_write_buffer_size() or transport.is_closing():
             return False
@@ -198,7 +199,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         return True
 
     def handle_ping(self) -> None:
-        """Answered at once, by the library, without anything that waits: so who sends a flood of them is cut off."""
+        """Count pings, which the library answers at once, and disconnect a client that sends a flood of them."""
         now = self.loop.time()
         self._pings = [at for at in self._pings if now - at < 1] + [now]
         if len(self._pings) > MOST_PINGS:
@@ -207,9 +208,9 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             super().handle_ping()
 
     def handle_cont(self, event: Frame) -> None:
-        """The size of a message is bounded by the library, in how many pieces it comes is not."""
+        """Bound the number of fragments of a message; the library only bounds its size."""
         if self.transport.is_closing():
-            return  # what had come with the piece that was one too many
+            return  # the rest of the data that had too many fragments
         if len(self.frames) >= MOST_FRAGMENTS:
             self.frames = []
             self.conn.send_close(1009)
@@ -218,7 +219,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         super().handle_cont(event)
 
     def send_receive_event_to_app(self) -> None:
-        """Text that is no UTF-8 ends the connection (RFC 6455, 8.1): uvicorn does so too, with a traceback of ours."""
+        """End the connection on invalid UTF-8 (RFC 6455, 8.1) without the traceback that uvicorn would log."""
         if self.curr_msg_data_type == "text" and not _is_text(self.frames):
             self.frames = []
             self.conn.send_close(1007)
@@ -227,7 +228,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         super().send_receive_event_to_app()
 
     async def send(self, message: Any) -> None:
-        """A refusal with an answer of its own ends the handshake too: uvicorn logs it as a fault of ours otherwise."""
+        """Note that a refusal with a response ends the handshake; otherwise uvicorn logs it as an error."""
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
@@ -242,26 +243,26 @@ def _is_text(frames: Sequence[bytes]) -> bool:
 
 
 class Server(uvicorn.Server):
-    """uvicorn's server, telling when it serves, and looking after its certificate."""
+    """uvicorn's server with a callback when it serves, which also renews its certificate."""
 
     def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None], keeper: CertificateManager | None) -> None:
         super().__init__(config)
         self._on_ready = on_ready
         self._keeper = keeper
-        self._looking: asyncio.Task[None] | None = None
+        self._certificate_task: asyncio.Task[None] | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if not self.should_exit:
             if self._keeper is not None:
-                self._looking = asyncio.create_task(watch_certificate(self._keeper), name="certificate")
+                self._certificate_task = asyncio.create_task(watch_certificate(self._keeper), name="certificate")
             self._on_ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         loop = asyncio.get_running_loop()
         timers = [loop.call_later(ending.GRACE_S, self._cut_off), loop.call_later(ending.CUT_S, self._cancel)]
-        if self._looking is not None:
-            self._looking.cancel()
+        if self._certificate_task is not None:
+            self._certificate_task.cancel()
         for one in connections_of(self.server_state).shaking:
             one.transport.abort()
         try:
@@ -271,23 +272,23 @@ class Server(uvicorn.Server):
                 timer.cancel()
 
     def _cut_off(self) -> None:
-        """Who did not close when told to (server/shutdown.py)."""
+        """Close connections that ignored the close request (server/shutdown.py)."""
         for connection in list(self.server_state.connections):
             transport = getattr(connection, "transport", None)
             if transport is not None:
                 transport.abort()
 
     def _cancel(self) -> None:
-        """What still runs for somebody who is gone."""
+        """Cancel tasks of disconnected clients."""
         for task in self.server_state.tasks:
             task.cancel()
 
 
 def keeper_of(config: Config) -> CertificateManager | None:
-    """Who holds the certificate, where there is to be one: it takes a library that takes a while to import.
+    """Certificate manager if TLS is enabled; its library takes a while to import.
 
     Raises:
-        ConfigError: there is none that can be used.
+        ConfigError: the certificate cannot be used.
     """
     if config.scheme == "http":
         return None
@@ -297,14 +298,14 @@ def keeper_of(config: Config) -> CertificateManager | None:
 
 
 async def watch_certificate(keeper: CertificateManager, every_s: float = LOOK_S) -> None:
-    """Take a certificate that was renewed into use, for as long as the server runs."""
+    """Reload a renewed certificate, as long as the server runs."""
     while True:
         await asyncio.sleep(every_s)
         try:
-            if await asyncio.to_thread(keeper.look):
-                log.warning("the certificate is a new one now; its SHA-256 is %s", keeper.tls.fingerprint)
+            if await asyncio.to_thread(keeper.check):
+                log.warning("a new certificate is in use; its SHA-256 is %s", keeper.tls.fingerprint)
         except ValueError as error:
-            log.warning("the certificate in use stays: %s", error)
+            log.warning("the certificate was not replaced: %s", error)
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -332,7 +333,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def server(app: ASGIApp, on_ready: Callable[[], None], keeper: CertificateManager | None = None) -> Server:
-    """uvicorn with our settings, not running yet; with a keeper it speaks TLS."""
+    """Uvicorn with our settings, not running yet; with a keeper it uses TLS."""
     config = uvicorn.Config(
         app,
         http=BoundedHttp if keeper is None else _over_tls(keeper),
@@ -359,17 +360,17 @@ def run(
     """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns.
 
     Raises:
-        RuntimeError: it did not start.
+        RuntimeError: the server did not start.
     """
     serving = server(app, on_ready, keeper)
     sys.setswitchinterval(SWITCH_S)
     raise_limit()
-    gc.freeze()  # what was imported stays: no collection looks through it again while devices stream
+    gc.freeze()  # imported objects stay: exclude them from garbage collection while devices stream
 
     def end(*_: object) -> None:
         serving.should_exit = True
 
-    # Until uvicorn listens for it, and after it has ended by it, when it is raised again: that is then no failure.
+    # Handles the signal until uvicorn does, and when uvicorn raises it again at its end, which is not a failure.
     signal.signal(signal.SIGTERM, end)
     try:
         with asyncio.Runner() as runner:

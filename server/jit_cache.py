@@ -1,102 +1,215 @@
-"""Where is compiled code kept between runs?
+"""Cache folder of compiled functions, and their compilation.
 
-numba looks at NUMBA_CACHE_DIR once, when it is imported, so this is decided first and without importing it:
+numba reads NUMBA_CACHE_DIR once, at import, so the folder is determined first, without importing it:
 
-    data folder/compiled/<mark>   the usual place; or NUMBA_CACHE_DIR, where that is set already (a container image)
-    a fresh temporary folder      where that place cannot be written: compiled for this run only, a few seconds
-    nowhere                       nothing can be written: each process compiles for itself (protocols/jit.py)
+    data folder/compiled/<version>  the default; or NUMBA_CACHE_DIR, if it is already set (a container image)
+    a new temporary folder          if that folder is not writable: compiled for this run only
+    none                            nothing is writable: each process compiles for itself
 
-In that folder lie numba's own cache and, once all is compiled, one file with the machine code, from which a process
-starts without numba (protocols/native_cache.py). That one is only read: a place that is read-only will do, if the file
-fits.
+numba does not use a read-only cache, so one from a container image is copied to the temporary folder (2 MB). Folders of
+previous versions are removed.
 
-The mark is that of the sources: numba notices a change in the file of a function, but not in the files of the functions
-it calls, so after an update it could run half of the old code. Marks of former versions are swept away.
+Nothing waits for the compiler: loops run as plain Python until `load` is done (protocols/jit.py). The first time two
+subprocesses of low priority compile, because one process compiles on one core only and would slow the server down.
 
-A temporary folder is made anew for each run, never found by name: whoever could put files there could run code.
+A temporary folder is created for each run, never found by name, because files placed there could run code.
 """
 
 from __future__ import annotations
 
 import atexit
+import gc
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 import tempfile
-from importlib import import_module
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
-from protocols import native_cache
+from protocols.plugins import protocol_plugins
+from server.version import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
-_ISB = """
-import sys
-from pathlib import Path
-from protocols import jit
-from protocols.isb import decoder
-jit.save_module(Path(sys.argv[1]), "protocols.isb")
-"""
 VARIABLE = "NUMBA_CACHE_DIR"
+COMPILING = (
+    "Compiling the decoders; this is done once and takes some seconds. Until then fast streams may be shown late, but "
+    "nothing is lost."
+)
+_COMPILE = """
+import os
+from recordings.parent_death import die_with_parent
+die_with_parent()
+os.nice(10)  # devices come first
+from protocols import jit
+import {modules}
+jit.load()
+"""
+_POLL_S = 0.1
 
 
-def prepare_cache(data: Path) -> tuple[bool, list[str]]:
-    """Settle the place.
+def prepare_cache(data: Path) -> list[str]:
+    """Determine the cache folder and set NUMBA_CACHE_DIR.
 
     Returns:
-        whether there is no compiled code yet, and sentences that the user should read.
+        messages for the user.
     """
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        return False, []
-    home = data / "compiled"
-    place = _wanted(data)
-    fits, words = native_cache.is_valid(place / native_cache.NAME), []
+    from protocols import jit  # imports numpy
+
+    if jit.DISABLED:
+        return []
+    root, place = data / "compiled", _cache_folder(data)
+    messages: list[str] = []
     if _writable(place):
-        if place.parent == home:
-            _sweep(home, place)
-    elif not fits:
-        words = [f"{place} cannot be written: compiled code is kept for this run only."]
-        try:
-            place = Path(tempfile.mkdtemp(prefix="imuscope-"))
-        except OSError:
+        if place.parent == root:
+            _remove_others(root, place)
+    else:
+        read_only, temporary = place, _temporary()
+        if temporary is not None and _has_code(read_only):
+            _copy(read_only, temporary)
+        else:
+            messages = [f"{read_only} cannot be written: compiled code is stored for this run only."]
+        if temporary is None:
             os.environ.pop(VARIABLE, None)
-            return True, words
-        atexit.register(shutil.rmtree, place, ignore_errors=True)
+            return messages
+        place = temporary
     os.environ[VARIABLE] = str(place)
-    os.environ[native_cache.VARIABLE] = str(place / native_cache.NAME)
-    return not fits, words
-
-
-def compile_by_two() -> None:
-    """Compile all, half of it in a second process: a process compiles on one core only, and ISB is half of it."""
-    place = native_cache.cache_path()
-    if place is None or (os.cpu_count() or 1) < 2:
-        return
-    part = place.with_name(f"isb-{os.getpid()}.bin")
-    nothing = (
-        subprocess.DEVNULL
-    )  # should it fail, this process finds nothing to take, compiles ISB too and says why not
-    with subprocess.Popen([sys.executable, "-c", _ISB, part], cwd=ROOT, stdin=nothing, stderr=nothing):
-        for module in ("protocols.idtp.decoder", "protocols.xbus.decoder", "recordings.mcap_reader"):
-            import_module(module)
-    from protocols import jit
-
-    jit.load_module(part)
+    return messages
 
 
 def is_there(data: Path) -> bool:
-    """Is there compiled code of these sources, with this data folder? Looks only."""
-    return native_cache.is_valid(_wanted(data) / native_cache.NAME)
+    """Whether compiled code exists for this data folder; changes nothing."""
+    return _has_code(_cache_folder(data))
 
 
-def _wanted(data: Path) -> Path:
-    return Path(os.environ.get(VARIABLE) or data / "compiled" / native_cache.sources_mark())
+def is_filled() -> bool:
+    """Whether compiled code exists in the configured folder; changes nothing."""
+    place = os.environ.get(VARIABLE)
+    return place is not None and _has_code(Path(place))
 
 
-def _sweep(home: Path, kept: Path) -> None:
-    """Former versions' code; another imuscope of theirs may still run, and has loaded what it needs."""
-    for folder in home.iterdir():
-        if folder != kept:
+def load(*, report: Callable[[str], None], stop: Callable[[], bool] = lambda: False) -> None:
+    """Compile the decoders; this takes a second or, the first time, about ten.
+
+    Args:
+        report: receives messages for the user if it takes longer than a second.
+        stop: called periodically; compilation ends when it returns true.
+    """
+    from protocols import jit, registry  # noqa: F401 (its modules have the loops)
+    from recordings import mcap_reader  # noqa: F401
+
+    if jit.DISABLED or jit.is_loaded():
+        return
+    place, started_at, first = os.environ.get(VARIABLE), time.monotonic(), not is_filled()
+    if first:
+        report(COMPILING)
+        if place is not None and (os.cpu_count() or 1) > 1:
+            _compile_in_subprocesses(stop)
+    try:
+        jit.load(stop=stop)
+    except (EOFError, pickle.UnpicklingError):  # truncated, perhaps by a power failure
+        if place is not None:
+            shutil.rmtree(place, ignore_errors=True)
+        jit.load(stop=stop)
+    if first and jit.is_loaded():
+        report(f"The decoders are compiled ({time.monotonic() - started_at:.0f} s).")
+
+
+def _shares() -> tuple[list[str], list[str]]:
+    """Modules whose loops are compiled, in two shares: the family with the most loops is half of the work."""
+    modules = [plugin.module for plugin in protocol_plugins() if not plugin.package]
+    largest = max(modules, key=_compiled_functions)
+    return [largest], [*(module for module in modules if module != largest), "recordings.mcap_reader"]
+
+
+def _compiled_functions(module: str) -> int:
+    """Number of functions of the module's package that are compiled."""
+    folder = ROOT.joinpath(*module.split(".")[:-1])
+    return sum(path.read_text(encoding="utf-8").count("\n@compiled") for path in folder.glob("*.py"))
+
+
+def _compile_in_subprocesses(stop: Callable[[], bool]) -> None:
+    """Fill the cache in subprocesses. If one fails, this process compiles the rest."""
+    commands = [[sys.executable, "-c", _COMPILE.format(modules=", ".join(modules))] for modules in _shares()]
+    running = [
+        subprocess.Popen(one, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for one in commands
+    ]
+    for process in running:
+        while process.poll() is None:
+            if stop():
+                process.kill()
+            time.sleep(_POLL_S)
+
+
+class BackgroundLoad:
+    """`load` in a background thread; also a context manager.
+
+    Args:
+        report: as `load`; called in the thread.
+    """
+
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="loading compiled code")
+
+    def start(self) -> None:
+        """Start the thread; returns at once."""
+        from protocols import jit
+
+        jit.automatic = False
+        self._thread.start()
+
+    def _run(self) -> None:
+        load(report=self._report, stop=self._stop.is_set)
+        gc.freeze()  # numba's many objects stay: exclude them from garbage collection while devices stream
+
+    def close(self) -> None:
+        """Stop after the current function is compiled, and wait for the thread."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def __enter__(self) -> BackgroundLoad:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _cache_folder(data: Path) -> Path:
+    return Path(os.environ.get(VARIABLE) or data / "compiled" / VERSION)
+
+
+def _has_code(folder: Path) -> bool:
+    return next(folder.rglob("*.nbi"), None) is not None
+
+
+def _temporary() -> Path | None:
+    try:
+        place = Path(tempfile.mkdtemp(prefix="imuscope-"))
+    except OSError:
+        return None
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    return place
+
+
+def _copy(read_only: Path, place: Path) -> None:
+    """Copy the files without their modes, which forbid writing."""
+    for file in read_only.glob("*/*.nb[ic]"):
+        (place / file.parent.name).mkdir(exist_ok=True)
+        shutil.copyfile(file, place / file.parent.name / file.name)
+
+
+def _remove_others(root: Path, keep: Path) -> None:
+    """Remove the code of previous versions; one that still runs has already loaded its functions."""
+    for folder in root.iterdir():
+        if folder != keep:
             shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -1,4 +1,4 @@
-"""Who else wants to hear of something? Callbacks that come and go; none can harm the others, or who calls them."""
+"""Callback list; an exception in one callback does not affect the others or the caller."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ Heard = ParamSpec("Heard")
 
 
 class CallbackList(Generic[Heard]):
-    """Callbacks for one sort of news, called in the order in which they came.
+    """Callbacks for one kind of event, called in the order in which they were added.
 
-    A callback that raises is logged and hears no more: whoever brings the news must not fail by who listens.
+    A callback that raises is logged and removed, so that the caller never fails because of a callback.
     """
 
     def __init__(self) -> None:
         self._callbacks: list[Callable[Heard, None]] = []
 
     def add(self, callback: Callable[Heard, None]) -> Callable[[], None]:
-        """Call `callback` from now on; returns what takes it off again (more than once does no harm)."""
+        """Add a callback; returns a function that removes it, which may be called more than once."""
         self._callbacks.append(callback)
-        return lambda: self._take_off(callback)
+        return lambda: self._remove(callback)
 
     def __bool__(self) -> bool:
         return bool(self._callbacks)
 
-    def tell(self, *args: Heard.args, **kwargs: Heard.kwargs) -> None:
-        """Call them all; one that takes itself off meanwhile does not disturb the others."""
+    def call(self, *args: Heard.args, **kwargs: Heard.kwargs) -> None:
+        """Call all callbacks; a callback may remove itself during the call."""
         for callback in tuple(self._callbacks):
             try:
                 callback(*args, **kwargs)
             except Exception:
-                log.exception("a listener failed and hears no more")
-                self._take_off(callback)
+                log.exception("a callback failed and was removed")
+                self._remove(callback)
 
-    def _take_off(self, callback: Callable[Heard, None]) -> None:
+    def _remove(self, callback: Callable[Heard, None]) -> None:
         if callback in self._callbacks:
             self._callbacks.remove(callback)

@@ -1,15 +1,15 @@
-"""What does a server say on standard error, and to whom? One line for each thing that happens.
+"""Logging to standard error, one line per event.
 
-    a person     2026-11-21 08:31:02.114 warning [1] /dev/ttyUSB0 is gone. Was it unplugged? …
-    a journal    the same without the time, which the journal has, and with systemd's mark of the level: <4>[1] …
-    a program    {"time":"2026-11-21T08:31:02.114Z","level":"warning","event":"link","device":"1","message":"…",…}
+    text         2026-11-21 08:31:02.114 warning [1] /dev/ttyUSB0 is gone. Was it unplugged? …
+    journal      the same without the time, which the journal adds, and with systemd's level prefix: <4>[1] …
+    json         {"time":"2026-11-21T08:31:02.114Z","level":"warning","event":"link","device":"1","message":"…",…}
 
-What happens is told by server/streaming/event_logging.py and by the modules it happens in, through `logging` under the
-name imuscope; `extra` carries `event` (one word for programs), `device`, and `data` (further figures).
+Events are logged by server/streaming/event_logging.py and by the modules in which they occur, through `logging` under
+the name imuscope; `extra` carries `event` (one word for programs), `device`, and `data` (further values).
 
-Two promises are kept here, whoever writes the line. A secret (token, key) never gets into it: each is replaced wherever
-it stands. And nobody can forge a line or fill a disk with many: characters that are not printable are spelled, and of
-what may come often (`extra={"often": key}`) a few lines in ten seconds are written; the next tells how many were not.
+Two guarantees hold for every line. It contains no secret (token, key): each occurrence is replaced. And input can
+neither forge lines nor fill the disk: characters that are not printable are escaped, and of frequent messages
+(`extra={"often": key}`) a few lines are written per ten seconds; the next line says how many were omitted.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import time
 from collections.abc import Collection, Mapping
 from typing import Any, TextIO
 
+from server.limiters import PeriodLimit
 from server.printable import json_text, printable
 
 STYLES = ("text", "json")
@@ -35,37 +36,34 @@ _OURS = ("imuscope", "server")
 
 
 class RateLimitFilter(logging.Filter):
-    """Lets only so many records of one key through in a while; the next one carries how many were held back."""
+    """Limits the records of one key per period; the next record carries the number of suppressed ones."""
 
     def __init__(self, now: Any = time.monotonic) -> None:
         super().__init__()
         self._now = now
-        self._known: dict[Any, list[float]] = {}  # key → when its period began, how many came in it
+        self._counts: dict[Any, PeriodLimit] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
         key = getattr(record, "often", None)
         if key is None:
             return True
         now = self._now()
-        known = self._known.get(key)
-        if known is None or now - known[0] >= PERIOD_S:
-            record.held = int(max(0.0, known[1] - PER_PERIOD)) if known is not None else 0
-            if len(self._known) >= _MOST_KEYS:
-                self._known = {one: kept for one, kept in self._known.items() if now - kept[0] < PERIOD_S}
-            if len(self._known) >= _MOST_KEYS:
-                self._known.clear()
-            known = self._known[key] = [now, 0]
-        known[1] += 1
-        return known[1] <= PER_PERIOD
+        if key not in self._counts and len(self._counts) >= _MOST_KEYS:
+            self._counts = {one: limit for one, limit in self._counts.items() if now - limit.began < PERIOD_S}
+            if len(self._counts) >= _MOST_KEYS:
+                self._counts.clear()
+        limit = self._counts.setdefault(key, PeriodLimit(PER_PERIOD, PERIOD_S))
+        record.held = limit.begin(now)
+        return limit.allows()
 
 
 class _Formatter(logging.Formatter):
-    """What both forms share: secrets are taken out of whatever was made."""
+    """Behaviour shared by both formats: secrets are removed from the finished line."""
 
     def __init__(self, secrets: Collection[str]) -> None:
         super().__init__()
-        spelled = {form for secret in secrets if secret for form in (secret, json.dumps(secret)[1:-1])}
-        self._secrets = sorted(spelled, key=len, reverse=True)
+        forms = {form for secret in secrets if secret for form in (secret, json.dumps(secret)[1:-1])}
+        self._secrets = sorted(forms, key=len, reverse=True)
 
     def format(self, record: logging.LogRecord) -> str:
         line = self.line(record)
@@ -78,33 +76,33 @@ class _Formatter(logging.Formatter):
 
 
 class TextFormatter(_Formatter):
-    """For a person; with `journal` for systemd's."""
+    """Text for reading; with `journal`, in the format of systemd's journal."""
 
     def __init__(self, secrets: Collection[str], *, journal: bool = False) -> None:
         super().__init__(secrets)
-        self._journal = journal
+        self._for_journal = journal
 
     def line(self, record: logging.LogRecord) -> str:
         device = getattr(record, "device", "")
         text = f"[{device}] " if device else ""
         text += printable(record.getMessage())
-        held = getattr(record, "held", 0)
-        if held:
-            text += f" ({held} more like this were not written.)"
+        suppressed = getattr(record, "held", 0)
+        if suppressed:
+            text += f" ({suppressed} more like this were not written.)"
         if record.exc_info:
             text += "\n" + self.formatException(record.exc_info)
-        if self._journal:
+        if self._for_journal:
             return f"<{_PRIORITY.get(record.levelno, 5)}>{text}"
         clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))
         return f"{clock}.{int(record.msecs):03d} {record.levelname.lower():<7} {text}"
 
 
 class JsonFormatter(_Formatter):
-    """For a program: one object a line."""
+    """JSON for programs: one object per line."""
 
     def line(self, record: logging.LogRecord) -> str:
         clock = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
-        told: dict[str, Any] = {
+        fields: dict[str, Any] = {
             "time": f"{clock}.{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
             "event": getattr(record, "event", "") or record.name.rpartition(".")[2],
@@ -113,22 +111,22 @@ class JsonFormatter(_Formatter):
         }
         data = getattr(record, "data", None)
         if isinstance(data, Mapping):
-            told.update({name: value for name, value in data.items() if name not in told})
-        if held := getattr(record, "held", 0):
-            told["held"] = held
+            fields.update({name: value for name, value in data.items() if name not in fields})
+        if suppressed := getattr(record, "held", 0):
+            fields["held"] = suppressed
         if record.exc_info:
-            told["exception"] = self.formatException(record.exc_info)
-        return json_text(told, default=str, separators=(",", ":"))
+            fields["exception"] = self.formatException(record.exc_info)
+        return json_text(fields, default=str, separators=(",", ":"))
 
 
 def install(style: str, level: str, secrets: Collection[str] = (), out: TextIO | None = None) -> None:
-    """From here on the log is like that.
+    """Configure logging.
 
     Args:
         style: one of STYLES.
-        level: one of LEVELS: the least that is written of ours. Of libraries, warnings: at "debug" some write headers.
-        secrets: what must never be in it.
-        out: standard error, where nothing is given.
+        level: one of LEVELS: lowest level of our messages. Libraries log warnings only, as some log headers at "debug".
+        secrets: texts that must not appear in the log.
+        out: standard error by default.
     """
     out = out or sys.stderr
     handler = logging.StreamHandler(out)
@@ -143,13 +141,12 @@ def install(style: str, level: str, secrets: Collection[str] = (), out: TextIO |
 
 
 def secrets_of(*given: str) -> list[str]:
-    """Those of these that are long enough to be secrets: two digits stand in every line."""
+    """Secrets that are long enough to be masked; a short one would match parts of every line."""
     return [one for one in given if len(one) >= SHORTEST and not one.startswith("@")]
 
 
 def print_or_log(text: str) -> None:
-    """A sentence of the command line itself, before and beside what happens: as it is to a person, as a line of the
-    log to a program."""
+    """Print a message of the command line itself: as plain text, or as a log line if the log is JSON."""
     handlers = logging.getLogger().handlers
     if handlers and isinstance(handlers[0].formatter, JsonFormatter):
         logging.getLogger("imuscope.start").info("%s", text)
@@ -158,9 +155,9 @@ def print_or_log(text: str) -> None:
 
 
 def _is_journal(out: TextIO) -> bool:
-    """Does systemd's journal read this? It says of which file it does."""
+    """Whether the stream goes to systemd's journal: JOURNAL_STREAM gives the device and inode of its file."""
     try:
-        about = os.fstat(out.fileno())
+        status = os.fstat(out.fileno())
     except (OSError, ValueError):
         return False
-    return os.environ.get("JOURNAL_STREAM", "") == f"{about.st_dev}:{about.st_ino}"
+    return os.environ.get("JOURNAL_STREAM", "") == f"{status.st_dev}:{status.st_ino}"

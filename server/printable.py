@@ -1,7 +1,7 @@
-"""Text from devices and files, made harmless for a terminal: what is no visible character is spelled.
+"""Text from devices and files, made safe for a terminal: characters that are not visible are escaped.
 
-A device chooses its own name, and a sentence may hold any byte: printed as they came, escape sequences would move the
-cursor, rename the window or colour what follows. So nothing of a device reaches a terminal but through one of these.
+A device chooses its own name, and its texts may contain any byte: escape sequences, printed unchanged, would move the
+cursor, rename the window or change colours. So all text of a device goes through one of these functions.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ import json
 import re
 from typing import Any
 
-_ODD = re.compile(r"[^\x20-\x7e]")  # looked at more closely
+_ODD = re.compile(r"[^\x20-\x7e]")  # candidates; visible ones are not escaped
 
 
 def printable(text: str) -> str:
-    """Text for a person: a character that cannot be seen as \\x1b, \\x85, \\u2028."""
+    """Text for reading; characters that are not printable as \\x1b, \\x85, \\u2028."""
     return text if text.isprintable() else "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
 
 
 def json_text(value: Any, **how: Any) -> str:
-    """A value as JSON for people and programs: readable, and with every character escaped that cannot be seen.
+    """A value as JSON, readable, with every character escaped that is not printable.
 
     Args:
-        how: of json.dumps.
+        how: arguments of json.dumps.
     """
     text = json.dumps(value, ensure_ascii=False, **how)
     return text if text.isprintable() else _ODD.sub(_escaped, text)

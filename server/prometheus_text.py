@@ -1,15 +1,15 @@
-"""How are figures written for Prometheus? Families of samples, one line each, in its text form 0.0.4.
+"""Prometheus text format 0.0.4: families of samples, one sample per line.
 
     # HELP imuscope_link_rejects_total Candidates for frames that failed their checks, by reason.
     # TYPE imuscope_link_rejects_total counter
     imuscope_link_rejects_total{device="1",reason="bad_checksum"} 3
 
-The rules: a family stands in one piece; HELP and TYPE come once, before its samples; label values escape \\, " and the
-end of a line; a counter's name ends in _total, a unit is a base unit (seconds, bytes, ratio) and stands in the name. A
-histogram is the cumulative counts of its buckets, the last of them +Inf, then _sum and _count.
+Rules: the samples of a family are contiguous, after one HELP and one TYPE line; label values escape \\, " and the
+end of a line; the name of a counter ends in _total; units are base units (seconds, bytes, ratio) and part of the name.
+A histogram has the cumulative counts of its buckets, the last one +Inf, then _sum and _count.
 
-This is the whole of what the official client would do here, without its import (60 ms of a live server's event loop);
-the tests read what it gives with the official parser.
+This does what the official client would do here, without its import, which takes 60 ms of a live server's event loop;
+the tests parse the output with the official parser.
 
 Source: Prometheus documentation, "Exposition formats" and "Metric and label naming".
 """
@@ -26,10 +26,10 @@ Kind = Literal["counter", "gauge", "histogram"]
 
 
 class Histogram:
-    """How often something took how long.
+    """Histogram of durations.
 
     Args:
-        bounds: upper edges of the buckets, ascending; beyond the last is +Inf.
+        bounds: upper edges of the buckets, ascending, without +Inf.
     """
 
     __slots__ = ("bounds", "counts", "sum")
@@ -40,13 +40,13 @@ class Histogram:
         self.sum = 0.0
 
     def add(self, value: float) -> None:
-        """One more."""
+        """Count a value."""
         self.counts[bisect_left(self.bounds, value)] += 1
         self.sum += value
 
 
 class PrometheusText:
-    """Text in the making: `family` opens one, `add` puts a sample into it. A family without samples is not written."""
+    """Builder of the text: `family` begins a family, `add` adds a sample. A family without samples is not written."""
 
     def __init__(self) -> None:
         self._lines: list[str] = []
@@ -54,19 +54,19 @@ class PrometheusText:
         self._name = ""
 
     def family(self, name: str, kind: Kind, help_: str) -> PrometheusText:
-        """From here on samples are of this family."""
+        """Begin a family; the following samples belong to it."""
         self._name = name
         words = help_.replace("\\", "\\\\").replace("\n", "\\n")
         self._head = f"# HELP {name} {words}\n# TYPE {name} {kind}"
         return self
 
     def add(self, value: float | None, **labels: str) -> None:
-        """A sample; None is none: what is not known is not written as 0."""
+        """Add a sample; None, an unknown value, is not written."""
         if value is not None:
             self._line("", value, labels.items())
 
     def histogram(self, found: Histogram, **labels: str) -> None:
-        """All samples of a histogram."""
+        """Add all samples of a histogram."""
         count = 0
         for bound, more in zip((*found.bounds, float("inf")), found.counts, strict=True):
             count += more
@@ -81,8 +81,8 @@ class PrometheusText:
         if self._head:
             self._lines.append(self._head)
             self._head = ""
-        told = ",".join(f'{name}="{_escaped(text)}"' for name, text in labels)
-        self._lines.append(f"{self._name}{suffix}{'{' + told + '}' if told else ''} {_number(value)}")
+        pairs = ",".join(f'{name}="{_escaped(text)}"' for name, text in labels)
+        self._lines.append(f"{self._name}{suffix}{'{' + pairs + '}' if pairs else ''} {_number(value)}")
 
 
 def _escaped(text: str) -> str:

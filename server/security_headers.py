@@ -1,9 +1,9 @@
-"""What does every answer say to a browser about itself? Unless its route says more (pages do), this.
+"""Default security headers of every response; routes may set their own (pages do).
 
-    content-security-policy      nothing in it may run, load or be framed: an answer is data, whoever made it
-    x-content-type-options       and it is what it says it is: a recording of strangers is no page and no script
-    cross-origin-resource-policy no page of another origin may take it in as a picture, a script or a style
-    referrer-policy              addresses stay here
+    content-security-policy      nothing in the response may run, load or be framed: a response is data
+    x-content-type-options       no type sniffing: an uploaded recording is never taken for a page or a script
+    cross-origin-resource-policy no page of another origin may embed it as an image, a script or a style
+    referrer-policy              addresses are not sent to other sites
 
 Policies of pages: server/api/static_files.py (`/`), server/api/rerun.py (`/rerun/`), server/integrations/proxy.py
 (`/viser/`).
@@ -19,17 +19,17 @@ DEFAULTS = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"referrer-policy", b"no-referrer"),
 )
-WITHOUT_HEAD = ("/api/", "/healthz", "/metrics")  # of the other paths each answers it by itself
+WITHOUT_HEAD = ("/api/", "/healthz", "/metrics")  # the other paths answer HEAD themselves
 STARTS = ("http.response.start", "websocket.http.response.start")
 
 
 def with_defaults(send: Send) -> Send:
-    """`send`, where an answer's head gets those of `DEFAULTS` that it has not."""
+    """`send` that adds the missing headers of `DEFAULTS` to a response."""
 
     async def sending(message: Message) -> None:
         if message["type"] in STARTS:
-            there = {name.lower() for name, _ in message["headers"]}
-            missing = [header for header in DEFAULTS if header[0] not in there]
+            present = {name.lower() for name, _ in message["headers"]}
+            missing = [header for header in DEFAULTS if header[0] not in present]
             message = {**message, "headers": [*message["headers"], *missing]}
         await send(message)
 
@@ -37,8 +37,9 @@ def with_defaults(send: Send) -> Send:
 
 
 class Heads:
-    """ASGI middleware: HEAD of what has a GET is that without its body, as RFC 9110 (9.3.2) wants it; frameworks route
-    it only where it is named."""
+    """ASGI middleware: HEAD on a path with GET gives the same response without its body (RFC 9110, 9.3.2); the
+    framework routes HEAD only if a route names it.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

@@ -1,15 +1,15 @@
-"""How does the server end within two seconds of being asked to, with nothing lost? (SIGTERM, Ctrl-C)
+"""Shutdown on SIGTERM or Ctrl-C within two seconds, without loss.
 
-    0 s      no new connections; every browser is told to close
-    GRACE_S  who has not closed by then is cut off: a browser that takes nothing, a download of an hour
-    CUT_S    requests that still run are cancelled
-             everything of the server ends at once, not in turn:
-                 the recording   is written to its end and forced to disk: waited for, however long it takes
-                 all else        views, exports, devices: each has PART_S, and is left behind if it needs longer
-    then     threads that are still at work (a zip of gigabytes, a port whose other side takes no bytes) have LINGER_S;
-             the process ends over them, which harms nothing: what they make is swept at the next start
+    0 s      no new connections; every browser is asked to close
+    GRACE_S  connections still open are closed: a stalled browser, a download of an hour
+    CUT_S    running requests are cancelled
+             all services close concurrently:
+                 recording       written completely and synced to disk, without a time limit
+                 others          viewers, exports, devices: abandoned after PART_S each
+    then     busy threads (a zip of gigabytes, a port whose peer accepts no bytes) have LINGER_S, then the process
+             exits; this is safe, because their partial output is removed at the next start
 
-The two seconds are those of a healthy disk and a processor that is to be had.
+Two seconds assume a healthy disk and a processor that is not overloaded.
 """
 
 from __future__ import annotations
@@ -32,47 +32,47 @@ LINGER_S = 0.2
 
 
 async def close_all(saved: Awaitable[None], parts: Mapping[str, Awaitable[None]]) -> None:
-    """Close everything beside each other.
+    """Close everything concurrently.
 
     Args:
-        saved: done when what was recorded is on disk; waited for without a limit.
-        parts: all else, each with what it is called in the log.
+        saved: done when the recording is on disk; awaited without a limit.
+        parts: all others, by their names in the log.
     """
     await asyncio.gather(
-        _told("the recording", saved, None), *(_told(name, part, PART_S) for name, part in parts.items())
+        _close("the recording", saved, None), *(_close(name, part, PART_S) for name, part in parts.items())
     )
 
 
 async def close_sequentially(*parts: Awaitable[None]) -> None:
-    """One after the other, for parts of which one needs the next."""
+    """Close parts one after the other, for parts that depend on the next."""
     for part in parts:
         await part
 
 
-async def _told(name: str, part: Awaitable[None], limit_s: float | None) -> None:
-    """A fault of one part must keep no other from ending."""
+async def _close(name: str, part: Awaitable[None], limit_s: float | None) -> None:
+    """Await the closing of a part and log its failure, so that the others close in any case."""
     try:
         await asyncio.wait_for(part, limit_s)
     except TimeoutError:
-        log.warning("%s did not end within %g s and was left behind.", name, PART_S)
+        log.warning("%s did not close within %g s and was abandoned.", name, PART_S)
     except Exception:
-        log.exception("%s did not end as it should", name)
+        log.exception("%s failed to close", name)
 
 
 def make_executor(loop: asyncio.AbstractEventLoop) -> ThreadPoolExecutor:
-    """Threads for a loop's `to_thread`, which can be told to finish without being waited for."""
-    found = ThreadPoolExecutor(thread_name_prefix="work")
-    loop.set_default_executor(found)
-    return found
+    """Thread pool for the loop's `to_thread`; it can be shut down without waiting for its threads."""
+    pool = ThreadPoolExecutor(thread_name_prefix="work")
+    loop.set_default_executor(pool)
+    return pool
 
 
 def exit_process(work: ThreadPoolExecutor, status: int = 0) -> None:
-    """Return when no thread is at work any more; end the process over those that are."""
+    """Return when no thread is busy any more; exit the process if some are still busy after LINGER_S."""
     work.shutdown(wait=False, cancel_futures=True)
     end = time.monotonic() + LINGER_S
     while busy := [one.name for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon]:
         if time.monotonic() > end:
-            log.warning("Ended while %d threads were still at work (%s).", len(busy), ", ".join(busy))
+            log.warning("Exited while %d threads were still at work (%s).", len(busy), ", ".join(busy))
             logging.shutdown()
             sys.stdout.flush()
             os._exit(status)

@@ -1,6 +1,6 @@
-"""How does a function that writes to a file answer a request? In a thread, into a queue that waits for the network.
+"""Streaming response from a function that writes to a file. It runs in a thread and writes to a bounded queue.
 
-The thread holds a few pieces at most, so a slow client costs no memory; one that goes away ends it at its next write.
+The queue holds a few pieces at most, so a slow client costs no memory; after a disconnect the next write raises.
 """
 
 from __future__ import annotations
@@ -17,36 +17,36 @@ HELD = 8  # pieces
 
 
 class GoneError(OSError):
-    """Nobody takes what is written."""
+    """The client disconnected."""
 
 
 class QueueWriter(io.RawIOBase):
-    """What is written comes out of a queue."""
+    """File object whose output is read from a queue."""
 
     def __init__(self) -> None:
         self.queue: queue.Queue[bytes | BaseException | None] = queue.Queue(HELD)
-        self.gone = threading.Event()
-        self._held = bytearray()
+        self.client_gone = threading.Event()
+        self._buffer = bytearray()
 
     def writable(self) -> bool:
         return True
 
     def write(self, data: object) -> int:
         view = memoryview(data)  # type: ignore[arg-type]
-        self._held += view
-        if len(self._held) >= PIECE:
+        self._buffer += view
+        if len(self._buffer) >= PIECE:
             self.push()
         return view.nbytes
 
     def push(self) -> None:
-        if self._held:
-            self.put(bytes(self._held))
-            self._held.clear()
+        if self._buffer:
+            self.put(bytes(self._buffer))
+            self._buffer.clear()
 
     def put(self, item: bytes | BaseException | None) -> None:
         while True:
-            if self.gone.is_set():
-                raise GoneError("nobody takes it")
+            if self.client_gone.is_set():
+                raise GoneError("client disconnected")
             try:
                 self.queue.put(item, timeout=0.2)
                 return
@@ -55,10 +55,10 @@ class QueueWriter(io.RawIOBase):
 
 
 async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
-    """The bytes that `write` writes, as they come.
+    """The bytes that `write` writes, as they are produced.
 
     Raises:
-        whatever `write` raises, where it stands in the stream.
+        every exception of `write`, after the bytes written before it.
     """
     pipe = QueueWriter()
 
@@ -69,7 +69,7 @@ async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
             pipe.put(None)
         except GoneError:
             return
-        except BaseException as error:  # told to whoever reads
+        except BaseException as error:  # raised in the reader
             try:
                 pipe.put(error)
             except GoneError:
@@ -86,18 +86,18 @@ async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
                 raise item
             yield item
     finally:
-        pipe.gone.set()
+        pipe.client_gone.set()
 
 
 async def with_first_chunk(pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """The same pieces, when the first is there: what cannot even begin can still be answered in words.
+    """The same pieces, after the first has been produced, so that an early failure can become an error response.
 
     Raises:
-        whatever making the first piece raises.
+        every exception that occurs before the first piece.
     """
     first = await anext(pieces, b"")
 
-    async def all_of_them() -> AsyncIterator[bytes]:
+    async def chunks() -> AsyncIterator[bytes]:
         try:
             yield first
             async for piece in pieces:
@@ -106,4 +106,4 @@ async def with_first_chunk(pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]
             if isinstance(pieces, AsyncGenerator):
                 await pieces.aclose()
 
-    return all_of_them()
+    return chunks()

@@ -1,20 +1,19 @@
-"""How is the page served as https? With a certificate that was given, or with one that is made here.
+"""TLS certificates for https: given files, or a self-signed certificate.
 
-    --tls-cert FILE --tls-key FILE      given, PEM; the certificate first, those that vouch for it after it
-    --tls                               made once, kept, made anew before it ends
+    --tls-cert FILE --tls-key FILE      given, PEM; the certificate first, followed by its chain
+    --tls                               self-signed, created once and renewed before it expires
 
-    <data>/tls/certificate.pem          one that is made says who it is for: this machine's names, its .local name,
-    <data>/tls/key.pem                  its addresses, loopback, --host, allowed_hosts; the key has mode 0600
+    <data>/tls/certificate.pem          the self-signed one names this machine's host names, its .local name, its
+    <data>/tls/key.pem                  addresses, loopback, --host and allowed_hosts; the key has mode 0600
 
-Nobody vouches for a made certificate, so a browser warns once; whether it is this server that it warns of, the SHA-256
-fingerprint tells, which is printed at start beside the address and is in the browser's details of the certificate. That
-is why a made one is kept for as long as it can be: it is made anew before it ends and when a name is new by which the
-machine is to be called, not when an address has changed, as on a robot they do.
+A browser warns once of a self-signed certificate. The user can compare the SHA-256 fingerprint printed at start, beside
+the address, with the one in the browser's certificate details. The certificate is therefore replaced as rarely as
+possible: before it expires and when the machine has a new name, but not for a new address, as those of robots change.
 
-It is for this server and no authority (CA:FALSE): who trusts it trusts nothing else with it, should the key be lost.
+It is valid for this server only and is not an authority (CA:FALSE), so a stolen key cannot vouch for other servers.
 
-A certificate that changes on disk while the server runs (certbot renews), or that must be made anew, is taken into use
-without a restart: a context that has loaded a new one gives it to the next who connects.
+A certificate that changes on disk while the server runs (renewed by certbot), or that is renewed here, is used without
+a restart: the TLS context loads it for new connections.
 
 Only this file imports `cryptography`, and only with one of the options.
 Sources: RFC 5280 §4.2 (extensions), RFC 9525 §6 (names), CA/Browser Forum limits are for public authorities only.
@@ -25,9 +24,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import ipaddress
-import os
 import platform
-import secrets
 import socket
 import ssl
 import sys
@@ -40,24 +37,25 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from recordings.atomic_write import write_atomic
 from server.config import Config, ConfigError
 
 FOLDER = "tls"
 CIPHERS = "ECDHE+AESGCM:ECDHE+CHACHA20"  # of TLS 1.2: forward secrecy, and no CBC; TLS 1.3 has no others
-DAYS = 730  # Apple's systems take no certificate that is valid for longer than 825 days
-RENEW_DAYS = 60  # before the end: a robot may be away for a season
+DAYS = 730  # Apple rejects certificates that are valid for more than 825 days
+RENEW_DAYS = 60  # before expiry: a robot may be offline for a season
 ALWAYS = ("localhost", "127.0.0.1", "::1")
 LONGEST_NAME = 253  # of a host (RFC 1035 §2.3.4)
 
 
 @dataclass(frozen=True, slots=True)
 class Tls:
-    """A certificate that may be used.
+    """A valid certificate.
 
     Args:
         cert, key: PEM files.
         fingerprint: SHA-256 of the certificate, as browsers show it.
-        made: it is one of ours.
+        made: self-signed by this server.
     """
 
     cert: Path
@@ -66,7 +64,7 @@ class Tls:
     made: bool
 
     def context(self) -> ssl.SSLContext:
-        """What a server needs: TLS 1.2 or newer with the ciphers that this OpenSSL holds to be good."""
+        """TLS context of the server: TLS 1.2 or newer; its TLS 1.2 ciphers are `CIPHERS`."""
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         context.set_ciphers(CIPHERS)
@@ -75,10 +73,10 @@ class Tls:
 
 
 class CertificateManager:
-    """Holds the certificate of a running server, and looks now and then whether it is still the one to use.
+    """Certificate of a running server; `check` reloads it when it has changed.
 
     Raises:
-        ConfigError: there is none that can be used.
+        ConfigError: no valid certificate.
     """
 
     def __init__(self, config: Config) -> None:
@@ -86,11 +84,11 @@ class CertificateManager:
         self.tls = tls_of(config)
         self.context = self.tls.context()
 
-    def look(self) -> bool:
-        """Take what is on disk now into use; a made one is made anew in time. True where it is another.
+    def check(self) -> bool:
+        """Reload the certificate from disk, renewing a self-signed one in time; True if it changed.
 
         Raises:
-            ConfigError: what is on disk cannot be used; what was in use stays in use.
+            ConfigError: the certificate on disk is not valid; the previous one stays in use.
         """
         found = tls_of(self._config)
         if found.fingerprint == self.tls.fingerprint:
@@ -104,7 +102,7 @@ def tls_of(config: Config) -> Tls:
     """The certificate that the configuration asks for.
 
     Raises:
-        ConfigError: a file is missing, is no certificate or no key, they do not fit, or its time is over.
+        ConfigError: a file is missing or invalid, the key does not match, or the certificate has expired.
     """
     if config.tls_cert:
         return load_certificate(Path(config.tls_cert).expanduser(), Path(config.tls_key).expanduser())
@@ -115,10 +113,10 @@ def tls_of(config: Config) -> Tls:
 
 
 def load_certificate(cert: Path, key: Path) -> Tls:
-    """A certificate and its key in files, looked through.
+    """Load and check a certificate and its key.
 
     Raises:
-        ConfigError: what is wrong with them.
+        ConfigError: they are not valid; the message says why.
     """
     public, private = _read(cert, "tls_cert"), _read(key, "tls_key")
     try:
@@ -149,12 +147,13 @@ def load_certificate(cert: Path, key: Path) -> Tls:
 
 
 def ensure_self_signed(folder: Path, names: Iterable[str]) -> Tls:
-    """Our own certificate: the one that is there, or a new one.
+    """The self-signed certificate; created or renewed if necessary.
 
     Args:
-        names: host names and addresses; of an address that is new, no new one is made.
+        names: host names and addresses; a new address alone does not cause a renewal.
+
     Raises:
-        OSError: it cannot be kept.
+        OSError: it cannot be written.
     """
     cert, key = folder / "certificate.pem", folder / "key.pem"
     with contextlib.suppress(ConfigError):
@@ -170,56 +169,56 @@ def ensure_self_signed(folder: Path, names: Iterable[str]) -> Tls:
     certificate = _certificate(secret, names)
     pem = serialization.Encoding.PEM
     form = serialization.PrivateFormat.PKCS8
-    # Whoever reads between the two finds a pair that does not fit, and makes another.
-    _keep(key, secret.private_bytes(pem, form, serialization.NoEncryption()), 0o600)
-    _keep(cert, certificate.public_bytes(pem), 0o644)
+    # A process that reads between the two writes finds a pair that does not match, and creates another.
+    write_atomic(key, secret.private_bytes(pem, form, serialization.NoEncryption()), 0o600)
+    write_atomic(cert, certificate.public_bytes(pem), 0o644)
     return Tls(cert, key, _fingerprint(certificate), True)
 
 
 def names_of(config: Config) -> list[str]:
-    """What this server may be called: names first, then addresses, each once."""
+    """Names of this server: names first, then addresses, each once."""
     node = platform.node()
     short = node.partition(".")[0]
     names = ["localhost", node, short, f"{short}.local" if short else "", config.host, *config.allowed_hosts]
     found = [name.strip("[]").lower().rstrip(".") for name in (*names, *ALWAYS, *addresses())]
-    fit = [name for name in found if name and len(name) <= LONGEST_NAME and name.isascii() and name.isprintable()]
+    valid = [name for name in found if name and len(name) <= LONGEST_NAME and name.isascii() and name.isprintable()]
     unspecified = ("0.0.0.0", "::")
-    return sorted(dict.fromkeys(name for name in fit if name not in unspecified), key=lambda one: bool(_address(one)))
+    return sorted(dict.fromkeys(name for name in valid if name not in unspecified), key=lambda one: bool(_address(one)))
 
 
 def addresses() -> list[str]:
-    """Addresses of this machine, as far as the system tells without a library: never one that is not its own."""
+    """Addresses of this machine, as far as known without a library; never those of other machines."""
     found = set[str]()
     with contextlib.suppress(OSError, UnicodeError):
         found |= {str(row[4][0]) for row in socket.getaddrinfo(platform.node(), None)}
-    for family, elsewhere in ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1")):
-        # Which address would be used to go there (RFC 5737, RFC 3849: nobody is there). Nothing is sent.
-        with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as asked:
-            asked.connect((elsewhere, 9))
-            found.add(str(asked.getsockname()[0]))
+    for family, target in ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1")):
+        # Local address of the route to a documentation address (RFC 5737, RFC 3849). Nothing is sent.
+        with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((target, 9))
+            found.add(str(probe.getsockname()[0]))
     if sys.platform == "linux":
         found |= _interfaces()
     return sorted({address.partition("%")[0] for address in found})
 
 
 def _interfaces() -> set[str]:
-    """IPv4 addresses of the interfaces. SIOCGIFADDR of netdevice(7): ifreq with the name, a sockaddr_in at byte 16."""
+    """IPv4 addresses of the interfaces: SIOCGIFADDR of netdevice(7), ifreq with the name, sockaddr_in at byte 16."""
     import fcntl
 
     found = set[str]()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         for _, name in socket.if_nameindex():
             with contextlib.suppress(OSError):
-                answer = fcntl.ioctl(asked.fileno(), 0x8915, name.encode()[:15].ljust(40, b"\0"))
+                answer = fcntl.ioctl(probe.fileno(), 0x8915, name.encode()[:15].ljust(40, b"\0"))
                 found.add(socket.inet_ntoa(answer[20:24]))
     return found
 
 
 def _certificate(secret: ec.EllipticCurvePrivateKey, names: Iterable[str]) -> x509.Certificate:
-    ours = list(names)
-    called = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"imuscope {platform.node()}"[:64])])
+    given = list(names)
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"imuscope {platform.node()}"[:64])])
     alternatives: list[x509.GeneralName] = []
-    for name in ours:
+    for name in given:
         address = _address(name)
         alternatives.append(x509.IPAddress(address) if address is not None else x509.DNSName(name))
     now, public = _now(), secret.public_key()
@@ -232,8 +231,8 @@ def _certificate(secret: ec.EllipticCurvePrivateKey, names: Iterable[str]) -> x5
     )
     return (
         x509.CertificateBuilder()
-        .subject_name(called)
-        .issuer_name(called)
+        .subject_name(subject)
+        .issuer_name(subject)
         .public_key(public)
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - datetime.timedelta(days=1))  # clocks differ
@@ -250,10 +249,10 @@ def _certificate(secret: ec.EllipticCurvePrivateKey, names: Iterable[str]) -> x5
 
 def _names_in(certificate: x509.Certificate) -> list[str]:
     try:
-        held = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        alternatives = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:
         return []
-    return held.get_values_for_type(x509.DNSName)
+    return alternatives.get_values_for_type(x509.DNSName)
 
 
 def _read(path: Path, name: str) -> bytes:
@@ -261,20 +260,6 @@ def _read(path: Path, name: str) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise ConfigError(f"{name} {path} cannot be read: {error.strerror}.") from None
-
-
-def _keep(path: Path, data: bytes, mode: int) -> None:
-    """Make `path` hold `data`; nobody but those whom `mode` allows can have read it at any moment."""
-    aside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        with os.fdopen(os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        aside.replace(path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
 
 
 def _public(key: object) -> bytes:

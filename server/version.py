@@ -1,4 +1,4 @@
-"""Which imuscope is this? The installed package's version; from a bare source tree, the one in pyproject.toml."""
+"""Version of this imuscope. The installed package's version; from a bare source tree, the one in pyproject.toml."""
 
 from __future__ import annotations
 

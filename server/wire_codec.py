@@ -1,7 +1,7 @@
-"""Messages of the wire to bytes and back: the one codec of what server/wire.py specifies.
+"""Codec of the messages that server/wire.py specifies.
 
-Samples are laid out as columns behind a header; text is JSON that JavaScript can read. A ring encodes its samples from
-its own memory (server/streaming/ring_buffer.py) with the same header.
+Samples are columns after a header; text is JSON that JavaScript can read. A ring buffer encodes its samples from its
+own memory (server/streaming/ring_buffer.py) with the same header.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def encode_samples(
     history: bool = False,
     dropped: int = 0,
 ) -> bytes:
-    """One sample frame from loose columns (server/streaming/ring_buffer.py encodes faster, from its own memory).
+    """One sample frame from separate columns (server/streaming/ring_buffer.py encodes faster, from its own memory).
 
     Args:
         columns: `arrival`, `time`, then the channel's own; 1-d, equal length, the advertised dtypes.
@@ -59,7 +59,7 @@ def encode_samples(
 
 
 def with_dropped(frame: bytes, dropped: int) -> bytes:
-    """The same frame, saying that `dropped` samples before it were lost for this browser."""
+    """The same frame, with the number of samples dropped before it for this browser."""
     out = bytearray(frame)
     struct.pack_into("<I", out, _DROPPED_AT, min(dropped, 0xFFFF_FFFF))
     return bytes(out)
@@ -79,18 +79,19 @@ class SampleFrame:
 
 
 def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[SampleFrame]:
-    """The frames of one binary message; what the page's worker does, for tests, benches and other Python readers.
+    """The frames of one binary message, as the page's worker decodes them; for tests, benchmarks and Python clients.
 
     Args:
         dtypes: of each channel's own columns, by channel id.
+
     Raises:
-        WireError: not frames of this wire, or of a channel that is not in `dtypes`.
+        WireError: invalid frames, or a channel that is not in `dtypes`.
     """
     out: list[SampleFrame] = []
     at = 0
     while at < len(data):
         if len(data) - at < HEADER.size:
-            raise WireError(f"{len(data) - at} bytes at {at} are no frame.", "A frame's header has 40 bytes.")
+            raise WireError(f"{len(data) - at} bytes at {at} are not a frame.", "A frame's header has 40 bytes.")
         opcode, flags, count, channel, n, dropped, sequence, size, _, now = HEADER.unpack_from(data, at)
         if opcode != OPCODE_SAMPLES or channel not in dtypes or size > len(data) - at or size < HEADER.size:
             raise WireError(
@@ -109,7 +110,7 @@ def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Sam
 
 
 class WireError(ValueError):
-    """What came over the wire is not the wire; `hint` says what would be."""
+    """Invalid data on the wire; `hint` describes what is expected."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -117,7 +118,7 @@ class WireError(ValueError):
 
 
 def to_json_safe(value: Any) -> Any:
-    """`value` as JSON can hold it and JavaScript can read it: see the last section of the module docstring."""
+    """`value` converted for JSON and JavaScript, by the rules in section Delivery of server/wire.py."""
     if value is None or isinstance(value, str | bool):
         return value
     if isinstance(value, int | np.integer):
@@ -149,16 +150,18 @@ def encode_text(message: ServerText | BrowserText) -> str:
 
 
 def decode_text(text: str) -> BrowserText:
-    """What a browser said.
+    """Decode a message of the client.
 
     Raises:
-        WireError: not a request of this wire, with what is wrong in words.
+        WireError: invalid request; the message says why.
     """
     try:
         message = json.loads(text)
     except (ValueError, RecursionError) as error:
         where = (
-            f"It fails at character {error.pos + 1}." if isinstance(error, json.JSONDecodeError) else "Is it complete?"
+            f"It fails at character {error.pos + 1}."
+            if isinstance(error, json.JSONDecodeError)
+            else "A number is too long, or the nesting too deep."
         )
         raise WireError("A text frame must be JSON.", where) from None
     if not isinstance(message, dict):
@@ -175,7 +178,7 @@ def decode_text(text: str) -> BrowserText:
             ):
                 raise WireError("`channels` must be null or a list of channel ids.", f"It was {channels!r:.80}.")
             return Subscribe(max(0.0, _number(message, "history")), channels)
-    raise WireError(f"There is no op {message.get('op')!r:.40}.", "A browser sends `subscribe`, `interval` or `ping`.")
+    raise WireError(f"Unknown op {message.get('op')!r:.40}.", "A browser sends `subscribe`, `interval` or `ping`.")
 
 
 def _number(message: Mapping[str, Any], name: str) -> float:

@@ -1,17 +1,17 @@
-"""Everything that is checked, in one command: `uv run tests/check.py`.
+"""The whole check, in one command: `uv run tests/check.py`.
 
     page     built, when it is stale                       web/build.py
-    style    ruff check, ruff format                       Python
+    style    ruff check, ruff format; biome                Python; TypeScript, CSS
     types    mypy --strict, tsc                            Python, TypeScript
-    audit    licences, known vulnerabilities               what the lock files name
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
 The tests of one file run one after the other, the files beside each other: they often wait. A test that fails has
 failed: what failed beside other work is run once more, alone, only to say whether it fails there too. Of the parts
 before, two run beside each other. Every part runs, also after one has failed; the end shows each one's closing line,
-pytest's last, and the exit status is 0 only when all is well. Names of
-parts run these alone (`tests/check.py ruff pytest`); `--deep` draws many more examples in the property tests;
-everything after `--` goes to pytest (`tests/check.py pytest -- -k clocks`).
+pytest's last, and the exit status is 0 only when all is well. Names of parts run these alone
+(`tests/check.py ruff pytest`); `--slow` runs the tests that are slow and rare, and only those; `--deep` draws many more
+examples in the property tests; `--fix` formats the files and mends what the linters can; everything after `--` goes to
+pytest (`tests/check.py pytest -- -k clocks`).
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ class Part:
     closing: str = ""  # how the line begins that says how it ended; "" for the last one
     alone: Callable[[argparse.Namespace], list[str]] | None = None  # runs again what failed beside other work
     is_narrow: bool = False  # one core is enough for it: two of these run beside each other
+    folder: Path = ROOT  # where it runs
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,17 @@ def _web(script: str, *arguments: str) -> list[str]:
     return [_node(), str(ROOT / "web" / "node_modules" / script), *arguments]
 
 
+def _fixing(name: str, *arguments: str, check: str = "", fix: str = "") -> Callable[[argparse.Namespace], list[str]]:
+    """A tool that checks or, with `--fix`, changes files."""
+    return lambda options: [PYTHON, "-m", name, *arguments, *filter(None, [fix if options.fix else check])]
+
+
+def _biome(options: argparse.Namespace) -> list[str]:
+    """Format and lint; a warning fails."""
+    fix = ("--write",) if options.fix else ()
+    return _web("@biomejs/biome/bin/biome", "check", "--error-on-warnings", "--colors=off", *fix)
+
+
 def _tool(name: str, *arguments: str) -> Callable[[argparse.Namespace], list[str]]:
     return lambda _: [PYTHON, "-m", name, *arguments]
 
@@ -83,12 +95,12 @@ def _tests(name: str, workers: int, *arguments: str) -> Part:
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"]),
     Part("mypy", _tool("mypy"), is_narrow=True),
-    Part("ruff", _tool("ruff", "check"), "Found", is_narrow=True),
-    Part("format", _tool("ruff", "format", "--check"), is_narrow=True),
-    Part("audit", lambda _: [PYTHON, "-m", "tests.audit"], is_narrow=True),
+    Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found", is_narrow=True),
+    Part("format", _fixing("ruff", "format", check="--check"), is_narrow=True),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web"), is_narrow=True),
+    Part("biome", _biome, "Found", is_narrow=True, folder=ROOT / "web"),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests ", is_narrow=True),
-    _tests("pytest", 4, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
+    _tests("pytest", 3, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
     _tests("browser", 3, "tests/browser"),
 )
 
@@ -122,7 +134,7 @@ def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     lines: list[str] = []
     process = subprocess.Popen(
         command,
-        cwd=ROOT,
+        cwd=part.folder,
         env=env,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -151,8 +163,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Check everything.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"only these: {', '.join(names)}")
     parser.add_argument("--deep", action="store_true", help="many more examples in the property tests")
+    parser.add_argument("--slow", action="store_true", help="the tests that are slow and rare, instead of the others")
+    parser.add_argument("--fix", action="store_true", help="ruff, format and biome mend what they can")
     options = parser.parse_args(own[:cut])
-    options.pytest = own[cut + 1 :]
+    options.pytest = [*(("-m", "slow") if options.slow else ()), *own[cut + 1 :]]
+    if options.slow and not options.parts:
+        options.parts = ["pytest", "browser"]
     if unknown := set(options.parts) - set(names):
         parser.error(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
 

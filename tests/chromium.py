@@ -1,4 +1,4 @@
-"""Where does a browser for the tests come from?
+"""Chromium for the tests: find or install it.
 
     IMUSCOPE_CHROMIUM ─> on the path ─> usual places ─> Playwright's own download ─> the distribution's package
 
@@ -14,13 +14,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tests.timeouts import PATIENCE_S
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Frame, Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PLACES = (
@@ -78,6 +79,7 @@ SLOW_SCREEN = """(() => {
 })()"""
 
 
+@cache
 def find() -> Path | None:
     """A Chromium that is on this machine already and starts, or None."""
     return next((path for path in _candidates() if version(path)), None)
@@ -97,6 +99,7 @@ def provide(say: Callable[[str], None]) -> Path | None:
         steps.append(("apt-get install chromium", [["apt-get", "update"], install]))
     for name, commands in steps:
         failure = next(filter(None, map(_failure, commands)), "")
+        find.cache_clear()
         if not failure and (path := find()):
             say(f"Chromium: {path} ({version(path)}), from {name}")
             return path
@@ -116,20 +119,32 @@ def version(path: Path) -> str:
     return answer.stdout.strip() if answer.returncode == 0 else ""
 
 
-def until(page: Page, expression: str, argument: Any = None, *, timeout_s: float = PATIENCE_S) -> Any:
+def until(page: Page | Frame, expression: str, argument: Any = None, *, timeout_s: float = PATIENCE_S) -> Any:
     """Ask a page again and again until a JavaScript expression or function is true, and return what it gave.
 
     Playwright's own `wait_for_function` compiles text inside the page, which the page's security policy forbids.
 
+    An expression that throws is not true yet: a document that is loading has no body, an element that the expression
+    reads may not be drawn, and a page that navigates takes its context with it.
+
     Raises:
-        TimeoutError: it never was; the message holds the expression and its last value.
+        TimeoutError: it never was; the message holds the expression and its last value or error.
     """
+    from playwright.sync_api import Error, Page
+
     deadline = time.monotonic() + timeout_s
-    while not (found := page.evaluate(expression, argument)):
+    while True:
+        found: Any = None
+        try:
+            if found := page.evaluate(expression, argument):
+                return found
+        except Error as error:
+            if page.is_closed() if isinstance(page, Page) else page.is_detached():
+                raise
+            found = error
         if time.monotonic() > deadline:
             raise TimeoutError(f"not within {timeout_s:g} s: {expression} (last: {found!r})")
         time.sleep(0.03)
-    return found
 
 
 def _candidates() -> Iterator[Path]:

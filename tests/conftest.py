@@ -1,8 +1,8 @@
-"""What every test can ask for: hypothesis profiles, captures, the real server, a real browser page.
+"""Fixtures for every test: hypothesis profiles, captures, the real server, a real browser page.
 
     captures   folder of device captures beside the project; the test is skipped, with the reason, where there is none
-    serve      starts a server process: serve("twin:xbus") → ServerProcess with .url and .log; all are ended afterwards
-    server     one such process with its default twin, shared by the tests of a module
+    serve      starts a server process: serve("sim:xbus") → ServerProcess with .url and .log; all are ended afterwards
+    server     one such process with its default simulator, shared by the tests of a module
     open_page  opens a page in Chromium: open_page(url, width=…, dark=…) → playwright Page
     page       `server`'s page at 1440 × 900, dark
 
@@ -24,10 +24,11 @@ from urllib.parse import urlsplit
 
 import pytest
 from hypothesis import HealthCheck, settings
-from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
+from protocols import jit
 from server import jit_cache
-from tests import chromium, fork_server, server_process
+from tests import browser_engine, chromium, fork_server, server_process
 from tests.chromium import until
 from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess
@@ -51,20 +52,23 @@ settings.register_profile("deep", max_examples=2000, deadline=None, print_blob=T
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 
-# What is compiled once, for servers (kept in one file of ours) and for the tests themselves (kept by numba).
-FOR_SERVERS = "from pathlib import Path; from server.commands.common import warm; warm(Path('artifacts'))"
-FOR_TESTS = "import recordings.mcap_reader; from protocols import registry; registry.warm_up()"
+COMPILE = "from server import jit_cache; jit_cache.load(report=print)"
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile before several workers would do it beside each other."""
     if not getattr(config.option, "numprocesses", None):
         return
-    missing = [] if jit_cache.is_there(ARTIFACTS) else [FOR_SERVERS]
-    if not any(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbi")):
-        missing.append(FOR_TESTS)
-    for one in [subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) for code in missing]:
-        one.wait()
+    if not jit_cache.is_filled():
+        subprocess.run([sys.executable, "-c", COMPILE], cwd=ROOT, check=False)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def machine_code() -> None:
+    """Compiled functions for all tests, with numba's look at each call's arguments."""
+    from protocols import registry  # noqa: F401 (its modules have the functions)
+
+    jit.load(checked=True)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -78,10 +82,11 @@ def data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Quick tests first: the browser's come last."""
     folder = Path(__file__).parent / "browser"
+    drives = {path: folder in path.parents for path in {item.path for item in items}}
     for item in items:
-        if folder in item.path.parents:
+        if drives[item.path]:
             item.add_marker(pytest.mark.browser)
-    items.sort(key=lambda item: folder in item.path.parents)
+    items.sort(key=lambda item: drives[item.path])
 
 
 @pytest.fixture(scope="session")
@@ -95,15 +100,15 @@ def captures() -> Path:
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Callable[..., ServerProcess]]:
-    """Start a server: serve(*sources, arguments=()) → ServerProcess."""
+    """Start a server of the given sources and arguments."""
     yield from _serving(tmp_path)
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """A server with its twin, for the tests of one module."""
+    """A server with its simulator, for the tests of one module."""
     for start in _serving(tmp_path_factory.mktemp("data")):
-        yield start("twin:xbus")
+        yield start("sim:xbus")
 
 
 def _serving(folder: Path) -> Iterator[Callable[..., ServerProcess]]:
@@ -119,25 +124,36 @@ def _serving(folder: Path) -> Iterator[Callable[..., ServerProcess]]:
         one.stop()
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """One Chromium for the tests of a module. (Not for the session: Playwright keeps an event loop running in this
-    thread, in which other tests could not run theirs.)"""
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Chromium goes before a test that is not for it."""
+    if item.get_closest_marker("browser") is None:
+        browser_engine.close()
+
+
+def pytest_sessionfinish() -> None:
+    browser_engine.close()
+
+
+def chromium_path() -> str:
+    """The browser on this machine; without one the test is skipped, or fails where it must be there."""
     path = chromium.find()
     if path is None:
         reason = "no Chromium: install one, or name it in IMUSCOPE_CHROMIUM (tests/check.py tries to fetch one)"
         if os.environ.get("CI") or os.environ.get("IMUSCOPE_NEEDS_BROWSER"):
             pytest.fail(reason)
         pytest.skip(reason)
-    with sync_playwright() as playwright:
-        engine = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
-        yield engine
-        engine.close()
+    return str(path)
+
+
+@pytest.fixture
+def browser() -> Browser:
+    """The one Chromium of this process."""
+    return browser_engine.browser(chromium_path())
 
 
 @pytest.fixture
 def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
-    """Open a page: open_page(url, width=1440, height=900, dark=True, touch=False, reduced_motion=False) → Page."""
+    """Open a page, by default 1440 x 900 px, dark, without touch."""
     complaints: list[str] = []
     contexts = []
 

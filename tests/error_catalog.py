@@ -1,11 +1,11 @@
-"""Which errors can a person meet, and does each say in one sentence what is wrong, and what to do?
+"""Catalogue of all user-facing errors, with message and hint.
 
     python -m tests.error_catalog          lists them all, by the part that says them
 
 They are found in the source: every call of a constructor in SHAPES, anywhere in server/ and recordings/, with its words
 as they are written; what is filled in stands in braces. Words that were put into a variable are looked up in the
 function (all that it is given there) and in the module. A call that passes on the words of another error is not listed
-again: that other one is, and of the call only the kind is looked at (server/error_kinds.py). So a new error is in the
+again: that other one is, and of the call only the kind is looked at (server/errors.py). So a new error is in the
 list by being written, and its test (tests/test_errors.py) reads it.
 """
 
@@ -18,7 +18,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from tests.source_files import ROOT, nodes_of, python_files, tree_of
+
 FOLDERS = ("server", "recordings")
 
 
@@ -35,14 +36,12 @@ class Shape:
 
 
 SHAPES = {
-    "ApiError": Shape(1, 2, 3),
-    "RefusedError": Shape(1, 2, 3),
+    "DomainError": Shape(0, 1, 2),
+    "RefusedError": Shape(0, 1, 2),
     "problem": Shape(1, 2, 3),
     "Problem": Shape(0, 1, 2),
     "LinkError": Shape(0, 1, 2),
     "ControlError": Shape(0, 1, 2),
-    "ExportsError": Shape(0, 1, 2),
-    "RecorderError": Shape(0, 1, 2),
     "JobError": Shape(None, 0, 1),
     "RecordingError": Shape(None, 0, 1),
     "NamingError": Shape(None, 0, 1),
@@ -66,7 +65,7 @@ DEFAULT_HINTS = {"bad": "Write a source as /dev/ttyUSB0, tcp://host:port, …"}
 
 
 @dataclass(frozen=True)
-class Said:
+class ErrorText:
     """One error.
 
     Args:
@@ -86,11 +85,11 @@ class Said:
 
 
 @functools.cache  # some seconds, which no other test should wait for
-def everything() -> Sequence[Said]:
+def everything() -> Sequence[ErrorText]:
     """Every error that the source can say, in the order of the files."""
     found = []
     for folder in FOLDERS:
-        for path in sorted((ROOT / folder).rglob("*.py")):
+        for path in python_files(folder):
             found += list(_of_module(path))
     return tuple(dict.fromkeys(found))
 
@@ -98,11 +97,12 @@ def everything() -> Sequence[Said]:
 def kinds() -> list[tuple[str, str, int]]:
     """Every kind that is written in the source: where, which, and with which status of HTTP (0: none is written there).
 
-    Also of calls that pass on another error's words."""
+    Also of calls that pass on another error's words.
+    """
     found = []
     for folder in FOLDERS:
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for path in python_files(folder):
+            for node in nodes_of(path):
                 shape = SHAPES.get(_name(node.func)) if isinstance(node, ast.Call) else None
                 if not isinstance(node, ast.Call) or shape is None or shape.kind is None:
                     continue
@@ -113,16 +113,15 @@ def kinds() -> list[tuple[str, str, int]]:
     return found
 
 
-def _of_module(path: Path) -> Iterator[Said]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    module = _assigned(tree.body, deep=False)
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+def _of_module(path: Path) -> Iterator[ErrorText]:
+    module = _assigned(tree_of(path).body, deep=False)
+    functions = [node for node in nodes_of(path) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
     inner: dict[ast.Call, ast.AST] = {}
     for function in functions:  # the innermost comes last
         for node in ast.walk(function):
             if isinstance(node, ast.Call):
                 inner[node] = function
-    for node in ast.walk(tree):
+    for node in nodes_of(path):
         name = _name(node.func) if isinstance(node, ast.Call) else ""
         if isinstance(node, ast.Call) and name in SHAPES:
             function = inner.get(node)
@@ -133,7 +132,7 @@ def _of_module(path: Path) -> Iterator[Said]:
 _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
-def _said(call: ast.Call, name: str, known: dict[str, list[ast.expr]], where: str) -> Iterator[Said]:
+def _said(call: ast.Call, name: str, known: dict[str, list[ast.expr]], where: str) -> Iterator[ErrorText]:
     shape = SHAPES[name]
     kinds = _texts(_part(call, shape.kind, "kind"), known) if shape.kind is not None else [""]
     hints: list[str | None] = [""]
@@ -147,7 +146,7 @@ def _said(call: ast.Call, name: str, known: dict[str, list[ast.expr]], where: st
         if shape.stop and not words.endswith((".", "?")):
             words += "."
         hint = max(hints, key=lambda one: one is None or len(one)) if len(hints) > 1 and "" not in hints else hints[0]
-        yield Said(where, name, "/".join(str(kind) for kind in kinds), words, hint)
+        yield ErrorText(where, name, "/".join(str(kind) for kind in kinds), words, hint)
 
 
 def _part(call: ast.Call, place: int, name: str) -> ast.expr | None:

@@ -1,4 +1,4 @@
-"""How do tests get a server without the seconds of CPU that each start takes? From a process that has started already.
+"""Fork server: servers for tests without the CPU time of each start. Forks a process that has already started.
 
     test process ── socket pair ──> nursery: has imported the server, opened and served nothing; one thread
          │                             │ fork, for every command line that is asked for
@@ -36,7 +36,10 @@ from typing import IO
 ROOT = Path(__file__).resolve().parent.parent
 PR_SET_PDEATHSIG = 1  # prctl(2)
 IS_THERE = sys.platform == "linux"
-LEARNT = ("server.app", "server.commands.serve", "uvicorn.loops.auto", "uvicorn.protocols.http.auto")
+LEARNT = (
+    *("server.app", "server.commands.serve", "server.links.simulator", "protocols.simulator.trajectory"),
+    *("uvicorn.loops.auto", "uvicorn.protocols.http.auto", "uvicorn.lifespan.on", "anyio._backends._asyncio"),
+)
 
 
 class Child:
@@ -139,11 +142,12 @@ class ForkServer:
 
 def _learn() -> None:
     """Import what serving imports, and settle it in memory: none of it is to be copied in every child."""
-    from server.commands.common import warm
+    from server.commands.common import prepare_decoders
 
-    warm(ROOT / "artifacts")  # first: it says where compiled code lies
+    prepare_decoders(ROOT / "artifacts")  # first: it says where compiled code lies
     for name in LEARNT:
         importlib.import_module(name)
+    importlib.import_module("server.library.sources").decoding_mark()  # of the sources as they are now
     gc.collect()
     gc.freeze()
 

@@ -119,7 +119,8 @@ async def flooding(url: str, counted: list[int]) -> None:
 
 async def _flood(url: str, counted: list[int]) -> None:
     """Ask and ask: subscriptions with all of the past, times, nonsense. Half of it is answered with a
-    text, and counted in counted[0]."""
+    text, and counted in counted[0].
+    """
     questions = (
         json.dumps({"op": "ping", "t": 1.0}),
         json.dumps({"op": "subscribe", "history": 600, "channels": None}),
@@ -155,7 +156,8 @@ def _hung_up(connection: ClientConnection) -> bool:
 @contextlib.asynccontextmanager
 async def _connected(url: str, *, narrow: bool = False) -> AsyncIterator[ClientConnection]:
     """A WebSocket like a page's, left without a word. `narrow`: with as little memory between here and the server as
-    the system allows."""
+    the system allows.
+    """
     options: dict[str, Any] = {"subprotocols": [SUBPROTOCOL], "compression": None, "max_size": None, "origin": url}
     options |= {"ping_interval": None}
     if narrow:

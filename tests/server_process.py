@@ -1,4 +1,4 @@
-"""How do tests and benchmarks run the real server? As a process of its own, on a port the system chooses.
+"""Real server processes for tests and benchmarks. As a process of its own, on a port the system chooses.
 
 It never outlives who started it, however that one ended: a server that is left behind goes on trying its serial port,
 and so takes the next run's pseudo-terminal, which has the same name, before the server of that run is there.
@@ -78,13 +78,21 @@ def begun(
     )
 
 
-def imuscope(*words: str, given: bytes = b"", fresh: bool = False) -> subprocess.CompletedProcess[str]:
-    """`imuscope WORDS`, as a person runs it, to its end."""
+def imuscope(
+    *words: str, given: bytes = b"", fresh: bool = False, by: ForkServer | None = None
+) -> subprocess.CompletedProcess[str]:
+    """`imuscope WORDS`, as a person runs it, to its end.
+
+    Args:
+        fresh: in an interpreter of its own, also where tests share the work of starting one.
+        by: who starts it instead of the one that all tests share.
+    """
+    by = by or nursery
     with tempfile.TemporaryFile() as asked, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         asked.write(given)
         asked.seek(0)
-        if nursery is not None and not fresh:
-            status = nursery.start(words, asked.fileno(), out.fileno(), err.fileno()).wait(PATIENCE_S)
+        if by is not None and not fresh:
+            status = by.start(words, asked.fileno(), out.fileno(), err.fileno()).wait(PATIENCE_S)
         else:
             command = [sys.executable, "-m", "server.cli", *words]
             status = subprocess.run(
@@ -105,6 +113,7 @@ class ServerProcess:
         prefix: put before the command, to run it as somebody else.
         timeout_s: time allowed until /healthz answers (a first start compiles).
         fresh: start an interpreter for it, also where tests share the work of that (tests/fork_server.py).
+
     Raises:
         RuntimeError: the server ended or did not answer; the message holds what it printed.
     """

@@ -1,6 +1,7 @@
 """The house stands as drawn: which way imports point, how long files are, what may not be in them.
 
     web → (wire) → server → recordings → protocols        never back
+    within server: the arrows of SERVER, each to a row above its own
 
 Read from the sources themselves (with `ast`, without importing), so a broken arrow fails here with file and line.
 """
@@ -8,19 +9,94 @@ Read from the sources themselves (with `ast`, without importing), so a broken ar
 from __future__ import annotations
 
 import ast
+import functools
+import io
 import json
 import re
 import subprocess
-from collections.abc import Iterator
+import tokenize
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
-from tests import audit
-from tests.server_process import ROOT
+from protocols.plugins import protocol_plugins
+from server.reference.blocks import anchor
+from tests.browser.guide_pictures import FOLDER, MOST_BYTES, PAINTERS
+from tests.source_files import ROOT, nodes_of, python_files, text_of
 
 HOUSES = ("protocols", "recordings", "server")
 KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, "server": set(HOUSES)}
+
+# What each part of the server may import of it, besides COMMON; a part is a folder, or a file of server/ itself. Rows
+# name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
+COMMON = {
+    *(
+        "backoff",
+        "capabilities",
+        "errors",
+        "limiters",
+        "listeners",
+        "previous_names",
+        "printable",
+        "prometheus_text",
+        "rate_meter",
+    ),
+    *("version", "wire", "workers"),
+}
+SERVER: dict[str, set[str]] = {
+    **{part: set() for part in sorted(COMMON)},
+    "wire": {"capabilities"},
+    "wire_codec": set(),
+    "jit_cache": set(),
+    "page_files": set(),
+    "security_headers": set(),
+    "shutdown": set(),
+    "streaming_response": set(),
+    "connections": set(),
+    "handshakes": {"connections"},
+    "logging_setup": set(),
+    "diagnostics": {"jit_cache"},
+    "links": set(),
+    "capability_list": {"links"},
+    "streaming": {"wire_codec"},
+    "devices": {"wire_codec", "links", "streaming"},
+    "config": {"logging_setup", "devices"},
+    "tls": {"config"},
+    "login_throttle": {"config"},
+    "auth": {"config", "login_throttle", "security_headers"},
+    "rate_limit": {"auth", "login_throttle"},
+    "metrics": {"devices", "streaming"},
+    "configuration": {"wire_codec", "links", "streaming", "devices"},
+    "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
+    "integrations": {"wire_codec", "streaming", "config", "auth"},
+    "reference": {"configuration", "library"},
+    "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
+    "services": {
+        *("auth", "capability_list", "config", "configuration", "devices", "integrations", "library", "links"),
+        *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming"),
+    },
+    "api": {
+        *("auth", "configuration", "devices", "http_server", "integrations", "library", "links", "metrics"),
+        *("page_files", "reference", "services", "streaming", "streaming_response", "wire_codec"),
+    },
+    "app": {"api", "auth", "config", "devices", "links", "page_files", "rate_limit", "security_headers", "services"},
+    "commands": {
+        *("app", "auth", "config", "configuration", "devices", "diagnostics", "http_server", "jit_cache", "library"),
+        *("links", "logging_setup", "login_throttle", "streaming"),
+    },
+    "cli": {"commands", "config", "devices", "diagnostics", "jit_cache", "links", "logging_setup"},
+    "generate_docs": {"app", "auth", "config", "reference"},
+    "generate_route_types": {"app", "auth", "config"},
+    "generate_ts_types": {"generate_route_types", "reference"},
+}
+
+# Mechanisms of which there is one: its file, and what would be another.
+ONE_PLACE = {
+    "recordings/atomic_write.py": r"\bos\.replace\(|\baside\.replace\(",
+    "server/workers.py": r"create_subprocess_|\bmultiprocessing\b",
+    "server/backoff.py": r"min\(2 \* \w*(\.\w*)?(pause|retry|again|next)",
+}
 
 # What a pure decoder has no business with: sockets, threads, sleeps, clocks, processes, servers.
 IMPURE = {
@@ -35,23 +111,20 @@ CODE = {".py", ".ts", ".tsx", ".js", ".css", ".html"}
 LONGEST = 500
 
 
-def python_files(*folders: str) -> Iterator[Path]:
-    """Sources of these folders, built pages left out."""
-    for folder in folders:
-        yield from sorted((ROOT / folder).rglob("*.py"))
-
-
-def imports(path: Path) -> Iterator[tuple[int, str]]:
+@functools.cache
+def imports(path: Path) -> Sequence[tuple[int, str]]:
     """Line and full name of every module that a file imports, wherever in it."""
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
-    for node in ast.walk(ast.parse(path.read_text())):
+    found: list[tuple[int, str]] = []
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
+            found += ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             above = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join([*above, *([node.module] if node.module else [])])
-            yield node.lineno, base
-            yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+            found.append((node.lineno, base))
+            found += ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+    return found
 
 
 def tracked() -> list[Path]:
@@ -62,6 +135,53 @@ def tracked() -> list[Path]:
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("not a git checkout")
     return [path for name in names.split("\0") if name and (path := ROOT / name).is_file()]
+
+
+# How a family is named in code: its protocol, vendor, products. Prose (comments, docstrings, documents) may name them.
+NAMES_A_FAMILY = re.compile(
+    r"xbus|idtp|mtdata2|xsens|inertial.?sense|(?<![a-z])(?:isb|indt|imx|gpx|mti|mip)(?![a-z])|microstrain",
+    re.IGNORECASE,
+)
+
+
+def code_lines_naming_a_family(path: Path) -> Iterator[str]:
+    """Lines of Python, comments and docstrings left out, that name a family."""
+    text = text_of(path)
+    if not NAMES_A_FAMILY.search(text):
+        return
+    prose: set[int] = set()
+    for node in nodes_of(path):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            prose |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    lines = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type != tokenize.COMMENT and token.start[0] not in prose and NAMES_A_FAMILY.search(token.string):
+            lines.add(token.start[0])
+    yield from (f"{path.relative_to(ROOT)}:{line}" for line in sorted(lines))
+
+
+def test_no_line_outside_the_families_names_one() -> None:
+    inside = [ROOT.joinpath(*plugin.module.split(".")[:-1]) for plugin in protocol_plugins() if not plugin.package]
+    wrong = [
+        line
+        for path in python_files(*HOUSES)
+        if not any(path.is_relative_to(folder) for folder in inside)
+        for line in code_lines_naming_a_family(path)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_line_of_the_page_names_a_family() -> None:
+    source = ROOT / "web" / "src"
+    comment = re.compile(r"/\*.*?\*/|(?<!:)//[^\n]*", re.DOTALL)
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path in sorted([*source.rglob("*.ts"), *source.rglob("*.tsx")])
+        if ".test." not in path.name and path.name not in ("types.ts", "routes.ts", "fixtures.ts", "recorded.ts")
+        for line in comment.sub("", path.read_text()).splitlines()
+        if NAMES_A_FAMILY.search(line)
+    ]
+    assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize("house", HOUSES)
@@ -75,6 +195,45 @@ def test_arrows_point_one_way(house: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_arrows_within_the_server_point_one_way() -> None:
+    parts = list(SERVER)
+    upward = [f"{one} → {other}" for one in parts for other in SERVER[one] if parts.index(other) >= parts.index(one)]
+    assert not upward, "rows that name a row below: " + ", ".join(upward)
+    wrong = []
+    for path in python_files("server"):
+        part = path.relative_to(ROOT / "server").with_suffix("").parts[0]
+        allowed = {part, *SERVER.get(part, ()), *(() if part in COMMON else COMMON)}
+        for line, module in imports(path):
+            if module.startswith("server.") and module.split(".")[1] not in allowed:
+                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {module}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_tests_import_from_helper_modules_only() -> None:
+    """What two tests need is in a module of its own; browser tests, which share a page's sizes, are not looked at."""
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} {module}"
+        for path in python_files("tests")
+        if path.parent.name != "browser"
+        for line, module in imports(path)
+        if module.startswith("tests.") and any(part.startswith("test_") for part in module.split("."))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("place", ONE_PLACE)
+def test_a_mechanism_is_in_one_place(place: str) -> None:
+    pattern = re.compile(ONE_PLACE[place])
+    wrong = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in python_files(*HOUSES)
+        if path != ROOT / place
+        for number, line in enumerate(text_of(path).splitlines(), 1)
+        if pattern.search(line)
+    ]
+    assert not wrong, f"use {place}:\n" + "\n".join(wrong)
+
+
 @pytest.mark.parametrize(("house", "forbidden"), [("protocols", IMPURE), ("recordings", SERVING)])
 def test_only_the_server_meets_the_world(house: str, forbidden: set[str]) -> None:
     wrong = [
@@ -86,12 +245,23 @@ def test_only_the_server_meets_the_world(house: str, forbidden: set[str]) -> Non
     assert not wrong, "\n".join(wrong)
 
 
+def test_no_two_classes_share_a_name() -> None:
+    """A class name leads to one file. Private classes, which stay within their file, are left out."""
+    places: dict[str, list[str]] = {}
+    for path in python_files(*HOUSES):
+        for node in nodes_of(path):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert len(places) > 400
+    assert not {name: where for name, where in places.items() if len(where) > 1}
+
+
 def test_protocols_read_no_clock() -> None:
     clocks = {"now", "utcnow", "today"}
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno} calls {ast.unparse(node.func)}"
         for path in python_files("protocols")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes_of(path)
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Attribute)
         and node.func.attr in clocks
@@ -107,16 +277,19 @@ def test_the_page_imports_nothing_outside_web() -> None:
     pattern = re.compile(r"""^[^"'\n]*\b(?:from |import |import\()["']([^"'\n]+)["']""", re.MULTILINE)
     wrong = []
     for path in sorted([*source.rglob("*.ts"), *source.rglob("*.tsx")]):
-        allowed = shipped | (set(package["devDependencies"]) if ".test." in path.name else set())
+        is_test = ".test." in path.name or path.parent == source / "testing"
+        allowed = shipped | (set(package["devDependencies"]) if is_test else set())
         for name in pattern.findall(path.read_text()):
             if name.startswith("."):
                 # Vectors are shared by both languages, so tests of the page read them where they are.
-                homes = [source, ROOT / "tests" / "golden"] if ".test." in path.name else [source]
-                inside = any((path.parent / name).resolve().is_relative_to(home) for home in homes)
+                homes = [source, ROOT / "tests" / "golden"] if is_test else [source]
+                place = (path.parent / name).resolve()
+                inside = any(place.is_relative_to(home) for home in homes)
+                inside = inside and (is_test or not place.is_relative_to(source / "testing"))
             else:
                 parts = name.split("/")
                 inside = "/".join(parts[: 2 if name.startswith("@") else 1]) in allowed
-                inside = inside or (".test." in path.name and name.startswith("node:"))
+                inside = inside or (is_test and name.startswith("node:"))
             if not inside:
                 wrong.append(f"{path.relative_to(ROOT)} imports {name}")
     assert not wrong, "\n".join(wrong)
@@ -157,16 +330,6 @@ def test_lock_files_name_public_hosts_only() -> None:
     assert all("integrity" in row for name, row in packages.items() if name)
 
 
-def test_what_we_link_is_permissive() -> None:
-    wrong = audit.unfree_linked()
-    assert not wrong, "\n".join(wrong)
-
-
-def test_what_the_page_ships_is_permissive() -> None:
-    wrong = audit.unfree_shipped()
-    assert not wrong, "\n".join(wrong)
-
-
 def test_the_readme_is_true() -> None:
     readme = (ROOT / "README.md").read_text()
     start = "python3 -m venv .venv && .venv/bin/pip install uv && .venv/bin/uv run"
@@ -174,14 +337,37 @@ def test_the_readme_is_true() -> None:
     assert serve in readme
     assert check in readme
     assert check in (ROOT / ".ci" / "run").read_text()
-    links = re.findall(r"\]\((?!https?://|#)([^)#]+)", readme)
-    assert [link for link in links if not (ROOT / link).exists()] == []
+    assert len(readme.splitlines()) <= 80, "what is longer belongs into docs/"
 
 
 @pytest.mark.parametrize("name", ["CONTRIBUTING.md", "docs/architecture.md"])
 def test_a_document_names_files_that_exist(name: str) -> None:
-    text = (ROOT / name).read_text()
-    named = re.findall(r"\b((?:protocols|recordings|server|web|tests)/[\w/.-]*[\w/])", text)
-    links = [str(Path(name).parent / link) for link in re.findall(r"\]\((?!https?://|#)([^)#]+)", text)]
+    named = re.findall(r"\b((?:protocols|recordings|server|web|tests)/[\w/.-]*[\w/])", (ROOT / name).read_text())
     assert len(named) > 3
-    assert [path for path in [*named, *links] if not (ROOT / path).exists()] == []
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_every_link_of_a_document_leads_to_a_file_and_a_heading() -> None:
+    wrong = []
+    for path in tracked():
+        if path.suffix != ".md" or "golden" in path.parts:
+            continue
+        for link in re.findall(r"\]\((?!https?://)([^)\s]+)", path.read_text()):
+            place, _, fragment = link.partition("#")
+            target = (path.parent / place).resolve() if place else path
+            if not target.exists() or (fragment and fragment not in headings(target)):
+                wrong.append(f"{path.relative_to(ROOT)}: {link}")
+    assert not wrong, "\n".join(wrong)
+
+
+def headings(path: Path) -> set[str]:
+    """Fragments that address the headings of a document."""
+    return {anchor(title) for title in re.findall(r"^#+ (.+)$", path.read_text(), re.MULTILINE)}
+
+
+def test_pictures_of_the_guide_are_used_and_small() -> None:
+    documents = "".join(path.read_text() for path in tracked() if path.suffix == ".md")
+    pictures = [path for path in tracked() if path.parent == FOLDER]
+    assert {path.stem for path in pictures} == set(PAINTERS)
+    assert [path.name for path in pictures if f"images/{path.name})" not in documents] == []
+    assert [path.name for path in pictures if path.stat().st_size > MOST_BYTES] == []

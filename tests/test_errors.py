@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from server.error_kinds import KINDS
-from tests.error_catalog import Said, everything, kinds
+from server.errors import KINDS
+from tests.error_catalog import ErrorText, everything, kinds
 
 MOST = 200  # characters, with what is filled in
 FILLED = 12  # that a brace is counted as
@@ -22,18 +22,18 @@ BY_HTTP = {"not-allowed", "no-view"}
 """Kinds that are put into an error by what was called, not by who calls (api/errors.py, integrations/proxy.py)."""
 
 
-def shown(said: Said) -> str:
+def shown(said: ErrorText) -> str:
     return f"{said.where} {said.sort} [{said.kind}] {said.message!r} → {said.hint!r}"
 
 
-def listed(wrong: list[Said]) -> str:
+def listed(wrong: list[ErrorText]) -> str:
     return "\n".join(shown(said) for said in wrong)
 
 
 def test_the_list_is_all_of_them() -> None:
     """A walk that finds little checks little."""
     assert len(everything()) > 250
-    for sort in ("ApiError", "LinkError", "RecordingError", "ConfigError", "RefusedError", "JobError", "ViewError"):
+    for sort in ("DomainError", "LinkError", "RecordingError", "ConfigError", "RefusedError", "JobError", "ViewError"):
         assert any(said.sort == sort for said in everything()), sort
 
 
@@ -83,7 +83,7 @@ def test_one_kind_is_one_meaning() -> None:
     """A program acts on the kind: "busy" once meant a port in use and a queue that was full."""
     said = kinds()
     assert len(said) > 150
-    assert not [(where, kind) for where, kind, _ in said if kind not in KINDS], "without a row in server/error_kinds.py"
+    assert not [(where, kind) for where, kind, _ in said if kind not in KINDS], "without a row in server/errors.py"
     assert KINDS.keys() - {kind for _, kind, _ in said} == BY_HTTP, "rows that nothing says"
     assert not [one for one in said if one[2] and one[2] != KINDS[one[1]].status]
     meanings = [kind.meaning for kind in KINDS.values()]
@@ -98,7 +98,7 @@ def test_one_meaning_is_one_kind() -> None:
     assert not {message: found for message, found in by_message.items() if len(found) > 1}
 
 
-def test_none_sends_a_person_to_a_route() -> None:
-    """ "POST …/preview tells them all." was shown under a form."""
+def test_none_refers_users_to_a_route() -> None:
+    """A form once showed "POST …/preview tells them all."."""
     wrong = [said for said in everything() if re.search(r"\b(GET|POST|PUT|DELETE) […/]", f"{said.message} {said.hint}")]
     assert not wrong, listed(wrong)

@@ -1,4 +1,4 @@
-"""Nothing that a test or a benchmark starts outlives it, and a benchmark without its port says so."""
+"""Tests and benchmarks leave no process behind, and a benchmark without its port says so."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_server_ends_with_a_benchmark_that_was_killed() -> None:
 
 
 @linux
-def test_a_benchmark_whose_port_somebody_else_has_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_benchmark_reports_a_port_in_use(monkeypatch: pytest.MonkeyPatch) -> None:
     """It measured a server that heard nothing, and ended in "negative count" or never."""
 
     class TakenFeed(serial_device.Feed):
@@ -79,7 +79,7 @@ def test_a_benchmark_whose_port_somebody_else_has_says_so(monkeypatch: pytest.Mo
         asyncio.run(fanout.product(1, 100, 0.1))
 
 
-def test_a_feed_that_nobody_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unread_feed_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """It waited for ever for a server that was gone, and whoever had started it waited for it."""
     monkeypatch.setattr(serial_device, "STUCK_S", 0.05)
     master, slave = pty.openpty()
@@ -97,7 +97,7 @@ from pathlib import Path
 from tests.fork_server import ForkServer
 from tests import server_process
 server_process.nursery = ForkServer()
-server = server_process.ServerProcess("twin:xbus", data=Path(sys.argv[1]))
+server = server_process.ServerProcess("sim:xbus", data=Path(sys.argv[1]))
 print(server.process.pid, flush=True)
 sys.stdin.read()
 """
@@ -113,12 +113,12 @@ def test_a_forked_server_ends_with_the_tests_that_were_killed(tmp_path: Path) ->
 
 @linux
 def test_a_forked_server_ends_as_another_does(tmp_path: Path) -> None:
-    with ServerProcess("twin:xbus", data=tmp_path) as server:
+    with ServerProcess("sim:xbus", data=tmp_path) as server:
         assert isinstance(server.process, Child)
         assert server.process.poll() is None
         assert server.stop() == 0
-    with ServerProcess("twin:xbus", data=tmp_path) as server:
+    with ServerProcess("sim:xbus", data=tmp_path) as server:
         server.process.kill()
         assert server.process.wait(PATIENCE_S) == -signal.SIGKILL
-    with pytest.raises(RuntimeError, match="no file"):
+    with pytest.raises(RuntimeError, match="file not found"):
         ServerProcess("nothing.bin", data=tmp_path)

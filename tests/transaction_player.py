@@ -1,8 +1,9 @@
-"""Play a dialogue against a twin, on a clock of its own: no link, no thread, no sleeping.
+"""Play a dialogue against a simulator, on a clock of its own: no link, no thread, no sleeping.
 
-    play(driver.read("LocationID", known), Wire(XbusDevice(), "xbus"))
+    play(driver.read("LocationID", known), PlayedWire(XbusDevice(), "xbus"))
 
-The device is any twin (`advance`, `receive`, `baud`); `Wire` decodes what it sends and hears it only at its own rate.
+The device is any simulator (`advance`, `receive`, `baud`); `PlayedWire` decodes what it sends and hears it only at its
+own rate.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from protocols.transactions import Act, Note, ReopenLink, Send, Sleep, T, Transa
 STEP_NS = 1_000_000  # how finely time passes while something is awaited
 
 
-class Twin(Protocol):
+class Simulator(Protocol):
     @property
     def baud(self) -> int: ...
 
@@ -26,12 +27,13 @@ class Twin(Protocol):
     def receive(self, data: bytes, now_ns: int) -> bytes: ...
 
 
-class Wire:
-    """A twin at the other end of a perfect cable.
+class PlayedWire:
+    """A simulator at the other end of a perfect cable.
 
     Args:
         baud: of the host's end; None follows the device whatever it does.
         step_ns: how finely time passes.
+
     Attributes:
         sent: every Send that was written, in order.
         notes: every sentence that it told, in order.
@@ -39,7 +41,7 @@ class Wire:
     """
 
     def __init__(
-        self, device: Twin, protocol: str, baud: int | None = None, start_ns: int = 0, step_ns: int = STEP_NS
+        self, device: Simulator, protocol: str, baud: int | None = None, start_ns: int = 0, step_ns: int = STEP_NS
     ) -> None:
         self.device = device
         self.protocol = protocol
@@ -112,7 +114,7 @@ class Wire:
         return True
 
 
-def play(dialogue: Transaction[T], wire: Wire) -> T:
+def play(dialogue: Transaction[T], wire: PlayedWire) -> T:
     """Run a dialogue to its end; what it returns, or raises."""
     try:
         act = next(dialogue)

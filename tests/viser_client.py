@@ -1,4 +1,4 @@
-"""One who looks at a 3D scene without drawing it: speaks viser's WebSocket as its page does, for tests and benches.
+"""Headless client of a 3D scene: speaks viser's WebSocket as its page does, for tests and benches.
 
 from viser   u64 size │ u64 compressed size │ zstd of MessagePack {"messages": […]} │ padding │ buffers
 to viser     MessagePack of one message; after the first camera one counts as a viewer

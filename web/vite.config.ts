@@ -14,8 +14,10 @@ export default defineConfig({
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
     sourcemap: false,
+    // docs.html is the frame of the reference pages, which the server fills (server/api/reference.py).
+    rolldownOptions: { input: ["index.html", "docs.html"] },
   },
   worker: { format: "es" },
   server: { proxy: { "/api": SERVER, "/ws": { target: SERVER, ws: true }, "/healthz": SERVER } },
-  test: { include: ["src/**/*.test.ts"], environment: "node" },
+  test: { include: ["src/**/*.test.{ts,tsx}"], environment: "node", testTimeout: 60_000 },
 });

@@ -1,4 +1,4 @@
-"""A frame byte by byte: which bytes are what, for a person who watches it being made.
+"""Annotation of a frame byte by byte, shown while it is composed.
 
     49 44 54 50 | 28 46 0F 00 | 01 00 00 00 | 66 00 | 0C 00 | 21 | 00 | 00 | E7 | 00 00 00 3F | …  | trailer
     preamble      timestamp     sequence      device  size    ver  mode type CRC   acc_x
@@ -30,7 +30,7 @@ def name_of(frame: bytes, schema: Schema) -> str:
 
 
 def annotate(frame: bytes, schema: Schema) -> list[ByteRange]:
-    """See dialogues.Driver.spans."""
+    """See protocols.transactions.DeviceDriver.annotate."""
     if not name_of(frame, schema):
         return [ByteRange(0, len(frame), "unknown")] if frame else []
     return list(_frame(frame, schema))

@@ -1,11 +1,11 @@
-"""What can be sent in IDTP? A frame of any payload type, as rows that a form can be drawn from.
+"""Commands of IDTP. A frame of any payload type, as rows that a form can be drawn from.
 
     Imu3Acc … ImuQuat    the standard types, by the document's names of their readings
     Frame                any type, 0x00 to 0xFF, its payload as hex
     0x80, Wheels …  a vendor's own types: by number with `data` as hex, or as described (custom_payloads.py)
 
-Every frame has the header's arguments first: time stamp, sequence number, device, version and mode. The mode decides
-what protects it; a Secure frame needs the source's key. The protocol knows neither settings nor answers.
+Every frame has the header's arguments first: time stamp, sequence number, device, version and mode. The mode selects
+the protection; a Secure frame needs the source's key. The protocol has neither settings nor answers.
 
 Source: IDTP v2.1.0, sections 4.3 to 4.5.
 """
@@ -21,7 +21,6 @@ from protocols.idtp.messages import MESSAGES, MODE_NAMES, SECTION, WIRE
 from protocols.schema import Command, Field, Message
 
 G_STANDARD, G_VENDOR = "Standard payloads", "Vendor payloads"
-GROUPS = (G_STANDARD, G_VENDOR)
 ANY = "Frame"
 HEADER_SOURCE = "IDTP v2.1.0, section 4.3"
 VERSIONS: Mapping[int, str] = {MAJOR << 4 | minor: f"{MAJOR}.{minor}" for minor in range(16)}
@@ -31,10 +30,10 @@ _HEADER = (
     Field("sequence", "<u4", default=0, doc="Number of the frame; a receiver drops one that is not newer."),
     Field("device_id", "<u2", default=0, title="Device", doc="The vendor's number of the sensor."),
     Field("mode", "u1", choices=MODE_NAMES, default=SAFETY, low=LITE, high=2, doc="What protects the frame."),
-    Field("version", "u1", choices=VERSIONS, default=VERSION, low=0x20, high=0x2F, simple=False, doc="0x21 is 2.1."),
+    Field("version", "u1", choices=VERSIONS, default=VERSION, low=0x20, high=0x2F, basic=False, doc="0x21 is 2.1."),
 )
 HEADER: tuple[Field, ...] = tuple(replace(field, source=HEADER_SOURCE) for field in _HEADER)
-DATA = Field("data", "bytes", (-1,), most=MAX_PAYLOAD, title="Payload", doc="At most 972 bytes, as hex.")
+DATA = Field("data", "bytes", (-1,), max_length=MAX_PAYLOAD, title="Payload", doc="At most 972 bytes, as hex.")
 TYPE = Field("type", "u1", default=0x80, title="Payload type", doc="0x00 to 0x06 are standard, from 0x80 the vendor's.")
 
 
@@ -54,15 +53,15 @@ def reading_fields(row: Message) -> tuple[Field, ...]:
 
 
 def commands(schema: Schema) -> Mapping[str, Command]:
-    """All rows by name; those of `schema` too."""
-    rows = [_command(row, G_STANDARD, simple=True) for row in MESSAGES]
-    rows += [_command(row, G_VENDOR, simple=True) for row in schema.values()]
+    """All rows by name, including those of `schema`."""
+    rows = [_command(row, G_STANDARD, basic=True) for row in MESSAGES]
+    rows += [_command(row, G_VENDOR, basic=True) for row in schema.values()]
     rows.append(
         Command(ANY, (TYPE, *HEADER, DATA), "do", G_VENDOR, title="Any payload", doc="A frame of any type, as bytes.")
     )
     return {row.name: row for row in rows}
 
 
-def _command(row: Message, group: str, *, simple: bool) -> Command:
+def _command(row: Message, group: str, *, basic: bool) -> Command:
     arguments = (*HEADER, *reading_fields(row))
-    return Command(row.name, arguments, "do", group, simple=simple, title=row.name, doc=row.doc, source=row.source)
+    return Command(row.name, arguments, "do", group, basic=basic, title=row.name, doc=row.doc, source=row.source)

@@ -1,4 +1,4 @@
-"""What is in a vendor's own payload? What the user wrote down about it, as rows.
+"""Payload types defined by a vendor, from the user's description, as rows.
 
 IDTP leaves types from 0x80 on to each vendor. A small TOML file describes them, and they are shown like any other:
 
@@ -22,9 +22,8 @@ IDTP leaves types from 0x80 on to each vendor. A small TOML file describes them,
     type = "f32"
     unit = "rad"
 
-A message may not have the name of a standard type, a field not that of one of the header's. Fields follow each other
-without gaps, in the order of the file. What is wrong in a file is said with message, field, the value given and what is
-allowed.
+A message must not have the name of a standard type, nor a field that of a header field. Fields are consecutive, without
+gaps, in file order. An error names message, field, the given value and the allowed ones.
 """
 
 from __future__ import annotations
@@ -55,22 +54,22 @@ _TAKEN = (
     "version",
     "mode",
     "data",
-)  # what json_codec.py writes beside the fields
+)  # written by json_codec.py beside the fields
 
-STANDARD = (*BY_NAME, *(f"{name}Bytes" for name in BY_NAME))  # and what too short ones of those are called
+STANDARD = (*BY_NAME, *(f"{name}Bytes" for name in BY_NAME))  # and the names of too short ones
 
 Schema = Mapping[int, Message]
 
 
 class SchemaError(ValueError):
-    """A description that cannot be used. The text names the place, what was given and what is allowed."""
+    """An invalid description. The text names the place, the given value and the allowed ones."""
 
 
 def parse(text: str) -> Schema:
     """Payload type → row.
 
     Raises:
-        SchemaError: the text is not TOML, or says what cannot be.
+        SchemaError: the text is not TOML, or is invalid.
     """
     try:
         document = tomllib.loads(text)
@@ -104,7 +103,9 @@ def _message(place: str, table: Mapping[str, Any]) -> Message:
     size = sum(size_of(field) for field in fields)
     if not 0 < size <= MAX_PAYLOAD:
         raise SchemaError(f"{place}: its fields have 1 to {MAX_PAYLOAD} bytes, given {size}")
-    return Message(number, name, tuple(fields), split=True, doc=_text(place, table, "doc"), source="user's schema")
+    return Message(
+        number, name, tuple(fields), channel_per_field=True, doc=_text(place, table, "doc"), source="user's schema"
+    )
 
 
 def _field(message: str, index: int, table: Mapping[str, Any]) -> Field:
@@ -143,7 +144,7 @@ def _field(message: str, index: int, table: Mapping[str, Any]) -> Field:
 
 
 def written(schema: Schema) -> str:
-    """The text that `parse` reads as these rows."""
+    """The text that `parse` turns into these rows."""
     lines: list[str] = []
     for row in schema.values():
         lines += ["[[message]]", f"type = {row.id}", f"name = {_quoted(row.name)}", f"doc = {_quoted(row.doc)}"]
@@ -158,7 +159,7 @@ def written(schema: Schema) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A string of TOML."""
+    """A TOML string."""
     return '"' + "".join(c if c.isprintable() and c not in '"\\' else f"\\U{ord(c):08X}" for c in text) + '"'
 
 

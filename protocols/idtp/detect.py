@@ -1,13 +1,13 @@
-"""Do these bytes look like IDTP?
+"""Detection of IDTP.
 
-The share of them that lies in valid frames; a Secure frame counts by its header, because no key is needed to know one.
+The score is the share of bytes in valid frames; a Secure frame counts by its header, which needs no key.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 
-from protocols.framing import BAD_VERSION, ID, INDT, REASONS, SIZE
+from protocols.framing import BAD_VERSION, ID, REASONS, SIZE, SUCCESSOR
 from protocols.idtp.frames import MAJOR, version_at
 from protocols.idtp.messages import BY_ID, MODE_NAMES
 from protocols.idtp.replay_guard import MODE
@@ -28,12 +28,12 @@ def detection_score(data: bytes) -> tuple[float, str]:
         for cut in stream.drain(stalled=stalled):
             framed += int(cut.table[SIZE].sum())
             kinds.update(cut.table[ID].tolist())
-            modes.update(cut.judged.rows[MODE].tolist())
-            successors += sum(reject.reason == REASONS[INDT] for reject in cut.rejects)
+            modes.update(cut.verdict.rows[MODE].tolist())
+            successors += sum(reject.reason == REASONS[SUCCESSOR] for reject in cut.rejects)
             versions.update(version_at(data, one.offset) for one in cut.rejects if one.reason == REASONS[BAD_VERSION])
         waiting = waiting or stream.buffered
     if framed:
-        # what waits for its end at the end of the data speaks neither for nor against
+        # an incomplete frame at the end of the data counts neither for nor against
         score = min(1.0, framed / max(len(data) - waiting, framed))
         names = ", ".join(BY_ID[kind].name if kind in BY_ID else f"0x{kind:02X}" for kind, _ in kinds.most_common(3))
         how = " and ".join(MODE_NAMES[mode] for mode, _ in modes.most_common())

@@ -1,6 +1,6 @@
-"""How is an IDTP device told something? It is sent frames; the protocol has no settings, no answers and no commands.
+"""Driver of IDTP devices. It only sends frames; the protocol has no settings, answers or commands.
 
-So most of a Driver is empty here: what it does is composing frames of any type, in any mode, and sending them.
+So most of a Driver is empty here: this one composes and sends frames of any type, in any mode.
 
 Source: IDTP v2.1.0.
 """
@@ -39,7 +39,7 @@ RATES = (921_600, 115_200, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
 
 
 class IdtpDriver:
-    """See protocols.transactions.Driver.
+    """See protocols.transactions.DeviceDriver.
 
     Args:
         schema: rows of the vendor's own payload types, see custom_payloads.py.
@@ -78,7 +78,7 @@ class IdtpDriver:
     ) -> list[bytes]:
         raise EncodeError("IDTP has no settings")
 
-    def spans(self, frame: bytes) -> list[ByteRange]:
+    def annotate(self, frame: bytes) -> list[ByteRange]:
         return annotated.annotate(frame, self._schema)
 
     def name_of(self, frame: bytes) -> str:
@@ -88,7 +88,7 @@ class IdtpDriver:
         return body
 
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
-        """Nothing answers."""
+        """Transactions of IDTP: none, as devices do not answer."""
         yield Send(self.frame(command, values, known), command)
         return {}
 
@@ -99,7 +99,7 @@ class IdtpDriver:
         return ()
 
     def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
-        yield from ()  # a dialogue is a generator, also one that does nothing
+        yield from ()  # a transaction is a generator, even one that does nothing
         raise EncodeError("IDTP has no settings")
 
     def write(
@@ -109,7 +109,7 @@ class IdtpDriver:
         raise EncodeError("IDTP has no settings")
 
     def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
-        """It tells nothing of itself but its number, which every frame carries."""
+        """Identity from received frames: the number that every frame carries."""
         yield from ()
         return known
 
@@ -127,14 +127,14 @@ class IdtpDriver:
     ) -> tuple[str, Values] | None:
         return None
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
+    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         return []
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         yield from ()
 
-    def alive(self, known: DeviceContext) -> Transaction[bool]:
-        """Does it stream?"""
+    def is_alive(self, known: DeviceContext) -> Transaction[bool]:
+        """Whether the device streams."""
 
         def match(event: Event) -> bool | None:
             return True if isinstance(event, (Batch, Reply)) else None
@@ -142,16 +142,16 @@ class IdtpDriver:
         return bool((yield WaitFor(match, ALIVE_S, "a frame")))
 
     def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
-        """No procedure is documented; all usual rates are listened to."""
+        """No procedure is documented; all usual rates are tried."""
         for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
-            if (yield ReopenLink(baud)) and (yield from self.alive(known)):
+            if (yield ReopenLink(baud)) and (yield from self.is_alive(known)):
                 return True
         return False
 
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         return LinkLoad((), 0.0)
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
+    def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return settings
 
     def factory(self, known: DeviceContext) -> Mapping[str, Values]:

@@ -15,20 +15,19 @@ A candidate is checked in this order, and fails at the first check that it does 
     bad_crc8         needs the whole header, 20 bytes
     bad_version      the major number, the high nibble, is not 2
     bad_mode         none of the three
-    below_min_mode   weaker than this source may be (a Lite header must not swallow the Secure frame that it covers)
+    below_min_mode   weaker than this source accepts (a Lite header must not swallow the Secure frame that it covers)
     bad_size         more than 972: at once, without waiting for 65 kB
-    (complete?)      it waits; at the end of a file, or after a stall, it is `truncated`
-    bad_crc32, bad_hmac; no_key: a Secure frame, and no key to check it with
+    (complete?)      an incomplete one waits; at the end of a file, or after a stall, it is `truncated`
+    bad_crc32, bad_hmac; no_key: a Secure frame without a key to check it
 
-After a failure the search goes on 4 bytes later, right after the preamble, and never after the claimed length. `INDT`
-is the preamble of a successor protocol: a candidate that fails by that name.
+After a failure the search resumes 4 bytes later, right after the preamble, never after the claimed length. `INDT` is
+the preamble of a successor protocol: a candidate that fails under that name.
 
 ## Secure frames
 
-The loop below is compiled and cannot ask for an HMAC. It goes on as if every Secure frame were genuine; `scanner`
-checks those afterwards, in order, and where one is not it throws away what was found behind it and searches again from
-there. After each forged frame it looks ahead by a few frames only, so that a stream of forgeries costs little more than
-a stream of good ones.
+The loop below is compiled and cannot compute an HMAC. It treats every Secure frame as genuine; `scanner` checks them
+afterwards, in order. After a forged one it discards the rest of the result and searches again from there, a few frames
+ahead only, so that a stream of forgeries costs little more than a stream of good ones.
 
 Source: IDTP v2.1.0, sections 3 to 6, with its errata 1 to 5 and 7.
 """
@@ -55,13 +54,13 @@ from protocols.framing import (
     BODY,
     FRAME,
     ID,
-    INDT,
     LENGTH,
     NO_KEY,
     OFFSET,
     SENDER,
     SIZE,
     STATUS,
+    SUCCESSOR,
     TRUNCATED,
     Bytes,
     Ints,
@@ -69,8 +68,8 @@ from protocols.framing import (
 )
 from protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, inlined, unsigned
 
-PREAMBLE, SUCCESSOR = b"IDTP", b"INDT"
-HEADER = struct.Struct("<4sIIHHBBB")  # all but its CRC-8
+PREAMBLE, SUCCESSOR_PREAMBLE = b"IDTP", b"INDT"
+HEADER = struct.Struct("<4sIIHHBBB")  # without its CRC-8
 HEADER_SIZE = 20
 TIMESTAMP_AT, SEQUENCE_AT, DEVICE_AT, SIZE_AT, VERSION_AT, MODE_AT, TYPE_AT, CRC_AT = 4, 8, 12, 14, 16, 17, 18, 19
 MAX_PAYLOAD = 972
@@ -88,13 +87,13 @@ def version_at(data: bytes, at: int) -> str:
 
 
 _I, _D, _T, _N = b"IDTN"
-_IDTP, _INDT = (int.from_bytes(word, "little") for word in (PREAMBLE, SUCCESSOR))
-_FEW = 8  # frames to look ahead after a forged one
+_IDTP, _INDT = (int.from_bytes(word, "little") for word in (PREAMBLE, SUCCESSOR_PREAMBLE))
+_FEW = 8  # frames to scan ahead after a forged one
 
 
 @inlined
 def _u2(data: Bytes, at: Any) -> int:
-    """The 16-bit number at `at`, which is unsigned, as in all of these."""
+    """The unsigned 16-bit number at `at`; unsigned, as in all of these."""
     return int(data[at]) | int(data[at + unsigned(1)]) << 8
 
 
@@ -105,7 +104,7 @@ def _u4(data: Bytes, at: Any) -> int:
 
 @compiled(FLAG, BYTES, INT, INT)
 def _may_begin(data: Bytes, at: int, left: int) -> bool:
-    """Do the last `left` bytes, 1 to 3 and the first an I, begin a preamble?"""
+    """Whether the last `left` bytes, 1 to 3 and the first an I, may begin a preamble."""
     if left == 1:
         return True
     second = int(data[at + 1])
@@ -115,7 +114,7 @@ def _may_begin(data: Bytes, at: int, left: int) -> bool:
 
 @inlined
 def _header(data: Bytes, at: Any, min_mode: int) -> int:
-    """What can be said against the whole header at `at`."""
+    """Reject reason for the complete header at `at`."""
     if crc8_block(data, at, np.int64(CRC8_START)) ^ CRC8_END != int(data[at + unsigned(CRC_AT)]):
         return BAD_CRC8
     if int(data[at + unsigned(VERSION_AT)]) >> 4 != MAJOR:
@@ -132,7 +131,7 @@ def _header(data: Bytes, at: Any, min_mode: int) -> int:
 
 @inlined
 def _trailer(data: Bytes, at: Any, end: Any, mode: int, secure: int) -> int:
-    """What can be said against the whole frame at `at`, whose trailer begins at `end`."""
+    """Reject reason for the complete frame at `at`, whose trailer begins at `end`."""
     if mode == SAFETY:
         return FRAME if crc32_autosar(data, at, end) == _u4(data, end) else BAD_CRC32
     return NO_KEY if mode == SECURE and secure == 0 else FRAME
@@ -144,11 +143,11 @@ def candidates(
 ) -> tuple[int, int, int, int]:
     """Find candidates in `data[at:]` and write them into the columns `first` to `stop` of `table`.
 
-    As framing.Scan otherwise; returns the column after the last one written. ID is the payload type, SENDER the device.
+    Otherwise as framing.Scan; returns the column after the last one written. ID is the payload type, SENDER the device.
 
     Args:
         min_mode: weaker modes fail.
-        secure: 0: Secure frames fail as `no_key`; 1: they are taken as they are.
+        secure: 0: Secure frames fail as `no_key`; 1: they are accepted unchecked.
     """
     end = len(data)
     n = first
@@ -160,7 +159,7 @@ def candidates(
             at += 1
             continue
         left = end - at
-        if left < 4:  # the beginning of a preamble is no candidate yet
+        if left < 4:  # the start of a preamble is not a candidate yet
             if not final and _may_begin(data, at, left):
                 break
             at += 1
@@ -169,7 +168,7 @@ def candidates(
         if word != _IDTP and word != _INDT:
             at += 1
             continue
-        status = INDT
+        status = SUCCESSOR
         size = 4
         length = 0
         if word == _IDTP and left < HEADER_SIZE:
@@ -215,7 +214,7 @@ class FrameAuthenticator:
     """HMAC-SHA256 with one key.
 
     Both hashes of the construction begin with a block that depends on the key alone; it is hashed once, and each frame
-    goes on from a copy (half the time of hmac.digest).
+    continues from a copy (half the time of hmac.digest).
 
     Raises:
         ValueError: the key is empty.
@@ -230,14 +229,14 @@ class FrameAuthenticator:
         self._outer = hashlib.sha256(bytes(byte ^ 0x5C for byte in block))
 
     def of(self, data: bytes | memoryview) -> bytes:
-        """The 32 bytes that seal `data`."""
+        """The 32-byte HMAC of `data`."""
         inner, outer = self._inner.copy(), self._outer.copy()
         inner.update(data)
         outer.update(inner.digest())
         return outer.digest()
 
-    def fits(self, frame: memoryview) -> bool:
-        """Is this Secure frame genuine? Takes the same time wherever it differs."""
+    def verifies(self, frame: memoryview) -> bool:
+        """Whether this Secure frame is authentic. Runs in constant time."""
         return hmac.compare_digest(self.of(frame[:-32]), frame[-32:])
 
 
@@ -247,7 +246,7 @@ def scanner(key: bytes | None = None, min_mode: int = LITE, *, show_unverified: 
     Args:
         key: for Secure frames.
         min_mode: LITE, SAFETY or SECURE; frames of weaker modes are rejected.
-        show_unverified: without a key, take Secure frames as they are.
+        show_unverified: without a key, accept Secure frames unchecked.
     """
     if key is not None:
         return _sealed(FrameAuthenticator(key), min_mode)
@@ -283,11 +282,11 @@ def _sealed(seal: FrameAuthenticator, min_mode: int) -> Callable[[Bytes, int, bo
 
 
 def _first_forged(seal: FrameAuthenticator, data: Bytes, view: memoryview, table: Ints, first: int, stop: int) -> int:
-    """The first of the columns whose frame is Secure and not genuine; `stop` where all are."""
+    """The first of the columns whose Secure frame is forged; `stop` if all are genuine."""
     offsets, good = table[OFFSET, first:stop], table[STATUS, first:stop] == FRAME
     for row in np.flatnonzero(good).tolist():
         at = int(offsets[row])
-        if data[at + MODE_AT] == SECURE and not seal.fits(view[at : at + int(table[SIZE, first + row])]):
+        if data[at + MODE_AT] == SECURE and not seal.verifies(view[at : at + int(table[SIZE, first + row])]):
             return first + row
     return stop
 
@@ -312,6 +311,7 @@ def build(
         kind: payload type, 0 to 255.
         timestamp, sequence: 32 bits; device: 16 bits.
         mode: LITE, SAFETY or SECURE; Secure needs a key.
+
     Raises:
         ValueError: a number out of its range, a payload over 972 bytes, no key.
     """

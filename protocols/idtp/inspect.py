@@ -1,13 +1,12 @@
-"""A capture, line by line: every frame that counts and every reject, in the order of the stream, as plain values.
+"""A capture, line by line (protocols/frame_lines.py): every accepted frame, and every reject.
 
-Each line has `offset` and `size`; then either `reject`, or `protocol`, `id`, `message`, `fields` and what json_codec.py
-adds. `verified` is false for a Secure frame that was accepted without a key. `notes` says what is odd about a frame:
+`verified` is false for a Secure frame that was accepted without a key. `notes` lists irregularities of a frame:
 
     undecodable_short   its payload is shorter than its type, and is given as `data`
     size_mismatch_long  it is longer; the rest is `trailing`
     version             a minor number other than 1
     not_finite          a value is not a number, or infinite
-    not_unit            a quaternion that is no rotation
+    not_unit            a quaternion that is not a rotation
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from protocols.framing import OFFSET, SIZE
+from protocols.frame_lines import FrameLine, frame_lines
 from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import SECURE, VERSION
 from protocols.idtp.json_codec import frame_to_json
@@ -23,18 +22,15 @@ from protocols.idtp.messages import QUATERNION, WIRE
 from protocols.idtp.payloads import UNIT_TOLERANCE, row_of
 from protocols.idtp.stream_parser import IdtpStream
 
-IdtpFrameLine = dict[str, Any]
-
 
 class IdtpFrameLister:
     """Chunks in, lines out.
 
     Args:
-        key, min_mode, replay_check, show_unverified: see stream_parser.py. A file has no arrival times, so that nothing
-        in it
-            is ever silent.
+        key, min_mode, replay_check, show_unverified: see stream_parser.py. A file has no arrival times, so it contains
+            no silence.
         schema: rows of the vendor's own payload types, see custom_payloads.py.
-        time_unit, rotation: of what is decoded; a listing shows what is on the wire.
+        time_unit, rotation: options of the decoder; a listing shows the values on the wire.
     """
 
     def __init__(
@@ -58,22 +54,13 @@ class IdtpFrameLister:
         """Append a chunk."""
         self._stream.feed(data, 0)
 
-    def drain(self, *, stalled: bool = False) -> list[IdtpFrameLine]:
+    def drain(self, *, stalled: bool = False) -> list[FrameLine]:
         """Lines of everything complete; see events.Decoder.drain."""
-        lines: list[IdtpFrameLine] = []
-        for cut in self._stream.drain(stalled=stalled):
-            for offset, size in zip(cut.table[OFFSET].tolist(), cut.table[SIZE].tolist(), strict=True):
-                lines.append(self._line(cut.start + offset, cut.data[offset : offset + size]))
-            lines += [{"offset": one.offset, "size": one.size, "reject": one.reason} for one in cut.rejects]
-        return sorted(lines, key=lambda line: int(line["offset"]))
+        cuts = self._stream.drain(stalled=stalled)
+        return [line for cut in cuts for line in frame_lines(cut, lambda _, frame: self._values(frame))]
 
-    def _line(self, offset: int, frame: bytes) -> IdtpFrameLine:
-        line: IdtpFrameLine = {
-            "offset": offset,
-            "size": len(frame),
-            "protocol": "idtp",
-            **frame_to_json(frame, self._schema),
-        }
+    def _values(self, frame: bytes) -> FrameLine:
+        line = {"protocol": "idtp", **frame_to_json(frame, self._schema)}
         if line["fields"]["mode"] == SECURE and not self._keyed:
             line["verified"] = False
         notes = self._notes(line)
@@ -81,7 +68,7 @@ class IdtpFrameLister:
             line["notes"] = notes
         return line
 
-    def _notes(self, line: IdtpFrameLine) -> list[str]:
+    def _notes(self, line: FrameLine) -> list[str]:
         fields = line["fields"]
         notes = []
         if "data" in fields and row_of(line["id"], fields["version"] & 0xF == 0, self._schema):

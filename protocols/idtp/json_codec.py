@@ -1,15 +1,15 @@
-"""One frame as plain values (what JSON can hold), and the frame again from them, byte for byte.
+"""JSON form of a frame, and its inverse, byte for byte.
 
     {"id": 4, "message": "Imu9",
      "fields": {"timestamp": 2000000, "sequence": 100, "device_id": 102, "version": 33, "mode": 1,
                 "acc_x": 0.5, "acc_y": -1.25, …, "mag_z": 41.125},
      "wire": {"trailing": "00000000"}}
 
-`fields` are what the header says, by the document's names, and then the readings, unscaled, by theirs; of types that
-the user described, by the names of the description. A payload that nothing describes, or that is too short for its
-type, is `data`, as hex. A float that is not finite is {"f32": hex} or {"f64": hex}.
+`fields` are the header's values, by the document's names, then the readings, unscaled, by theirs; for types described
+by the user, by the names of the description. A payload without a description, or too short for its type, is `data`, as
+hex. A float that is not finite is {"f32": hex} or {"f64": hex}.
 
-`wire` has what the names do not carry: `trailing`, hex of payload bytes after the last field. Preamble, payload size
+`wire` has the remaining bytes: `trailing`, hex of payload bytes after the last field. Preamble, payload size
 and checksums follow from the rest; an HMAC is made again with the key.
 
 Source: IDTP v2.1.0, sections 4.1 and 4.5.
@@ -29,7 +29,7 @@ from protocols.schema import Field, Message
 
 Plain = dict[str, Any]
 
-HEADER_LIMITS: Mapping[str, tuple[int, int, int]] = {  # name → least and greatest value, value when it is not given
+HEADER_LIMITS: Mapping[str, tuple[int, int, int]] = {  # name → least and greatest value, default
     "timestamp": (0, 0xFFFFFFFF, 0),
     "sequence": (0, 0xFFFFFFFF, 0),
     "device_id": (0, 0xFFFF, 0),
@@ -39,7 +39,7 @@ HEADER_LIMITS: Mapping[str, tuple[int, int, int]] = {  # name → least and grea
 
 
 def frame_to_json(frame: bytes, schema: Schema | None = None) -> Plain:
-    """The values of one valid frame: keys id, message, fields, and wire where there is something."""
+    """The values of one valid frame: keys id, message, fields, and wire if needed."""
     _, timestamp, sequence, device, size, version, mode, kind = HEADER.unpack_from(frame)
     head = (timestamp, sequence, device, version, mode)
     payload = frame[HEADER_SIZE : HEADER_SIZE + size]
@@ -63,12 +63,12 @@ def _size(row: Message | None) -> int:
 
 
 def _place(row: Message, field: Field) -> int:
-    """Where a field begins in its payload."""
+    """Offset of a field in its payload."""
     return sum(size_of(other) for other in row.fields[: row.fields.index(field)])
 
 
 def _names(field: Field) -> tuple[str, ...]:
-    """The document's names of a field's elements; of a field that the user described, its own."""
+    """The document's names of a field's elements; for a field described by the user, its own."""
     standard = field.source == SECTION
     return WIRE[field.name] if standard else (field.name,)
 
@@ -82,10 +82,11 @@ def _named(field: Field, value: Any) -> Plain:
 
 
 def frame_from_json(record: Mapping[str, Any], key: bytes | None = None, schema: Schema | None = None) -> bytes:
-    """The frame of what `frame_to_json` gave; keys other than message, id, fields and wire are not looked at.
+    """The frame of a `frame_to_json` result; keys other than message, id, fields and wire are ignored.
 
     Args:
         key: for a Secure frame.
+
     Raises:
         EncodeError: a name or value that the tables do not allow, or no key.
     """

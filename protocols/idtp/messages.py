@@ -7,9 +7,9 @@
 A type without a row is shown as bytes, unless the user has described it (custom_payloads.py). In version 2.0 every type
 was the vendor's own, whatever its number.
 
-The document names single readings (acc_x, acc_y, acc_z); a reader wants the vector. So a row has one field for each
-quantity, and WIRE holds the document's names for lists, scripts and composing. The rows hold what travels; the decoder
-adds STATUS to them, what it found out about each frame, as flags.
+The document names single readings (acc_x, acc_y, acc_z); readers want the vector. So a row has one field for each
+quantity, and WIRE holds the document's names for lists, scripts and composing. The rows describe the wire; the decoder
+adds STATUS to them, its findings on each frame, as flags.
 
 Source: IDTP v2.1.0, sections 4.5.1 to 4.5.3; Imu6, Imu9 and Imu10 have the units of the three-axis types (erratum 10).
 """
@@ -88,7 +88,7 @@ WIRE: Mapping[str, tuple[str, ...]] = {
 
 
 def _row(number: int, name: str, fields: tuple[Field, ...], doc: str) -> Message:
-    return Message(number, name, fields, split=True, doc=doc, source=SECTION)
+    return Message(number, name, fields, channel_per_field=True, doc=doc, source=SECTION)
 
 
 MESSAGES: tuple[Message, ...] = (
@@ -112,22 +112,22 @@ STATUS = Field(
     title="Frame status",
     bits=(
         Bits("Mode", MODE_BITS, 2, MODE_NAMES, doc="What protects the frame: CRC-8, CRC-32 or HMAC."),
-        Bits("Unverified", UNVERIFIED, severity="caution", doc="A Secure frame, and no key to verify it with."),
-        Bits("NotFinite", NOT_FINITE, severity="caution", doc="A value is not a number, or infinite."),
-        Bits("NotUnit", NOT_UNIT, severity="caution", doc="The quaternion's norm is not 1: it is shown as a gap."),
-        Bits("TooLong", TOO_LONG, severity="caution", doc="The payload goes on behind what its type describes."),
+        Bits("Unverified", UNVERIFIED, severity="warning", doc="A Secure frame, and no key to verify it with."),
+        Bits("NotFinite", NOT_FINITE, severity="warning", doc="A value is not a number, or infinite."),
+        Bits("NotUnit", NOT_UNIT, severity="warning", doc="The quaternion's norm is not 1: it is shown as a gap."),
+        Bits("TooLong", TOO_LONG, severity="warning", doc="The payload goes on behind what its type describes."),
     ),
     doc="What was found out about each frame.",
 )
 
 
 def status_of(name: str) -> Field:
-    """STATUS of one message, under a name of its own, because channels go by name."""
+    """STATUS of one message, under a unique name, because channels are keyed by name."""
     return replace(STATUS, name=status_name(name), title=f"{name} frame")
 
 
 def status_name(name: str) -> str:
-    """What the STATUS of a message is called."""
+    """Name of the STATUS of a message."""
     return f"{name}Status"
 
 
@@ -138,5 +138,5 @@ def opaque(number: int, size: int, name: str = "") -> Message:
 
 
 def rest(name: str, size: int) -> Field:
-    """What a payload of that name has behind the fields of its type: bytes."""
-    return Field(f"{name}Rest", "bytes", (size,), title=f"{name} rest", doc="The payload goes on behind its type.")
+    """Trailing bytes of a payload of that name, after the fields of its type."""
+    return Field(f"{name}Rest", "bytes", (size,), title=f"{name} rest", doc="Bytes of the payload beyond its type.")

@@ -1,12 +1,12 @@
-"""What do the bytes of this payload mean? From (version, type, length) to a row, and from many payloads to columns.
+"""Payload types and their fields: from (version, type, length) to a row, and from many payloads to columns.
 
-    shorter than its type    intact, but not decoded: its bytes
-    longer                   the fields at its beginning; the rest is kept as bytes, and the frame marked
-    no description           its bytes
+    shorter than its type    intact, but not decoded: kept as bytes
+    longer                   the fields at its start are decoded; the rest is kept as bytes, and the frame is marked
+    no description           kept as bytes
 
-Every message that is decoded has one more column than the wire has fields: its Status, with the mode of each frame and
-what was found odd about it. Odd values are kept: a NaN is a gap in any plot. A quaternion whose norm is not 1 is no
-rotation; it is marked, and NaN in its column, so that nothing is drawn from it. (`imuscope inspect` shows it as sent.)
+Every decoded message has one column more than the wire has fields: its Status, with the mode and the irregularities of
+each frame. Odd values are kept: a NaN is a gap in any plot. A quaternion whose norm is not 1 is not a rotation; it is
+marked, and NaN in its column, so that no attitude is drawn from it. (`imuscope inspect` shows it as sent.)
 
 Source: IDTP v2.1.0, section 4.5, with its errata 2, 8, 10 and 11.
 """
@@ -41,11 +41,11 @@ from protocols.schema import Field, Message
 Array = NDArray[Any]
 Rotation = Literal["enu_from_body", "body_from_enu"]
 
-UNIT_TOLERANCE = 0.01  # of the norm: float32 and slow filters stay far below; beyond, an attitude is off by a degree
+UNIT_TOLERANCE = 0.01  # of the norm: float32 and slow filters stay far below; beyond it an attitude is off by a degree
 
 
 def row_of(kind: int, old: bool, schema: Schema) -> Message | None:
-    """The row of a payload type; None without one. `old`: version 2.0, whose types are all the vendor's own."""
+    """The row of a payload type, or None. `old`: version 2.0, whose types are all the vendor's own."""
     if not old and kind < STANDARD_END:
         return BY_ID[kind]
     return schema.get(kind)
@@ -53,10 +53,10 @@ def row_of(kind: int, old: bool, schema: Schema) -> Message | None:
 
 @compiled(NOTHING, ROWS, TABLE, INTS, ROWS)
 def check_finite(rows: Bytes, floats: Ints, modes: Ints, status: Bytes) -> None:
-    """Begin the status of each row: its mode, and whether a float in it is not finite.
+    """Start the status of each row: its mode, and whether one of its floats is not finite.
 
     Args:
-        floats: (2, k): where the highest byte of each float is in a row, and which bits of the byte before it belong to
+        floats: (2, k): position of each float's highest byte in a row, and which bits of the byte before it belong to
             the exponent, which is all ones in a NaN or an infinity.
         status: (n, 1), written.
     """
@@ -71,29 +71,30 @@ def check_finite(rows: Bytes, floats: Ints, modes: Ints, status: Bytes) -> None:
 
 
 class Payload:
-    """One layout: what (version, type, length) means.
+    """One layout: the meaning of (version, type, length).
 
     Args:
         old: version 2.0.
         tick_ns: unit of the timestamp.
+
     Attributes:
-        message: with its Status, as batches carry it.
+        message: with its Status, as in batches.
         width: bytes of a payload that are read.
-        trouble: "" or what a person should know: "shorter …", "longer …".
+        error: "" or a notice for the user: "shorter …", "longer …".
     """
 
     def __init__(self, kind: int, old: bool, length: int, schema: Schema, tick_ns: int) -> None:
         row = row_of(kind, old, schema)
         size = sum(size_of(field) for field in row.fields) if row else 0
-        self.trouble = ""
+        self.error = ""
         self.marks = 0
         if row is None:
             row = opaque(kind, length)
         elif length < size:
-            self.trouble = f"{row.name} comes with {length} bytes instead of {size} and is not decoded"
+            self.error = f"{row.name} comes with {length} bytes instead of {size} and is not decoded"
             row = opaque(kind, length, f"{row.name}Bytes")
         elif length > size:
-            self.trouble = f"{row.name} comes with {length} bytes instead of {size}; the rest is kept as bytes"
+            self.error = f"{row.name} comes with {length} bytes instead of {size}; the rest is kept as bytes"
             self.marks = 1 << TOO_LONG
             row = replace(row, fields=(*row.fields, rest(row.name, length - size)))
         self.status = status_of(row.name).name
@@ -107,7 +108,7 @@ class Payload:
 
 
 def _floats(fields: tuple[Field, ...]) -> Ints:
-    """Where the floats are; see `check_finite`."""
+    """Offsets of the floats; see `check_finite`."""
     found: list[tuple[int, int]] = []
     at = 0
     for field in fields:
@@ -119,7 +120,7 @@ def _floats(fields: tuple[Field, ...]) -> Ints:
 
 
 class DecodedPayload(Mapping[str, Array]):
-    """Field → column, with the Status; made when first asked for (see events.Batch)."""
+    """Field → column, with the Status; made on first access (see events.Batch)."""
 
     __slots__ = ("_marks", "_modes", "_payload", "_plain", "_rotation", "_rows", "_special")
 
@@ -138,7 +139,7 @@ class DecodedPayload(Mapping[str, Array]):
             if self._special is None:
                 self._special = self._make()
             return self._special[name]
-        if payload.scaled:  # a signalling NaN would be told of when it is multiplied
+        if payload.scaled:  # multiplying a signalling NaN would warn
             with np.errstate(all="ignore"):
                 return self._columns[name]
         return self._columns[name]
@@ -157,7 +158,7 @@ class DecodedPayload(Mapping[str, Array]):
         return len(self._columns) + 1
 
     def _make(self) -> dict[str, Array]:
-        """The Status, and the quaternion where there is one."""
+        """The Status, and the quaternion if the message has one."""
         table = np.empty((len(self._rows), 1), np.uint8)
         check_finite(self._rows, self._payload.floats, self._modes, table)
         status = table[:, 0]
@@ -169,7 +170,7 @@ class DecodedPayload(Mapping[str, Array]):
         return made
 
     def _quaternion(self, status: Array) -> Array:
-        """The quaternion, with NaN where it is none; such rows are marked in `status`."""
+        """The quaternion, with NaN where it is invalid; such rows are marked in `status`."""
         column = self._columns[QUATERNION.name].copy()
         with np.errstate(all="ignore"):
             norm = np.sqrt(np.einsum("ij,ij->i", column, column, dtype=np.float64))

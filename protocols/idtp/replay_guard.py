@@ -1,26 +1,26 @@
-"""Has this frame been here before? The sequence number of each device, against replays, and for counting losses.
+"""Replay detection by sequence numbers of each device, and loss counting.
 
     last accepted                       + 2^16                     + 2^31 = − 2^31
-    ─────┼───────────────────────────────┼──────────────────────────────┼──────────────────────> sequence, modulo 2^32
-         │ newer: accepted, the numbers  │ far ahead: below Secure the  │ not newer: stale, dropped
-         │ between are lost              │ second that agrees counts    │ whole and counted
+    ─────┼───────────────────────────────┼──────────────────────────────┼───────────────
+         │ newer: accepted; the numbers  │ far ahead: below Secure the  │ not newer: stale, dropped
+         │ between are lost              │ next must confirm it         │ and counted
 
-The first frame of a device is accepted whatever its number. "Newer" is meant modulo 2^32: by the letter of the document
-("less than or equal to the last") a device would be locked out for good when its number wraps.
+The first frame of a device is accepted whatever its number. "Newer" is meant modulo 2^32: taken literally, the document
+("less than or equal to the last") would lock a device out for good when its number wraps.
 
-Below Secure anybody can forge a number, and a damaged Lite header that passes its 8 bits of CRC is enough to set a
-false one. Therefore
+Below Secure a number can be forged, and a damaged Lite header that passes its 8 bits of CRC is enough to set a false
+one. Therefore
 
-    far ahead   a jump of more than 2^16 is believed when the next frame goes on from there (1 to 2^16 further). The
+    far ahead   a jump of more than 2^16 is accepted when the next frame continues from there (1 to 2^16 further). The
                 frame that jumped is dropped and counted.
-    silence     when nothing of a device was accepted for 3 s, an older number is a restart. By arrival time, so it
-                never happens in a file that is read without.
+    silence     after 3 s without an accepted frame of a device, an older number is a restart. Measured by arrival time,
+                so it never applies to a file that is read without arrival times.
 
-In Secure mode, and for a device whose last frame was Secure, only a person starts a sequence anew (`rearm`). The last
-verified numbers outlive a decoder (`remembered`, `recall`): a new connection is no reason to accept an old frame. Where
-weaker frames are accepted beside Secure ones, a verified frame is judged by the verified ones before it alone: a forged
-number can neither lock the device out nor make an old frame new. A frame changes the state only after all its other
-checks have passed; a Secure frame that could not be verified never does, and is not judged.
+In Secure mode, and for a device whose last frame was Secure, only the user restarts a sequence (`rearm`). The last
+verified numbers outlive a decoder (`state`, `restore`), so a new connection does not accept an old frame. Where weaker
+frames are accepted beside Secure ones, a verified frame is judged only by the verified ones before it: a forged number
+can neither lock the device out nor make an old frame new. A frame changes the state only after all its other checks
+have passed; a Secure frame that could not be verified never does, and is not judged.
 
 Source: IDTP v2.1.0, section 6.1, with its erratum 6.
 """
@@ -42,32 +42,32 @@ HALF = 1 << 31
 MASK = 0xFFFFFFFF
 SILENCE_NS = 3_000_000_000
 
-# What is remembered of each device. The table has a row for each of the 2^16 that there can be; the system gives memory
-# only to rows that are used.
+# State of each device. The table has a row for each of the 2^16 possible devices; memory is committed only to rows that
+# are used.
 KNOWN, LAST, ACCEPTED_NS, LAST_MODE, CANDIDATE, VERIFIED, LAST_VERIFIED = range(7)
-STATES = 8  # a power of two: a row is one line of a cache
+STATES = 8  # a power of two: a row is one cache line
 
 LOST, TIMESTAMP, MODE, KEY = range(4)
 JUDGED = 4
-SOURCE_SHIFT = 21  # of a KEY: above it the source, below it the layout
+SOURCE_SHIFT = 21  # of a KEY: the source is above it, the layout below
 
 
 @inlined
 def _u4(data: Bytes, at: Any) -> Any:
-    """The 32-bit number at `at`, which is unsigned."""
+    """The unsigned 32-bit number at `at`."""
     low = np.int64(data[at]) | np.int64(data[at + unsigned(1)]) << 8
     return low | np.int64(data[at + unsigned(2)]) << 16 | np.int64(data[at + unsigned(3)]) << 24
 
 
 @inlined
 def _agrees(candidate: int, sequence: int) -> bool:
-    """Does this number go on from one that jumped far ahead?"""
+    """Whether this number continues a far jump."""
     return bool(candidate >= 0 and 0 < (sequence - candidate) & MASK <= FAR)
 
 
 @compiled(INT, TABLE, INT, INT, INT, INT)
 def _verdict(states: Ints, sender: int, sequence: int, mode: int, arrival: int) -> int:
-    """Of one frame of a known device."""
+    """Verdict on one frame of a known device."""
     device = unsigned(sender)
     if mode == SECURE:
         newer = 0 < (sequence - states[device, LAST_VERIFIED]) & MASK < HALF
@@ -86,19 +86,20 @@ def _verdict(states: Ints, sender: int, sequence: int, mode: int, arrival: int) 
 def classify(
     data: Bytes, table: Ints, arrival: Ints, states: Ints, check: bool, keyed: bool, out: Ints
 ) -> tuple[int, int, int, int]:
-    """Judge n frames in the order of the stream, and read what their headers say.
+    """Judge n frames in stream order, and read their headers.
 
     Args:
         table: of the accepted frames, see protocols/framing.py.
         arrival: (n,) ns.
         states: (2^16, STATES), updated.
-        check: False accepts every number, and counts losses only.
+        check: False accepts every number, and only counts losses.
         keyed: Secure frames were verified.
-        out: (JUDGED, n or more), written. LOST: numbers skipped just before; of a frame that is dropped, minus why
-            (STALE, FAR_AHEAD). KEY: equal where frames have one device and one layout, see `key_of`.
+        out: (JUDGED, n or more), written. LOST: numbers skipped just before; for a dropped frame, minus the reason
+            (STALE, FAR_AHEAD). KEY: equal for frames of the same device and layout, see `key_of`.
+
     Returns:
-        How many frames were dropped, how many have something missing before them, how many are of another VERSION, and
-        how many are of another device than the first (or of the same, but not verified).
+        Number of frames dropped, of frames after a gap, of frames of another VERSION, and of frames of another device
+        than the first (or of the same, but not verified).
     """
     dropped = 0
     gaps = 0
@@ -120,7 +121,7 @@ def classify(
         mixed += int(source != out[KEY, 0] >> SOURCE_SHIFT)
         if unverified:
             continue
-        device = unsigned(table[SENDER, f])  # not a row of its own: a view costs more than all of this
+        device = unsigned(table[SENDER, f])  # not a row of its own: a view costs more than the rest of the loop
         if not states[device, KNOWN]:
             recalled = mode == SECURE and check and states[device, VERIFIED] != 0
             if recalled and not 0 < (sequence - states[device, LAST_VERIFIED]) & MASK < HALF:
@@ -151,7 +152,7 @@ def classify(
 
 
 def source_of(source: int) -> tuple[int, bool]:
-    """The device of a source, and whether its frames could not be verified."""
+    """The device of a source, and whether its frames are unverified."""
     return source >> 1, bool(source & 1)
 
 
@@ -162,7 +163,7 @@ def key_of(key: int) -> tuple[int, bool, int, int]:
 
 @dataclass(slots=True)
 class ReplayVerdict:
-    """What was found out about n frames: `rows` is `out` of `classify`, the others are its counts."""
+    """Verdicts on n frames: `rows` is `out` of `classify`, the other fields are its counts."""
 
     rows: Ints
     dropped: int
@@ -175,8 +176,8 @@ class ReplayGuard:
     """The sequences of all devices of one source.
 
     Args:
-        check: False: accept frames whatever their numbers.
-        keyed: Secure frames come here verified.
+        check: False accepts frames whatever their numbers.
+        keyed: Secure frames are verified before they are judged.
     """
 
     def __init__(self, *, check: bool = True, keyed: bool = False) -> None:
@@ -186,25 +187,25 @@ class ReplayGuard:
         self._room = ScanCapacity()
 
     def judge(self, data: Bytes, table: Ints, arrival_ns: Ints) -> ReplayVerdict:
-        """Judge the frames of `table`; see the function. What it gives is good until the next call."""
+        """Judge the frames of `table`; see `classify`. The result is valid until the next call."""
         n = table.shape[1]
         rows = np.empty((JUDGED, n), np.int64) if n == 1 else self._room.table(JUDGED, n)[:, :n]
         return ReplayVerdict(rows, *classify(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
 
-    def remembered(self, devices: Iterable[int]) -> dict[int, int]:
-        """The last verified number of each of these devices that had one."""
+    def state(self, devices: Iterable[int]) -> dict[int, int]:
+        """The last verified number of each of these devices that has one."""
         return {one: int(self._states[one, LAST_VERIFIED]) for one in devices if self._states[one, VERIFIED]}
 
-    def recall(self, numbers: Mapping[int, int]) -> None:
-        """What `remembered` told of an earlier connection: verified frames up to these numbers are old."""
+    def restore(self, numbers: Mapping[int, int]) -> None:
+        """Restore the `state` of an earlier connection: verified frames up to these numbers are old."""
         for device, number in numbers.items():
             self._states[device, VERIFIED] = 1
             self._states[device, LAST_VERIFIED] = number
 
     def last_of(self, device: int, mode: int) -> int:
-        """The number by which the next frame of a device in this mode is judged."""
+        """The number that the next frame of a device in this mode is compared with."""
         return int(self._states[device, LAST_VERIFIED if mode == SECURE else LAST])
 
     def rearm(self, device: int | None = None) -> None:
-        """Forget the sequence of a device, or of all: its next frame is a first one. For a person to ask for."""
+        """Forget the sequence of a device, or of all: the next frame counts as a first one. On user request only."""
         self._states[slice(None) if device is None else device] = 0

@@ -1,4 +1,4 @@
-"""How well is what a device sends protected? In words, for the page.
+"""Protection of received frames, in words for the page.
 
 Lite, CRC-8 of the header alone · Safety, CRC-32 · Secure, verified · Secure, unverified: no key
 """
@@ -13,7 +13,7 @@ _CHECKS = {LITE: "CRC-8 of the header alone"}
 
 
 def protection(batch: Batch) -> str:
-    """What protects the frames of a batch, by the last of them; "" where that is not known (an opaque payload)."""
+    """Protection of the frames of a batch, by the last of them; "" if unknown (an opaque payload)."""
     if not batch.verified:
         return f"{MODE_NAMES[SECURE]}, unverified: no key"
     status = batch.columns.get(status_name(batch.message.name))

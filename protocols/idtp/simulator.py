@@ -1,13 +1,13 @@
-"""The other end of the wire: an IDTP sensor that is not there, but speaks.
+"""A simulated IDTP sensor.
 
     power ──> Imu10 and ImuQuat, every 10 ms, sequence 0, 1, 2, …
 
-`IdtpSimulator` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
-device has sent by then. IDTP has no requests, so whatever it is told, it goes on as before.
+`IdtpSimulator` is pure: it has no clock, link or thread. The caller passes the current time and gets the bytes sent by
+then. IDTP has no requests, so received bytes change nothing.
 
-What it measures is the shared drive (protocols/simulator/trajectory.py), with the errors of a good MEMS unit. All
-frames of a quarter of a second are made at once; they depend on seed and time only, not on how time is cut. The
-quaternion turns the body to ENU.
+It measures the shared drive (protocols/simulator/trajectory.py), with the errors of a good MEMS unit. All frames of a
+quarter of a second are made at once; they depend on seed and time only, not on how time is cut. The quaternion turns
+the body to ENU.
 
 Source: IDTP v2.1.0.
 """
@@ -29,10 +29,10 @@ from protocols.simulator import trajectory
 
 Array = NDArray[Any]
 Output = tuple[str, int]
-"""A payload type by name, and how many of it a second."""
+"""A payload type by name, and its rate per second."""
 
 BLOCK_NS = 250_000_000
-EARTH_UT = 48.0  # strength of the Earth's field at motion.PLACE, µT
+EARTH_UT = 48.0  # strength of the Earth's field at trajectory.PLACE, µT
 PRESSURE_NOISE_PA = 1.2
 FASTEST = 2000
 
@@ -43,18 +43,19 @@ class IdtpSimulator:
     Args:
         device_id: 0 to 65535.
         seed: repeats noise and faults exactly.
-        start_ns: the time, on the clock that `advance` speaks, at which power comes.
+        start_ns: power-on time, on the clock of `advance`.
         rate: samples/s of each of the default outputs, Imu10 and ImuQuat.
         outputs: other ones.
         mode: LITE, SAFETY or SECURE.
         key: for Secure mode.
         sequence: of the first frame.
-        drop, corrupt: share of frames that never leave, or leave with one bit turned.
+        drop, corrupt: share of frames that are lost, or sent with one bit flipped.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): the timestamp jumps once.
-        tick_ns: what its timestamp counts in.
+        tick_ns: unit of its timestamp.
+
     Raises:
-        ValueError: an output that there is not, or no key.
+        ValueError: invalid output, or no key.
     """
 
     def __init__(
@@ -80,9 +81,9 @@ class IdtpSimulator:
             raise ValueError(f"mode is 0 to {SECURE}, given {mode!r}")
         whole = max(int(rate), 1)
         chosen = outputs or (("Imu10", whole), ("ImuQuat", whole))
-        self._streams = [_Stream(name, hertz, seed) for name, hertz in chosen]
+        self._streams = [_SimulatedStream(name, hertz, seed) for name, hertz in chosen]
         self.device_id = device_id
-        self.baud = 115_200  # it says nothing about its line; the link's own rate is used
+        self.baud = 115_200  # the protocol has no line settings; the link's own rate is used
         self._start_ns = start_ns
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._mode, self._key = mode, key
@@ -94,7 +95,7 @@ class IdtpSimulator:
         self._waiting: list[tuple[int, int, bytes]] = []  # (time, type, payload) of this block not sent yet, last first
 
     def advance(self, now_ns: int) -> bytes:
-        """Everything that the device sends up to `now_ns`, since it was last asked."""
+        """Bytes sent by the device up to `now_ns`, since the last call."""
         now = int((now_ns - self._start_ns) * self._speed)
         out: list[bytes] = []
         while True:
@@ -107,12 +108,12 @@ class IdtpSimulator:
             self._block += 1
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
-        """Bytes from the host, to which nothing is said; what the device had to send by then."""
+        """Ignores bytes from the host; returns the bytes that the device has sent by then."""
         return self.advance(now_ns)
 
     @property
     def next_ns(self) -> int:
-        """Time of its next message, on the clock of `advance`; 0 where that is not known."""
+        """Time of its next message, on the clock of `advance`; 0 if unknown."""
         if not self._waiting:
             return 0
         return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)
@@ -142,7 +143,7 @@ class IdtpSimulator:
         out.append(frame)
 
 
-class _Stream:
+class _SimulatedStream:
     """One payload type at one rate."""
 
     def __init__(self, name: str, rate: int, seed: int) -> None:
@@ -169,40 +170,40 @@ class _Stream:
         return [(time, self._row.id, flat[i * width : (i + 1) * width]) for i, time in enumerate(times.tolist())]
 
     def noise(self, name: str, grade: trajectory.SensorGrade, first: int, count: int) -> Array:
-        """Errors of a triad, (count, 3); of the same name and rate the same in every payload type."""
+        """Errors of a triad, (count, 3); for the same name and rate equal in every payload type."""
         if name not in self._errors:
             self._errors[name] = trajectory.SensorErrors(grade, self._seed ^ zlib.crc32(name.encode()), self._rate)
         return self._errors[name].at(first, count)
 
 
-def _force(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
+def _force(stream: _SimulatedStream, truth: trajectory.MotionState, first: int) -> Array:
     n = len(truth.t)
     shaken = stream.noise("road", trajectory.SHAKING_FORCE, first, n) * trajectory.vibration(truth)[:, None]
     return truth.force + shaken + stream.noise("acc", trajectory.ACCELEROMETER, first, n)
 
 
-def _turn(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
+def _turn(stream: _SimulatedStream, truth: trajectory.MotionState, first: int) -> Array:
     n = len(truth.t)
     shaken = stream.noise("sway", trajectory.SHAKING_TURN, first, n) * trajectory.vibration(truth)[:, None]
     return truth.rate + shaken + stream.noise("gyr", trajectory.GYRO, first, n)
 
 
-def _field(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
+def _field(stream: _SimulatedStream, truth: trajectory.MotionState, first: int) -> Array:
     return EARTH_UT * (truth.field + stream.noise("mag", trajectory.MAGNETOMETER, first, len(truth.t)))
 
 
-def _pressure(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
+def _pressure(stream: _SimulatedStream, truth: trajectory.MotionState, first: int) -> Array:
     above_sea = trajectory.PLACE[2] - trajectory.GEOID_M + truth.position[:, 2]
     grade = trajectory.SensorGrade(PRESSURE_NOISE_PA / math.sqrt(50), 0.0)
     return trajectory.pressure(above_sea) + stream.noise("baro", grade, first, len(truth.t))[:, 0]
 
 
-def _attitude(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
+def _attitude(stream: _SimulatedStream, truth: trajectory.MotionState, first: int) -> Array:
     angles = stream.noise("q", trajectory.ATTITUDE, first, len(truth.t))
     return trajectory.multiply(truth.q_enu_from_body_wxyz, trajectory.quaternion(angles))
 
 
-_MEASURE: Mapping[str, Callable[[_Stream, trajectory.MotionState, int], Array]] = {
+_MEASURE: Mapping[str, Callable[[_SimulatedStream, trajectory.MotionState, int], Array]] = {
     ACCELERATION.name: _force,
     RATE.name: _turn,
     FIELD.name: _field,

@@ -1,12 +1,11 @@
-"""What does an IDTP link carry, piece by piece? Frames that count, and what does not.
+"""Parser of an IDTP stream, chunk by chunk: accepted frames and rejects.
 
-    chunks ──> protocols/stream_parser.py ──> frames that are whole and genuine ──> replay_guard.py ──> frames that are
-    new
-                        └─> RejectedFrame: damaged, forged, too weak                 └─> RejectedFrame: stale, far_ahead
+    chunks ──> protocols/stream_parser.py ──> intact, genuine frames ──> replay_guard.py ──> new frames
+                        └─> RejectedFrame: damaged, forged, too weak          └─> RejectedFrame: stale, far_ahead
 
-Both the decoder (columns) and the listing (one line a frame) stand on this. On a link of datagrams no frame crosses
-from one into the next, so each is searched on its own: what is incomplete at its end is given up there. Those that are
-full of frames, as nearly all are, give the same when they are searched together, and many small batches become few.
+Both the decoder (columns) and the listing (one line a frame) build on this. On a link of datagrams no frame crosses
+from one into the next, so each is searched on its own, and an incomplete frame at its end is given up there. Datagrams
+that are full of frames, as nearly all are, give the same result when searched together, and small batches become few.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ from protocols.stream_parser import StreamParser
 
 @dataclass(slots=True)
 class Cut:
-    """What one drain found; n frames were accepted.
+    """Result of one drain; n frames were accepted.
 
     Args:
         data, array, start, table, arrival_ns: see protocols/stream_parser.py.
-        judged: what replay_guard.py says of the accepted frames.
+        verdict: replay_guard.py's verdict on the accepted frames.
         rejects: by offset.
     """
 
@@ -43,12 +42,12 @@ class Cut:
     start: int
     table: Ints
     arrival_ns: Ints
-    judged: ReplayVerdict
+    verdict: ReplayVerdict
     rejects: list[RejectedFrame]
 
 
 INTACT = ("no_key", "below_min_mode")
-"""Why a scan refuses a frame whose header is right and whose number can be read."""
+"""Reasons why a scan refuses a frame whose header is valid and whose number can be read."""
 
 REFUSED_DEVICES, REFUSED_NUMBERS = 64, 4096  # remembered
 
@@ -69,6 +68,7 @@ class IdtpStream:
         replay_check: False accepts frames whatever their sequence numbers.
         show_unverified: without a key, accept Secure frames as they are; they are marked.
         datagrams: every chunk is a datagram.
+
     Raises:
         ValueError: an empty key, or no such mode.
     """
@@ -120,23 +120,23 @@ class IdtpStream:
         return self._stream.skipped
 
     def drain(self, *, stalled: bool = False) -> Iterable[Cut]:
-        """Everything that is complete: one ParseResult, or one for each datagram where not all are full of frames.
+        """Return everything complete: one ParseResult, or one for each datagram if not all are full of frames.
 
-        Each is good until the next.
+        Each is valid until the next.
         """
         if not self._datagrams:
-            return (self._judged(self._stream.drain(stalled=stalled)),)
+            return (self._classified(self._stream.drain(stalled=stalled)),)
         waiting, self._waiting = self._waiting, []
         full = self._stream.drain_full(waiting) if len(waiting) > 1 else None
-        return self._each(waiting) if full is None else (self._judged(full),)
+        return self._each(waiting) if full is None else (self._classified(full),)
 
     def _each(self, waiting: Iterable[tuple[bytes, int]]) -> Iterator[Cut]:
         for data, arrival_ns in waiting:
             self._stream.feed(data, arrival_ns)
-            yield self._judged(self._stream.drain(stalled=True))
+            yield self._classified(self._stream.drain(stalled=True))
 
-    def _judged(self, whole: Whole) -> Cut:
-        """Without what its sequence number says is old."""
+    def _classified(self, whole: Whole) -> Cut:
+        """Drop the frames that are old by their sequence number."""
         table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
         judged = self.sequences.judge(whole.array, table, arrivals)
         refused = self._intact(whole, rejects) if rejects else []
@@ -144,7 +144,7 @@ class IdtpStream:
             refused += self._old(whole, table, arrivals, judged, rejects)
             rejects.sort(key=_offset)
         if refused or (judged.gaps and self._refused):
-            self._unlose(whole, table, judged, sorted(refused))
+            self._correct_losses(whole, table, judged, sorted(refused))
         if judged.dropped:
             good = judged.rows[LOST] >= 0
             table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
@@ -155,7 +155,7 @@ class IdtpStream:
     def _old(
         self, whole: Whole, table: Ints, arrivals: Ints, judged: ReplayVerdict, rejects: list[RejectedFrame]
     ) -> list[tuple[int, int, int]]:
-        """Reject the frames whose number is old: where each is, its device, its number."""
+        """Reject the frames whose number is old: position, device and number of each."""
         lost, refused = judged.rows[LOST], []
         for i in np.flatnonzero(lost < 0).tolist():
             at, size = int(table[OFFSET, i]), int(table[SIZE, i])
@@ -168,7 +168,7 @@ class IdtpStream:
         return refused
 
     def _intact(self, whole: Whole, rejects: list[RejectedFrame]) -> list[tuple[int, int, int]]:
-        """Whole frames that a setting refuses have numbers too: who does not see them must not miss them."""
+        """Device and number of intact frames that a setting refuses, so that they are not counted as lost."""
         refused = []
         for i, reject in enumerate(rejects):
             if reject.reason not in INTACT:
@@ -180,20 +180,22 @@ class IdtpStream:
             rejects[i] = replace(reject, device=str(sender))
         return refused
 
-    def _remember(self, sender: int, number: int) -> None:
+    def _record(self, sender: int, number: int) -> None:
         if sender in self._refused or len(self._refused) < REFUSED_DEVICES:
             self._refused.setdefault(sender, deque(maxlen=REFUSED_NUMBERS)).append(number)
 
-    def _unlose(self, whole: Whole, table: Ints, judged: ReplayVerdict, refused: list[tuple[int, int, int]]) -> None:
-        """Frames that came before a gap was seen, and were refused, were not lost.
+    def _correct_losses(
+        self, whole: Whole, table: Ints, judged: ReplayVerdict, refused: list[tuple[int, int, int]]
+    ) -> None:
+        """Exclude from the losses the frames that were refused before a gap was seen.
 
-        Only those before: how many frames are drained at once must not matter.
+        Only those before: the number of frames drained at once must not matter.
         """
         coming = deque(refused)
         for i in np.flatnonzero(judged.rows[LOST] > 0).tolist():
             at, missing = int(table[OFFSET, i]), int(judged.rows[LOST, i])
             while coming and coming[0][0] < at:
-                self._remember(*coming.popleft()[1:])
+                self._record(*coming.popleft()[1:])
             known = self._refused.get(int(table[SENDER, i]))
             if not known:
                 continue
@@ -203,7 +205,7 @@ class IdtpStream:
             if missing - between == 0:
                 judged.gaps -= 1
         for _, sender, number in coming:
-            self._remember(sender, number)
+            self._record(sender, number)
 
 
 def _offset(reject: RejectedFrame) -> int:

@@ -1,9 +1,9 @@
-"""The unit of a device's timestamps, judged by when its frames arrive.
+"""Detection of the unit of a device's timestamps from the arrival of its frames.
 
 The document only recommends microseconds. A device that counts milliseconds advances by 1000 in a second, one that
-counts microseconds by 1 000 000: three powers of ten lie between two units, and no clock or network is off by that
-much. So the ticks that pass in two stretches of half a second or more of arrival are compared; both must say the same,
-because what a link held back before it was opened arrives at once, in the first of them.
+counts microseconds by 1 000 000: units differ by three powers of ten, and no clock or network is off by that much. So
+the ticks in two stretches of half a second or more of arrival are compared; both must agree, because data held back
+by a link before it was opened arrives at once, in the first stretch.
 
 Source: IDTP v2.1.0, section 4.1, with its erratum 9.
 """
@@ -14,6 +14,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from protocols.framing import Ints
 
 UNITS: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
@@ -21,15 +23,16 @@ NAMES: Mapping[str, str] = {"ns": "nanoseconds", "us": "microseconds", "ms": "mi
 
 STRETCH_NS = 500_000_000
 STRETCHES = 2
-FEWEST_TICKS = 4  # a clock of seconds takes as long as it takes
-NEAR = 0.5  # powers of ten by which the ticks may be off a unit
-MOST_ROWS = 20_000  # looked at; a file without arrival times never tells
+FEWEST_TICKS = 4  # a clock of seconds needs some time
+NEAR = 0.5  # tolerance of the ticks, powers of ten
+MOST_ROWS = 20_000  # examined; a file without arrival times never gives a result
 WRAP = 1 << 32
+MANY = 64  # from this many rows on arrays are faster
 
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Another unit than the one that is read would fit, and why."""
+    """A unit that would fit better than the configured one, and why."""
 
     unit: str
     reason: str
@@ -39,7 +42,7 @@ class UnitWatch:
     """Timestamps of one device beside their arrival.
 
     Args:
-        unit: as which they are read.
+        unit: as configured.
     """
 
     def __init__(self, unit: str) -> None:
@@ -48,30 +51,55 @@ class UnitWatch:
         self._rows = 0
         self._raw = self._begin_ns = -1
         self._ticks = 0  # in this stretch
-        self.found: Contradiction | None = None
+        self.contradiction: Contradiction | None = None
 
     @property
     def done(self) -> bool:
         """No more rows are needed."""
         return len(self._said) == STRETCHES or self._rows > MOST_ROWS
 
-    def look(self, raw: Ints, arrival_ns: Ints) -> None:
-        """Rows of the device, in the order of the stream."""
+    def observe(self, raw: Ints, arrival_ns: Ints) -> None:
+        """Add rows of the device, in stream order."""
+        if len(raw) >= MANY:
+            self._observe_many(raw, arrival_ns)
+            return
         for stamp, arrival in zip(raw.tolist(), arrival_ns.tolist(), strict=True):
             if self.done:
                 return
-            self._rows += 1
-            if self._begin_ns >= 0:
-                self._ticks += (stamp - self._raw) % WRAP
-            else:
-                self._begin_ns = arrival
-            self._raw = stamp
-            if arrival - self._begin_ns >= STRETCH_NS and self._ticks >= FEWEST_TICKS:
-                self._judge(arrival - self._begin_ns)
-                self._begin_ns, self._ticks = arrival, 0
+            self.look_at(stamp, arrival)
+
+    def look_at(self, stamp: int, arrival_ns: int) -> None:
+        """The same for one row, while more are needed."""
+        self._rows += 1
+        if self._begin_ns >= 0:
+            self._ticks += (stamp - self._raw) % WRAP
+        else:
+            self._begin_ns = arrival_ns
+        self._raw = stamp
+        if arrival_ns - self._begin_ns >= STRETCH_NS and self._ticks >= FEWEST_TICKS:
+            self._judge(arrival_ns - self._begin_ns)
+            self._begin_ns, self._ticks = arrival_ns, 0
+
+    def _observe_many(self, raw: Ints, arrival_ns: Ints) -> None:
+        """The same for many rows, a stretch at a time."""
+        row = 0
+        while row < len(raw) and not self.done:
+            stop = min(len(raw), row + MOST_ROWS + 1 - self._rows)
+            arrivals = arrival_ns[row:stop]
+            if self._begin_ns < 0:
+                self._begin_ns, self._raw = int(arrivals[0]), int(raw[row])
+            ticks = self._ticks + np.cumsum(np.diff(raw[row:stop], prepend=self._raw) % WRAP)
+            over = (arrivals - self._begin_ns >= STRETCH_NS) & (ticks >= FEWEST_TICKS)
+            last = int(np.argmax(over)) if over.any() else stop - row - 1
+            self._rows += last + 1
+            self._raw, self._ticks = int(raw[row + last]), int(ticks[last])
+            if over[last]:
+                self._judge(int(arrivals[last]) - self._begin_ns)
+                self._begin_ns, self._ticks = int(arrivals[last]), 0
+            row += last + 1
 
     def _judge(self, passed_ns: int) -> None:
-        """One stretch is over."""
+        """Judge a finished stretch."""
         rate = self._ticks / (passed_ns / 1e9)
         fits = [unit for unit, tick in UNITS.items() if rate and abs(math.log10(rate * tick / 1e9)) <= NEAR]
         self._said.append(fits[0] if fits else "")
@@ -82,4 +110,4 @@ class UnitWatch:
             reason = (
                 f"they advance by {rate:.0f} in a second of arrival, which fits {NAMES[unit]}, not {NAMES[self._unit]}"
             )
-            self.found = Contradiction(unit, reason)
+            self.contradiction = Contradiction(unit, reason)

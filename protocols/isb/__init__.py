@@ -4,9 +4,10 @@
 
     decoder = IsbDecoder()
     decoder.feed(chunk, arrival_ns)
-    for event in decoder.drain():       # Batch, Reply, Text, Reject, Step (protocols/events.py)
+    for event in decoder.drain():       # Batch, Reply, Text, RejectedFrame, ClockStep (protocols/events.py)
         ...
 
+    sentences.py         sentences of NMEA 0183 that only these devices send
     datasets.txt         every data set, field, flag and version, as data
     dataset_loader.py    datasets.txt as rows
     messages.py          the fields of a payload by its size
@@ -16,18 +17,25 @@
     decoder.py           columns, replies, time
     json_codec.py        one packet as values and back
     inspect.py           a capture line by line
-    detect.py            how much bytes look like this protocol
+    detect.py            score of bytes for this protocol
     commands.py          commands and settings, as rows
     field_docs.py        ranges and meanings of fields
     encoder.py           the bytes of a command or a setting
     annotate.py          the bytes of a packet in words
     driver.py            read, write, read back
     stream_discovery.py  which data sets stream, and how often
-    streams.py           what can stream
+    streams.py           data sets that can stream
     bandwidth.py         bytes a second of streams
-    settings_diff.py     values that mean the same
+    settings_diff.py     values with the same meaning
     baud_change.py       changes that would cut the line
-    simulator/           the other end of the wire
+    simulator/           simulated devices
 
 Source: Inertial Sense binary protocol document; inertial-sense-sdk 2.7.1.
 """
+
+from protocols.isb import sentences
+from protocols.labels import add_acronyms
+from protocols.nmea import add_sentences
+
+add_sentences(sentences.ROWS, sentences.PAIRS)
+add_acronyms("GPX", "IMX")

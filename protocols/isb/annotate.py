@@ -1,4 +1,4 @@
-"""A packet or a sentence byte by byte: which bytes are what, for a person who watches it being made.
+"""Annotation of a packet or a sentence byte by byte, shown while it is composed.
 
     EF 49 | 25  | 0C               | 06 00   | 10 00  | 10 00 00 00         | 8F 05
     sync    SET   DID_FLASH_CONFIG   payload   offset   startupNavDtMs = 16   checksum
@@ -19,11 +19,11 @@ from protocols.layouts import size_of, unpack
 from protocols.schema import Field
 from protocols.transactions import ByteRange
 
-MOST_ELEMENTS = 64  # of a list that are shown one by one; a longer one is one span
+MOST_ELEMENTS = 64  # list elements annotated one by one; a longer list is one span
 
 
 def name_of(frame: bytes) -> str:
-    """ "SET_DID_FLASH_CONFIG", "GET_DID_INS_1", "DID_SYS_CMD.SOFTWARE_RESET", "STPC"; "" for other bytes."""
+    """Name of a packet: "SET_DID_FLASH_CONFIG", "DID_SYS_CMD.SOFTWARE_RESET", "STPC"; "" for other bytes."""
     if frame[:1] == b"$":
         return frame[1:].split(b"*")[0].split(b",")[0].decode("latin-1").strip()
     if len(frame) < HEADER + TRAILER or frame[:2] != bytes((FIRST, SECOND)) or frame[2] & TYPE_MASK not in TYPES:
@@ -44,7 +44,7 @@ def name_of(frame: bytes) -> str:
 
 
 def annotate(frame: bytes) -> list[ByteRange]:
-    """See dialogues.Driver.spans; bytes that are neither a packet nor a sentence are one span."""
+    """See protocols.transactions.DeviceDriver.annotate; bytes that are neither a packet nor a sentence are one span."""
     if frame[:1] == b"$":
         return list(_sentence(frame))
     if not name_of(frame):
@@ -101,7 +101,7 @@ def _field(field: Field, payload: bytes, at: int, begin: int, path: str) -> Iter
 
 
 def _label(field: Field, value: float, place: int) -> str:
-    """ "startupNavDtMs = 16 ms", "theta roll = 5.73 °", "id = DID_INS_1"."""
+    """Label of a value: "startupNavDtMs = 16 ms", "theta roll = 5.73 °", "id = DID_INS_1"."""
     name = f"{field.name} {field.axes[place]}" if len(field.axes) > place else field.name
     if field.choices:
         return f"{name} = {field.choices.get(int(value), value)}"

@@ -1,15 +1,15 @@
-"""How many bytes per second do streams ask of the line?
+"""Bandwidth that streams need, bytes per second.
 
     one packet   6 header + data + 2 checksum             INS 1: 6 + 80 + 2 = 88 B
     a second has 1000 / (source's period in ms × multiple)         1000 / (7 × 2) × 88 B = 6 286 B/s
 
-That is exact for every data set whose size is fixed, and for lists (satellites) whose size was seen when the streams
-were read; otherwise a list counts at its greatest. The source's periods are those of the configuration where it is
-given (it is what will hold after the restart), else those the device told when its streams were read. A sentence of
-NMEA counts at its usual length. What happens rarely counts nothing.
+That is exact for every data set of fixed size, and for lists (satellites) whose size was seen when the streams were
+read; otherwise a list counts at its greatest. The source's periods are those of the configuration if given (valid after
+the restart), else those the device reported when its streams were read. An NMEA sentence counts at its usual length.
+Rare events count nothing.
 
-`fit` lowers what costs most, a step at a time, until it fits: a period of 1, 2, 4, 5, 10, 20 … of its source, never
-less than once in `SLOWEST_MS`.
+`fit` slows down the most expensive stream, step by step, until all fit: a period of 1, 2, 4, 5, 10, 20 … of its source,
+at least once in `SLOWEST_MS`.
 
 Source: ISB document, "ISB packet", "Data source update rates".
 """
@@ -28,7 +28,7 @@ from protocols.transactions import LinkLoad, OutputLoad
 Values = Mapping[str, Any]
 STEPS = (1, 2, 4, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 SLOWEST_MS = 10_000
-CLOSE = 0.04  # a share: so near a period is that period
+CLOSE = 0.04  # share within which two periods are equal
 NOTHING: Mapping[str, float] = {}
 NMEA_SETTING = "DID_NMEA_BCAST_PERIOD"
 USUAL_LENGTH: Mapping[str, int] = {  # characters with line end, as the device writes them
@@ -40,22 +40,23 @@ NMEA_EVENTS = ("PSTRB",)
 
 
 def sources_of(settings: Mapping[str, Values]) -> Mapping[str, float]:
-    """The periods that the configuration gives; only those it gives."""
+    """The periods given by the configuration, and only those."""
     flash = settings.get("DID_FLASH_CONFIG") or settings.get("DID_GPX_FLASH_CFG") or {}
     named = {NAV: "startupNavDtMs", IMU: "startupImuDtMs", GNSS: "startupGPSDtMs"}
     return {pace: float(flash[name]) for pace, name in named.items() if flash.get(name)}
 
 
 def in_effect(settings: Mapping[str, Values]) -> Mapping[str, float]:
-    """The periods that the device works with now; only those it tells."""
+    """The periods in effect on the device, as far as reported."""
     params = settings.get("DID_SYS_PARAMS") or {}
     named = {NAV: "navOutputPeriodMs", IMU: "imuSamplePeriodMs"}
     return {pace: float(params[name]) for pace, name in named.items() if params.get(name)}
 
 
 def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
-    """The period of each data set's source, as this device has it: as measured where it streams, else as it tells, else
-    as the document does."""
+    """The period of each data set's source on this device: as measured if it streams, else as reported, else as
+    documented.
+    """
     rows = {one["did"]: one for one in settings.get(STREAMS_SETTING, {}).get("streams", []) if one.get("source_ms")}
     told = {**sources_of(settings), **in_effect(settings)}
     alike = {STREAMS[did].paces: float(one["source_ms"]) for did, one in rows.items() if one.get("size")}
@@ -72,7 +73,7 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
 
 
 def load(settings: Mapping[str, Values]) -> LinkLoad:
-    """See dialogues.Driver.load."""
+    """See protocols.transactions.DeviceDriver.load."""
     sources, now = sources_of(settings), in_effect(settings)
     parts: list[OutputLoad] = []
     limits: list[str] = []
@@ -93,14 +94,14 @@ def load(settings: Mapping[str, Values]) -> LinkLoad:
 
 
 def source_ms(one: Values, sources: Mapping[str, float], now: Mapping[str, float] = NOTHING) -> float:
-    """Period of the source of a stream, ms; 0 where it has none.
+    """Period of the source of a stream, ms; 0 without one.
 
-    What was measured stands in the row. It will be another where it is a period of the device that the configuration
-    changes with the next restart.
+    The measured value is in the row. A period of the device that the configuration changes differs after the next
+    restart.
 
     Args:
         sources: periods by the configuration.
-        now: periods in effect, where they are known.
+        now: periods in effect, if known.
     """
     row = STREAMS[one["did"]]
     if row.pace == EVENT:
@@ -122,7 +123,7 @@ def rate_of(one: Values, sources: Mapping[str, float], now: Mapping[str, float] 
 
 
 def packet_size(one: Values) -> int:
-    """Bytes of one packet of a stream: as seen, else as the table says."""
+    """Bytes of one packet of a stream: as observed, else from the table."""
     row = STREAMS[one["did"]]
     return HEADER + (int(one.get("size") or 0) or max(row.size, 0)) + TRAILER
 
@@ -133,7 +134,7 @@ def _sentence_load(name: str, one: Values, sources: Mapping[str, float]) -> floa
 
 
 def fit(settings: Mapping[str, Values], capacity: float) -> Mapping[str, Values]:
-    """See dialogues.Driver.fit. Where even the slowest do not fit, the slowest are given."""
+    """See protocols.transactions.DeviceDriver.fit_rates. If even the slowest rates do not fit, they are returned."""
     if STREAMS_SETTING not in settings:
         return settings
     sources, now = sources_of(settings), in_effect(settings)
@@ -147,7 +148,7 @@ def fit(settings: Mapping[str, Values], capacity: float) -> Mapping[str, Values]
 
 
 def _slower(one: dict[str, Any], sources: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """The next longer period, where there is one."""
+    """Set the next longer period, if there is one."""
     period = one.get("period") or 1
     base = source_ms(one, sources, now)
     longer = next((step for step in STEPS if step > period), None)

@@ -1,8 +1,8 @@
-"""Could this change cut the line we are speaking on?
+"""Changes that could cut the link in use.
 
-A device has several serial ports, each with a rate of its own, and does not say which of them we are on. A port whose
-present rate is not that of our link cannot be ours; any other may be, so its change is taken for one of our line.
-Through USB no rate matters, but that is not told either.
+A device has several serial ports, each with a rate of its own, and does not report which one this link uses. A port
+whose present rate differs from the link's is excluded; any other may be ours, so its change counts as one of our line.
+Through USB no rate matters, but that is not reported either.
 
 Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t and gpx_flash_cfg_t.
 """
@@ -23,7 +23,7 @@ _IO = "What the pins of the device do changes; the port we are on may be given t
 
 
 def line_change(setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-    """See dialogues.Driver.line_change."""
+    """See protocols.transactions.DeviceDriver.line_change."""
     if setting == STREAMS_SETTING:
         if "streams" in new and not new["streams"]:
             return BaudChange("silent", "The device sends nothing any more; it still answers.")
@@ -46,7 +46,7 @@ def line_change(setting: str, old: Values | None, new: Values, known: DeviceCont
         if known.baud is not None and any(
             name in before and before[name] == known.baud for name in PORTS.keys() - ours
         ):
-            rates.append(known.baud)  # we may be on a port that stays as it is
+            rates.append(known.baud)  # the link may use an unchanged port
         return BaudChange("baud", _words(ours, known), rates[0], tuple(rates[1:]))
     if any(name in new and new[name] != before.get(name, new[name]) for name in ("ioConfig", "platformConfig")):
         return BaudChange("port", _IO)

@@ -1,18 +1,17 @@
-"""Which packets have the same layout, what does each continue, and when was it?
+"""Classification of packets by layout, continuation and time.
 
-One pass over the DATA packets of a scan, in the order of the stream, because time and partial data make sense in that
-order only:
+One pass over the DATA packets of a scan in stream order, because time and partial data make sense in that order only:
 
-    KEY    what decides the layout of the packet's columns. Packets of one key become one batch:
+    KEY    the layout of the packet's columns. Packets of one key become one batch:
            firmware (4 bits) | DID (8) | offset (11) | size (11) | variant (8) | count (8)
-    PART   the offset of a packet that carries a part of a set whose whole value was seen before; else -1. It has the
-           key of that value, and its row is the value with the part written over it.
+    PART   the offset of a packet with a part of a set whose whole value was received before; else -1. It has the key of
+           that value, and its row is the value with the part written over it.
     TIME, TIMED, STEP, BY      see time_base.py. A part has no time: the clock in its row is that of the value it
-           changes, and a device that was asked for parts alone sends no other for hours.
+           changes, and a device that was asked for parts alone sends no whole value for hours.
 
-`variant` tells apart what the same set can mean: the data type of raw GNSS data, the frame of a GNSS velocity. `count`
-is how many elements of a list are in use. Sets that hardly ever come (device information, configuration) have the key
--1 - firmware and are read one by one.
+`variant` separates the meanings of one set: the data type of raw GNSS data, the frame of a GNSS velocity. `count` is
+the number of list elements in use. Rare sets (device information, configuration) have the key -1 - firmware and are
+read one by one.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ SORTED = 6
 OFFSETS, ARRIVALS, TIMES = range(3)
 ABOUT = 3
 
-# What is known of each data set, one row per DID; see messages.rules().
+# Rules of each data set, one row per DID; see messages.rules().
 STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE, VARIANT, FAMILY, TELLS = range(
     12
 )
@@ -61,8 +60,8 @@ RULES = 12
 NO_VARIANT, RAW_DATA, VELOCITY, POSITION, EVENT = range(5)
 EVENT_TYPE_AT, EVENT_TEXT = 16, 2
 
-# The last whole value of each data set, one row per DID; of this start of the device its up-time, and how far apart two
-# were while it told that.
+# The last whole value of each data set, one row per DID; the up-time of the last one since the device started, and the
+# interval of two of them.
 WHOLE_KEY, WHOLE_SIZE, WHOLE_UP, WHOLE_EVERY = range(4)
 WHOLES = 4
 
@@ -77,7 +76,7 @@ UNTOLD = 15
 
 
 def empty_state() -> Ints:
-    """Before anything was seen."""
+    """Initial state, before the first packet."""
     return np.full((256, WHOLES), -1, np.int64)
 
 
@@ -92,7 +91,7 @@ def _number(data: Bytes, at: int, size: int) -> int:
 
 @inlined
 def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
-    """What kind of value a whole set carries."""
+    """Variant of a complete set."""
     if rules[did, VARIANT] == RAW_DATA and length > RAW_AT:
         return int(data[body + DATA_TYPE_AT])
     if rules[did, VARIANT] == VELOCITY and length >= VELOCITY_STATUS_AT + 4:
@@ -104,7 +103,7 @@ def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> in
 
 @inlined
 def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
-    """How many elements of a set's list are in use: what its count says, and at most what there is."""
+    """Number of elements in use in a set's list: its count, limited to the elements present."""
     if rules[did, VARIANT] == RAW_DATA:
         if length <= RAW_AT or int(data[body + DATA_TYPE_AT]) != RAW_OBSERVATION:
             return 0
@@ -119,7 +118,7 @@ def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
 
 @compiled(INT, BYTES, INT, INT)
 def _since_1970(data: Bytes, at: int, end: int) -> int:
-    """RTKLIB's time at `at`, whole seconds (i64) and their fraction (f64), as ns; -1 where it is no time."""
+    """RTKLIB's time at `at`, whole seconds (i64) and their fraction (f64), as ns; -1 if it is not a time."""
     if end < at + 16:
         return -1
     seconds = _number(data, at, 8)
@@ -129,7 +128,7 @@ def _since_1970(data: Bytes, at: int, end: int) -> int:
 
 @compiled(INT, BYTES, INT, INTS)
 def version_of(data: Bytes, body: int, versions: Ints) -> int:
-    """The newest of `versions` that is not newer than the firmware of a device information; the first if all are."""
+    """The newest of `versions` not newer than the firmware of a device information; the first if all are newer."""
     told = int(data[body + FIRMWARE_AT]) << 16 | int(data[body + FIRMWARE_AT + 1]) << 8
     told |= int(data[body + FIRMWARE_AT + 2])
     n = len(versions) - 1
@@ -142,13 +141,13 @@ def version_of(data: Bytes, body: int, versions: Ints) -> int:
 def sort(
     data: Bytes, table: Ints, rules: Ints, versions: Ints, firmware: Ints, memory: Ints, wholes: Ints, out: Ints
 ) -> None:
-    """Fill `out`, (SORTED, n), for the n candidates of `table`; see the module.
+    """Fill `out`, (SORTED, n), for the n candidates of `table`; see the module docstring.
 
     Args:
         rules: (256, RULES).
         versions: the firmware versions with layouts of their own, as major << 16 | minor << 8 | patch, ascending.
-        firmware: index into `versions`, one per family of devices; UNTOLD before a device information told it.
-        memory, wholes: what is remembered from packet to packet; updated.
+        firmware: index into `versions`, one per family of devices; UNTOLD until a device information gives it.
+        memory, wholes: state kept from packet to packet; updated.
     """
     state = (memory[0], memory[1], memory[2], memory[3], memory[4], memory[5])
     for f in range(unsigned(table.shape[1])):
@@ -201,7 +200,7 @@ def sort(
                     state = due(state, week, wholes[did, WHOLE_UP], wholes[did, WHOLE_EVERY])
                 state, time, timed, step, by = update_time(state, clock, ns, week)
             if step == RESET:
-                wholes[:, WHOLE_UP:] = -1  # else each set in turn would tell of the same reset
+                wholes[:, WHOLE_UP:] = -1  # else each set in turn would report the same reset
             if up >= 0:
                 if clock == WEEK_TOW:
                     wholes[did, WHOLE_EVERY] = spacing(wholes[did, WHOLE_EVERY], wholes[did, WHOLE_UP], up)
@@ -212,7 +211,7 @@ def sort(
             out[BY, f] = by
             if rules[did, VARIANT] == POSITION and timed and length >= TOW_OFFSET_AT + 8 and week > 0:
                 state, _, _, step, by = correct_offset(state, week, double_ns(data, body + TOW_OFFSET_AT))
-                if out[STEP, f] == SYNC:  # what was before the fix moves by what is known exactly now
+                if out[STEP, f] == SYNC:  # values from before the fix shift by the offset that is now exact
                     out[BY, f] += by
                 elif step != NO_STEP and out[STEP, f] == NO_STEP:
                     out[STEP, f] = step
@@ -236,13 +235,14 @@ def gather(
     """Copy the packets of a group into the rows of one array; a part is written over the row before it.
 
     Args:
-        table, done, arrivals: the scan's table, what `sort` made of it, and when each packet arrived.
+        table, done, arrivals: the scan's table, the output of `sort`, and the arrival of each packet.
         which: (n,) columns of `table` that belong to the group.
-        whole: the value that a part in the first row changes; may be empty when there is none.
+        whole: the value that a part in the first row changes; may be empty if no part needs it.
         rows: (n, size), written.
         about: (ABOUT, n), written: offset, arrival and time of each.
+
     Returns:
-        How many have a time.
+        Number of packets that have a time.
     """
     width = unsigned(rows.shape[1])
     timed = 0

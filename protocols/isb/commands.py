@@ -8,11 +8,10 @@
     GET_DATA STOP_…    the packets themselves
     ASCE INFO PERS SRST STPB STPC                  the same in text, NMEA 0183, for every version of the protocol
 
-What a row says of harm (`caution`, `consequence`) is what a person is told before it is sent. What a device keeps is
-kept.py's business.
+The harm in a row (`caution`, `consequence`) is shown to the user before it is sent. kept.py lists stored settings.
 
-Rules for editing: a system command is a row of datasets.txt (eSystemCommand) and, where it does harm, one of `_HARM`. A
-data set that is kept is a row of kept.py.
+Rules for editing: a system command is a row of datasets.txt (eSystemCommand) and, if it does harm, one of `_HARM`. A
+stored data set is a row of kept.py.
 
 Source: ISB document; NMEA document of the same maker, "NMEA input messages"; inertial-sense-sdk 2.7.1, data_sets.h.
 """
@@ -51,7 +50,7 @@ SYSTEM_COMMANDS: Mapping[int, str] = {
     value: name for value, name in TABLES.choices["eSystemCommand"].items() if name != "NONE"
 }
 NMEA_MESSAGES = TABLES.choices["eNmeaMsgId"]
-_SENTENCES = {  # that can be chosen: neither commands nor marks
+_SENTENCES = {  # selectable ones: neither commands nor marks
     number: name
     for number, name in NMEA_MESSAGES.items()
     if (number in SENTENCES or number > 256) and name != "INVALID" and not name.endswith("_START")
@@ -60,7 +59,7 @@ _SENTENCES = {  # that can be chosen: neither commands nor marks
 
 @dataclass(frozen=True, slots=True)
 class _Harm:
-    """What a command may cost, in words."""
+    """Harm of a command, in words."""
 
     caution: Caution
     consequence: str
@@ -103,7 +102,7 @@ _REPLACES = _Harm("stops-output", "These streams take the place of those of this
 _OVERWRITES = _Harm(
     "loses-settings", "It overwrites data of the device that cannot be read back and restored from here."
 )
-INPUTS = (71, 88)  # wheel encoder, position measurement: samples that a vehicle sends to the device
+INPUTS = (71, 88)  # wheel encoder, position measurement: samples sent to the device by a vehicle
 
 _SIMPLE_COMMANDS = ("SAVE_PERSISTENT_MESSAGES", "SOFTWARE_RESET", "ZERO_MOTION", "RESET_EKF_STATES", "SAVE_FLASH")
 
@@ -119,7 +118,7 @@ ASCE_FIELDS = (
     Field(
         "messages",
         shape=(-1,),
-        most=20,
+        max_length=20,
         fields=(
             select("id", "Sentence.", _SENTENCES),
             Field("period", "<u2", default=1, doc="Multiple of its source's period; 0 switches it off."),
@@ -142,7 +141,7 @@ def _packets() -> list[Command]:
     arguments = (replace(first, choices=DATA_SETS), *(replace(field, default=0) for field in get.fields[1:]))
     stop = "ACK"
     return [
-        Command("GET_DATA", arguments, "ask", G_STREAMS, simple=False, title="Ask for a data set", doc=get.doc),
+        Command("GET_DATA", arguments, "ask", G_STREAMS, basic=False, title="Ask for a data set", doc=get.doc),
         Command(
             "STOP_DID_BROADCAST",
             (replace(did, dtype="u1"),),
@@ -170,7 +169,7 @@ def _packets() -> list[Command]:
                 "do",
                 G_STREAMS,
                 stop,
-                simple=False,
+                basic=False,
                 title="Stop all streams of all ports",
                 doc=COMMANDS[STOP_ALL_PORTS].doc,
             ),
@@ -190,8 +189,8 @@ def _nmea() -> list[Command]:
         Command("ASCE", ASCE_FIELDS, "set", G_NMEA, "ASCB", title="Choose NMEA sentences"),
         Command("INFO", (), "ask", G_NMEA, "INFO", title="Who are you, in text"),
         _harmed(Command("PERS", (), "do", G_NMEA, title="Keep NMEA sentences"), _HARM["SAVE_PERSISTENT_MESSAGES"]),
-        _harmed(Command("SRST", (), "do", G_NMEA, simple=False, title="Restart, by text"), _RESTARTS),
-        _harmed(Command("STPB", (), "do", G_NMEA, simple=False, title="Stop all ports, by text"), _STOPS_ALL),
+        _harmed(Command("SRST", (), "do", G_NMEA, basic=False, title="Restart, by text"), _RESTARTS),
+        _harmed(Command("STPB", (), "do", G_NMEA, basic=False, title="Stop all ports, by text"), _STOPS_ALL),
         _harmed(Command("STPC", (), "do", G_NMEA, title="Stop this port, by text"), _STOPS),
     )
     docs = {
@@ -206,7 +205,7 @@ def _nmea() -> list[Command]:
 
 
 def _harm_of(name: str) -> _Harm | None:
-    """What a system command may cost."""
+    """Harm of a system command."""
     if name in _HARM:
         return _HARM[name]
     if "BRIDGE" in name and not name.startswith("DISABLE"):
@@ -231,7 +230,7 @@ def _system() -> list[Command]:
             "do",
             G_SYSTEM,
             "ACK",
-            simple=name in _SIMPLE_COMMANDS,
+            basic=name in _SIMPLE_COMMANDS,
             title=spoken(name),
             doc=_does(name),
             source=SOURCE,
@@ -241,12 +240,12 @@ def _system() -> list[Command]:
 
 
 def _does(name: str) -> str:
-    """What a system command does."""
-    said = TABLES.help.get(("eSystemCommand", name), ("", ""))[1]
-    if not said and "_BRIDGE_" in name:
+    """Effect of a system command."""
+    effect = TABLES.help.get(("eSystemCommand", name), ("", ""))[1]
+    if not effect and "_BRIDGE_" in name:
         ends = spoken(name.partition("_BRIDGE_")[2]).replace(" to ", " and ")
-        said = f"Passes bytes between two ports: {ends}."
-    return f"{said} Sent with its bitwise inverse.".strip()
+        effect = f"Passes bytes between two ports: {ends}."
+    return f"{effect} Sent with its bitwise inverse.".strip()
 
 
 def _presets() -> list[Command]:
@@ -262,7 +261,7 @@ def _presets() -> list[Command]:
             "ACK",
             caution="stops-output",
             consequence=_REPLACES.consequence,
-            simple=name in ("INS", "IMX_PPD", "GPX_IMX"),
+            basic=name in ("INS", "IMX_PPD", "GPX_IMX"),
             title=f"Streams: {name.replace('_', ' ')}",
             doc="A preset of the maker.",
             source=SOURCE,
@@ -299,7 +298,7 @@ def _title(did: int) -> str:
 
 def _asks() -> list[Command]:
     get = COMMANDS[GET_DATA].fields
-    arguments = tuple(replace(field, default=0, simple=False) for field in get[1:])
+    arguments = tuple(replace(field, default=0, basic=False) for field in get[1:])
     return [
         Command(
             f"{GET_PREFIX}{name}",
@@ -307,7 +306,7 @@ def _asks() -> list[Command]:
             "ask",
             G_READ,
             name,
-            simple=False,
+            basic=False,
             title=_title(did),
             doc=ROWS[did].doc,
             source=SOURCE,
@@ -326,7 +325,7 @@ def _sets() -> list[Command]:
             "set",
             G_WRITE,
             "ACK",
-            simple=False,
+            basic=False,
             title=_title(did),
             doc=kept.doc
             if kept and kept.write
@@ -334,7 +333,7 @@ def _sets() -> list[Command]:
             source=SOURCE,
         )
         if did == SYS_CMD:
-            command = replace(_harmed(command, _BY_NUMBER), harmless={"command": HARMLESS_COMMANDS})
+            command = replace(_harmed(command, _BY_NUMBER), harmless_values={"command": HARMLESS_COMMANDS})
         elif did == RMC:
             command = _harmed(command, _REPLACES)
         elif not (kept and kept.write) and did not in INPUTS:

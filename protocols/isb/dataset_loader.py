@@ -1,14 +1,14 @@
-"""What is in datasets.txt? The data sets, their fields, words and versions, as rows of the schema.
+"""Loader of datasets.txt: data sets, their fields, words and versions, as rows of the schema.
 
-The file is the source: a data set, a field or a flag is added there, in the form its head explains, and never here.
+The file is the source: data sets, fields and flags are added there, in the form explained at its top, never here.
 Reading it takes a few milliseconds, once.
 
     words, choices  ─> Bits, {value: name}      struct ─> Struct: fields with their offsets
-    titles, help    ─> Field.title, where a struct gives none; Field.doc
-    sets            ─> DataSet                  versions ─> which firmware has which structure
+    titles, help    ─> Field.title if a struct gives none; Field.doc
+    sets            ─> DataSet                  versions ─> structures by firmware
 
-Units: `unit=rad>°` says that the wire has radians and that degrees are shown; CONVERSIONS knows the factor. The
-vendor's full constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name is what lanes are labelled with.
+Units: `unit=rad>°` means radians on the wire and degrees on display; CONVERSIONS has the factor. The vendor's full
+constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name labels the lanes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CONVERSIONS = {
     ("0.004cycles", "cycles"): 0.004,
     ("0.01m", "m"): 0.01,
 }
-MARKS = {"!": "caution", "!!": "fault"}
+MARKS = {"!": "warning", "!!": "error"}
 NUMBERS = {"u1": "u1", "i1": "i1", "char": "ascii", "bytes": "bytes"}
 
 _ATTRIBUTE = re.compile(r'(\w+)=("[^"]*"|\S+)|\.(\d+)')
@@ -47,7 +47,7 @@ class Struct:
     Args:
         size: bytes.
         places: (field, offset), in the vendor's order.
-        counts: name of an array → name of the field that says how many of its elements are in use.
+        counts: name of an array → name of the field with its number of used elements.
     """
 
     size: int
@@ -55,7 +55,7 @@ class Struct:
     counts: dict[str, str]
 
     def field(self, name: str) -> tuple[Field, int] | None:
-        """A field by name, and where it is."""
+        """A field by name, with its offset."""
         return next(((row, at) for row, at in self.places if row.name == name), None)
 
 
@@ -65,11 +65,11 @@ class DataSet:
 
     Args:
         did, name, kind: as in the schema's Message.
-        struct: None where the layout is not public.
+        struct: None if the layout is not public.
         clock: the field that is the device clock ("week+timeOfWeek", "time", …); "" for none.
-        rmc: the bit of DID_RMC that switches its broadcast on; "" for none.
+        rmc: the bit of DID_RMC that enables its broadcast; "" for none.
         sizes: firmware version → bytes, only for sets whose structure changed.
-        changes: (version, fields that firmware before it does not have or has elsewhere), oldest first.
+        changes: (version, fields that earlier firmware lacks or places differently), oldest first.
     """
 
     did: int
@@ -83,7 +83,7 @@ class DataSet:
 
 
 class DatasetTable:
-    """All of the file."""
+    """The content of the file."""
 
     def __init__(self, text: str) -> None:
         self.words: dict[str, tuple[Bits, ...]] = {}
@@ -200,20 +200,20 @@ _TURNS = re.compile(r"(hdg|heading|azim|yaw)$", re.IGNORECASE)  # not their accu
 
 
 def _period(name: str, unit: str, axes: tuple[str, ...]) -> float:
-    """Where an angle wraps: directions do, which may point anywhere around; 0 for what never wraps."""
+    """Period of an angle: that of a full circle for directions; 0 for angles that never wrap."""
     turns = axes[-1:] == ("yaw",) or _TURNS.search(name) is not None
     return 360.0 if unit == "°" and turns else 0.0
 
 
 def title_of(name: str) -> str:
-    """What a data set is called where a person reads it: DID_GPS1_POS → "GPS1 position"."""
+    """Display title of a data set: DID_GPS1_POS → "GPS1 position"."""
     words = name.removeprefix("DID_").split("_")
     text = " ".join(word if _NAMES.match(word) else _SHORT.get(word, word.lower()) for word in words)
     return text[:1].upper() + text[1:]
 
 
 def as_written(row: Field) -> Field:
-    """A field in the unit of the wire, in which it is typed, written and read back."""
+    """A field in the unit of the wire, in which it is entered, written and read back."""
     parts = tuple(as_written(part) for part in row.fields)
     if row.scale == 1:
         return replace(row, fields=parts) if parts else row
@@ -227,7 +227,7 @@ def _found(rest: list[str]) -> list[tuple[str, str, str]]:
 
 
 def _bits(words: list[str], prefix: str) -> Bits:
-    """LOW[:WIDTH] NAME [@CONSTANT] [MARK] [VALUE=MEANING …]"""
+    """Parse `LOW[:WIDTH] NAME [@CONSTANT] [MARK] [VALUE=MEANING …]`."""
     low, _, width = words[0].partition(":")
     name, rest = words[1], words[2:]
     constant = next((word[1:] for word in rest if word.startswith("@")), prefix + name)
@@ -245,4 +245,4 @@ def element_size(row: Field) -> int:
 TABLES = DatasetTable(FILE.read_text(encoding="utf-8"))
 SETS = TABLES.sets
 VERSIONS = TABLES.versions
-CURRENT = VERSIONS[-2]  # the version whose structures the file gives
+CURRENT = VERSIONS[-2]  # the version of the structures in the file

@@ -1,4 +1,4 @@
-"""UTC of Inertial Sense data: time_base.py tells it of everything once a receiver has had its first fix."""
+"""UTC of Inertial Sense data; time_base.py computes it after the receiver's first fix."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DATED_NS = (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S  # up-times are far smaller
 
 
 def utc_of(batch: Batch) -> Ints | None:
-    """UTC of each sample, ns since the Unix epoch, UNKNOWN before the first fix; None where none is known."""
+    """UTC of each sample, ns since the Unix epoch, UNKNOWN before the first fix; None if none is known."""
     if batch.time_ns is None or not len(batch) or int(batch.time_ns.max()) < DATED_NS:
         return None
     return np.where(batch.time_ns >= DATED_NS, batch.time_ns, UNKNOWN)

@@ -6,12 +6,12 @@
                   └─ clocks, in stream order over all sets ──> ClockStep, times
 
 Packets of one data set, offset, size and variant have one form (messages.py) and become one batch. A packet with a part
-of a set whose whole value was seen gives a row of the whole: the last value with the part written over it. A part of
-something never seen whole gives its own fields. Neither has a device time: the clock is not in it, and the last value's
-may be hours old when a device was asked for parts alone.
+of a set whose whole value was received gives a row of the whole: the last value with the part written over it. A part
+of a set never received whole gives its own fields. Neither has a device time: the part does not contain the clock, and
+the last value's may be hours old when a device was asked for parts alone.
 
-Which structure a payload has follows the firmware that the device information (DID 1; 93 of an EVB, 120 of a GPX) named
-when it passed by, and the payload's size. Time is time_base.py's business.
+The structure of a payload depends on its size and on the firmware named by the last device information (DID 1; 93 of an
+EVB, 120 of a GPX). time_base.py computes the time.
 
 Source: ISB document; inertial-sense-sdk 2.7.1.
 """
@@ -61,7 +61,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
     """See events.Decoder. Packet types tell the directions apart, so one decoder reads either.
 
     Args:
-        direction: whose side is listened to; kept for those who ask.
+        direction: whose side is read; kept for callers that need it.
     """
 
     def __init__(self, *, direction: Direction = "to_host") -> None:
@@ -75,7 +75,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
         self._whole: dict[int, bytes] = {}  # the last whole value of each set
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
-        """Everything complete, by offset; a batch stands where its first packet began."""
+        """Return every complete event by offset; a batch is placed at its first packet."""
         cut = self._stream.drain(stalled=stalled)
         events: list[Event] = [*cut.rejects, *cut.texts]
         n = cut.table.shape[1]
@@ -89,7 +89,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
         return sorted(events, key=_offset) if len(events) > 1 else events
 
     def _single(self, cut: ParseResult, out: Ints, events: list[Event]) -> None:
-        """One packet: what `_many` does, without arrays where plain numbers do."""
+        """One packet: same as `_many`, with plain numbers instead of arrays."""
         key, part, _, timed, step, _ = out[:, 0].tolist()
         if step != NO_STEP:
             self._steps(cut, out, events)
@@ -125,7 +125,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
     # -- data ----------------------------------------------------------------------------------------------------------
 
     def _batches(self, cut: ParseResult, out: Ints, which: Ints, events: list[Event]) -> None:
-        """The packets of one key: one batch; two where only some have a device time."""
+        """One batch for the packets of one key; two if only some have a device time."""
         first = int(which[0])
         key, size = int(out[KEY, first]), int(cut.table[SIZE, first])
         form = self._forms.get(key) or self._form(key)
@@ -193,7 +193,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
 
 
 def _offset(event: Event) -> int:
-    """Where an event stands in the stream. A step comes before the packet at its offset."""
+    """Position of an event in the stream. A step precedes the packet at its offset."""
     if isinstance(event, Batch):
         return 2 * int(event.offset[0]) + 1
     return 2 * event.offset

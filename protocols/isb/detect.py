@@ -1,7 +1,8 @@
-"""Do these bytes look like an Inertial Sense device?
+"""Detection of an Inertial Sense device.
 
-The share of them that lies in valid packets, or in messages that pass through its ports: text alone, which any receiver
-may send, counts half. Packets of protocol 1.x are told by name, with a low score, because nothing here reads them:
+The score is the share of bytes in valid packets, or in messages that pass through its ports: text alone, which any
+receiver may send, counts half. Packets of protocol 1.x are reported by name, with a low score, because they cannot be
+decoded:
 
     FF … FE    between them no FF, FE, or other start byte as itself: each is sent as FD and its complement
                (so protocol 1.x is known by its shape; SDK 1.x, ISComm.h)
@@ -36,7 +37,7 @@ def detection_score(data: bytes) -> tuple[float, str]:
     texts = [text for cut in cuts for text in cut.texts]
     written = sum(text.size for text in texts)
     if framed:
-        # what waits for its end at the end of the data speaks neither for nor against
+        # an incomplete packet at the end of the data counts neither for nor against
         score = min(1.0, (framed + written) / max(len(data) - waiting, framed))
         names = Counter(name for cut in cuts for name in _names(cut))
         count = sum(cut.table.shape[1] for cut in cuts)

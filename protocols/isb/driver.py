@@ -1,19 +1,19 @@
-"""How is an Inertial Sense device asked and told, and what if it says no, or nothing?
+"""Driver of Inertial Sense devices: requests, writes, refusals and silence.
 
-    ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      nothing: again, then NoReplyError
-           (what streams already is not asked for, which would end its stream: protocols/isb/undisturbed.py)
-    tell   SET_DATA              ──>   ACK                 NACK: refused      nothing: again, then NoReplyError
-           GET_DATA              ──>   DATA: the value that it has now, compared with what was asked
-    do     system command: ACK; a reset may die before it is sent, so its silence is no failure
-    text   $…                    ──>   a sentence where one is documented, else nothing
+    ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      silence: retry, then NoReplyError
+           (not for data sets that stream, as it would end the stream: protocols/isb/undisturbed.py)
+    tell   SET_DATA              ──>   ACK                 NACK: refused      silence: retry, then NoReplyError
+           GET_DATA              ──>   DATA: the present value, compared with the requested one
+    do     system command: ACK; a reset may happen before the ACK is sent, so its silence is not a failure
+    text   $…                    ──>   a sentence if one is documented, else nothing
 
-There is no Config state: a device measures while it is told, so `within` only sees to it that what streams before
-streams afterwards. Streams are read from DID_RMC, which names them, and by listening, which tells how often they come.
-Those that are to change are written one by one, and no other; they are listened to, and what did not arrive is sent
-once more. Where a row says how far apart its packets are to be (period × source_ms), and the device counts another
-source than was thought, the multiple is put right by what was measured.
+There is no Config state: a device measures while it is configured, so `within` only restores the streams afterwards.
+Streams are read from DID_RMC, which names them, and by listening, which gives their rates. Those to be changed are
+written one by one, and no others; they are then observed, and any that did not arrive is requested once more. If a row
+gives the interval of its packets (period × source_ms), and the device uses another source than assumed, the multiple is
+corrected by the measurement.
 
-Everything here is the document's; the times are the usual ones of a serial line at 9600 Bd and above.
+All of this is from the document; the times are the usual ones of a serial line at 9600 Bd and above.
 
 Source: ISB document, "Communication"; inertial-sense-sdk 2.7.1, ISComm.h and com_manager.
 """
@@ -82,20 +82,20 @@ from protocols.transactions import (
 T = TypeVar("T")
 Values = Mapping[str, Any]
 
-ANSWER_S, TRIES = 0.5, 3
+ANSWER_S, ATTEMPTS = 0.5, 3
 ALIVE_S, ALIVE_TRIES = 0.25, 4
-RESET_S = 0.3  # until its last bytes have gone
+RESET_S = 0.3  # until its last bytes are sent
 NO = "the device refused it (NACK): it does not have it, does not let it be written, or received an invalid packet"
 RATES = (921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000, 57_600, 38_400, 19_200, 9_600)
 
 
 def version_of(known: DeviceContext) -> str:
-    """The newest firmware of tables.VERSIONS that is not newer than the device's."""
+    """The newest firmware of dataset_loader.VERSIONS not newer than the device's."""
     words = known.firmware.split(".")[:3]
     if not all(word.isdigit() for word in words) or len(words) < 3:
         return CURRENT
-    told = tuple(int(word) for word in words)
-    older = [one for one in VERSIONS[:-1] if tuple(int(word) for word in one.split(".")) <= told]
+    version = tuple(int(word) for word in words)
+    older = [one for one in VERSIONS[:-1] if tuple(int(word) for word in one.split(".")) <= version]
     return older[-1] if older else VERSIONS[0]
 
 
@@ -103,7 +103,7 @@ def version_of(known: DeviceContext) -> str:
 
 
 def answer_of(did: int) -> Callable[[Event], Any]:
-    """Match the answer to a GET of `did`: its values; a NACK gives a DeviceRejectedError as a value."""
+    """Matcher for the answer to a GET of `did`: its values; a NACK gives a DeviceRejectedError as a value."""
 
     def match(event: Event) -> Any | None:
         if isinstance(event, Reply) and event.message is COMMANDS[NACK]:
@@ -114,7 +114,7 @@ def answer_of(did: int) -> Callable[[Event], Any]:
 
 
 def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
-    """What recognises the ACK or NACK of a packet."""
+    """Matcher for the ACK or NACK of a packet."""
 
     def match(event: Event) -> Any | None:
         if not isinstance(event, Reply) or event.message not in (COMMANDS[ACK], COMMANDS[NACK]):
@@ -130,18 +130,18 @@ def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
 
 
 def read_dataset(
-    did: int, *, size: int = 0, offset: int = 0, timeout_s: float = ANSWER_S, tries: int = TRIES
+    did: int, *, size: int = 0, offset: int = 0, timeout_s: float = ANSWER_S, attempts: int = ATTEMPTS
 ) -> Transaction[Values]:
-    """A data set, or a part of it. One that streams must not be asked for so: see `IsbDriver.within`."""
+    """Read a data set, or a part of it. Not for one that streams: see `IsbDriver.within`."""
     row = SETS[did]
-    for _ in range(tries):
+    for _ in range(attempts):
         yield Send(frames.get_data(did, size=size, offset=offset, period=0))
         answer = yield WaitFor(answer_of(did), timeout_s, row.name)
         if answer == NACK:
             raise DeviceRejectedError(f"GET {row.name}", NO, NACK)
         if answer is not None:
             return as_text(answer)
-    raise NoReplyError(f"GET {row.name}", tries, timeout_s)
+    raise NoReplyError(f"GET {row.name}", attempts, timeout_s)
 
 
 def as_text(values: Values) -> Values:
@@ -149,28 +149,28 @@ def as_text(values: Values) -> Values:
     return {name: jsonable(value) for name, value in values.items()}
 
 
-def write_dataset(packet: bytes, what: str, *, tries: int = TRIES, must: bool = True) -> Transaction[bool]:
-    """Send what is acknowledged; whether it was.
+def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, required: bool = True) -> Transaction[bool]:
+    """Send a packet that is acknowledged; returns whether it was.
 
     Args:
-        must: whether silence is a failure (a reset may die before it says ACK).
+        required: whether silence is a failure (a reset may happen before the ACK is sent).
     """
     kind, did = packet[2] & TYPE_MASK, packet[3]
     offset = int.from_bytes(packet[6:8], "little") if packet[2] & frames.WITH_OFFSET else 0
-    for _ in range(tries):
+    for _ in range(attempts):
         yield Send(packet, what)
         answer = yield WaitFor(ack_of(kind, did, offset), ANSWER_S, "ACK")
         if answer == NACK:
             raise DeviceRejectedError(what, NO, NACK)
         if answer == ACK:
             return True
-        if not must:
+        if not required:
             return False
-    raise NoReplyError(what, tries, ANSWER_S)
+    raise NoReplyError(what, attempts, ANSWER_S)
 
 
 class IsbDriver:
-    """See protocols.transactions.Driver."""
+    """See protocols.transactions.DeviceDriver."""
 
     name = "isb"
     states: Mapping[str, str] = NO_STATES
@@ -203,16 +203,16 @@ class IsbDriver:
             return streams_frames(values, old)
         return set_frames(did_of(setting), values, version_of(known), held=held)
 
-    def spans(self, frame: bytes) -> list[ByteRange]:
+    def annotate(self, frame: bytes) -> list[ByteRange]:
         return annotated.annotate(frame)
 
     def name_of(self, frame: bytes) -> str:
         return annotated.name_of(frame)
 
-    # -- dialogues -----------------------------------------------------------------------------------------------------
+    # -- transactions --------------------------------------------------------------------------------------------------
 
     def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
-        """`body`, which may read whatever it likes: what streamed before streams afterwards."""
+        """`body`, which may read anything; streams running before are restored afterwards."""
         return (yield from undisturbed(body, lambda did: read_dataset(did)))
 
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
@@ -232,12 +232,12 @@ class IsbDriver:
             yield Send(packet, command)
             return {}
         resets = command == "DID_SYS_CMD.SOFTWARE_RESET" or ("RESET" in command and packet[3] == SYS_CMD)
-        yield from write_dataset(packet, command, must=not resets)
+        yield from write_dataset(packet, command, required=not resets)
         return {}
 
     @staticmethod
     def _begin(packet: bytes, did: int) -> Transaction[Values]:
-        """Ask for a stream: its first packet is the answer."""
+        """Request a stream: its first packet is the answer."""
         yield Send(packet)
         answer = yield WaitFor(answer_of(did), 2.0, SETS[did].name)
         if answer == NACK:
@@ -252,17 +252,17 @@ class IsbDriver:
             return {}
 
         def match(event: Event) -> Values | None:
-            # firmware 2.7.1 answers ASCE with ASCE, as its source has it; the manual says ASCB
+            # firmware 2.7.1 answers ASCE with ASCE, as in its source; the manual says ASCB
             if isinstance(event, Text) and event.protocol == "nmea" and event.name in (reply, name):
                 return {"line": event.line, **event.fields}
             return None
 
-        for _ in range(TRIES):
+        for _ in range(ATTEMPTS):
             yield Send(line, name)
             answer = yield WaitFor(match, ANSWER_S, f"${reply}")
             if answer is not None:
                 return as_text(answer)
-        raise NoReplyError(f"${name}", TRIES, ANSWER_S)
+        raise NoReplyError(f"${name}", ATTEMPTS, ANSWER_S)
 
     def unfinished(self, command: str, values: Values) -> str | None:
         return None
@@ -292,7 +292,9 @@ class IsbDriver:
         return WriteResult(setting, values, got)
 
     def _with_ended(self, values: Values) -> Transaction[Values]:
-        """The sentences asked for, and those that are sent now with a period of 0: a device keeps what is not named."""
+        """The requested sentences, and those sent now with a period of 0: a device keeps sentences that are not
+        named.
+        """
         now = yield from read_dataset(NMEA_PERIODS)
         wanted = [one for one in values.get("nmeaBroadcastMsgs", []) if one.get("msgID")]
         named = {one["msgID"] for one in wanted}
@@ -301,12 +303,12 @@ class IsbDriver:
         return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
 
     def _write_streams(self, values: Values, *, gpx: bool) -> Transaction[WriteResult]:
-        """End what is not wanted, begin and change what is; look; once more what is not so."""
+        """Stop unwanted streams, start and change the others, check the result, and retry what differs."""
         chosen(values)
         got = yield from stream_discovery.streams(lambda did: read_dataset(did), gpx=gpx)
         asked: dict[int, int] = {}
         refused = ""
-        for _ in range(TRIES if "streams" in values else 0):
+        for _ in range(ATTEMPTS if "streams" in values else 0):
             now = {one["did"]: one for one in got["streams"]}
             ended = [did for did in now if did not in {one["did"] for one in values["streams"]}]
             rows = touched([_paced(one, now, asked) for one in values["streams"]], now)
@@ -328,7 +330,7 @@ class IsbDriver:
 
     @staticmethod
     def _stream(did: int, period: int) -> Transaction[bool]:
-        """Ask for a stream; a refusal (False) comes at once, so nothing else is waited for."""
+        """Request a stream; a refusal (False) comes at once, so the wait is short."""
 
         def refused(event: Event) -> bool | None:
             return True if answer_of(did)(event) == NACK else None
@@ -337,19 +339,19 @@ class IsbDriver:
         return not (yield WaitFor(refused, 0.03, "NACK"))
 
     def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
-        told: dict[str, str] = {}
+        found: dict[str, str] = {}
 
         def match(event: Event) -> Any | None:
             if isinstance(event, Reply) and identity(event):
-                told.update(identity(event))
+                found.update(identity(event))
                 return True
             return None
 
-        for _ in range(TRIES):
+        for _ in range(ATTEMPTS):
             yield Send(frames.get_data(DEV_INFO, period=0))
             if (yield WaitFor(match, ANSWER_S, "DID_DEV_INFO")):
-                return DeviceContext(**{**_as_dict(known), **told})
-        raise NoReplyError("GET DID_DEV_INFO", TRIES, ANSWER_S)
+                return DeviceContext(**{**_as_dict(known), **found})
+        raise NoReplyError("GET DID_DEV_INFO", ATTEMPTS, ANSWER_S)
 
     def formerly(self, serial_number: str) -> Sequence[str]:
         return ()
@@ -363,27 +365,27 @@ class IsbDriver:
     def instead(
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
-        """SET_DID_x of a setting is a change of that setting, of those fields that the device does not keep itself."""
+        """Treat SET_DID_x of a setting as a change of that setting, without the fields that the device maintains."""
         row = settings_of(version_of(known)).get(command.removeprefix(SET_PREFIX))
         if not command.startswith(SET_PREFIX) or row is None or not row.write:
             return None
-        told = {field.name for field in row.fields if field.read_only}
-        return row.name, {name: value for name, value in values.items() if name not in told} or values
+        read_only = {field.name for field in row.fields if field.read_only}
+        return row.name, {name: value for name, value in values.items() if name not in read_only} or values
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
+    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         return harm(setting, old, new)
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
-        """Streams are saved first: without that the device would come back silent."""
+        """Save the streams first: otherwise the device would restart silent."""
         for command, what in ((SAVE_PERSISTENT, "SAVE_PERSISTENT_MESSAGES"), (SAVE_FLASH, "SAVE_FLASH")):
             try:
                 yield from write_dataset(system_command(command), f"DID_SYS_CMD.{what}")
             except DeviceRejectedError:
-                continue  # not every product has it; what was written is in flash already
-        yield from write_dataset(system_command(SOFTWARE_RESET), "DID_SYS_CMD.SOFTWARE_RESET", must=False)
+                continue  # not every product has it; written values are in flash already
+        yield from write_dataset(system_command(SOFTWARE_RESET), "DID_SYS_CMD.SOFTWARE_RESET", required=False)
         yield Sleep(RESET_S)
 
-    def alive(self, known: DeviceContext) -> Transaction[bool]:
+    def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         for _ in range(ALIVE_TRIES):
             yield Send(frames.get_data(DEV_INFO, period=0))
             if (yield WaitFor(answer_of(DEV_INFO), ALIVE_S, "DID_DEV_INFO")) is not None:
@@ -391,22 +393,22 @@ class IsbDriver:
         return False
 
     def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
-        """The document has no procedure for a lost rate; all usual ones are tried while a person switches power."""
+        """Try all usual rates while the user power-cycles the device; the document has no procedure for a lost rate."""
         for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
-            if (yield ReopenLink(baud)) and (yield from self.alive(known)):
+            if (yield ReopenLink(baud)) and (yield from self.is_alive(known)):
                 return True
         return False
 
-    # -- what it costs -------------------------------------------------------------------------------------------------
+    # -- load ----------------------------------------------------------------------------------------------------------
 
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         return budget.load(settings)
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
+    def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return budget.fit(settings, capacity)
 
     def factory(self, known: DeviceContext) -> Mapping[str, Values]:
-        """None are documented for the whole of a set."""
+        """Factory values: none are documented for a whole set."""
         return {}
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
@@ -418,7 +420,7 @@ def _is_gpx(known: DeviceContext) -> bool:
 
 
 def _streams_of_gpx(row: Setting) -> Setting:
-    """The streams of a GPX: what it can send, as DID_GPX_RMC tells."""
+    """The streams of a GPX: those in DID_GPX_RMC."""
     return replace(row, fields=GPX_STREAM_FIELDS, read="GET_DID_GPX_RMC")
 
 
@@ -427,8 +429,9 @@ def _as_dict(known: DeviceContext) -> dict[str, Any]:
 
 
 def _paced(one: Values, now: Mapping[int, Values], asked: Mapping[int, int]) -> Values:
-    """A row with the multiple that gives the rate it means, where the device turned out to count another source than
-    the row does. Only for data sets of which that is not known beforehand; a multiple alone is taken as it is."""
+    """A row with the multiple that gives its intended rate, if the device uses another source than the row assumes.
+    Only for data sets whose source is not known beforehand; a multiple alone is kept.
+    """
     there, meant = now.get(one["did"]), float(one.get("source_ms") or 0) * one.get("period", 1)
     if one["did"] not in asked or there is None or not meant or len(STREAMS[one["did"]].paces) < 2:
         return one
@@ -436,7 +439,7 @@ def _paced(one: Values, now: Mapping[int, Values], asked: Mapping[int, int]) -> 
 
 
 def _trimmed(setting: str, values: Values) -> Values:
-    """A list of sentences without its empty places; a wish to save is no state that is read."""
+    """A list of sentences without its empty entries; the request to save is not part of the state."""
     if "options" in values and setting in SAVED:
         values = {**values, "options": values["options"] & ~PERSISTENT}
     if setting != "DID_NMEA_BCAST_PERIOD" or "nmeaBroadcastMsgs" not in values:

@@ -1,8 +1,8 @@
-"""Which settings does a command of an Inertial Sense device change by the way?
+"""Side effects of commands on settings.
 
     GET_DATA with a period, a stop, a preset, DID_RMC        the streams; a stop of a port ends its sentences too
-    a restart                                                what is not kept over one: streams, sentences, states
-    the maker's own                                          anything
+    a restart                                                unsaved values: streams, sentences, states
+    the maker's own commands                                 anything
     DID_MAG_CAL.x                                            the state of that calibration
 
 A command that writes a whole data set (SET_DID_x) names the setting itself (Setting.write).
@@ -27,10 +27,10 @@ _OF_PORT = ("STOP_BROADCASTS_CURRENT_PORT", "STOP_BROADCASTS_ALL_PORTS", "STPB",
 
 
 def alters(command: str, values: Mapping[str, Any], settings: Iterable[str]) -> Collection[str]:
-    """See protocols.transactions.Driver.alters.
+    """See protocols.transactions.DeviceDriver.alters.
 
     Args:
-        settings: names of those that the device has.
+        settings: names of the device's settings.
     """
     name = command.removeprefix("$")
     if name == "SET_DID_SYS_CMD":
@@ -45,7 +45,7 @@ def alters(command: str, values: Mapping[str, Any], settings: Iterable[str]) -> 
     elif name in _OF_PORT:
         changed = _OUTPUT
     elif name.startswith(GET_PREFIX):
-        changed = _STREAMS if values.get("period", 1) else ()  # a single packet leaves what streams
+        changed = _STREAMS if values.get("period", 1) else ()  # a single packet does not affect streams
     elif name == "STOP_DID_BROADCAST" or head in ("DID_RMC", _GPX_STREAMS):
         changed = _STREAMS
     elif name == "ASCE":

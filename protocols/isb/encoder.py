@@ -5,8 +5,8 @@
     DID_SYS_CMD.SOFTWARE_RESET                       EF 49 05 07 08 00  63 00 00 00  9C FF FF FF  48 22
     ASCE {"options": 0, "messages": [{"id": 7, "period": 1}]}          $ASCE,0,7,1*0E CR LF
 
-Fields of a setting that lie next to each other travel in one packet; what the device keeps itself (a checksum, the last
-place) is left out, and splits them. Values are wire values by name; what cannot be sent is an EncodeError that knows
+Neighbouring fields of a setting are sent in one packet; fields maintained by the device (a checksum, the last place)
+are left out, and split the packet. Values are wire values by name; a value that cannot be sent is an EncodeError with
 the path of the field.
 
 Source: ISB document, "ISB packet with data offset"; NMEA document of the same maker, "ASCE".
@@ -18,7 +18,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols import nmea, validation
+from protocols import validation
 from protocols.isb import frames
 from protocols.isb.commands import ASCE_FIELDS, COMMAND_ROWS, NMEA_PERIODS, RMC, SYS_CMD, SYSTEM_COMMANDS
 from protocols.isb.dataset_loader import CURRENT, SETS
@@ -29,6 +29,7 @@ from protocols.isb.messages import BY_NAME, SET_PREFIX, places
 from protocols.isb.settings_diff import same_pace
 from protocols.isb.streams import GPX_PRESETS, PRESETS
 from protocols.layouts import EncodeError, pack
+from protocols.nmea import sentence
 from protocols.schema import Field
 
 Values = Mapping[str, Any]
@@ -38,11 +39,6 @@ MAG_CAL_STATES = {"MULTI_AXIS": 1, "SINGLE_AXIS": 2, "ABORT": 101}
 NMEA_MESSAGES_KEPT = 20  # pairs of DID_NMEA_BCAST_PERIOD
 _SYSTEM = {name: value for value, name in SYSTEM_COMMANDS.items()}
 _STOPS = {"STOP_BROADCASTS_ALL_PORTS": STOP_ALL_PORTS, "STOP_BROADCASTS_CURRENT_PORT": STOP_CURRENT_PORT}
-
-
-def sentence(text: str) -> bytes:
-    """A line of NMEA 0183: `text` is what stands between $ and *."""
-    return f"${text}*{nmea.checksum(text.encode()):02X}\r\n".encode()
 
 
 def system_command(command: int) -> bytes:
@@ -94,7 +90,7 @@ def _get(name: str, values: Values) -> bytes:
 
 
 def _text(name: str, values: Values) -> bytes:
-    """A sentence; `ASCE` with the pairs that it chooses, without any it asks."""
+    """A sentence; `ASCE` sets the given pairs, or without any queries them."""
     if name != "ASCE":
         _none(name, values)
         return sentence(name)
@@ -112,7 +108,7 @@ def _text(name: str, values: Values) -> bytes:
 
 
 def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
-    """One SET of neighbouring fields of a data set (or of all of them), also of those that a device keeps itself."""
+    """One SET of neighbouring fields of a data set (or of all), including those maintained by the device."""
     if not values:
         raise EncodeError("give at least one field")
     validation.require_valid(fields_of(did, version), values, partial=True)
@@ -128,12 +124,12 @@ def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
 
 
 def set_frames(did: int, values: Values, version: str = CURRENT, *, held: bool = False) -> list[bytes]:
-    """The SETs that write the given fields of a data set, and no other: one for each run of neighbours.
+    """The SETs that write only the given fields of a data set: one for each run of neighbours.
 
-    Fields that the device keeps itself are passed over.
+    Fields maintained by the device are skipped.
 
     Args:
-        held: values of the device itself, which go back unchecked.
+        held: values read from the device itself, which are written back unchecked.
     """
     fields = fields_of(did, version)
     told = {field.name for field in fields if field.read_only}
@@ -169,7 +165,7 @@ def _packed(field: Field, value: Any) -> bytes:
 
 
 def _padded(values: Values) -> Values:
-    """A list of sentences filled up to the length that the data set has: what is not named is off."""
+    """A list of sentences filled up to the length of the data set: sentences that are not named are off."""
     messages = values.get("nmeaBroadcastMsgs")
     if messages is None:
         return values
@@ -180,10 +176,10 @@ def _padded(values: Values) -> Values:
 
 
 def streams_frames(values: Values, old: Values | None = None) -> list[bytes]:
-    """The requests that begin these streams and end others, and what keeps them.
+    """The requests that start and stop streams, and the one that saves them.
 
     Args:
-        old: what the device sends now, where that is known: what is so already is not asked for.
+        old: streams now, if known: unchanged ones are not requested.
     """
     wanted = chosen(values)
     now = {one["did"]: one for one in (old or {}).get("streams", [])}
@@ -197,19 +193,20 @@ def streams_frames(values: Values, old: Values | None = None) -> list[bytes]:
 
 
 def touched(wanted: Sequence[Values], now: Mapping[int, Values]) -> list[Values]:
-    """The rows that are not as the device has them: those, and no other, are sent. One that was read and never heard
-    is as it was read."""
+    """The rows that differ from the device's state; only these are sent. A row that was read but never observed counts
+    as read.
+    """
     found = []
     for row in wanted:
         there = now.get(row["did"])
-        unheard = there is not None and row.get("size") == 0 and row.get("period", 1) == 1
-        if there is None or not (unheard or same_pace(row, there)):
+        unobserved = there is not None and row.get("size") == 0 and row.get("period", 1) == 1
+        if there is None or not (unobserved or same_pace(row, there)):
             found.append(row)
     return found
 
 
 def chosen(values: Values) -> dict[int, int]:
-    """Data set → period of the streams that a value of the setting asks for."""
+    """Data set → period of the streams in a value of the setting."""
     _only(values, [field.name for field in STREAM_FIELDS])
     found: dict[int, int] = {}
     rows = values.get("streams", [])
@@ -232,11 +229,11 @@ def chosen(values: Values) -> dict[int, int]:
 
 
 def kept(values: Values) -> bool:
-    """Are these streams to be kept over a restart?"""
+    """Whether these streams are saved over a restart."""
     return bool(_whole("options", values.get("options", 0)) & 1 << 9)
 
 
-# -- small things ------------------------------------------------------------------------------------------------------
+# -- checks ------------------------------------------------------------------------------------------------------------
 
 
 def _whole(path: str, value: Any, most: int = 0xFFFFFFFF) -> int:
@@ -257,5 +254,5 @@ def _none(command: str, values: Values) -> None:
 
 
 def did_of(setting: str) -> int:
-    """The data set of a setting; that of the streams is DID_RMC."""
+    """The data set of a setting; for the streams DID_RMC."""
     return RMC if setting == STREAMS_SETTING else BY_NAME[setting].id

@@ -1,4 +1,4 @@
-"""Inertial Sense binary packets, protocol 2.x: how one is delimited, found in a stream, and built.
+"""Inertial Sense binary packets, protocol 2.x: delimiting, search in a stream and building.
 
     EF 49   FLAGS   ID   SIZE (2)   PAYLOAD (SIZE bytes)   A  B
     0  1    2       3    4          6
@@ -11,17 +11,17 @@ Fletcher-16, modulo 256, over all bytes before them, preamble included.
           8 STOP_BROADCASTS_CURRENT_PORT
     flag  0x20  DATA and SET begin with an offset (u16) into the data set, and SIZE counts it:
                 EF 49  24 04  0E 00   14 00   12 bytes of theta   A B
-          0x10  "extended payload": defined by the vendor, used by nobody; shown, nothing more
+          0x10  "extended payload": defined by the vendor, unused; shown, otherwise ignored
 
-A candidate is a packet only within these limits; otherwise it is rejected even when its checksum agrees, as soon as the
-bytes that say so are there:
+A candidate is a packet only within these limits; otherwise it is rejected even if its checksum agrees, as soon as the
+deciding bytes have arrived:
 
     bad_type   the type is not 1 to 8
     bad_size   the whole packet is longer than 2048 bytes, a DATA or SET carries more than 1024 bytes of data, reaches
                beyond 2048 (offset + SIZE; but for the calibration sets 42, 43 and 44), or is too short for its offset,
                or a GET asks for more than 1024
 
-After any failure the search goes on one byte later: a decoder that skips a false length loses good packets.
+After any failure the search resumes one byte later: a decoder that skips a false length loses good packets.
 
 Source: Inertial Sense binary protocol, "ISB Packet"; inertial-sense-sdk 2.7.1, ISComm.h; the limits are its parser's.
 """
@@ -79,7 +79,7 @@ def _u2(data: Bytes, at: int) -> int:
 
 @compiled(INT, BYTES, INT, INT)
 def _verdict(data: Bytes, at: int, left: int) -> int:
-    """What can be said against the candidate at `at` by its header and the first bytes of its payload."""
+    """Reject reason for the candidate at `at`, from its header and the first bytes of its payload."""
     if left < 3:
         return FRAME
     kind = int(data[at + 2]) & TYPE_MASK
@@ -128,13 +128,13 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
         size = 0
         if left >= HEADER:
             size = (int(data[here + unsigned(4)]) | int(data[here + unsigned(5)]) << 8) + HEADER + TRAILER
-        if size == 0 or size > MAX_DATA or int(data[here + unsigned(2)]) != DATA:  # the usual case needs no closer look
+        if size == 0 or size > MAX_DATA or int(data[here + unsigned(2)]) != DATA:  # the usual case skips the full check
             status = _verdict(data, at, left)
         if status == FRAME:
             if size == 0 or size > left:
                 if not final:
                     break
-                if left < 2:  # one byte of a preamble is no candidate yet
+                if left < 2:  # the start of a preamble is not a candidate yet
                     at += 1
                     continue
                 status = TRUNCATED
@@ -144,7 +144,7 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
                 if sums & 0xFF != int(data[last - unsigned(1)]) or sums >> 8 != int(data[last]):
                     status = BAD_CHECKSUM
         if status in (BAD_TYPE, BAD_SIZE):
-            size = 0  # what is claimed may not be there yet, and would say nothing
+            size = 0  # the claimed size may not have arrived yet, and is meaningless
         flags = int(data[here + unsigned(2)]) if left >= 3 else 0
         skip = 0
         if flags & WITH_OFFSET and (flags & TYPE_MASK == DATA or flags & TYPE_MASK == SET_DATA):
@@ -173,16 +173,17 @@ def build(kind: int, did: int = 0, payload: bytes = b"", *, offset: int | None =
     Args:
         kind: DATA, SET_DATA, …
         payload: without the offset.
-        offset: where in the data set `payload` belongs; None and, as the vendor does, 0 send no offset. An explicit
+        offset: position of `payload` in the data set; None and, as in the vendor's code, 0 send no offset. An explicit
             `flags=WITH_OFFSET` sends an offset of 0 too.
         flags: further bits of the high nibble.
+
     Raises:
-        ValueError: numbers out of range, or a packet that no receiver would take.
+        ValueError: numbers out of range, or a packet that no receiver would accept.
     """
     if kind not in TYPES or not 0 <= did <= 0xFF or flags & TYPE_MASK or not 0 <= flags <= 0xF0:
         raise ValueError(f"type is 1 to 8, data set 0 to 255, flags a high nibble; given {kind}, {did}, {flags:#x}")
     has_data = kind in (DATA, SET_DATA)
-    if offset or (flags & WITH_OFFSET and has_data):  # in any other packet that flag is a bit without a meaning
+    if offset or (flags & WITH_OFFSET and has_data):  # in any other packet that flag is meaningless
         if not has_data or not 0 <= (offset or 0) <= 0xFFFF:
             raise ValueError(f"only DATA and SET_DATA have an offset, 0 to 65535; given {offset} with {TYPES[kind]}")
         flags |= WITH_OFFSET
@@ -203,7 +204,9 @@ def fletcher16_of(packet: bytes) -> int:
 
 
 def get_data(did: int, *, size: int = 0, offset: int = 0, period: int = 1) -> bytes:
-    """Ask for a data set, every `period` times its source period; 0 asks once and stops it. Size 0 means all of it."""
+    """Request a data set, every `period` times its source period; 0 requests it once and stops it. Size 0: all of
+    it.
+    """
     return build(GET_DATA, 0, struct.pack("<HHHH", did, size, offset, period))
 
 
@@ -213,5 +216,5 @@ def set_data(did: int, data: bytes, offset: int = 0) -> bytes:
 
 
 def stop(*, all_ports: bool = False) -> bytes:
-    """Stop all broadcasts, on the port this is sent to unless all are asked for."""
+    """Stop all broadcasts, on the port this is sent to or on all."""
     return build(STOP_ALL_PORTS if all_ports else STOP_CURRENT_PORT)

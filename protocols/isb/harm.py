@@ -1,10 +1,10 @@
-"""What could a change of a setting cost, beyond the line?
+"""Harm of a change of settings, apart from the link.
 
-    DID_FLASH_CONFIG    what turns or moves the frame in which everything is told; what ends the measurement
-    DID_MAG_CAL         a calibration that takes the place of the one there is
-    what the device keeps itself (a checksum, its own size)      not for a person to write
+    DID_FLASH_CONFIG    turns or moves the reference frame of all output; ends the measurement
+    DID_MAG_CAL         replaces the existing calibration
+    fields maintained by the device (a checksum, its own size)      not for the user to write
 
-The same words wherever it is written: from a form, by the API, from the command line, as a setting or as a data set.
+The same words apply to every way of writing: form, API, command line, as a setting or as a data set.
 
 Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t, mag_cal_t.
 """
@@ -24,11 +24,11 @@ _TURNED = "The frame in which the device tells attitude, place or velocity chang
 _ENDED = "With a period of 0 the device does not measure any more."
 _RECALIBRATED = "The calibration of the magnetometers is replaced."
 _OWN = "The device keeps these fields itself; written from outside they can make it discard its configuration."
-_CALIBRATES = (1, 2)  # states of DID_MAG_CAL that begin one
+_CALIBRATES = (1, 2)  # states of DID_MAG_CAL that start one
 
 
 def harm(setting: str, old: Values | None, new: Values) -> list[Harm]:
-    """See dialogues.Driver.harm."""
+    """See protocols.transactions.DeviceDriver.risks."""
     before = old or {}
     changed = {name: value for name, value in new.items() if name not in before or before[name] != value}
     row = settings_of().get(setting)

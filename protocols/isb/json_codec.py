@@ -1,4 +1,4 @@
-"""One packet as plain values (what JSON can hold), and the packet again from them, byte for byte.
+"""JSON form of a packet, and its inverse, byte for byte.
 
     {"id": 4, "message": "DID_INS_1",
      "fields": {"week": 2392, "timeOfWeek": 432000.0, "insStatus": 200823, "theta": [0.0, 0.0, 3.0], …},
@@ -6,21 +6,22 @@
     {"id": 12, "message": "SET_DID_FLASH_CONFIG", "fields": {"startupNavDtMs": 16}}
     {"id": 0, "message": "GET_DATA", "fields": {"id": 4, "size": 0, "offset": 0, "period": 1}}
 
-A DATA packet is named like its data set, a SET_DATA packet SET_ and its data set; the others have the names of their
-packet types. `id` is the header's. `fields` are wire values by name, in the vendor's order, unscaled; records are
-objects, vectors and matrices flat lists. Of a packet with a part of a set the fields that it has, and of a list cut by
-its ends the whole elements.
+A DATA packet is named like its data set, a SET_DATA packet SET_ and its data set; the others by their packet types.
+`id` is the header's. `fields` are wire values by name, in the vendor's order, unscaled; records are objects, vectors
+and matrices flat lists. A packet with a part of a set has only the fields in it, and a list cut at its ends only the
+whole elements.
 
-`wire` has what the names do not carry, and nothing else:
+`wire` has the remaining information:
 
-    offset, size   the part of the data set, where it is not what the names given cover from the first to the last
-    firmware       whose structure it is, where the size does not tell
-    unknown        hex of bytes that belong to no field (and are not 0), by their place in the payload
+    offset, size   the part of the data set, if it differs from the span of the named fields
+    firmware       whose structure it is, if the size does not determine it
+    unknown        hex of bytes that belong to no field (and are not 0), by their offset in the payload
     flags          bits of the header's high nibble other than "with offset"
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -55,7 +56,7 @@ _COMMAND_OF = {row.name: kind for kind, row in COMMANDS.items()}
 
 
 def described(kind: int, did: int, payload: bytes, offset: int, version: str | None) -> tuple[Place, ...]:
-    """The fields of a payload (without its offset) and where they are in it."""
+    """The fields of a payload (without its offset) and their offsets in it."""
     if kind in COMMANDS:
         at = 0
         found: list[Place] = []
@@ -77,10 +78,10 @@ def values_of(kind: int, did: int, payload: bytes, offset: int, version: str | N
 
 
 def frame_to_json(packet: bytes, version: str | None = None) -> Plain:
-    """The values of one valid packet: keys id, message, fields, and flags and wire where there are any.
+    """The values of one valid packet: keys id, message, fields, and flags and wire if needed.
 
     Args:
-        version: the firmware of the device, of tables.VERSIONS, where it is known.
+        version: the device's firmware, of dataset_loader.VERSIONS, if known.
     """
     head, did = packet[2], packet[3]
     kind = head & TYPE_MASK
@@ -112,7 +113,7 @@ def _wire(
     found: tuple[Place, ...],
     fields: Plain,
 ) -> Plain:
-    """What the names do not carry."""
+    """Information of a packet that the named fields do not carry."""
     wire: Plain = {}
     if kind not in COMMANDS:
         if version and version_for(did, offset, len(payload), version) != version_for(did, offset, len(payload), None):
@@ -143,7 +144,7 @@ def _flags(field: Field, value: Any) -> Iterator[tuple[str, list[str]]]:
 
 
 def frame_from_json(record: Mapping[str, Any]) -> bytes:
-    """The packet of what `frame_to_json` gave; keys other than id, message, fields and wire are not looked at.
+    """The packet of a `frame_to_json` result; keys other than id, message, fields and wire are ignored.
 
     Raises:
         EncodeError: a name or value that the tables do not allow.
@@ -185,7 +186,7 @@ def _did(name: str, kind: int, given: Any) -> int:
 
 
 def _places(did: int, offset: int, size: int, fields: Mapping[str, Any], version: str | None) -> tuple[Place, ...]:
-    raw = did in RAW_SETS and not offset and "buf" not in fields  # bytes of a type that is not known, or none at all
+    raw = did in RAW_SETS and not offset and "buf" not in fields  # bytes of an unknown type, or none at all
     variant = int(fields.get("dataType", 0)) if raw else 0
     if did == EVENT_SET:
         variant = int(fields.get("msgTypeID") == EVENT_TEXT)
@@ -193,7 +194,7 @@ def _places(did: int, offset: int, size: int, fields: Mapping[str, Any], version
 
 
 def _extent(did: int, fields: Mapping[str, Any], version: str | None) -> tuple[int, int, bool]:
-    """Offset, size and need of an offset of a payload that has just the named fields, from the first to the last."""
+    """Offset, size and need of an offset of a payload with just the named fields, from the first to the last."""
     start, stop = -1, 0
     for field, at in _places(did, 0, 2040, fields, version):
         if field.name in fields:
@@ -210,7 +211,7 @@ def _extent(did: int, fields: Mapping[str, Any], version: str | None) -> tuple[i
 
 
 def _step(field: Field) -> int:
-    return size_of(field) // max(int(np.prod(field.shape)), 1) if 0 not in field.shape else 0
+    return size_of(field) // max(math.prod(field.shape), 1) if 0 not in field.shape else 0
 
 
 def _packed(found: list[Place], fields: Mapping[str, Any], size: int, unknown: Any) -> bytes:

@@ -1,9 +1,9 @@
-"""Settings of an Inertial Sense device: what it keeps, and what it tells of itself, as rows.
+"""Settings of an Inertial Sense device: its stored and reported values, as rows.
 
-    KEPT       the data sets that are read as settings: what they are called, whether and when what is written acts
-    streams    which data sets it sends to this port, and how often
+    KEPT       data sets read as settings: their titles, whether they are writable, when changes take effect
+    streams    data sets sent to this port, and how often
 
-Rules for editing: a data set that is kept is a row of `KEPT`; what its fields mean is field_docs.py's business.
+Rules for editing: a stored data set is a row of `KEPT`; field_docs.py explains its fields.
 
 Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h.
 """
@@ -23,23 +23,22 @@ from protocols.schema import Bits, Field, Setting
 GET_PREFIX = "GET_"
 ISB_SOURCE = "Inertial Sense binary protocol document"
 STREAMS_SETTING = "streams"
-WHOLE = (8, 126)  # sentences and streams of a GPX act as they are written, which is as a whole
-PERSISTENT = 1 << 9  # of the options of streams and sentences: a request to save them, not a state that can be read
+WHOLE = (8, 126)  # sentences and streams of a GPX take effect at once, but only as a whole
+PERSISTENT = 1 << 9  # an option of streams and sentences: a request to save them, not a readable state
 
 G_STREAMS, G_NMEA, G_CONFIG, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE = (
     *("Streams", "NMEA", "Configuration", "Calibration", "System", "About", "Read a data set", "Write a data set"),
 )
-GROUPS = (G_STREAMS, G_CONFIG, G_NMEA, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE)
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """A data set that a device keeps or tells of itself.
+    """A data set stored or reported by the device.
 
     Args:
-        title: what it is called; the document has constants only.
+        title: display name; the document has constants only.
         write: whether it can be written.
-        after: when what is written takes effect.
+        after: when a written value takes effect.
     """
 
     title: str
@@ -47,7 +46,7 @@ class Kept:
     doc: str
     write: bool = False
     after: str = ""
-    simple: bool = False
+    basic: bool = False
 
 
 KEPT: Mapping[int, Kept] = {
@@ -59,8 +58,8 @@ KEPT: Mapping[int, Kept] = {
         "reset",
         True,
     ),
-    8: Kept("NMEA sentences", G_NMEA, "Which sentences are sent, and how often.", write=True, simple=True),
-    19: Kept("Calibration of the magnetometers", G_CAL, "Calibration of the magnetometers.", write=True, simple=True),
+    8: Kept("NMEA sentences", G_NMEA, "Which sentences are sent, and how often.", write=True, basic=True),
+    19: Kept("Calibration of the magnetometers", G_CAL, "Calibration of the magnetometers.", write=True, basic=True),
     94: Kept("Calibration in the field", G_CAL, "Calibration in the field.", write=True),
     87: Kept("Wheels", G_CAL, "Calibration of wheel encoders.", write=True),
     64: Kept("Built-in test", G_CAL, "Built-in test.", write=True),
@@ -71,7 +70,7 @@ KEPT: Mapping[int, Kept] = {
     126: Kept("Streams of a GPX", G_STREAMS, "Streams of a GPX.", write=True),
     125: Kept("Built-in test of a GPX", G_CAL, "Built-in test of a GPX.", write=True),
     81: Kept("Configuration of an EVB", G_CONFIG, "Configuration of an EVB, kept over a restart.", True, "reset"),
-    1: Kept("Device", G_ABOUT, "Product, serial number, versions.", simple=True),
+    1: Kept("Device", G_ABOUT, "Product, serial number, versions.", basic=True),
     10: Kept("State of the system", G_ABOUT, "Temperatures, periods and status now."),
     17: Kept("First GNSS receiver", G_ABOUT, "Version of the first receiver."),
     18: Kept("Second GNSS receiver", G_ABOUT, "Version of the second receiver."),
@@ -87,7 +86,7 @@ KEPT: Mapping[int, Kept] = {
 
 @lru_cache(maxsize=1024)
 def fields_of(did: int, version: str = CURRENT) -> tuple[Field, ...]:
-    """The fields of a data set in firmware `version`, with what the manual says of each, in the units of the wire."""
+    """The fields of a data set in firmware `version`, with their notes, in the units of the wire."""
     row = SETS.get(did)
     if row is None or row.struct is None:
         return ()
@@ -106,7 +105,7 @@ STREAM_FIELDS = (
     Field(
         "streams",
         shape=(-1,),
-        most=len(STREAMS),
+        max_length=len(STREAMS),
         fields=(
             select("did", "Data set.", {did: row.name for did, row in STREAMS.items()}),
             _PERIOD,
@@ -131,7 +130,7 @@ STREAM_FIELDS = (
 GPX_STREAM_FIELDS = (
     replace(
         STREAM_FIELDS[0],
-        most=len(OF_GPX),
+        max_length=len(OF_GPX),
         fields=(
             select("did", "Data set.", {did: row.name for did, row in STREAMS.items() if did in OF_GPX}),
             *STREAM_FIELDS[0].fields[1:],
@@ -145,7 +144,7 @@ GPX_STREAM_FIELDS = (
 
 @lru_cache(maxsize=16)
 def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
-    """Everything that is kept, by name, for firmware `version`."""
+    """All stored settings by name, for firmware `version`."""
     rows = [
         Setting(
             STREAMS_SETTING,
@@ -171,7 +170,7 @@ def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
                 partial=kept.write and did not in WHOLE,
                 after=kept.after,  # type: ignore[arg-type]
                 group=kept.group,
-                simple=kept.simple,
+                basic=kept.basic,
                 title=kept.title,
                 doc=kept.doc,
                 source=SOURCE,

@@ -1,19 +1,18 @@
-"""Every data set as a row of the schema, and the form that a payload of some size has.
+"""Every data set as a row of the schema, and the layout of a payload of a given size.
 
-A payload is rarely just "the structure": a GET may have asked for a part of it, a satellite list is as long as there
-are satellites, older firmware has a shorter or another structure, newer firmware a longer one. `places` says which
-fields a payload has and where, for any offset and size; what is cut in two is left out, what the table does not know
-has no field:
+A payload is rarely the whole structure: a GET may have asked for a part of it, a satellite list has variable length,
+older firmware has a shorter or another structure, newer firmware a longer one. `places` gives the fields of a payload
+and their offsets, for any offset and size; fields cut in two are left out, bytes beyond the table have no field:
 
     table    week  timeOfWeek  insStatus  hdwStatus  theta ×3      uvw ×3 …
              0     4           12         16         20            32
     payload                                          [20 … 32)                   offset 20, size 12: theta
                                                          [24 … 36)               offset 24: theta[1], theta[2], uvw[0]
 
-Where a list says how many of its elements are in use (numSats), columns hold just these.
+For a list with a count of used elements (numSats), columns hold just these.
 
-Raw GNSS data (DID 60, 69, 70) carry one of several structures, by their dataType; a velocity of a receiver (DID 30, 31)
-is ECEF, or NED where its status says so.
+Raw GNSS data (DID 60, 69, 70) carry one of several structures, by their dataType; a receiver's velocity (DID 30, 31) is
+ECEF, or NED if its status says so.
 
 Commands and answers have rows of their own: GET_DATA, ACK, NACK and the stops; SET_DATA has the fields of its data set
 and is called SET_DID_….
@@ -39,11 +38,11 @@ from protocols.layouts import Layout, size_of
 from protocols.schema import Bits, Field, Message
 
 Place = tuple[Field, int]
-"""A field with its shape closed, and where it is in a payload."""
+"""A field with its shape closed, and its offset in a payload."""
 
 RAW_SETS = (60, 69, 70)
 VELOCITY_SETS = (30, 31)
-EVENT_SET = 119  # its data are text, or bytes, as its type says
+EVENT_SET = 119  # its data are text, or bytes, by its type
 POSITION_SET = 13  # the receiver whose towOffset is that of the device's clock
 DEVICE_INFOS = (1, 93, 120)
 EVB_SETS, GPX_SETS = range(80, 94), range(120, 128)
@@ -64,11 +63,11 @@ _UTC = f"Shown as UTC with the leap seconds known on {LEAP_SECONDS_AS_OF}; a wee
 
 @dataclass(frozen=True, slots=True)
 class PayloadLayout:
-    """What the payloads of one offset and size hold.
+    """Fields of the payloads of one offset and size.
 
     Args:
-        message: the row, with the fields that are there.
-        places: these fields and where they are in the payload.
+        message: the row, with the fields present.
+        places: these fields and their offsets in the payload.
         layout: their columns.
     """
 
@@ -81,7 +80,7 @@ class PayloadLayout:
 
 
 def clock_of(dataset: DataSet) -> int:
-    """Which kind of clock a data set carries (time_base.py)."""
+    """Kind of clock in a data set (time_base.py)."""
     name = dataset.clock
     if not name:
         return NONE
@@ -93,7 +92,7 @@ def clock_of(dataset: DataSet) -> int:
 
 
 def clock_field(dataset: DataSet) -> str:
-    """The field that is the clock."""
+    """The field of the clock."""
     return dataset.clock.rpartition("+")[2]
 
 
@@ -136,18 +135,18 @@ _ACKED = (
         "pktInfo.flags",
         "u1",
         bits=(Bits("TYPE", 0, 4, TYPES), Bits("EXTENDED", 4), Bits("WITH_OFFSET", 5)),
-        doc="Type and flags of the packet that is answered.",
+        doc="Type and flags of the acknowledged packet.",
     ),
     Field("pktInfo.id", "u1", choices=_NAMES, doc="Its data set."),
     _u2("pktCounter", "Always 0."),
-    Field("body.dataHdr.id", "u1", choices=_NAMES, doc="The data set that was written; 0 unless a SET is answered."),
+    Field("body.dataHdr.id", "u1", choices=_NAMES, doc="The data set written; 0 if the packet was not a SET."),
     _u2("body.dataHdr.size", "Bytes written, without the offset."),
     _u2("body.dataHdr.offset"),
 )
 
 COMMANDS = {
     ACK: _command(ACK, _ACKED, "Answers SET_DATA and both stops of all broadcasts.", device=True),
-    NACK: _command(NACK, _ACKED, "A request was refused, or an invalid packet was received.", device=True),
+    NACK: _command(NACK, _ACKED, "A request was rejected, or an invalid packet was received.", device=True),
     GET_DATA: _command(
         GET_DATA,
         (
@@ -180,9 +179,10 @@ def version_for(did: int, offset: int, size: int, told: str | None) -> str:
 
     Args:
         offset, size: the part of the set that it holds.
-        told: the firmware version, of VERSIONS, that the device's information gave; None when none was seen.
+        told: the firmware version, of VERSIONS, from the device's information; None if not received.
+
     Returns:
-        `told` (else the current one) where the size of a whole payload agrees or no version's does, and for a part;
+        `told` (else the current one) if the size of a whole payload agrees or no version's does, and for a part;
         otherwise the newest that agrees.
     """
     version = told or CURRENT
@@ -207,7 +207,7 @@ def _known(dataset: DataSet, version: str) -> tuple[Place, ...]:
 
 
 def _cut(field: Field, at: int, offset: int, end: int, count: int | None) -> Place | None:
-    """The whole elements of a field at `at` that lie in [offset, end), at their place in the payload."""
+    """The whole elements of a field at `at` that lie in [offset, end), with their offset in the payload."""
     step = element_size(field)
     total = math.prod(field.shape)
     first = max(0, -((at - offset) // step))
@@ -221,16 +221,17 @@ def _cut(field: Field, at: int, offset: int, end: int, count: int | None) -> Pla
     return field, at + first * step - offset
 
 
+@lru_cache(maxsize=4096)
 def places(
     did: int, offset: int, size: int, *, version: str | None = None, variant: int = 0, count: int = -1
 ) -> tuple[Place, ...]:
-    """The fields of a payload and where they are in it.
+    """The fields of a payload and their offsets.
 
     Args:
         offset, size: the part of the data set that the payload holds.
-        version: firmware, of VERSIONS; None when it is not known.
-        variant: see sorting.variant_of.
-        count: elements of the list in use; -1 takes all that are there.
+        version: firmware, of VERSIONS; None if unknown.
+        variant: see classify.variant_of.
+        count: elements of the list in use; -1: all present.
     """
     dataset = SETS.get(did)
     if dataset is None or dataset.struct is None:
@@ -251,7 +252,7 @@ def places(
 
 
 def _raw(field: Field, at: int, offset: int, size: int, variant: int, count: int) -> tuple[Field, int | None]:
-    """The member of the union that raw GNSS data carry; bytes where it is not known or not whole."""
+    """The member of the union in raw GNSS data; bytes if it is unknown or incomplete."""
     name, struct = RAW_KINDS.get(variant if not offset else 0, ("", ""))
     there = offset + size - at
     if struct and (name == "obs" or there >= TABLES.structs[struct].size):
@@ -268,29 +269,28 @@ def form_of(did: int, found: tuple[Place, ...], size: int) -> PayloadLayout:
     names = {field.name for field in fields}
     clock = row.time if row.time in names else ""
     apart = tuple(field.name for field in fields if field.axes or field.bits or (field.fields and field.shape))
-    message = replace(row, fields=fields, time=clock, tick_ns=row.tick_ns if clock else 0, apart=apart)
+    message = replace(row, fields=fields, time=clock, tick_ns=row.tick_ns if clock else 0, separate_channels=apart)
     layout = Layout([(field, ((at, size_of(field)),)) for field, at in found], size)
     return PayloadLayout(message, found, layout)
 
 
 @lru_cache(maxsize=4096)
 def form_for_key(key: int) -> PayloadLayout:
-    """The form that a key of classify.py stands for; one for all decoders, because making it takes 0.1 ms."""
+    """The form for a key of classify.py; cached for all decoders, because making it takes 0.1 ms."""
     count, variant, size, offset = key & 0xFF, key >> 8 & 0xFF, key >> 16 & 0x7FF, key >> 27 & 0x7FF
     did, told = key >> 38 & 0xFF, key >> 46
     if offset:
-        count = -1  # a part does not say how many are in use
+        count = -1  # a part does not have the number of used elements
     version = None if told == classify.UNTOLD else VERSIONS[told]
     found = places(did, offset, size, version=version, variant=variant, count=count)
     return form_of(did, found, size)
 
 
-# -- what classify.py needs to know
-# -------------------------------------------------------------------------------------
+# -- tables for classify.py --------------------------------------------------------------------------------------------
 
 
 def rules() -> Ints:
-    """(256, RULES): what classify.py knows of each DID."""
+    """(256, RULES): rules of each DID for classify.py."""
     table = np.zeros((256, classify.RULES), np.int64)
     for did, dataset in SETS.items():
         table[did, classify.FAMILY] = 1 if did in EVB_SETS else 2 if did in GPX_SETS else 0
@@ -332,7 +332,7 @@ def _the(dataset: DataSet, name: str) -> Place:
 
 
 def version_numbers() -> Ints:
-    """VERSIONS but the newest, as sorting.version_of compares them."""
+    """VERSIONS without the newest, in the form that classify.version_of compares."""
     return np.array([_number(version) for version in VERSIONS[:-1]], np.int64)
 
 

@@ -1,9 +1,9 @@
-"""Do two values of a setting mean the same?
+"""Comparison of two values of a setting.
 
-Fields that follow from others (a checksum) are not compared; streams and sentences are compared by what they carry, not
-by their order; float32 by their bits. The options of streams and sentences only say how they are written. One of them
-counts, and only on the right side: a wish to save them (PERSISTENT) that the left one does not have is a difference, so
-that it is carried out; a device that does not tell it afterwards has not refused it.
+Dependent fields (a checksum) are not compared; streams and sentences are compared by content, not by order; float32 by
+their bits. The options of streams and sentences only affect how they are written. One of them counts, and only on the
+right side: a request to save (PERSISTENT) that is missing on the left is a difference, so that it is carried out; a
+device that does not report it afterwards has not refused it.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from protocols.isb.kept import PERSISTENT, STREAMS_SETTING
 
 Values = Mapping[str, Any]
 MEANINGLESS = ("checksum", "options")
-SAVED = ("DID_NMEA_BCAST_PERIOD", "DID_GPX_RMC")  # whose options can ask for saving
-CLOSE = 0.1  # a share: so near periods are one
+SAVED = ("DID_NMEA_BCAST_PERIOD", "DID_GPX_RMC")  # whose options can request saving
+CLOSE = 0.1  # share within which two periods are equal
 
 
 def differences(setting: str, a: Values, b: Values) -> list[str]:
-    """Paths of the fields that both have and in which they differ."""
+    """Paths of the fields present in both that differ."""
     if setting == STREAMS_SETTING:
         return _streams(a, b) + _to_save(a, b)
     found = _to_save(a, b) if setting in SAVED else []
@@ -36,7 +36,7 @@ def differences(setting: str, a: Values, b: Values) -> list[str]:
 
 
 def _streams(a: Values, b: Values) -> list[str]:
-    """Streams by data set: missing, new, or at another period. One that was read but not heard may have any."""
+    """Streams by data set: missing, new, or with another period. One that was read but not observed matches any."""
     if "streams" not in a or "streams" not in b:
         return []
     other = {one["did"]: one for one in b.get("streams", [])}
@@ -52,8 +52,9 @@ def _streams(a: Values, b: Values) -> list[str]:
 
 
 def same_pace(one: Values, other: Values) -> bool:
-    """Do two rows of a stream mean one rate? The same multiple, or as far apart: which source a device counts is not
-    always known."""
+    """Whether two rows of a stream mean the same rate: the same multiple, or the same interval, because the source that
+    a device uses is not always known.
+    """
     if one.get("period", 1) == other.get("period", 1):
         return True
     apart, other_apart = (float(row.get("source_ms") or 0) * (row.get("period") or 1) for row in (one, other))
@@ -61,9 +62,9 @@ def same_pace(one: Values, other: Values) -> bool:
 
 
 def _to_save(a: Values, b: Values) -> list[str]:
-    """Does the right side ask to save what the left one did not?"""
-    before, wish = int(a.get("options") or 0), int(b.get("options") or 0)
-    return ["options"] if wish & ~before & PERSISTENT else []
+    """Whether the right side requests a save that the left one does not."""
+    before, requested = int(a.get("options") or 0), int(b.get("options") or 0)
+    return ["options"] if requested & ~before & PERSISTENT else []
 
 
 def _sentences(pairs: Any) -> dict[int, int]:
@@ -88,7 +89,7 @@ def _differ(path: str, a: Any, b: Any) -> list[str]:
 
 
 def _f4(value: Any) -> Any:
-    """A number as float32 has it where that is all the difference; others as they are."""
+    """A number rounded to float32 if that is the only difference; others unchanged."""
     try:
         return struct.pack("<f", value)
     except (struct.error, OverflowError, TypeError):

@@ -1,19 +1,20 @@
-"""What does a device send now, and how often? DID_RMC names its streams; their periods are heard.
+"""Discovery of a device's streams and their rates: DID_RMC names the streams, listening gives their periods.
 
-    DID_RMC.bits        1 0 1 …            which data sets have been asked for
+    DID_RMC.bits        1 0 1 …            data sets that have been requested
     DID_SYS_PARAMS      10 ms, 10 ms       the periods of navigation and inertial data now; GNSS from the configuration
-    listening           ·  ·  ·  ·         the median distance of packets / the source's period = the period asked for
+    listening           ·  ·  ·  ·         the median interval of packets / the source's period = the requested period
                         ·        ·
 
-What is measured decides: period × source_ms of a row is how far apart its packets are. Where document and header
-disagree on the source (DID_IMU: the period of inertial data, or that of navigation), the first of them of which the
-distance is a multiple is taken; where none is, the distance itself.
+The measurement decides: period × source_ms of a row is the interval of its packets. If document and header disagree on
+the source (DID_IMU: the period of inertial data, or that of navigation), the first one of which the interval is a
+multiple is used; if there is none, the interval itself.
 
-A data set that streams and has no bit (DID_SYS_PARAMS) is found by listening alone. One that has its bit and was not
-heard within `LISTEN_S` (there is no RTK, no second receiver) has a size of 0, and the period that a bit alone means: 1.
-What happens rarely (an event, a strobe) has no period and is 1.
+A streaming data set without a bit (DID_SYS_PARAMS) is found by listening alone. One with its bit that was not received
+within `LISTEN_S` (no RTK, no second receiver) has a size of 0, and the period of a bit alone: 1. Rare events (a strobe)
+have no period and get 1.
 
-Also here: the wire values of an event. A decoder's columns are in shown units; a snapshot holds wire values.
+The wire values of an event are also computed here. A decoder's columns are in displayed units; a snapshot holds wire
+values.
 
 Source: ISB document, "Realtime Message Controller", "Data source update rates".
 """
@@ -40,16 +41,16 @@ Values = Mapping[str, Any]
 Ask = Callable[[int], Transaction[Values]]
 
 LISTEN_S, LEAST_S, QUICK_S = 3.0, 1.0, 0.4
-CLOSE = 0.04  # a share: so near a multiple is one
+CLOSE = 0.04  # share within which a multiple counts as one
 NOTHING: Mapping[int, int] = {}
-ENOUGH = 3  # samples from which a period is sure
+ENOUGH = 3  # samples needed for a reliable period
 GPX_FLASH, GPX_RMC = 121, 126
 
 # -- an event as wire values -------------------------------------------------------------------------------------------
 
 
 def to_wire(event: Event, did: int) -> Values | None:
-    """The wire values of a data set, of the last sample where there are several; None where the event is another."""
+    """The wire values of a data set, of the last sample if there are several; None for any other event."""
     if isinstance(event, Reply):
         if event.message is not ROWS[did]:
             return None
@@ -60,13 +61,13 @@ def to_wire(event: Event, did: int) -> Values | None:
 
 
 def _named(reply: Reply) -> list[Field]:
-    """The fields that an answer has; one that the table knows in another shape is taken as it came."""
+    """The fields of an answer; one with another shape in the table is taken as received."""
     rows = {field.name: field for field in reply.message.fields}
     return [rows.get(name, Field(name)) for name in reply.values]
 
 
 def _spelled(field: Field, value: Any) -> Any:
-    """A value that JSON can hold: a float that is not finite by its bits, as `imuscope inspect` prints it."""
+    """A JSON-compatible value: a float that is not finite as its bits, as `imuscope inspect` prints it."""
     if isinstance(value, list):
         return [_spelled(field, one) for one in value]
     if isinstance(value, Mapping):
@@ -79,7 +80,7 @@ def _spelled(field: Field, value: Any) -> Any:
 
 
 def _unshown(field: Field, shown: Any) -> Any:
-    """A column's element as it was on the wire."""
+    """A column's element as on the wire."""
     if field.fields:
         rows = [{part.name: _unshown(part, one[part.name]) for part in field.fields} for one in np.atleast_1d(shown)]
         return rows if field.shape else rows[0]
@@ -99,10 +100,10 @@ def _unshown(field: Field, shown: Any) -> Any:
 
 
 class HeardStreams:
-    """What came while listening: how often, how long, for each data set.
+    """Streams observed while listening: interval and size for each data set.
 
     Args:
-        wanted: data sets whose period is to be known; listening ends when it is.
+        wanted: data sets whose period is required; listening ends when it is known.
     """
 
     def __init__(self, wanted: set[int]) -> None:
@@ -112,24 +113,24 @@ class HeardStreams:
 
     @property
     def enough(self) -> bool:
-        """Is every period known that is to be known?"""
+        """Whether every required period is known."""
         return not self._left
 
-    def take(self, event: Event) -> bool | None:
-        """An event; True when enough has been heard."""
+    def observe(self, event: Event) -> bool | None:
+        """Add an event; True when all required periods are known."""
         self.only(event)
         return True if self.enough else None
 
     def only(self, event: Event) -> None:
-        """An event, whatever has been heard."""
+        """Add an event, without an end condition."""
         if isinstance(event, Batch) and event.message.id in STREAMS:
             device = event.arrival_ns if event.time_ns is None else event.time_ns
             times = list(zip(device.tolist(), event.arrival_ns.tolist(), strict=True))
-            self._note(event.message.id, times, getattr(event.columns, "row_size", 0))
+            self._record(event.message.id, times, getattr(event.columns, "row_size", 0))
         elif isinstance(event, Reply) and event.message.id in STREAMS and event.message is ROWS[event.message.id]:
-            self._note(event.message.id, [(event.arrival_ns, event.arrival_ns)], 0)
+            self._record(event.message.id, [(event.arrival_ns, event.arrival_ns)], 0)
 
-    def _note(self, did: int, times: list[tuple[int, int]], size: int) -> None:
+    def _record(self, did: int, times: list[tuple[int, int]], size: int) -> None:
         known = self._times.setdefault(did, [])
         known += times
         self.sizes[did] = max(size, self.sizes.get(did, 0))
@@ -137,8 +138,9 @@ class HeardStreams:
             self._left.discard(did)
 
     def interval_ms(self, did: int) -> float | None:
-        """The usual time between two packets; None where fewer than two came. By the device's clock, which is not
-        delayed, but for where it jumped: the first fix changes what it counts from."""
+        """The usual time between two packets; None for fewer than two. By the device's clock, which is not delayed,
+        except where it jumped: the first fix changes its epoch.
+        """
         times = self._times.get(did, [])
         if len(times) < 2:
             return None
@@ -147,20 +149,20 @@ class HeardStreams:
         return float(np.median(device[steady] if steady.any() else arrival)) / 1e6
 
     def count(self, did: int) -> int:
-        """How many packets came of a data set."""
+        """Number of packets of a data set."""
         return len(self._times.get(did, ()))
 
     def forget(self, did: int) -> None:
-        """Nothing of it came yet."""
+        """Discard the observations of a data set."""
         self._times.pop(did, None)
 
     def streaming(self) -> list[int]:
-        """What came more than once."""
+        """Data sets that arrived more than once."""
         return [did for did, times in self._times.items() if len(times) > 1]
 
 
 def sources_of(params: Values, flash: Values) -> dict[str, float]:
-    """Period of each source, ms: as the device says, else as the document does."""
+    """Period of each source, ms: as reported by the device, else as documented."""
     told = {
         NAV: params.get("navOutputPeriodMs"),
         IMU: params.get("imuSamplePeriodMs"),
@@ -181,10 +183,10 @@ def streams(
 
     Args:
         ask: reads a data set.
-        quick: which there are is enough; their periods may stay unknown.
-        also: data sets without a bit that are listened for too.
-        asked: multiples that the device has just been asked for: what is measured is the source's period then.
-        gpx: it is a GPX, whose streams are named by DID_GPX_RMC.
+        quick: only which streams exist; their periods may stay unknown.
+        also: data sets without a bit to listen for, too.
+        asked: multiples just requested from the device: the source's period is then measured.
+        gpx: it is a GPX, whose streams are in DID_GPX_RMC.
     """
     rmc = yield from ask(GPX_RMC if gpx else RMC)
     listed = dids_of(rmc.get("bits", 0), gpx=gpx)
@@ -196,16 +198,16 @@ def streams(
         flash = yield from _maybe(ask, FLASH)
         sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
     heard = HeardStreams({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
-    yield WaitFor(heard.only, QUICK_S if quick else LEAST_S, "streams")  # what has no bit shows itself meanwhile
+    yield WaitFor(heard.only, QUICK_S if quick else LEAST_S, "streams")  # also finds sets without a bit
     if not quick and not heard.enough:
-        yield WaitFor(heard.take, LISTEN_S - LEAST_S, "streams")
+        yield WaitFor(heard.observe, LISTEN_S - LEAST_S, "streams")
     rows = [_stream(did, heard, sources, asked.get(did)) for did in dict.fromkeys((*listed, *heard.streaming()))]
     order = {did: place for place, did in enumerate(STREAMS)}
     return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0) & ~PERSISTENT}
 
 
 def _maybe(ask: Ask, did: int) -> Transaction[Values]:
-    """A data set; nothing where the device does not have it."""
+    """Read a data set; nothing if the device lacks it."""
     try:
         return (yield from ask(did))
     except DeviceRejectedError:
@@ -227,8 +229,9 @@ def _stream(did: int, heard: HeardStreams, sources: Mapping[str, float], asked: 
 
 
 def multiple(interval_ms: float, bases: Sequence[float]) -> tuple[int, float]:
-    """Of which source's period a distance is a multiple, and which; of none it is once itself, or nearly a multiple of
-    the last."""
+    """Source whose period divides an interval, and the factor; otherwise the interval itself once, or nearly a multiple
+    of the last.
+    """
     for base in bases:
         period = max(1, round(interval_ms / base))
         if abs(interval_ms - period * base) <= CLOSE * interval_ms:

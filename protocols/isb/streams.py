@@ -1,19 +1,19 @@
-"""What can an Inertial Sense device stream, how fast, and which bit of DID_RMC stands for it?
+"""Streams of an Inertial Sense device: periods, and bits of DID_RMC.
 
     GET_DATA period n   ──>  one packet every n × the source's own period
     DID_RMC bit         ──>  the same at n = 1; a GPX has DID_GPX_RMC, with bits of its own
     the sources         NAV    INS, PIMU           DID_FLASH_CONFIG.startupNavDtMs, DID_SYS_PARAMS.navOutputPeriodMs now
                         IMU    DID_IMU             DID_FLASH_CONFIG.startupImuDtMs, DID_SYS_PARAMS.imuSamplePeriodMs now
-                               (document; of DID_IMU and DID_IMU_MAG the header says startupNavDtMs: see OTHER_PACES)
+                               (document; for DID_IMU and DID_IMU_MAG the header says startupNavDtMs: see OTHER_PACES)
                         SLOW   barometer, magnetometer   about 20 ms
-                        GNSS   all that begins with DID_GPS   DID_FLASH_CONFIG.startupGPSDtMs
-                        FAST   everything else     1 ms
-                        EVENT  when it happens     no period
+                        GNSS   all sets DID_GPS…   DID_FLASH_CONFIG.startupGPSDtMs
+                        FAST   all others          1 ms
+                        EVENT  on an event         no period
 
 The document's table of default periods and the devices disagree (errata 6), so periods are read from the device; the
-table's are what is assumed before it has told.
+table's values are assumed until then.
 
-Rules for editing: what can be streamed follows from datasets.txt; a data set whose pace is none of FAST's is named in
+Rules for editing: streamable data sets follow from datasets.txt; a data set with another pace than FAST is named in
 `PACES`. Presets are the vendor's RMC_PRESET words.
 
 Source: ISB document, "Data Source Update Rates"; inertial-sense-sdk 2.7.1, data_sets.h (RMC_BITS, RMC_PRESET,
@@ -33,7 +33,7 @@ DEFAULT_MS: Mapping[str, float] = {NAV: 7, IMU: 14, SLOW: 20, GNSS: 200, FAST: 1
 
 _PACES = {3: NAV, 4: NAV, 5: NAV, 65: NAV, 66: NAV, 58: IMU, 52: SLOW, 53: SLOW, 86: NAV, 85: IMU}
 OTHER_PACES: Mapping[int, str] = {58: NAV, 85: NAV}
-"""What the header of the SDK says where the document says otherwise; it is looked at first, being the newer of both."""
+"""The SDK header's paces where the document differs; they come first, as the header is newer."""
 _EVENTS = (37, 68, 72, 119)
 _GROUPS = (
     ("Navigation", (4, 5, 65, 66, 48, 50, 67, 55, 87, 71)),
@@ -44,7 +44,7 @@ _GROUPS = (
     ("System", (10, 11, 75, 68, 72, 119, 37, 38, 123, 127)),
 )
 _USUAL = (4, 5, 65, 66, 58, 3, 52, 53, 13, 30, 15, 10)
-REPLIES_THAT_STREAM = (17, 18, 120, 121, 125, 126)  # DID_RMC or DID_GPX_RMC has bits for them
+REPLIES_THAT_STREAM = (17, 18, 120, 121, 125, 126)  # with bits in DID_RMC or DID_GPX_RMC
 ONE_PERIOD = (3,)  # DID_PIMU comes at startupNavDtMs and "cannot be output at any other rate"
 
 PRESETS: Mapping[str, int] = {
@@ -69,7 +69,7 @@ GPX_PRESETS: Mapping[str, int] = {
     "GPX_IMX_RTK_DBG": 0x800000000071FFE4,
 }
 
-_GPX_NAMES: Mapping[str, str] = {  # bits of DID_GPX_RMC → data sets that they do not name
+_GPX_NAMES: Mapping[str, str] = {  # bits of DID_GPX_RMC → data sets with a different name
     "DEV_INFO": "DID_GPX_DEV_INFO",
     "FLASH_CFG": "DID_GPX_FLASH_CFG",
     "STATUS": "DID_GPX_STATUS",
@@ -82,17 +82,17 @@ _GPX_NAMES: Mapping[str, str] = {  # bits of DID_GPX_RMC → data sets that they
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class StreamRow:
     """One data set that can be streamed.
 
     Args:
         did, name, title: of the data set.
-        group: heading under which it is listed.
-        size: bytes of its data; the greatest where it is a list; -1 where its layout is not public.
-        counted: whether it is a list that is as long as there is to tell.
+        group: heading of its list.
+        size: bytes of its data; the greatest for a list; -1 if its layout is not public.
+        counted: whether it is a list of variable length.
         pace: the source that times it: NAV, IMU, SLOW, GNSS, FAST or EVENT.
         rmc_bit: its bit of DID_RMC; -1: by GET_DATA only.
-        simple: whether it is among those that most people want.
+        basic: whether it is of common interest.
     """
 
     did: int
@@ -103,7 +103,7 @@ class Stream:
     counted: bool
     pace: str
     rmc_bit: int
-    simple: bool
+    basic: bool
 
     @property
     def paces(self) -> tuple[str, ...]:
@@ -122,7 +122,7 @@ def _pace(did: int, name: str) -> str:
     return _PACES.get(did) or (GNSS if name.startswith("DID_GPS") else FAST)
 
 
-def _streams() -> Mapping[int, Stream]:
+def _streams() -> Mapping[int, StreamRow]:
     bits = _rmc_bits()
     groups = {did: group for group, dids in _GROUPS for did in dids}
     rows = {}
@@ -134,15 +134,15 @@ def _streams() -> Mapping[int, Stream]:
         title = title_of(row.name)
         bit = bits.get(row.rmc, -1)
         pace = _pace(did, row.name)
-        rows[did] = Stream(
-            did, row.name, title, groups.get(did, "Internal"), size, counted, pace, bit, simple=did in _USUAL
+        rows[did] = StreamRow(
+            did, row.name, title, groups.get(did, "Internal"), size, counted, pace, bit, basic=did in _USUAL
         )
     order = {did: place for place, did in enumerate(did for _, dids in _GROUPS for did in dids)}
     return {did: rows[did] for did in sorted(rows, key=lambda one: (order.get(one, len(order)), one))}
 
 
 STREAMS = _streams()
-"""By data set, in the order in which they are listed."""
+"""By data set, in list order."""
 SETS_BY_NAME = {row.name: did for did, row in SETS.items()}
 BY_BIT = {row.rmc_bit: row.did for row in STREAMS.values() if row.rmc_bit >= 0}
 
@@ -154,9 +154,9 @@ BY_GPX_BIT = {
 }
 """Bit of DID_GPX_RMC → data set."""
 OF_GPX = frozenset(BY_GPX_BIT.values()) | {did for did in STREAMS if did in range(120, 128)}
-"""What a GPX can stream."""
+"""Streams of a GPX."""
 
 
 def dids_of(bits: int, *, gpx: bool = False) -> list[int]:
-    """The data sets that a word of DID_RMC switches on (of DID_GPX_RMC: `gpx`); bits that belong to none name none."""
+    """The data sets enabled by a word of DID_RMC (of DID_GPX_RMC: `gpx`); unassigned bits are ignored."""
     return [did for bit, did in sorted((BY_GPX_BIT if gpx else BY_BIT).items()) if bits >> bit & 1]

@@ -1,27 +1,27 @@
-"""When was that? The clocks in Inertial Sense data, brought to one time.
+"""Time base: UTC, GPS time and time since power-up, mapped to one time scale.
 
-A device counts seconds since it was switched on, and knows GPS time only after its receiver's first fix. Its messages
-carry one or the other:
+A device counts seconds since power-up and knows GPS time only after its receiver's first fix. Each message carries one
+or the other:
 
     UP        seconds (or ms) since start: IMU, magnetometer, barometer         time, timeMs, imu.time
     WEEK_TOW  GPS week and time of week: INS                                    week+timeOfWeek
-    FIX       the same of a receiver, whose clock says nothing without a fix    week+timeOfWeekMs
+    FIX       the same of a receiver, whose clock is meaningless without a fix  week+timeOfWeekMs
     TOW       time of week alone: GNSS velocity, satellites, sigmas             timeOfWeek, timeOfWeekMs
     GTIME     seconds since 1970 in GPS time, and their fraction: raw GNSS      time.time
 
-`update_time` is given the clocks in the order of the stream and keeps one time, in ns:
+`update_time` takes the clocks in stream order and keeps one time, in ns:
 
-    before the first fix   up-time. A week of 0 says that there was none; the time of week beside it is up-time then,
-                           and never a date in 1980.
-    from then on           UTC, ns since the Unix epoch. Up-time is shifted by what the two clocks differ. GPS position
-                           says it exactly (towOffset). Until one passes by, the first set with a date is taken to come
-                           as far behind its last one as that was behind the one before (`due`); of a set that was not
-                           seen before, the newest up-time stands for the same moment, which is right to one period.
+    before the first fix   up-time. A week of 0 means no fix yet; the time of week beside it is then up-time, never a
+                           date in 1980.
+    afterwards             UTC, ns since the Unix epoch. Up-time is shifted by the difference of the two clocks. GPS
+                           position gives it exactly (towOffset). Until one arrives, the first set with a date is
+                           assumed to lag its last one by as much as that lagged the one before (`due`); for a set not
+                           seen before, the newest up-time is taken as the same moment, which is right to one period.
 
-The change of epoch is a Step of kind "sync" whose `by` is the whole shift; a device that starts again is a "reset".
-A time of week without any week known has no time. Rows older than the newest by less than LATE_NS are just late: a
-logger writes its data sets in turns, some seconds of one and then the same seconds of the next. So a device that is
-reset in its first seconds is told by a set that goes back against *itself*: each set keeps its order (`is_reset`).
+The change of epoch is a Step of kind "sync" whose `by` is the whole shift; a device restart is a "reset". A time of
+week has no time until a week is known. Rows older than the newest by less than LATE_NS are just late: a logger writes
+its data sets in turns, some seconds of one and then the same seconds of the next. A reset in a device's first seconds
+is therefore detected by a set that goes back against *itself*: each set keeps its order (`is_reset`).
 
 GPS time is ahead of UTC by the leap seconds since 1980. The table is of LEAP_SECONDS_AS_OF; a later leap second would
 show as one second too much. Source: IERS Bulletin C; GPS week and epoch: IS-GPS-200, 3.3.4.
@@ -38,8 +38,8 @@ LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 
 NONE, UP, WEEK_TOW, FIX, TOW, GTIME = range(6)
 
-# What is known of a device's clocks: shift, how well it is known, newest up-time, newest UTC, newest week, epoch. A
-# tuple, because compiled code keeps its numbers in registers; an array would be counted in and out of every function.
+# State of a device's clocks: shift, its quality, newest up-time, newest UTC, newest week, epoch. A tuple, because
+# compiled code keeps its numbers in registers; an array would be reference-counted in every function.
 TimeState = tuple[int, int, int, int, int, int]
 TimeReport = tuple[TimeState, int, int, int, int]
 STATE = several(INT, INT, INT, INT, INT, INT)
@@ -53,21 +53,19 @@ STEPS = ("", "sync", "reset", "jump")
 S = 1_000_000_000
 WEEK_S = 604_800
 GPS_EPOCH = 315_964_800  # 1980-01-06, Unix seconds
-FIRST_WEEK = 1024  # no such device is older than 1999; smaller numbers are noise
+FIRST_WEEK = 1024  # the hardware is newer than 1999; smaller numbers are noise
 LAST_WEEK = 8191
 LATE_NS = 10 * S
-BACK_NS = (
-    S // 2
-)  # a set that goes back by more than its jitter, to a time near zero, comes from a device that restarted
-SOON = 10  # of its period: so much later than a set that is due at the same moment another one's clock may be read
+BACK_NS = S // 2  # a set that goes back by more than its jitter, to a time near zero, comes from a restarted device
+SOON = 10  # of its period: another set's clock may be read this much later than a set due at the same moment
 DATED = 1 << 62  # the up-time, for comparison, of a set that carried a week
-NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is not believed
-TOLD_NS = 5_000_000  # a correction of the shift below this is no event
+NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is rejected
+TOLD_NS = 5_000_000  # a smaller correction of the shift is not reported as an event
 LONGEST_UP_S = 1e9
 HIGHEST = 0x41D00000  # upper half of a float64 of 2^30
 ONE, TWO, THREE = (unsigned(n) for n in (1, 2, 3))  # a sum with a plain number would be signed again
 
-# Unix seconds from which GPS time is ahead of UTC by one second more
+# Unix seconds of the leap seconds: from each on GPS time is ahead of UTC by one second more
 _LEAPS = np.array(
     [
         *(362793600, 394329600, 425865600, 489024000, 567993600, 631152000, 662688000, 709948800, 741484800),
@@ -79,7 +77,7 @@ _LEAPS = np.array(
 
 @compiled(INT, INT)
 def leap_seconds(unix_s: int) -> int:
-    """How much GPS time is ahead of UTC at `unix_s` (either time scale), s."""
+    """GPS time minus UTC at `unix_s` (either time scale), s."""
     n = len(_LEAPS)
     while n > 0 and unix_s < _LEAPS[n - 1]:
         n -= 1
@@ -91,13 +89,13 @@ def utc_ns(week: int, tow_ns: int) -> int:
     """GPS week and time of week as ns since the Unix epoch, UTC."""
     start = GPS_EPOCH + week * WEEK_S
     leap = leap_seconds(start)
-    if leap < len(_LEAPS) and start + WEEK_S >= _LEAPS[leap]:  # one falls into this week; a division is slow
+    if leap < len(_LEAPS) and start + WEEK_S >= _LEAPS[leap]:  # a leap second falls into this week; a division is slow
         leap = leap_seconds(start + tow_ns // S)
     return (start - leap) * S + tow_ns
 
 
 def store_offset() -> TimeState:
-    """What is known of a device that has just been connected."""
+    """Initial state of a newly connected device."""
     return 0, NOT_SHIFTED, -1, -1, -1, UNKNOWN
 
 
@@ -110,9 +108,9 @@ def four(data: Bytes, at: int) -> int:
 
 @inlined
 def double_ns(data: Bytes, at: int) -> int:
-    """The float64 at `at`, seconds, as ns; -1 where it is no time (negative, not finite, beyond 30 years)."""
+    """The float64 at `at`, seconds, as ns; -1 if it is not a time (negative, not finite, beyond 30 years)."""
     low, high = four(data, at), four(data, at + 4)
-    if high >= HIGHEST:  # negative, or too large to be worth a look
+    if high >= HIGHEST:  # negative or too large
         return -1
     seconds = np.int64(high << 32 | low).view(np.float64)
     return int(seconds * 1e9 + 0.5) if seconds < LONGEST_UP_S else -1
@@ -120,7 +118,7 @@ def double_ns(data: Bytes, at: int) -> int:
 
 @inlined
 def up_time(kind: int, ns: int, week: int) -> int:
-    """What a set's clock says of the time since start: ns, DATED where it knows the date, -1 where it says nothing."""
+    """Time since start, from a set's clock: ns, DATED if it knows the date, -1 if unknown."""
     if kind == UP or (kind == WEEK_TOW and week == 0):
         return ns
     return DATED if kind == WEEK_TOW and ns >= 0 else -1
@@ -128,13 +126,13 @@ def up_time(kind: int, ns: int, week: int) -> int:
 
 @inlined
 def is_reset(before: int, up: int) -> bool:
-    """Did the device start again, by two up-times of one data set, the earlier one first (see `up_time`)?"""
+    """Whether the device restarted, from two up-times of one data set, the earlier one first (see `up_time`)."""
     return 0 <= up < LATE_NS and before > up + BACK_NS
 
 
 @inlined
 def spacing(every: int, before: int, up: int) -> int:
-    """How far apart a set comes by its up-time: the least that was seen, since packets may be lost; -1 if unknown."""
+    """Interval of a set by its up-time: the smallest observed, since packets may be lost; -1 if unknown."""
     if before < 0 or before >= DATED or up >= DATED or up <= before:
         return every
     return up - before if every < 0 else min(every, up - before)
@@ -142,10 +140,10 @@ def spacing(every: int, before: int, up: int) -> int:
 
 @inlined
 def due(state: TimeState, week: int, before: int, every: int) -> TimeState:
-    """The newest up-time as that of a set which has just told its first date, by when it was due.
+    """The newest up-time as that of a set that just gave its first date, from when it was due.
 
     Args:
-        before, every: its own last up-time, and how far apart it comes; negative where they are not known.
+        before, every: its own last up-time and its interval; negative if unknown.
     """
     if state[5] == FROM_1970 or every <= 0 or before < 0 or before >= DATED or week < FIRST_WEEK or week > LAST_WEEK:
         return state
@@ -156,7 +154,7 @@ def due(state: TimeState, week: int, before: int, every: int) -> TimeState:
 
 @compiled(TOLD, STATE, INT)
 def begin_again(state: TimeState, up: int) -> TimeReport:
-    """The device was switched off and on, and says this up-time; like `update_time`."""
+    """Restart at this up-time, after the device was power-cycled; returns as `update_time`."""
     shift, _, last_up, last_utc, _, epoch = state
     by = up - (last_utc if epoch == FROM_1970 else last_up)
     return (shift, NOT_SHIFTED, up, -1, -1, FROM_START), up, 1, RESET, by
@@ -202,7 +200,7 @@ def _gps(state: TimeState, utc: int, week: int) -> TimeReport:
 
 @compiled(TOLD, STATE, INT, FLAG)
 def _time_of_week(state: TimeState, tow: int, fixed: bool) -> TimeReport:
-    """Without a week: the newest one's, or the one before or after it; up-time where there was no fix yet."""
+    """Time of week without a week: uses the newest week, or the one before or after; up-time before the first fix."""
     _, _, last_up, last_utc, week, epoch = state
     if fixed and epoch == FROM_1970 and week >= 0 and tow <= (WEEK_S + 1) * S:
         utc = utc_ns(week, tow)
@@ -221,12 +219,13 @@ def update_time(state: TimeState, kind: int, ns: int, week: int) -> TimeReport:
     """The time of one message.
 
     Args:
-        state: what is known of the device's clocks; see `store_offset`.
+        state: state of the device's clocks; see `store_offset`.
         kind: UP, WEEK_TOW, FIX, TOW or GTIME.
-        ns: the clock as ns: up-time, time of week, or since 1970; negative where it is no time.
+        ns: the clock as ns: up-time, time of week, or since 1970; negative if it is not a time.
         week: GPS week; ignored unless `kind` is WEEK_TOW or FIX.
+
     Returns:
-        what is known now; time in ns, 1 if there is one; kind of step before it (NO_STEP mostly), by how much.
+        new state; time in ns, 1 if there is a time; kind of step before it (usually NO_STEP), its size.
     """
     if ns < 0:
         return state, 0, 0, NO_STEP, 0
@@ -245,10 +244,10 @@ def update_time(state: TimeState, kind: int, ns: int, week: int) -> TimeReport:
 
 @compiled(TOLD, STATE, INT, INT)
 def correct_offset(state: TimeState, week: int, offset_ns: int) -> TimeReport:
-    """GPS position has told what up-time and time of week differ by (towOffset).
+    """Apply the difference of up-time and time of week that GPS position gives (towOffset).
 
     Returns:
-        like `update_time`, without a time; a step only where up-time moves by more than TOLD_NS.
+        as `update_time`, without a time; a step only if up-time moves by more than TOLD_NS.
     """
     old, shifted, last_up, last_utc, newest, epoch = state
     if epoch != FROM_1970 or shifted == NOT_SHIFTED or offset_ns <= 0:

@@ -1,19 +1,18 @@
-"""Reading without disturbing: what streamed before a dialogue streams after it.
+"""Reading without disturbing streams: streams running before a transaction run after it.
 
     body      Send GET DID_GPS1_SAT, period 0     Expect its answer
                  │ it streams: not sent              │ the next packet of the stream is the answer
                  │ it does not: sent                 v
                  v                                   the body
-    after it  what was asked all the same, and streamed: does it still?  ──no──>  GET_DATA with its period
+    after it  requested nevertheless, and streamed: does it still?  ──no──>  GET_DATA with its period
 
-A GET_DATA of period 0 ends the stream of what it asks for: the document says so ("Set data rate to zero to disable
-broadcast and pull a single packet"), and so does the vendor's code, where a single request takes the place of the
-broadcast of the same port, data set, size and offset. So a data set that streams is not asked for at all: its next
-packet is waited for. What streams is told by DID_RMC, and, of what has no bit there, by listening: while the dialogue
-runs, and for `LOOK_S` before the first request of something that could stream. What streams less often than that, and
-has no bit, is not known to stream.
+A GET_DATA of period 0 ends the stream of its data set: the document says so ("Set data rate to zero to disable
+broadcast and pull a single packet"), and so does the vendor's code, where a single request replaces the broadcast of
+the same port, data set, size and offset. So a streaming data set is not requested at all: its next packet is awaited.
+Streams are known from DID_RMC and, for data sets without a bit there, by listening: during the transaction, and for
+`LOOK_S` before the first request of a streamable data set. A slower stream without a bit is not detected.
 
-A dialogue that itself begins and ends streams is left alone in that: what it changed is not put back.
+A transaction that starts and stops streams itself is not corrected: its changes stay.
 
 Source: ISB document, "Data source update rates"; inertial-sense-sdk 2.7.1, com_manager.cpp, getDataRequest.
 """
@@ -49,7 +48,7 @@ BACK_TRIES = 2
 
 
 def undisturbed(body: Transaction[T], ask: Ask) -> Transaction[T]:
-    """`body`, and what it must not have ended.
+    """`body`, then the restart of streams that it must not have ended.
 
     Args:
         ask: reads a data set.
@@ -64,7 +63,7 @@ def undisturbed(body: Transaction[T], ask: Ask) -> Transaction[T]:
             result: T = end.value
             break
         except DeviceRejectedError:
-            yield from watch.mend()
+            yield from watch.restore()
             raise
         answer, error = None, None
         try:
@@ -74,40 +73,40 @@ def undisturbed(body: Transaction[T], ask: Ask) -> Transaction[T]:
             error = stopped
         except Exception as thrown:
             error = thrown
-    yield from watch.mend()
+    yield from watch.restore()
     return result
 
 
 class _Watch:
-    """What streams, and what was asked for although it does."""
+    """Streams at the start, and data sets requested although they stream."""
 
     def __init__(self, ask: Ask) -> None:
-        self._ask = ask
-        self._heard = HeardStreams(set())
+        self._request = ask
+        self._received = HeardStreams(set())
         self._looked = False
-        self._listed: set[int] = set()  # by DID_RMC
-        self._begun: dict[int, int] = {}  # by the body: data set → multiple
-        self._answers: Counter[int] = Counter()  # packets that were asked for, and are no stream
-        self._mute: set[int] = set()  # of whose stream nothing came in time
-        self._waiting = -1  # the data set whose stream is listened to instead of asking
-        self._asked: set[int] = set()  # although they stream
+        self._listed: set[int] = set()  # in DID_RMC
+        self._started: dict[int, int] = {}  # by the body: data set → multiple
+        self._answers: Counter[int] = Counter()  # requested packets, which are not part of a stream
+        self._mute: set[int] = set()  # data sets of whose stream nothing came in time
+        self._waiting = -1  # the data set whose stream replaces the request
+        self._requested: set[int] = set()  # although they stream
 
     def do(self, act: Act) -> Transaction[Any]:
-        """One act of the body, or what stands for it."""
+        """Run one act of the body, or its replacement."""
         if isinstance(act, Send):
             return (yield from self._send(act))
         if not isinstance(act, WaitFor):
             return (yield act)
         did, self._waiting = self._waiting, -1
         timeout_s = max(act.timeout_s, PASSIVE_S) if did >= 0 else act.timeout_s
-        answer = yield WaitFor(self._hearing(act.match), timeout_s, act.what)
+        answer = yield WaitFor(self._is_receiving(act.match), timeout_s, act.what)
         if did >= 0 and answer is None:
             self._mute.add(did)
         return answer
 
-    def _hearing(self, match: Callable[[Event], Any]) -> Callable[[Event], Any]:
+    def _is_receiving(self, match: Callable[[Event], Any]) -> Callable[[Event], Any]:
         def both(event: Event) -> Any:
-            self._heard.only(event)
+            self._received.only(event)
             return match(event)
 
         return both
@@ -115,85 +114,85 @@ class _Watch:
     def _send(self, act: Send) -> Transaction[None]:
         did = _single(act.frame)
         if did is None:
-            self._note(act.frame)
+            self._record(act.frame)
             yield act
             return
-        yield from self._look()
+        yield from self._check()
         if self._streams(did):
             if did not in self._mute:
                 self._waiting = did
                 return
-            self._asked.add(did)
+            self._requested.add(did)
         self._answers[did] += 1
         yield act
 
-    def _look(self) -> Transaction[None]:
+    def _check(self) -> Transaction[None]:
         if self._looked:
             return
         self._looked = True
-        yield WaitFor(self._hearing(lambda _: None), LOOK_S, "streams")
+        yield WaitFor(self._is_receiving(lambda _: None), LOOK_S, "streams")
         try:
-            self._listed = set(dids_of((yield from self._ask(RMC)).get("bits", 0)))
-        except (DeviceRejectedError, NoReplyError):  # a GPX has another; of one that is silent the body says so
+            self._listed = set(dids_of((yield from self._request(RMC)).get("bits", 0)))
+        except (DeviceRejectedError, NoReplyError):  # a GPX has another; for a silent one the body raises
             return
 
     def _streams(self, did: int) -> bool:
-        return did in self._listed or did in self._begun or self._heard.count(did) > 1 + self._answers[did]
+        return did in self._listed or did in self._started or self._received.count(did) > 1 + self._answers[did]
 
-    def _note(self, packet: bytes) -> None:
-        """What the body begins and ends on purpose."""
+    def _record(self, packet: bytes) -> None:
+        """Note streams that the body starts and stops on purpose."""
         kind = packet[2] & TYPE_MASK if packet[:2] == PREAMBLE else -1
         if kind == GET_DATA:
             did, period = (int.from_bytes(packet[at : at + 2], "little") for at in (6, 12))
             self._forget(did)
             if period:
-                self._begun[did] = period
+                self._started[did] = period
         elif kind == STOP_DID:
             self._forget(packet[3])
         elif kind in (-1, STOP_ALL_PORTS, STOP_CURRENT_PORT) or (kind == SET_DATA and packet[3] in (RMC, SYS_CMD)):
             for did in STREAMS:
                 self._forget(did)
-            self._looked = False  # a sentence, too, may stop everything
+            self._looked = False  # a sentence may stop everything, too
 
     def _forget(self, did: int) -> None:
         self._listed.discard(did)
-        self._begun.pop(did, None)
-        self._asked.discard(did)
+        self._started.pop(did, None)
+        self._requested.discard(did)
         self._mute.discard(did)
-        self._heard.forget(did)
+        self._received.forget(did)
         self._answers.pop(did, None)
 
     # -- afterwards
 
-    def mend(self) -> Transaction[None]:
-        """Begin again what was asked for, streamed, and does not any more; looked at once more."""
-        for _ in range(BACK_TRIES if self._asked else 0):
-            for did in sorted(self._asked):
-                if not (yield from self._ended(did)):
-                    self._asked.discard(did)
+    def restore(self) -> Transaction[None]:
+        """Restart streams that were requested and no longer run; checked once more."""
+        for _ in range(BACK_TRIES if self._requested else 0):
+            for did in sorted(self._requested):
+                if not (yield from self._is_over(did)):
+                    self._requested.discard(did)
                     continue
                 yield Send(frames.get_data(did, period=self._period(did)))
 
     def mend_blindly(self) -> Transaction[None]:
-        """The same where nothing can be waited for any more: what was asked for although it streamed is begun."""
-        for did in sorted(self._asked):
+        """Restart, without waiting, every stream that was requested although it streamed."""
+        for did in sorted(self._requested):
             yield Send(frames.get_data(did, period=self._period(did)))
 
-    def _ended(self, did: int) -> Transaction[bool]:
-        """Does it not stream any more?"""
+    def _is_over(self, did: int) -> Transaction[bool]:
+        """Whether it has stopped streaming."""
         if STREAMS[did].rmc_bit >= 0:
             try:
-                return did not in dids_of((yield from self._ask(RMC)).get("bits", 0))
+                return did not in dids_of((yield from self._request(RMC)).get("bits", 0))
             except (DeviceRejectedError, NoReplyError):
                 return False
-        wait_s = max(ANSWER_S, 3e-3 * (self._heard.interval_ms(did) or 0))
+        wait_s = max(ANSWER_S, 3e-3 * (self._received.interval_ms(did) or 0))
         return not (yield WaitFor(lambda event: _is(event, did), wait_s, "streams"))
 
     def _period(self, did: int) -> int:
-        """The multiple at which it came; 1 where that was never heard."""
-        if did in self._begun:
-            return self._begun[did]
-        interval, base = self._heard.interval_ms(did), DEFAULT_MS[STREAMS[did].pace]
+        """Its multiple; 1 if never observed."""
+        if did in self._started:
+            return self._started[did]
+        interval, base = self._received.interval_ms(did), DEFAULT_MS[STREAMS[did].pace]
         return max(1, round(interval / base)) if interval and base else 1
 
 
@@ -204,7 +203,7 @@ def _is(event: Event, did: int) -> bool | None:
 
 
 def _single(packet: bytes) -> int | None:
-    """The data set of which a packet asks for one value, where it is one that can stream."""
+    """The data set of which a packet requests one value, if it can stream."""
     if packet[:2] != PREAMBLE or packet[2] & TYPE_MASK != GET_DATA:
         return None
     did, period = (int.from_bytes(packet[at : at + 2], "little") for at in (6, 12))

@@ -1,1 +1,1 @@
-"""What the simulators of all families share."""
+"""Common parts of the simulators of all families."""

@@ -1,8 +1,8 @@
-"""What does a vehicle do, so that a simulated sensor has something to measure?
+"""Motion of a simulated vehicle.
 
-One believable drive, as a pure function of time: the same figure of eight over a gentle hill, lap after lap, with
+One plausible drive, as a pure function of time: the same figure of eight over a gentle hill, lap after lap, with
 three stops a lap. Position, velocity, acceleration, attitude and rate of turn are derivatives of one another, in closed
-form or by differences far finer than any sensor: what a reader integrates comes out as what the twin reports.
+form or by differences far finer than any sensor: integrating one gives the other.
 
                stop 2                     path      (A sin s, B sin 2s), height C (1 − cos s)
             ╭────●────╮   ╭─────────╮     progress  s(t) = 2π (lap + leg / 3): each leg starts and ends at rest,
@@ -15,16 +15,17 @@ form or by differences far finer than any sensor: what a reader integrates comes
 
 ENU: x east, y north, z up, in metres from `PLACE`. Body: x forward, y left, z up. `q_enu_from_body_wxyz` turns a vector
 in the body into ENU; roll, pitch and yaw are its ZYX angles: yaw counts from east, anticlockwise, pitch is positive
-with the nose down, roll with the left side up. Specific force is what an accelerometer feels: acceleration minus
-gravity, (0, 0, +g) at rest. The Earth's own rotation (15°/h) is left out: it is below what these sensors resolve.
+with the nose down, roll with the left side up. Specific force is the reading of an accelerometer: acceleration minus
+gravity, (0, 0, +g) at rest. The Earth's own rotation (15°/h) is left out: it is below the resolution of these sensors.
 
 ## Sensor errors
 
-`SensorErrors` adds what a good MEMS unit adds, in orders of magnitude from public data sheets: noise of a given
-density, white within the sampled band, and a bias that wanders slowly. All is a function of seed and sample number, so
-that a run can be repeated exactly, however it is cut into pieces.
+`SensorErrors` adds the errors of a good MEMS unit, in orders of magnitude from public data sheets: noise of a given
+density, white within the sampled band, and a slowly wandering bias. All is a function of seed and sample number, so
+that a run is exactly repeatable, however it is cut into pieces.
 
-Rules for editing: nothing here knows a protocol or a product; ranges, rates and units of the wire belong to the twins.
+Rules for editing: this module is independent of protocols and products; ranges, rates and units of the wire belong to
+the simulators.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ class MotionState:
 
 
 def vehicle_motion(t: Array) -> MotionState:
-    """Where the vehicle is and how it moves at times `t`, (n,) s. Time 0 is the start of a lap; any time is allowed."""
+    """Position and motion of the vehicle at times `t`, (n,) s. Time 0 is the start of a lap; any time is allowed."""
     t = np.asarray(t, dtype=np.float64)
     position, velocity, acceleration = _path(t)
     euler = _attitude(t)
@@ -285,7 +286,7 @@ def pressure(height: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class SensorGrade:
-    """How good a triad is: noise density in unit/√Hz, and the size of its slow bias in the same unit."""
+    """Quality of a sensor triad: noise density in unit/√Hz, and the size of its slow bias in the same unit."""
 
     density: float
     bias: float
@@ -298,8 +299,8 @@ ATTITUDE = SensorGrade(density=np.radians(0.003), bias=np.radians(0.2))  # rad, 
 POSITION = SensorGrade(density=0.02, bias=0.6)  # m, of a satellite receiver without corrections
 VELOCITY = SensorGrade(density=0.01, bias=0.03)
 
-# What a rigidly mounted sensor feels of engine and road at full speed, as a density like a sensor's noise. On tarmac a
-# car's floor shakes by some tenths of m/s² and °/s; a tenth of that stays at standstill, from the idling engine.
+# Vibration of engine and road on a rigidly mounted sensor at full speed, as a density like a sensor's noise. On tarmac
+# a car's floor shakes by some tenths of m/s² and °/s; a tenth of that stays at standstill, from the idling engine.
 SHAKING_FORCE = SensorGrade(density=0.035, bias=0.0)
 SHAKING_TURN = SensorGrade(density=np.radians(0.06), bias=0.0)
 IDLING = 0.08
@@ -307,7 +308,7 @@ FULL_SPEED = 12.0  # m/s
 
 
 def vibration(motion: MotionState) -> Floats:
-    """How much of the full shaking there is at each time of a drive, (n,)."""
+    """Share of full vibration at each time of a drive, (n,)."""
     return IDLING + (1 - IDLING) * np.minimum(speed(motion) / FULL_SPEED, 1.0)
 
 
@@ -319,9 +320,9 @@ class SensorErrors:
     """The errors of one triad.
 
     Args:
-        grade: how good it is.
-        seed: repeats exactly; give every triad its own.
-        rate: samples/s, which sets the band that noise fills.
+        grade: quality of the sensor.
+        seed: repeats exactly; use a different one for every triad.
+        rate: samples/s, which sets the bandwidth of the noise.
     """
 
     def __init__(self, grade: SensorGrade, seed: int, rate: float) -> None:

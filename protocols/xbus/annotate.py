@@ -1,4 +1,4 @@
-"""What does each byte of an Xbus frame say? For the page's annotated bytes, and the names in the log of the exchange.
+"""Annotation of the bytes of an Xbus frame, for the page and for names in the traffic log.
 
     FA        preamble
     FF        bus identifier
@@ -9,7 +9,7 @@
     …
     D5        checksum
 
-The spans of a frame cover it without overlap, in order. Whatever is no frame is one span.
+The spans of a frame cover it without overlap, in order. Anything other than a frame is one span.
 
 Source: MT0101P 2020.A, 5.1.
 """
@@ -32,7 +32,7 @@ _PRECISIONS = ("Float32", "Fp12.20", "Fp16.32", "Float64")
 
 
 def is_frame(data: bytes) -> bool:
-    """Is this exactly one valid frame?"""
+    """Whether this is exactly one valid frame."""
     if len(data) < 5 or data[0] != 0xFA or sum(data[1:]) & 0xFF:
         return False
     if data[3] != EXTENDED:
@@ -41,7 +41,7 @@ def is_frame(data: bytes) -> bool:
 
 
 def name_of(data: bytes) -> str:
-    """Its message's name; what it is in words where it is no frame."""
+    """Its message's name; a description if it is not a frame."""
     if is_frame(data):
         return form_of(data[2], _payload(data))[0].name
     if data and set(data) == {RESTORE}:
@@ -92,7 +92,7 @@ def _of_items(payload: bytes, at: int) -> Iterator[ByteRange]:
 
 
 def _of_field(field: Field, value: Any, at: int, path: str) -> Iterator[ByteRange]:
-    """One field; each element of a list, and each field of a record, by itself."""
+    """One field; each element of a list, and each field of a record, separately."""
     if field.dtype in ("bytes", "ascii") or (field.shape and not field.fields and not isinstance(value, list)):
         if size := size_of(field):
             yield ByteRange(at, size, _words(field, value), path)
@@ -115,7 +115,7 @@ def _of_field(field: Field, value: Any, at: int, path: str) -> Iterator[ByteRang
 
 
 def identifier_words(identifier: int) -> str:
-    """A data identifier: name, precision and coordinate system, where it chooses them."""
+    """A data identifier: name, and precision and coordinate system if it selects them."""
     output = OUTPUTS.get(identifier & 0xFFF0)
     if identifier == 0:
         return "nothing"
@@ -130,7 +130,7 @@ def identifier_words(identifier: int) -> str:
 
 
 def _words(field: Field, value: Any) -> str:
-    """One value for a person."""
+    """One value as text."""
     if isinstance(value, bytes):
         return f"{len(value)} byte" + "s" * (len(value) != 1)
     if isinstance(value, str):

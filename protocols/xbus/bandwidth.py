@@ -1,14 +1,15 @@
-"""How many bytes a second does an output configuration make, exact to the byte, and which rates would fit?
+"""Bandwidth of an output configuration, exact to the byte, and the rates that fit.
 
-    message = header 4 (6 where the payload passes 254 bytes) + items + checksum 1
+    message = header 4 (6 if the payload exceeds 254 bytes) + items + checksum 1
     item    = 3 + size
 
-Each stream of output_configuration.py sends one message a tick in which something is due; due at tick k of a stream of
-R ticks/s is every item whose rate r makes k a multiple of R/r. So one second of ticks is counted, by the sets of items
-that are due together: the number of messages of each kind, times their length.
+Each stream of output_configuration.py sends one message at every tick with items due; at tick k of a stream of R
+ticks/s every item is due whose rate r makes k a multiple of R/r. So the ticks of one second are counted by the sets of
+items due
+together: the number of messages of each kind, times their length.
 
-The part of an output is what its items cost; what messages cost whatever is in them is the part with path "". The list
-of satellites is as long as the sky is full: it is taken with 20 of them.
+The part of an output is the cost of its items; the fixed cost of messages is the part with path "". The list of
+satellites has variable length: 20 are assumed.
 
 A device that sends sentences instead is counted with the longest usual form of each: an upper bound, not exact.
 
@@ -53,14 +54,14 @@ def pairs_of(values: Setting, model: Model | None) -> list[Pair]:
     """(identifier, granted rate) of each entry that the product can send; the others send nothing."""
     found = []
     for entry in values.get("outputs", ()):
-        identifier, wish = int(entry["data_identifier"]), int(entry["output_frequency"])
+        identifier, requested = int(entry["data_identifier"]), int(entry["output_frequency"])
         output = output_of(identifier, model)
-        found.append((identifier, accepted_rates(wish, max_rate(output, model)) if output else -1))
+        found.append((identifier, accepted_rates(requested, max_rate(output, model)) if output else -1))
     return found
 
 
 def load(settings: Mapping[str, Setting], model: Model | None) -> LinkLoad:
-    """What these settings make the device send."""
+    """Load of these settings."""
     model = as_built(model, settings.get("HardwareVersion", {}))
     strings = settings.get("StringOutputType", {})
     if strings.get("string_types"):
@@ -106,7 +107,7 @@ def size_of(pair: Pair) -> int:
 
 
 def messages_of(stream: OutputStream) -> list[tuple[tuple[Pair, ...], int]]:
-    """The messages of one second: what is in them, and how many are like that."""
+    """The messages of one second: their items, and the number of messages with these items."""
     timed = [pair for pair in stream.items if pair[1] != ALWAYS]
     due: Counter[tuple[Pair, ...]] = Counter()
     for tick in range(stream.rate):
@@ -135,7 +136,7 @@ def _of_strings(types: int, rate: float) -> LinkLoad:
 
 
 def fit(settings: Mapping[str, Setting], capacity: float, model: Model | None) -> dict[str, Setting]:
-    """The same settings with no rate above the greatest common ceiling at which they fit; the least there is, else."""
+    """The same settings with rates below the greatest common ceiling that fits; if none fits, with the lowest rates."""
     model = as_built(model, settings.get("HardwareVersion", {}))
     values = settings.get("OutputConfiguration", {})
     pairs = pairs_of(values, model)
@@ -150,7 +151,7 @@ def fit(settings: Mapping[str, Setting], capacity: float, model: Model | None) -
 
 
 def _ladder(pair: Pair, model: Model | None) -> tuple[int, ...]:
-    """The rates that an item can have, from its present one down."""
+    """The possible rates of an item, from its present one down."""
     return tuple(rate for rate in allowed(max_rate(OUTPUTS[pair[0] & 0xFFF0], model)) if rate <= pair[1])
 
 

@@ -1,4 +1,4 @@
-"""Which of an MTi's two binary string outputs are in these bytes, and what do they say?
+"""The two binary string outputs of an MTi: framing and fields.
 
 An MTi can send strings that are not Xbus messages (MT0101P 2020.A, 5.3.5 SetStringOutputType). Most are NMEA
 sentences and belong to protocols/nmea.py. Two are not:
@@ -10,10 +10,10 @@ sentences and belong to protocols/nmea.py. Two are not:
     EM1000    00 90 RR RR PP PP AA AA HH HH     10 bytes; roll, pitch, heave, heading; 0.01° and cm
               least significant byte first, as in Kongsberg's definition; the Xsens document does not say
 
-Neither has a checksum. TSS2 has 25 characters of which each has a narrow choice: one is believed. EM1000 has four
-fixed bytes (an MTi's heave is always 0) and three ranges: a record is believed when two more follow within `WINDOW`
-bytes, or when one that was believed precedes it as near (`since`). Of random positions one in 10^10 looks like a
-record; three near each other do not happen.
+Neither has a checksum. TSS2 has 25 characters, each with few possible values: one is accepted. EM1000 has four fixed
+bytes (an MTi's heave is always 0) and three ranges: a record is accepted if two more follow within `WINDOW` bytes, or
+if an accepted one precedes it as closely (`since`). One in 10^10 random positions looks like a record; three near each
+other do not happen.
 """
 
 from __future__ import annotations
@@ -35,19 +35,20 @@ _TSS2_SIZE = 25
 EM1000 = struct.Struct("<2xhhhH")
 EM1000_HEAD = b"\x00\x90"
 _EM1000_START = re.compile(rb"\x00(?:\x90|\Z)")
-WINDOW = 600  # strings of several kinds alternate: two more records must come within so many bytes
+WINDOW = 600  # strings of several kinds alternate: two more records must come within this many bytes
 _MORE = 2
 
 
 def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> tuple[list[ParsedMessage], int]:
-    """The binary strings in `data`, a stretch that held no frame of another protocol.
+    """The binary strings in `data`, a stretch without frames of another protocol.
 
     Args:
-        final: nothing follows.
+        final: no data follows.
         since: bytes between the last EM1000 record found before and the start of `data`; None: there was none. A record
-            that carries on a run, of before or of these bytes, is believed at once; the first only by what follows it.
+            that continues a run, before or within these bytes, is accepted at once; the first only if more follow.
+
     Returns:
-        what was found, in order, and from where bytes must be kept because a string there may still be incomplete.
+        the strings in order, and the position from which bytes must be kept because a string may be incomplete.
     """
     data = bytes(data)
     tss2, keep_tss2 = _find_tss2(data, final)
@@ -76,7 +77,7 @@ def _find_tss2(data: bytes, final: bool) -> tuple[list[ParsedMessage], int]:
 
 
 def _may_become_tss2(tail: bytes) -> bool:
-    """Do these bytes, cut short by the end of the data, begin a string?"""
+    """Whether these truncated bytes may begin a string."""
     if len(tail) >= len(_TSS2_PLACES):
         return False
     return all(byte in allowed for byte, allowed in zip(tail, _TSS2_PLACES, strict=False))
@@ -99,9 +100,9 @@ def _tss2(match: re.Match[bytes]) -> dict[str, float | str]:
 def _find_em1000(
     data: bytes, final: bool, since: int | None, tss2: list[int], decided: int
 ) -> tuple[list[ParsedMessage], int]:
-    """Records, but for those that end where a TSS2 string begins; `tss2` are all of these before `decided`."""
+    """Records, except those that end where a TSS2 string begins; `tss2` are all of these before `decided`."""
     found: list[ParsedMessage] = []
-    last_end = None if since is None or since < 0 else -since  # end of the last record believed
+    last_end = None if since is None or since < 0 else -since  # end of the last accepted record
     at = 0
     while start := _EM1000_START.search(data, at):
         at = start.start()
@@ -147,7 +148,7 @@ def _may_become_em1000(tail: bytes) -> bool:
 
 
 def _followed(data: bytes, at: int) -> bool:
-    """Do enough records follow, near enough?"""
+    """Whether enough records follow closely."""
     count, at = 0, at + EM1000.size
     limit = at + WINDOW
     while count < _MORE and (at := data.find(EM1000_HEAD, at, limit)) >= 0:

@@ -1,17 +1,17 @@
-"""What can an MTi be told and asked, and what does it keep? Tables; the engine that reads them is at the end.
+"""Commands and settings of an MTi. Tables; the engine that reads them is at the end.
 
-    _ROWS      one per message to the device: heading, what it does, which products have it, what harm it can do
+    _ROWS      one per message to the device: heading, effect, products, possible harm
     _KEPT      one per setting: the message pair that reads and writes it
-    fitted     a row's fields as one product has them: its option flags, sync functions and lines, filter profiles
+    fitted     a row's fields for one product: its option flags, sync functions and lines, filter profiles
 
-Names, fields and sections come from messages.py; a name with two forms (string output, filter profile) has the one that
-the product takes, and both, told apart by the form's title, while the product is not known.
+Names, fields and sections come from messages.py; a name with two forms (string output, filter profile) has the
+product's form, or both, distinguished by title, if the product is unknown.
 
-A command of the table says in which state the device must be (`CommandState`); most are valid in the config state only.
+A command's row gives the required state of the device (`CommandState`); most need the config state.
 
-Rules for editing: a row holds no code; a field's range belongs to messages.py, what depends on the product to `fitted`.
+Rules for editing: a row holds no code; a field's range belongs to messages.py, product dependencies to `fitted`.
 
-Source: MT0101P 2020.A, 5.3.1 to 5.3.7, tables 8, 11, 12 and 30; time-outs as the vendor's own software uses them.
+Source: MT0101P 2020.A, 5.3.1 to 5.3.7, tables 8, 11, 12 and 30; time-outs as in the vendor's own software.
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ OUTPUT, FRAME, PROFILE, SYNC, PORT, RECEIVER, HEADING, IDENTITY, COMMANDS = GROU
     "Identity and firmware",
     "Commands",
 )
+"""Headings of the groups, in order."""
 
 
 RESET_AND_STORE = "ResetOrientation.Stored"
-_NOT_STORED = "The orientation reset is not stored: it is discarded when the device next begins to measure."
+_NOT_STORED = "The orientation reset is not stored: it is discarded when the device next starts measuring."
 _CALIBRATION = {
     0: "Representative motion is being collected for the compass calibration: it ends when the device stops measuring.",
-    1: "The result of the compass calibration is not stored: it may be lost when the device next begins to measure.",
+    1: "The result of the compass calibration is not stored: it may be lost when the device next starts measuring.",
     2: "",
 }
 
@@ -57,25 +58,25 @@ class CommandRow:
     Args:
         message: its name in messages.py.
         form: which of the rows of that name.
-        on: products that have it.
-        state: in which it is valid; ResetOrientation and IccCommand decide by their argument (see `state_of`).
-        name: of the command, where it is not that of the message: one action of several messages (driver.py).
-        harmless: as in protocols.schema.Command.
+        products: products that have it.
+        state: state in which it is valid; ResetOrientation and IccCommand decide by their argument (see `state_of`).
+        name: of the command, if different from the message's: one action of several messages (driver.py).
+        harmless_values: as in protocols.schema.Command.
     """
 
     message: str
     kind: Literal["ask", "set", "do"]
     group: str
     title: str
-    on: frozenset[int] = ALL
+    products: frozenset[int] = ALL
     form: int = 0
     state: CommandState = "config"
     timeout_s: float = 0.5
     caution: Caution = ""
     consequence: str = ""
-    simple: bool = True
+    basic: bool = True
     name: str = ""
-    harmless: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    harmless_values: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     @property
     def row(self) -> Message:
@@ -83,7 +84,7 @@ class CommandRow:
 
 
 def _ask(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> CommandRow:
-    return CommandRow(message, "ask", group, title, on, simple=False, **more)
+    return CommandRow(message, "ask", group, title, on, basic=False, **more)
 
 
 def _set(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> CommandRow:
@@ -107,13 +108,13 @@ _ROWS: tuple[CommandRow, ...] = (
     _set("SetStringOutputType", OUTPUT, "Send sentences instead of data", SIX, form=1, caution="stops-output",
          consequence="The device sends text lines instead of MTData2 from now on; 0 returns to MTData2."),
     _ask("ReqPeriod", OUTPUT, "Read the period of the sentences", CLASSIC),
-    _set("SetPeriod", OUTPUT, "Set the period of the sentences", CLASSIC, simple=False),
-    _ask("ReqOutputSkipFactor", OUTPUT, "Read how many sentences are skipped", CLASSIC),
-    _set("SetOutputSkipFactor", OUTPUT, "Set how many sentences are skipped", CLASSIC, simple=False),
+    _set("SetPeriod", OUTPUT, "Set the period of the sentences", CLASSIC, basic=False),
+    _ask("ReqOutputSkipFactor", OUTPUT, "Read the skip factor of the sentences", CLASSIC),
+    _set("SetOutputSkipFactor", OUTPUT, "Set the skip factor of the sentences", CLASSIC, basic=False),
     _ask("ReqCanOutputConfig", OUTPUT, "Read what is sent on CAN", SIX),
-    _set("SetCanOutputConfig", OUTPUT, "Choose what is sent on CAN", SIX, simple=False),
+    _set("SetCanOutputConfig", OUTPUT, "Choose what is sent on CAN", SIX, basic=False),
     _ask("ReqConfiguration", OUTPUT, "Read the configuration for a log", timeout_s=5.0),
-    _do("ReqData", OUTPUT, "Ask for one sample", state="measuring", simple=False),
+    _do("ReqData", OUTPUT, "Ask for one sample", state="measuring", basic=False),
     # frame
     _ask("ReqAlignmentRotation", FRAME, "Read an alignment"),
     _set("SetAlignmentRotation", FRAME, "Set an alignment", caution="moves-frame",
@@ -132,29 +133,29 @@ _ROWS: tuple[CommandRow, ...] = (
     _set("SetSyncSettings", SYNC, "Replace the sync settings"),
     _ask("ReqUTCTime", SYNC, "Read UTC"),
     _set("SetUTCTime", SYNC, "Set UTC"),
-    _do("AdjustUTCTime", SYNC, "Move UTC", simple=False),
+    _do("AdjustUTCTime", SYNC, "Move UTC", basic=False),
     # port
     _ask("ReqBaudrate", PORT, "Read the baud rate"),
     _set("SetBaudrate", PORT, "Set the baud rate", timeout_s=1.0, caution="cuts-line", consequence=_CUTS),
     _ask("ReqPortConfig", PORT, "Read the ports", SIX),
     _set("SetPortConfig", PORT, "Configure the ports", SIX, caution="cuts-line", consequence=_CUTS),
     _ask("ReqCanConfig", PORT, "Read the CAN transceiver", SIX),
-    _set("SetCanConfig", PORT, "Configure the CAN transceiver", SIX, simple=False, caution="cuts-line",
+    _set("SetCanConfig", PORT, "Configure the CAN transceiver", SIX, basic=False, caution="cuts-line",
          consequence="A device that is read over CAN falls silent there when its rate changes or it is switched off."),
     _ask("ReqExtOutputMode", PORT, "Read the extended output mode", CLASSIC),
-    _set("SetExtOutputMode", PORT, "Set the extended output mode", CLASSIC, simple=False, caution="cuts-line",
+    _set("SetExtOutputMode", PORT, "Set the extended output mode", CLASSIC, basic=False, caution="cuts-line",
          consequence="With the alternative UART the device no longer answers on its serial line."),
     _ask("ReqTransmitDelay", PORT, "Read the RS-485 delay", CLASSIC),
-    _set("SetTransmitDelay", PORT, "Set the RS-485 delay", CLASSIC, simple=False),
+    _set("SetTransmitDelay", PORT, "Set the RS-485 delay", CLASSIC, basic=False),
     # receiver
     _ask("ReqGnssPlatform", RECEIVER, "Read the expected motion", _PLATFORM),
-    _set("SetGnssPlatform", RECEIVER, "Set the expected motion", _PLATFORM, simple=False),
+    _set("SetGnssPlatform", RECEIVER, "Set the expected motion", _PLATFORM, basic=False),
     _ask("ReqGnssLeverArm", RECEIVER, "Read the antenna's lever arm", RTK),
     _set("SetGnssLeverArm", RECEIVER, "Set the antenna's lever arm", RTK),
-    _do("ForwardGnssData", RECEIVER, "Pass data on to the receiver", RTK, state="measuring", caution="moves-frame",
-        consequence="Wrong corrections move the position; the receiver takes them as they are."),
+    _do("ForwardGnssData", RECEIVER, "Forward data to the receiver", RTK, state="measuring", caution="moves-frame",
+        consequence="Wrong corrections shift the position; the receiver does not check them."),
     _ask("ReqGnssReceiverSettings", RECEIVER, "Read the receiver's settings", NOBODY),
-    _set("SetGnssReceiverSettings", RECEIVER, "Set up the receiver", NOBODY, simple=False),
+    _set("SetGnssReceiverSettings", RECEIVER, "Configure the receiver", NOBODY, basic=False),
     # heading
     _do("ResetOrientation", HEADING, "Reset the orientation and store it", FILTER, state="measuring",
         name=RESET_AND_STORE, caution="moves-frame",
@@ -166,12 +167,12 @@ _ROWS: tuple[CommandRow, ...] = (
     _do("SetNoRotation", HEADING, "Estimate the gyroscope bias at rest", FILTER, state="measuring",
         caution="moves-frame",
         consequence="A device that moves meanwhile learns a wrong bias, and its orientation drifts."),
-    _do("IccCommand", HEADING, "In-run compass calibration", FILTER, state="measuring", timeout_s=3.5, simple=False,
+    _do("IccCommand", HEADING, "In-run compass calibration", FILTER, state="measuring", timeout_s=3.5, basic=False,
         caution="moves-frame", consequence="A stored calibration changes the magnetic field and so the heading.",
-        harmless={"command": (0, 1, 3)}),
-    _do("SetInitialHeading", HEADING, "Set the heading to start with", _GNSS_HEADING, caution="moves-frame",
-        consequence="The filter starts from this heading; a wrong one stays until it has learnt better."),
-    _do("StoreFilterState", HEADING, "Store the state of the filter", NOBODY, simple=False, caution="wears-flash",
+        harmless_values={"command": (0, 1, 3)}),
+    _do("SetInitialHeading", HEADING, "Set the initial heading", _GNSS_HEADING, caution="moves-frame",
+        consequence="The filter starts with this heading; a wrong one persists until the filter has corrected it."),
+    _do("StoreFilterState", HEADING, "Store the filter state", NOBODY, basic=False, caution="wears-flash",
         consequence="Each call writes the flash memory."),
     # identity
     _ask("ReqDID", IDENTITY, "Read the serial number"),
@@ -191,14 +192,14 @@ _ROWS: tuple[CommandRow, ...] = (
     _do("RestoreFactoryDef", COMMANDS, "Restore the factory settings", timeout_s=2.0, caution="loses-settings",
         consequence="All settings, alignments and filter settings return to the factory's, the baud rate to 115 200 Bd "
         "at the next reset."),
-    _do("WakeUpAck", COMMANDS, "Keep a starting device in the config state", state="any", simple=False),
-    _do("InitBus", COMMANDS, "Initialise the bus", NOBODY, simple=False),
+    _do("WakeUpAck", COMMANDS, "Keep a starting device in the config state", state="any", basic=False),
+    _do("InitBus", COMMANDS, "Initialise the bus", NOBODY, basic=False),
     _ask("ReqErrorMode", COMMANDS, "Read the error mode", NOBODY),
-    _set("SetErrorMode", COMMANDS, "Set the error mode", NOBODY, simple=False),
+    _set("SetErrorMode", COMMANDS, "Set the error mode", NOBODY, basic=False),
     _ask("ReqOutputMode", COMMANDS, "Read the output mode", NOBODY),
-    _set("SetOutputMode", COMMANDS, "Set the output mode", NOBODY, simple=False),
+    _set("SetOutputMode", COMMANDS, "Set the output mode", NOBODY, basic=False),
     _ask("ReqOutputSettings", COMMANDS, "Read the output settings", NOBODY),
-    _set("SetOutputSettings", COMMANDS, "Set the output settings", NOBODY, simple=False),
+    _set("SetOutputSettings", COMMANDS, "Set the output settings", NOBODY, basic=False),
 )  # fmt: skip
 
 
@@ -207,10 +208,10 @@ class StoredSetting:
     """One setting.
 
     Args:
-        read, write: messages; write "" for what the device only tells.
-        only: names of the fields that it has; () for all of the answer's.
-        momentary: those of its fields that tell when it was asked.
-        fixed: arguments that both messages carry beside (which of two alignments).
+        read, write: messages; write "" for read-only values.
+        only: names of its fields; () for all of the answer's.
+        momentary: those of its fields that give a momentary state.
+        fixed: fixed arguments of both messages (which of two alignments).
     """
 
     name: str
@@ -218,12 +219,12 @@ class StoredSetting:
     write: str = ""
     group: str = ""
     title: str = ""
-    on: frozenset[int] = ALL
+    products: frozenset[int] = ALL
     editor: Literal["", "outputs", "streams"] = ""
     after: Literal["", "measurement", "reset"] = ""
-    simple: bool = True
+    basic: bool = True
     only: tuple[str, ...] = ()
-    told: tuple[str, ...] = ()
+    read_only_fields: tuple[str, ...] = ()
     momentary: tuple[str, ...] = ()
     fixed: Mapping[str, int] = field(default_factory=dict)
 
@@ -234,33 +235,33 @@ _KEPT: tuple[StoredSetting, ...] = (
     StoredSetting("OutputConfiguration", "ReqOutputConfiguration", "SetOutputConfiguration", OUTPUT,
                   "Output configuration", editor="outputs", after="measurement"),
     StoredSetting("StringOutputType", "ReqStringOutputType", "SetStringOutputType", OUTPUT,
-                  "Sentences instead of data", ALL - ONE, after="measurement", simple=False),
+                  "Sentences instead of data", ALL - ONE, after="measurement", basic=False),
     StoredSetting("Period", "ReqPeriod", "SetPeriod", OUTPUT, "Period of the sentences", CLASSIC, after="measurement",
-                  simple=False),
+                  basic=False),
     StoredSetting("OutputSkipFactor", "ReqOutputSkipFactor", "SetOutputSkipFactor", OUTPUT,
-                  "Sentences that are skipped", CLASSIC, after="measurement", simple=False),
+                  "Skipped sentences", CLASSIC, after="measurement", basic=False),
     StoredSetting("CanOutputConfig", "ReqCanOutputConfig", "SetCanOutputConfig", OUTPUT, "CAN output configuration",
-                  SIX, after="measurement", simple=False),
+                  SIX, after="measurement", basic=False),
     StoredSetting("AlignmentRotation.RotSensor", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
                   "Sensor frame to object frame", after="measurement", only=_Q, fixed={"parameter": 0}),
     StoredSetting("AlignmentRotation.RotLocal", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
                   "Local frame alignment", after="measurement", only=_Q, fixed={"parameter": 1}),
     StoredSetting("LatLonAlt", "ReqLatLonAlt", "SetLatLonAlt", FRAME, "Place, for gravity and declination"),
     StoredSetting("FilterProfile", "ReqFilterProfile", "SetFilterProfile", PROFILE, "Filter profile", FILTER,
-                  after="measurement", told=("version",)),
+                  after="measurement", read_only_fields=("version",)),
     StoredSetting("AvailableFilterProfiles", "ReqAvailableFilterProfiles", "", PROFILE,
-                  "Filter profiles that there are", FILTER, simple=False),
+                  "Filter profiles that there are", FILTER, basic=False),
     StoredSetting("OptionFlags", "ReqOptionFlags", "SetOptionFlags", PROFILE, "Option flags"),
     StoredSetting("SyncSettings", "ReqSyncSettings", "SetSyncSettings", SYNC, "Sync in and out", after="measurement"),
     StoredSetting("Baudrate", "ReqBaudrate", "SetBaudrate", PORT, "Baud rate", ALL - SIX, after="reset"),
     StoredSetting("PortConfig", "ReqPortConfig", "SetPortConfig", PORT, "Ports", SIX, after="reset"),
     StoredSetting("CanConfig", "ReqCanConfig", "SetCanConfig", PORT, "CAN transceiver", SIX, after="reset",
-                  simple=False),
+                  basic=False),
     StoredSetting("ExtOutputMode", "ReqExtOutputMode", "SetExtOutputMode", PORT, "Extended output mode", CLASSIC,
-                  after="reset", simple=False),
-    StoredSetting("TransmitDelay", "ReqTransmitDelay", "SetTransmitDelay", PORT, "RS-485 delay", CLASSIC, simple=False),
+                  after="reset", basic=False),
+    StoredSetting("TransmitDelay", "ReqTransmitDelay", "SetTransmitDelay", PORT, "RS-485 delay", CLASSIC, basic=False),
     StoredSetting("GnssPlatform", "ReqGnssPlatform", "SetGnssPlatform", RECEIVER, "Expected motion", _PLATFORM,
-                  simple=False),
+                  basic=False),
     StoredSetting("GnssLeverArm", "ReqGnssLeverArm", "SetGnssLeverArm", RECEIVER, "Lever arm to the antenna", RTK),
     StoredSetting("LocationID", "ReqLocationID", "SetLocationID", IDENTITY, "Location identifier"),
     StoredSetting("DeviceID", "ReqDID", "", IDENTITY, "Serial number"),
@@ -268,7 +269,7 @@ _KEPT: tuple[StoredSetting, ...] = (
     StoredSetting("HardwareVersion", "ReqHardwareVersion", "", IDENTITY, "Hardware version"),
     StoredSetting("FirmwareRev", "ReqFWRev", "", IDENTITY, "Firmware revision"),
     StoredSetting("Configuration", "ReqConfiguration", "", IDENTITY, "Configuration, for the head of a log",
-                  simple=False, momentary=("date", "time")),
+                  basic=False, momentary=("date", "time")),
 )  # fmt: skip
 
 
@@ -277,10 +278,10 @@ _KEPT: tuple[StoredSetting, ...] = (
 
 @lru_cache(maxsize=64)
 def rows(model: Model | None) -> Mapping[str, CommandRow]:
-    """The commands of a product by name, in the order of the table; of all products while it is not known."""
+    """The commands of a product by name, in table order; of all products if it is unknown."""
     found: dict[str, CommandRow] = {}
     for row in _ROWS:
-        if has(model, row.on):
+        if has(model, row.products):
             name = row.name or row.message
             found[name if name not in found else row.row.title] = row
     return found
@@ -288,13 +289,13 @@ def rows(model: Model | None) -> Mapping[str, CommandRow]:
 
 @lru_cache(maxsize=64)
 def kept(model: Model | None) -> Mapping[str, StoredSetting]:
-    """The settings of a product by name, in the order of the table."""
-    return {one.name: one for one in _KEPT if has(model, one.on)}
+    """The settings of a product by name, in table order."""
+    return {one.name: one for one in _KEPT if has(model, one.products)}
 
 
 @lru_cache(maxsize=64)
 def commands(product: str) -> tuple[Command, ...]:
-    """The commands of a product, as forms are drawn from them."""
+    """The commands of a product, for forms."""
     model = model_of(product)
     return tuple(_command(name, row, model) for name, row in rows(model).items())
 
@@ -309,21 +310,21 @@ def _command(name: str, row: CommandRow, model: Model | None) -> Command:
         timeout_s=row.timeout_s,
         caution=row.caution,
         consequence=row.consequence,
-        simple=row.simple and bool(row.on),
+        basic=row.basic and bool(row.products),
         title=row.title,
         doc=row.row.doc,
         source=row.row.source,
-        harmless=row.harmless,
+        harmless_values=row.harmless_values,
     )
 
 
 def arguments(row: CommandRow, model: Model | None) -> tuple[Field, ...]:
-    """What a person fills in, as the product has it."""
+    """Arguments to fill in, for this product."""
     return tuple(fitted(row.name or row.message, field, model) for field in row.row.fields)
 
 
 def reply_name(row: CommandRow) -> str:
-    """The message that acknowledges it; "" where nothing does."""
+    """The message that acknowledges it; "" for none."""
     forms = ROWS.get(answers(row.row.id), ())
     if row.kind == "set":
         return next((form.name for form in forms if form.name.startswith("Set")), forms[0].name if forms else "")
@@ -331,7 +332,7 @@ def reply_name(row: CommandRow) -> str:
 
 
 def reply_form(read: str, model: Model | None) -> Message:
-    """The answer that tells a setting, as the product has it."""
+    """The answer with a setting's values, for this product."""
     forms = [form for form in ROWS[answers(BY_NAME[read][0].id)] if form.fields]
     if len(forms) > 1 and read in _BY_SERIES:
         six = model is None or model.series == 600
@@ -362,7 +363,7 @@ def _setting(one: StoredSetting, model: Model | None) -> Setting:
         fields = tuple(field for field in fields if field.name in one.only)
     if writer is None:
         fields = tuple(replace(field, read_only=True) for field in fields)
-    fields = tuple(replace(field, read_only=True) if field.name in one.told else field for field in fields)
+    fields = tuple(replace(field, read_only=True) if field.name in one.read_only_fields else field for field in fields)
     fields = tuple(replace(field, momentary=True) if field.name in one.momentary else field for field in fields)
     return Setting(
         one.name,
@@ -374,7 +375,7 @@ def _setting(one: StoredSetting, model: Model | None) -> Setting:
         caution=writer.caution if writer else "",
         consequence=writer.consequence if writer else "",
         group=one.group,
-        simple=one.simple,
+        basic=one.basic,
         title=one.title,
         doc=writer.row.doc if writer else answer.doc,
         source=writer.row.source if writer else answer.source,
@@ -382,22 +383,22 @@ def _setting(one: StoredSetting, model: Model | None) -> Setting:
 
 
 def write_row(one: StoredSetting, model: Model | None) -> CommandRow | None:
-    """The command that writes a setting, in the product's form (the 600-series' while it is not known)."""
-    found = [row for row in _ROWS if row.message == one.write and has(model, row.on)]
+    """The command that writes a setting, in the product's form (the 600-series' if it is unknown)."""
+    found = [row for row in _ROWS if row.message == one.write and has(model, row.products)]
     return found[-1] if found else None
 
 
 def continues(row: CommandRow) -> bool:
-    """Does it take up, or begin, what a change of state throws away (an orientation reset, a calibration)?
+    """Whether it continues or begins work that a change of state discards (an orientation reset, a calibration).
 
-    What is valid while the device measures begins there or goes on there: nothing that it needs is known in the config
-    state, and going there and back would discard what a reset has made.
+    Commands valid during measurement begin or continue such work: entering the config state and returning would discard
+    the result of a reset.
     """
     return row.state == "measuring" and row.name != RESET_AND_STORE
 
 
 def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
-    """See protocols.transactions.Driver.unfinished (5.3.7)."""
+    """See protocols.transactions.DeviceDriver.unfinished (5.3.7)."""
     if command in ("ResetOrientation", RESET_AND_STORE):
         stored = command == RESET_AND_STORE or values.get("code") == 0
         return "" if stored else _NOT_STORED
@@ -407,11 +408,11 @@ def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
 
 
 def alters(command: str, values: Mapping[str, Any], model: Model | None) -> tuple[str, ...]:
-    """See protocols.transactions.Driver.alters. A reset of the orientation is in the alignments once stored (5.3.7)."""
+    """See transactions.DeviceDriver.alters. A reset of the orientation is in the alignments once stored (5.3.7)."""
     if command == "RestoreFactoryDef":
         return tuple(kept(model))
     if command in ("SetSyncSettings", "SetPeriod", "SetOutputSkipFactor"):
-        return ("Configuration",)  # has a copy of it
+        return ("Configuration",)  # contains a copy of it
     if command == RESET_AND_STORE or (command == "ResetOrientation" and values.get("code", 0) == 0):
         return tuple(name for name, one in kept(model).items() if one.write == "SetAlignmentRotation")
     return ()
@@ -420,7 +421,7 @@ def alters(command: str, values: Mapping[str, Any], model: Model | None) -> tupl
 def state_of(row: CommandRow, values: Mapping[str, Any]) -> CommandState:
     """The state in which a command is valid with these arguments."""
     if row.message == "ResetOrientation" and values.get("code") == 0:
-        return "config"  # stores what was reset
+        return "config"  # stores the reset
     if row.message == "IccCommand" and values.get("command") == 2:
         return "config"
     return row.state

@@ -1,4 +1,4 @@
-"""What does a change of settings mean: could it cut the line, is it one at all, and what had the factory set?
+"""Effects of a change of settings: loss of the link, equality, and factory values.
 
 Source: MT0101P 2020.A, 4.2 and 7.1 (defaults), 5.3.3 and 5.3.5 (what acts on the line); tables 7 and 22.
 """
@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from protocols.transactions import BaudChange, DeviceContext, Values
+from protocols.xbus.enums import SEND_LATEST
 from protocols.xbus.output_configuration import ALWAYS
-from protocols.xbus.product_options import SEND_LATEST
 from protocols.xbus.products import Model, model_of
 
 BAUD_RATES: Mapping[int, int] = {  # table 7, with its errata
@@ -27,7 +27,7 @@ _DISABLE_AUTO_MEASUREMENT = 1 << 1
 
 
 def line_change(setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-    """Would this write cut the line?"""
+    """Effect of this write on the link."""
     if old is not None and not differing(setting, old, new):
         return None
     if setting == "Baudrate":
@@ -60,9 +60,9 @@ def _baud_change(code: int, known: DeviceContext, who: str) -> BaudChange | None
 
 
 def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudChange | None:
-    """Which of the two host ports is ours is not told: any that speaks Xbus at our rate may be.
+    """Effect of changing the ports if it is unknown which of the two is in use: any Xbus port with our rate may be.
 
-    Where one of two such ports changes, the device may be found at the old rate or at the new one.
+    If one of two such ports changes, the device may answer at the old rate or at the new one.
     """
     ours = own_ports(old, known)
     changed = {place: _one_port(place, old, new, known) for place in ours}
@@ -79,14 +79,14 @@ def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudCh
 
 
 def own_ports(words: list[int], known: DeviceContext) -> list[int]:
-    """The host ports that this line may be connected to: those that speak Xbus at its rate; where none does, both."""
+    """The host ports that this line may be connected to: those with Xbus at its rate; if there are none, both."""
     hosts = [place for place, word in enumerate(words[:2]) if word >> 16 & 0xF == _XBUS]
     at_rate = [place for place in hosts if BAUD_RATES.get(words[place] & 0xFF) == known.baud]
     return at_rate or hosts or [0, 1]
 
 
 def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) -> BaudChange | None:
-    """What the change of one port's word does to a line that is connected to it."""
+    """Effect of the change of one port's word on a link connected to it."""
     word, before = int(new[place]), old[place] if place < len(old) else None
     if word >> 16 & 0xF != _XBUS:
         off = not word >> 16 & 0xF
@@ -98,7 +98,7 @@ def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) 
 
 
 def rates(values: Mapping[str, Values], known: DeviceContext) -> tuple[int, ...]:
-    """See protocols.transactions.Driver.rates."""
+    """See protocols.transactions.DeviceDriver.rates."""
     codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
     codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
     found = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)
@@ -108,7 +108,7 @@ def rates(values: Mapping[str, Values], known: DeviceContext) -> tuple[int, ...]
 def instead(
     command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
 ) -> tuple[str, Values] | None:
-    """See protocols.transactions.Driver.instead: the 600-series gets SetPortConfig, its SetBaudrate is deprecated."""
+    """See transactions.DeviceDriver.instead: the 600-series gets SetPortConfig, its SetBaudrate is deprecated."""
     model = model_of(known.product)
     if command != "SetBaudrate" or model is None or model.series != 600:
         return None
@@ -128,17 +128,17 @@ def _sends(outputs: Values) -> bool:
     return any(entry["data_identifier"] for entry in outputs["outputs"])
 
 
-# -- the same or not ---------------------------------------------------------------------------------------------------
+# -- comparison --------------------------------------------------------------------------------------------------------
 
-_ABOUT = 1e-6  # relative: what a float32 keeps of a decimal number
+_ABOUT = 1e-6  # relative: precision of float32 for a decimal number
 
 
 def differing(setting: str, a: Values, b: Values) -> list[str]:
-    """Paths of the fields in which two values of a setting differ in what they mean."""
+    """Paths of the fields whose meaning differs between two values of a setting."""
     if setting == "OutputConfiguration":
         a, b = ({"outputs": [dict(entry) for entry in side["outputs"] if any(entry.values())]} for side in (a, b))
         if _bag(a) == _bag(b):
-            return []  # the order of the list is nothing to anybody
+            return []  # the order of the list is irrelevant
     if setting == "FilterProfile":
         a, b = ({"profile": side["profile"]} for side in (a, b) if "profile" in side)
     return list(dict.fromkeys(_paths(setting, a, b, "")))
@@ -194,7 +194,7 @@ _PROFILES: Mapping[int, int | str] = {  # table 40 and 4.2
 
 
 def factory_outputs(model: Model) -> tuple[tuple[int, int], ...]:
-    """The output configuration that a product leaves the factory with."""
+    """The factory output configuration of a product."""
     if model.kind == "IMU":
         return (*_FRONT, (0x8030, _HZ), (0x4010, _HZ), (0xC020, _HZ), *_END)
     place = ((0x5022, _HZ), (0x5042, _HZ), (0xD012, _HZ)) if model.kind in ("GNSS", "RTK") else ()
@@ -202,7 +202,7 @@ def factory_outputs(model: Model) -> tuple[tuple[int, int], ...]:
 
 
 def factory(model: Model | None) -> dict[str, Values]:
-    """The documented factory defaults; none while the product is not known."""
+    """The documented factory defaults; none if the product is unknown."""
     if model is None:
         return {}
     unity = {"q0": 1.0, "q1": 0.0, "q2": 0.0, "q3": 0.0}

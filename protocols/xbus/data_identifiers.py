@@ -1,4 +1,4 @@
-"""What can an MTData2 message carry? Every data identifier, as a table, and what the bits of an identifier say.
+"""Data identifiers of MTData2, as a table, and the meaning of an identifier's bits.
 
     bit  15 14 13 12 11 | 10 9 8 | 7 6 5 4 | 3 2 1 0
          group          | 0      | type    | format
@@ -6,12 +6,12 @@
     format, bits 1:0   precision of a real number: 0 float32, 1 fixed point 12.20, 2 fixed point 16.32, 3 float64
             bits 3:2   coordinate system: 0 ENU (x east, y north, z up), 4 NED, 8 NWU; 0x0C means nothing
 
-Group and type choose a row; the precision chooses the wire type of those rows whose dtype is "real"; the coordinate
+Group and type select a row; the precision selects the wire type of those rows whose dtype is "real"; the coordinate
 system completes `frame`, where "local" in a row stands for it. Rows of fixed type ignore the format bits (BaroPressure
-is listed as 301y in the document and is an unsigned integer whatever y is).
+is listed as 301y in the document and is an unsigned integer for any y).
 
-`item(identifier, size)` is the one door: it gives the Field as it is in a frame, or a field of opaque bytes called
-"0x4FF0" where the identifier is not known or its size does not fit.
+`item(identifier, size)` is the entry point: it gives the Field as in a frame, or a field of opaque bytes called
+"0x4FF0" if the identifier is unknown or its size does not fit.
 
 Names are those of the document without "XDI_". Rows whose doc ends in "(not in the document)" are from the devices'
 own software.
@@ -54,7 +54,7 @@ UTC_FIELDS = (  # also the payload of SetUTCTime and UTCTime
     Field("hour", "u1", unit="h", doc="Hour of the day."),
     Field("minute", "u1", unit="min", doc="Minute of the hour."),
     Field("second", "u1", unit="s", doc="Second of the minute."),
-    Field("flags", "u1", bits=UTC_FLAGS, doc="What of this time is valid."),
+    Field("flags", "u1", bits=UTC_FLAGS, doc="Valid parts of this time."),
 )
 
 PVT_FIELDS = (  # Table 25
@@ -65,7 +65,7 @@ PVT_FIELDS = (  # Table 25
     Field("hour", "u1", unit="h", doc="Hour of the day (UTC)."),
     Field("min", "u1", unit="min", doc="Minute of the hour (UTC)."),
     Field("sec", "u1", unit="s", doc="Second of the minute (UTC), 60 in a leap second."),
-    Field("valid", "u1", bits=GNSS_VALID, title="Validity", doc="What of the date and time is valid."),
+    Field("valid", "u1", bits=GNSS_VALID, title="Validity", doc="Valid parts of date and time."),
     Field("tAcc", ">u4", unit="ns", title="Time accuracy", doc="Estimated accuracy of the time."),
     Field("nano", ">i4", unit="ns", doc="Fraction of the second, −10⁹ to 10⁹."),
     Field("fixtype", "u1", choices=GNSS_FIXES, title="Fix", doc="Kind of fix."),
@@ -317,7 +317,7 @@ ITEMS: tuple[Field, ...] = (
         "",
         fields=SAT_INFO_FIELDS,
         title="GNSS satellites",
-        doc="The satellites that the GNSS receiver sees.",
+        doc="Satellites in view of the GNSS receiver.",
     ),
     _row(
         0x7030,
@@ -325,7 +325,7 @@ ITEMS: tuple[Field, ...] = (
         ">u4",
         unit="0.1 ms",
         title="GNSS pulse",
-        doc="When the GNSS solution was valid, on the clock of SampleTimeFine.",
+        doc="Time of the GNSS solution, on the clock of SampleTimeFine.",
     ),
     _row(
         0x8020,
@@ -466,7 +466,7 @@ ITEMS: tuple[Field, ...] = (
     _row(0xE040, "Rssi", "i1", unit="dBm", title="Signal strength", doc="Strength of the radio signal" + _ALSO + "."),
     _row(0xE080, "DeviceId", ">u4", title="Device identifier", doc="Identifier of the device."),
     _row(0xE080, "DeviceId", ">u8", title="Device identifier", doc="Identifier of the device, 64 bits (600-series)."),
-    _row(0xE090, "LocationId", ">u2", title="Location identifier", doc="The number that a user gave the device."),
+    _row(0xE090, "LocationId", ">u2", title="Location identifier", doc="Location identifier set by the user."),
 )
 
 RAW_BLOB = 0xA080
@@ -481,10 +481,10 @@ BY_NAME: dict[str, Field] = {field.name: field for field in reversed(ITEMS)}
 
 @lru_cache(maxsize=4096)
 def item(identifier: int, size: int) -> Field:
-    """The field that `size` bytes under `identifier` are. Never fails: what is unknown or does not fit is opaque bytes.
+    """The field of `size` bytes under `identifier`. Never fails: unknown or ill-fitting ones are opaque bytes.
 
     Returns:
-        The row with its dtype, shape, frame and full identifier filled in; called "0x4FF0" where it is opaque.
+        The row with its dtype, shape, frame and full identifier filled in; called "0x4FF0" if opaque.
     """
     local = (identifier >> 2) & 3
     if local < len(COORDINATES):
@@ -501,5 +501,5 @@ def item(identifier: int, size: int) -> Field:
 
 
 def is_known(identifier: int) -> bool:
-    """Does the table have a row for this identifier, whatever its size?"""
+    """Whether the table has a row for this identifier, of any size."""
     return identifier & 0xFFF0 in _ROWS and (identifier >> 2) & 3 < len(COORDINATES)

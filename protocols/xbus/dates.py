@@ -1,7 +1,7 @@
-"""What an MTi says of the date: UtcTime, GNSS solutions, and the head of a log.
+"""Dates in Xbus messages: UtcTime, GNSS solutions, and the head of a log.
 
-A UtcTime counts where its flags call UTC valid, a solution where it has a fix and a valid date and time of day. The
-Configuration that begins an .mtb file carries the date at which its writer began it, to the hundredth of a second.
+A UtcTime counts if its flags call UTC valid, a solution if it has a fix and a valid date and time of day. The
+Configuration at the start of an .mtb file carries the start date of its writer, to the hundredth of a second.
 
 Source: MT0101P 2020.A, tables 13, 14, 25 and section 5.3.6.
 """
@@ -21,7 +21,7 @@ DATE_AND_TIME_VALID = 3
 
 
 def utc_of(batch: Batch) -> Ints | None:
-    """UTC of each sample, ns since the Unix epoch, UNKNOWN where it is not said; None where none says so."""
+    """UTC of each sample, ns since the Unix epoch, UNKNOWN where absent; None if no sample has it."""
     names = {field.name for field in batch.message.fields}
     if "UtcTime" in names:
         row = batch.columns["UtcTime"]
@@ -39,7 +39,7 @@ def utc_of(batch: Batch) -> Ints | None:
 
 
 def date_of(reply: Reply) -> int | None:
-    """When a log began, by the Configuration at its head, ns since the Unix epoch; None where that was not set."""
+    """Start of a log from the Configuration message in its header, ns since the Unix epoch; None if it is not set."""
     if reply.message.name != "Configuration":
         return None
     date, time = (str(reply.values.get(name, "")).strip("\0 ") for name in ("date", "time"))

@@ -1,6 +1,6 @@
 """Bytes of an MTi in, events out: MTData2 as columns, everything else by name.
 
-    chunks ──> Stream ──> frames ──┬─ MTData2 ──> walk ──> one Batch for each layout (sequence of items)
+    chunks ──> XbusStreamParser ──> frames ──┬─ MTData2 ──> walk ──> one Batch for each layout (sequence of items)
                   │                └─ others ───> form ──> Reply
                   ├─> Text, RejectedFrame
                   └─ counters and clocks of the MTData2 frames, in stream order over all layouts ──> SampleGap,
@@ -8,25 +8,25 @@
 
 ## Time
 
-A message may carry SampleTimeFine (0.1 ms), SampleTimeCoarse (s) or UtcTime. The best that the stream has shown so far,
-in this order, is its clock; from the first message with a better one on that is the clock (a ClockStep of kind "sync"
-says so), and a message without it has no device time. UtcTime counts only while its flags call UTC valid.
+A message may carry SampleTimeFine (0.1 ms), SampleTimeCoarse (s) or UtcTime. The best one seen in the stream so far, in
+this order, is its clock. The first message with a better one changes the clock (reported as a ClockStep of kind
+"sync"); later messages without it have no device time. UtcTime counts only while its flags call UTC valid.
 
-SampleTimeFine wraps at 2^32 or after a day (864 000 000 ticks), which the product decides: the rule is taken from the
-product code when it passes by, else found from the data. A GNSS solution carries an older time than its neighbours.
-Without a fix the clocks of GNSS messages are arbitrary: these have no device time then, nor have satellites before the
-first solution has told whether there is a fix.
+SampleTimeFine wraps at 2^32 or after a day (864 000 000 ticks), depending on the product: the rule is taken from the
+product code if the stream contains it, else found from the data. A GNSS solution carries an older time than its
+neighbours. Without a fix the clocks of GNSS messages are arbitrary, so these have no device time; nor have satellites
+before the first solution has reported whether there is a fix.
 
 ## Loss
 
-PacketCounter counts every MTData2 message of a device, whatever it carries; numbers that are missing are a SampleGap.
+PacketCounter counts every MTData2 message of a device, whatever its content; missing numbers are a SampleGap.
 
 ## Several devices
 
-On a line that devices share (RS-485) each has a bus identifier of its own, and so a counter and a clock of its own. The
-first that wakes up or sends data is the line's device; what has another identifier is of a further one ("2"). An
-answer carries the identifier under which the device was addressed: it is a further one's where that was heard before,
-and the line's own device's otherwise (which may be addressed as 1 or as 255).
+On a shared line (RS-485) each device has a bus identifier, a counter and a clock of its own. The first to wake up or
+send data is the line's device; another identifier is of a further one ("2"). An answer carries the identifier under
+which the device was addressed: it belongs to a further device if that identifier was seen before, otherwise to the
+line's own device (which may be addressed as 1 or as 255).
 
 Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 """
@@ -36,13 +36,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.counters import SequenceCounter, TickUnwrapper
-from protocols.dates import utc_ns
 from protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
@@ -50,48 +49,49 @@ from protocols.schema import Direction, Message
 from protocols.stream_parser import StreamDecoder
 from protocols.xbus.data_identifiers import RAW_BLOB, is_known, item
 from protocols.xbus.frames import (
+    ABOUT,
+    ARRIVALS,
     COARSE,
     COUNTER,
     FINE,
-    FIX,
     FIX_NOT_SAID,
-    GNSS,
     GOOD,
     MASTER,
     MTDATA2,
-    NO_FIX,
-    NO_GNSS,
+    OFFSETS,
     PACKET_COUNTER,
     SAMPLE_TIME_FINE,
-    UTC_AT,
+    STARTS,
+    TIMED,
+    TIMES,
     WALKED,
     gather,
     items,
     walk,
 )
 from protocols.xbus.messages import MTDATA2_ROW, form_of
-from protocols.xbus.stream_parser import ParseResult, Stream
+from protocols.xbus.sample_time import COARSE_CLOCK, FINE_CLOCK, NO_CLOCK, UTC, select_clock
+from protocols.xbus.stream_parser import ParseResult, XbusStreamParser
 
 TICK_NS = 100_000
 WRAP = 2**32
 WRAP_DAY = 864_000_000
 WAKE_UP = 0x3E
-SURE = 3  # frames of a bus identifier; noise has a valid one once in a while
+SURE = 3  # frames of a bus identifier; noise occasionally contains a valid one
 DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32
 
 Flags = NDArray[np.bool_]
 
-_CLOCKS = {"": 0, "UtcTime": 1, "SampleTimeCoarse": 2, "SampleTimeFine": 3}
-_UTC, _COARSE, _FINE = 1, 2, 3
+_CLOCKS = {"": NO_CLOCK, "UtcTime": UTC, "SampleTimeCoarse": COARSE_CLOCK, "SampleTimeFine": FINE_CLOCK}
 _LAYOUTS = 1024  # layouts remembered; a device has a handful
 
 
 class DataLayout:
-    """What one sequence of (identifier, size) means: the message with its fields, and where they lie in a payload."""
+    """Meaning of one sequence of (identifier, size): the message with its fields, and their positions in a payload."""
 
     def __init__(self, payload: bytes) -> None:
         found, size = items(payload)
-        self.bad: list[tuple[int, int]] = []  # known identifiers of a wrong size: (offset in the payload, bytes)
+        self.bad: list[tuple[int, int]] = []  # known identifiers with a wrong size: (offset in the payload, bytes)
         places: dict[str, Place] = {}
         blob_open = False
         for identifier, at, length in found:
@@ -101,7 +101,7 @@ class DataLayout:
             place: Place = (field, ((at, length),))
             if identifier == RAW_BLOB and blob_open:
                 place = _joined(places[field.name], at, length)
-            blob_open = identifier == RAW_BLOB and length == 255  # the next item, and no other, continues it
+            blob_open = identifier == RAW_BLOB and length == 255  # only the item right after it continues it
             places.pop(field.name, None)  # of a repeated identifier the last one counts
             places[field.name] = place
         self.layout = Layout(list(places.values()), size)
@@ -109,7 +109,7 @@ class DataLayout:
         names = [name for name in reversed(_CLOCKS) if name in places]
         clock = names[0] if names else ""
         self.message: Message = replace(MTDATA2_ROW, fields=fields, time=clock, tick_ns=TICK_NS if clock else 0)
-        # For a frame alone: which bytes are identifiers and sizes, what they are, and where counter and clock are.
+        # For a single frame: which bytes are identifiers and sizes, their values, and the places of counter and clock.
         mask = bytearray(size)
         for _, at, _ in found:
             mask[at - 3 : at] = b"\xff\xff\xff"
@@ -121,7 +121,7 @@ class DataLayout:
         self.usual = bool(self.counter_at and self.fine_at and not self.bad and not kinds & {0x70, 0x88})
 
     def fits(self, payload: bytes) -> bool:
-        """Is this a payload of this layout? It has the right length already."""
+        """Whether this payload, which has the right length, has the layout."""
         return int.from_bytes(payload, "big") & self._mask == self._mark
 
 
@@ -132,7 +132,7 @@ def _joined(place: Place, at: int, length: int) -> Place:
 
 
 class _Clocks:
-    """Where the counter and the clocks of one device are, and what its receiver said last."""
+    """Positions of the counter and clocks of one device, and the last state of its receiver."""
 
     def __init__(self) -> None:
         self.counter = SequenceCounter(1 << 16)
@@ -142,26 +142,26 @@ class _Clocks:
         self.fix = FIX_NOT_SAID  # by the last GNSS solution
 
 
-class XbusDecoder(StreamDecoder[Stream]):
+class XbusDecoder(StreamDecoder[XbusStreamParser]):
     """See events.Decoder. Message numbers are unique over both directions, so one decoder reads either.
 
     Args:
-        direction: whose side is listened to; kept for those who ask, because the tables tell the rest.
+        direction: whose side is read; kept for callers, since the tables cover both.
     """
 
     def __init__(self, *, direction: Direction = "to_host") -> None:
         self.direction = direction
-        super().__init__(Stream())
+        super().__init__(XbusStreamParser())
         self._layouts: dict[bytes, DataLayout] = {}
-        self._newest: dict[int, DataLayout] = {}  # by the length of the payload
-        self.addresses: dict[str, int] = {}  # bus identifiers of those that surely send; see events.Shared
-        self._names: dict[int, str] = {}  # of all that were heard, by bus identifier
-        self._frames: dict[int, int] = {}  # how many, of each
+        self._newest: dict[int, DataLayout] = {}  # by length of the payload
+        self.addresses: dict[str, int] = {}  # bus identifiers that certainly send; see events.Shared
+        self._names: dict[int, str] = {}  # of all seen, by bus identifier
+        self._frames: dict[int, int] = {}  # number of frames, by bus identifier
         self._clocks = _Clocks()
         self._others: dict[int, _Clocks] = {}
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
-        """Everything complete, by offset; a batch stands where its first frame began."""
+        """Return every complete event by offset; a batch is placed at its first frame."""
         cut = self._stream.drain(stalled=stalled)
         events: list[Event] = [*cut.rejects, *cut.texts]
         table, arrivals = cut.table, cut.arrival_ns
@@ -192,16 +192,17 @@ class XbusDecoder(StreamDecoder[Stream]):
             message, _ = form_of(mid, payload)
             values = unpack(message.fields, payload)
             bid = int(cut.table[SENDER, i])
-            if mid == WAKE_UP:  # by itself and not as an answer: it carries the identifier of the device's data
+            if mid == WAKE_UP:  # sent spontaneously, so it carries the identifier of the device's data
                 self._claim(bid)
             device = self._name(bid)
             replies.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i]), device))
         return replies
 
     def _claim(self, bid: int, frames: int = 1) -> str:
-        """A device sends under this identifier; its name. The line's own is the first that was heard. At a wrong rate
-        noise has a valid frame once in a while, so an identifier counts for other connections, and against a device
-        that speaks for itself (255), only when a few frames of it have come."""
+        """Name of the device that sends under this identifier. The line's own is the first one seen. At a wrong baud
+        rate noise occasionally contains a valid frame, so an identifier counts for other connections, and against a
+        device that sends under its own (255), only after a few frames.
+        """
         if bid not in self._names:
             known = next((name for name, address in self.addresses.items() if address == bid), None)
             is_own = "" not in self.addresses and ("" not in self._names.values() or bid == MASTER)
@@ -215,19 +216,19 @@ class XbusDecoder(StreamDecoder[Stream]):
         return self._names[bid]
 
     def _give_way(self) -> None:
-        """What was taken for the line's own device is noise, or a further one."""
+        """Drop the assumed own device of the line; it was noise, or is a further device."""
         before = next((bid for bid, name in self._names.items() if name == ""), None)
         if before is not None:
             self._names[before], self._others[before] = str(before), self._clocks
             self._clocks = _Clocks()
 
     def _name(self, bid: int) -> str:
-        """Whose answer it is."""
+        """Name of the device that answered."""
         known = (name for name, address in self.addresses.items() if address == bid)
         return self._names.get(bid) or next(known, "")
 
     def _learn(self, replies: list[Reply]) -> None:
-        """What a reply says about the clock."""
+        """Update the clock from a reply."""
         for reply in replies:
             if reply.message.name == "ProductCode":
                 day = DAY_PRODUCTS.match(str(reply.values.get("product_code", "")))
@@ -240,7 +241,7 @@ class XbusDecoder(StreamDecoder[Stream]):
     # -- several devices -----------------------------------------------------------------------------------------------
 
     def _by_sender(self, cut: ParseResult, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
-        """Data of the line's first device, and of each further one under its bus identifier."""
+        """Events of the line's first device, and of each further one under its bus identifier."""
         senders = table[SENDER]
         if (senders == self.addresses.get("", -1)).all():
             return self._data(cut, table, arrivals, replies)
@@ -271,7 +272,7 @@ class XbusDecoder(StreamDecoder[Stream]):
     def count_of(self, device: str = "") -> Count | None:
         """See events.Counts."""
         if device:
-            return None  # only the line's own: the others of a shared line have no link to lose
+            return None  # only the line's own: the other devices of a shared line have no link to lose
         counter = self._clocks.counter
         if counter.first is None or counter.last is None:
             return None
@@ -280,18 +281,19 @@ class XbusDecoder(StreamDecoder[Stream]):
     # -- data ----------------------------------------------------------------------------------------------------------
 
     def _single(self, cut: ParseResult, events: list[Event]) -> bool:
-        """One frame of a live stream: what `_data` does, with plain numbers. False, with nothing done, if it is not a
-        usual one: an MTData2 of a layout that has passed by, with the counter and the clock that most have."""
+        """One frame of a live stream: same as `_data`, with plain numbers. Returns False without side effects unless it
+        is an MTData2 of a known layout with the usual counter and clock.
+        """
         offset, size, body, length, mid = cut.table[:5, 0].tolist()
         if self.addresses.get("") != int(cut.table[SENDER, 0]):
             return False
-        layout = self._newest.get(length) if mid == MTDATA2 and self._clocks.clock in (0, _FINE) else None
+        layout = self._newest.get(length) if mid == MTDATA2 and self._clocks.clock in (NO_CLOCK, FINE_CLOCK) else None
         if layout is None or not layout.usual:
             return False
         payload = cut.data[body : body + length]
         if not layout.fits(payload):
             return False
-        self._clocks.clock = _FINE
+        self._clocks.clock = FINE_CLOCK
         offset += cut.start
         fine, counter = layout.fine_at, layout.counter_at
         time = self._clocks.fine.tick(int.from_bytes(payload[fine : fine + 4], "big")) * TICK_NS
@@ -310,34 +312,37 @@ class XbusDecoder(StreamDecoder[Stream]):
     def _data(self, cut: ParseResult, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
         """Batches, gaps and steps of MTData2 frames."""
         n = table.shape[1]
-        walked = np.empty((WALKED, n), np.int64)
+        walked, about = np.empty((WALKED, n), np.int64), np.empty((ABOUT, n), np.int64)
         order = np.empty(n, np.int64)
         bounds = np.empty(n + 1, np.int64)
         body = table[BODY]
         groups, bad, without_fine, without_counter = walk(cut.array, body, table[LENGTH], walked, order, bounds)
-        offsets = table[OFFSET] + cut.start
+        offsets, timed = about[OFFSETS], about[TIMED]
+        np.add(table[OFFSET], cut.start, out=offsets)
         events: list[Event] = []
-        if without_fine or replies or self._clocks.clock not in (0, _FINE):
-            times, timed = self._times(cut, walked, offsets, arrivals, replies, events)
+        if without_fine or replies or self._clocks.clock not in (NO_CLOCK, FINE_CLOCK):
+            times, used = self._times(cut, walked, offsets, arrivals, replies, events)
+            np.not_equal(used, NO_CLOCK, out=timed, casting="unsafe")
         else:  # the usual case
-            self._clocks.clock = _FINE
-            times, timed = self._unwrap(self._clocks.fine, TICK_NS, walked[FINE], offsets, arrivals, events), None
+            self._clocks.clock = FINE_CLOCK
+            times = self._unwrap(self._clocks.fine, TICK_NS, walked[FINE], offsets, arrivals, events)
+            timed[:] = 1
         self._gaps(walked[COUNTER], bool(without_counter), offsets, arrivals, times, timed, events)
         if bad:
             self._bad_tails(table, walked[GOOD], cut.start, arrivals, events)
-        for g in range(groups):
-            which: Any = order[bounds[g] : bounds[g + 1]] if groups > 1 else slice(None)
-            starts = body[which]
-            layout = self._layout(cut.data, int(starts[0]), int(walked[GOOD, which][0]))
-            rows = np.empty((len(starts), layout.layout.size), np.uint8)
-            gather(cut.array, starts, rows)
-            has_time = None if timed is None else timed[which]
-            some = _batches(layout, rows, arrivals[which], offsets[which], times[which], has_time)
+        about[STARTS], about[ARRIVALS], about[TIMES] = body, arrivals, times
+        for first, last in pairwise(bounds[: groups + 1].tolist()):
+            which = order[first:last]
+            one = int(which[0])
+            layout = self._layout(cut.data, int(body[one]), int(walked[GOOD, one]))
+            rows, told = np.empty((len(which), layout.layout.size), np.uint8), np.empty((ABOUT, len(which)), np.int64)
+            has_time = gather(cut.array, about, which, rows, told)
+            some = _batches(layout, rows, told, None if has_time == len(which) else told[TIMED] > 0)
             for batch in some:
-                batch.size = int(table[SIZE, which][0])
+                batch.size = int(table[SIZE, one])
             events += some
             for at, size in layout.bad:
-                places = zip((starts + (cut.start + at)).tolist(), arrivals[which].tolist(), strict=True)
+                places = zip((told[STARTS] + (cut.start + at)).tolist(), told[ARRIVALS].tolist(), strict=True)
                 events += [RejectedFrame(place, size, "bad_item", arrival) for place, arrival in places]
         return events
 
@@ -367,35 +372,23 @@ class XbusDecoder(StreamDecoder[Stream]):
 
     def _times(
         self, cut: ParseResult, walked: Ints, offsets: Ints, arrivals: Ints, replies: list[Reply], events: list[Event]
-    ) -> tuple[Ints, Flags]:
-        """Device time of each frame, ns, and whether it has one."""
-        fine = walked[FINE]
-        utc = _utc_ns(cut.data, walked[UTC_AT])
-        has = np.where(fine >= 0, _FINE, np.where(walked[COARSE] >= 0, _COARSE, np.where(utc >= 0, _UTC, 0)))
-        has[~self._is_true(walked[GNSS])] = 0
-        used = np.maximum.accumulate(np.maximum(has, self._clocks.clock))
-        before = np.concatenate(([self._clocks.clock], used[:-1]))
-        for i in np.flatnonzero((used > before) & (before > 0)).tolist():
+    ) -> tuple[Ints, Ints]:
+        """Device time of each frame, ns, and its clock."""
+        clocks, n = self._clocks, len(offsets)
+        used, times, better = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(3, np.int64)
+        clocks.clock, clocks.fix, steps, _ = select_clock(
+            cut.array, walked, clocks.clock, clocks.fix, used, times, better
+        )
+        for i in better[:steps].tolist():
             events.append(ClockStep(int(offsets[i]), "sync", 0, int(arrivals[i])))
-        self._clocks.clock = int(used[-1])
-        timed = (has == used) & (used > 0)
-        times = np.where(utc >= 0, utc, 0)
         for clock, raw, unwrap, tick in (
-            (_FINE, fine, self._clocks.fine, TICK_NS),
-            (_COARSE, walked[COARSE], self._clocks.coarse, 1_000_000_000),
+            (FINE_CLOCK, walked[FINE], clocks.fine, TICK_NS),
+            (COARSE_CLOCK, walked[COARSE], clocks.coarse, 1_000_000_000),
         ):
-            for which in _stretches(np.flatnonzero(timed & (has == clock)), offsets, replies, self._learn):
+            for which in _stretches(np.flatnonzero(used == clock), offsets, replies, self._learn):
                 times[which] = self._unwrap(unwrap, tick, raw[which], offsets[which], arrivals[which], events)
             replies = []
-        return times, timed
-
-    def _is_true(self, gnss: Ints) -> Flags:
-        """Whose clocks are those of the sample: not of a GNSS message without a fix."""
-        said = (gnss == NO_FIX) | (gnss == FIX)
-        last = np.maximum.accumulate(np.where(said, np.arange(len(gnss)), -1))
-        known = np.where(last >= 0, gnss[last], self._clocks.fix)
-        self._clocks.fix = int(known[-1])
-        return np.asarray((gnss == NO_GNSS) | (known == FIX))
+        return times, used
 
     @staticmethod
     def _unwrap(
@@ -413,39 +406,41 @@ class XbusDecoder(StreamDecoder[Stream]):
         offsets: Ints,
         arrivals: Ints,
         times: Ints,
-        timed: Flags | None,
+        timed: Ints,
         events: list[Event],
     ) -> None:
-        """What PacketCounter says is missing; `holes`: some frames do not carry it."""
+        """Gaps by PacketCounter; `holes`: some frames do not carry it."""
         rows = np.flatnonzero(raw >= 0) if holes else None
         missing = self._clocks.counter.missing(raw if rows is None else raw[rows])
         if not missing.any():
             return
         for k in np.flatnonzero(missing).tolist():
             i = k if rows is None else int(rows[k])
-            time = int(times[i]) if timed is None or timed[i] else None
+            time = int(times[i]) if timed[i] else None
             events.append(SampleGap(int(offsets[i]), int(missing[k]), "PacketCounter", int(arrivals[i]), time))
 
 
-def _batches(
-    layout: DataLayout, rows: Bytes, arrivals: Ints, offsets: Ints, times: Ints, timed: Flags | None
-) -> list[Batch]:
-    """One batch; two where only some of the frames have a device time. `timed` None: all have."""
-    if timed is None or timed.all():
-        return [Batch(layout.message, "", arrivals, offsets, times, layout.layout.columns(rows))]
+def _batches(layout: DataLayout, rows: Bytes, told: Ints, timed: Flags | None) -> list[Batch]:
+    """One batch, or two if only some of the frames have a device time. `timed` None: all have."""
+    columns = layout.layout.columns
+    if timed is None:
+        return [Batch(layout.message, "", told[ARRIVALS], told[OFFSETS], told[TIMES], columns(rows))]
     batches = []
-    for part, time in ((timed, times), (~timed, None)):
+    for part, has_time in ((timed, True), (~timed, False)):
+        if part.all():
+            time = told[TIMES] if has_time else None
+            return [Batch(layout.message, "", told[ARRIVALS], told[OFFSETS], time, columns(rows))]
         if part.any():
-            columns = layout.layout.columns(rows[part])
-            part_time = None if time is None else time[part]
-            batches.append(Batch(layout.message, "", arrivals[part], offsets[part], part_time, columns))
+            own = told[:, part]
+            time = own[TIMES] if has_time else None
+            batches.append(Batch(layout.message, "", own[ARRIVALS], own[OFFSETS], time, columns(rows[part])))
     return batches
 
 
 def _stretches(
     rows: NDArray[np.intp], offsets: Ints, replies: list[Reply], learn: Callable[[list[Reply]], None]
 ) -> Iterator[NDArray[np.intp]]:
-    """`rows` cut where a reply came between them; each reply is learned from before what follows it."""
+    """`rows` split at replies, so that each reply is processed before the frames after it."""
     for reply in replies:
         before = rows[offsets[rows] < reply.offset]
         if len(before):
@@ -456,22 +451,8 @@ def _stretches(
         yield rows
 
 
-def _utc_ns(data: bytes, places: Ints) -> Ints:
-    """UtcTime at `places` in `data`, ns since the Unix epoch; -1 where there is none or its flags call it invalid."""
-    out = np.full(len(places), -1, np.int64)
-    which = np.flatnonzero(places >= 0)
-    if not len(which):
-        return out
-    raw = np.frombuffer(data, np.uint8)[places[which][:, None] + np.arange(12)].astype(np.int64)
-    ns = (raw[:, 0] << 24) | (raw[:, 1] << 16) | (raw[:, 2] << 8) | raw[:, 3]
-    year, month = (raw[:, 4] << 8) | raw[:, 5], raw[:, 6]
-    day, hour, minute, second, flags = (raw[:, i] for i in range(7, 12))
-    out[which] = utc_ns(year, month, day, hour, minute, second, ns, flags & 4 != 0)
-    return out
-
-
 def _offset(event: Event) -> int:
-    """Where an event stands in the stream. A gap or a step comes before the frame at its offset."""
+    """Position of an event in the stream. A gap or a step precedes the frame at its offset."""
     if isinstance(event, Batch):
         return 2 * int(event.offset[0]) + 1
     return 2 * event.offset

@@ -1,7 +1,7 @@
-"""Do these bytes look like an MTi?
+"""Detection of an MTi.
 
-The share of them that lies in valid frames or in sentences that an MTi can be switched to. A sentence alone does not
-tell an MTi from another NMEA device, so text counts half.
+The score is the share of bytes in valid frames or in sentences that an MTi can send. A sentence alone does not
+distinguish an MTi from another NMEA device, so text counts half.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from collections import Counter
 
 from protocols.framing import ID, SIZE
 from protocols.xbus.messages import ROWS
-from protocols.xbus.stream_parser import Stream
+from protocols.xbus.stream_parser import XbusStreamParser
 
 
 def detection_score(data: bytes) -> tuple[float, str]:
     """(score 0..1, words)."""
     if not data:
         return 0.0, "no bytes"
-    stream = Stream()
+    stream = XbusStreamParser()
     stream.feed(data, 0)
     cuts = [stream.drain()]
     waiting = stream.buffered
@@ -26,7 +26,7 @@ def detection_score(data: bytes) -> tuple[float, str]:
     texts = [text for cut in cuts for text in cut.texts]
     names = Counter(ROWS[mid][0].name for cut in cuts for mid in cut.table[ID].tolist() if mid in ROWS)
     if framed:
-        # what waits for its end at the end of the data speaks neither for nor against
+        # an incomplete frame at the end of the data counts neither for nor against
         score = min(1.0, (framed + sum(text.size for text in texts)) / max(len(data) - waiting, framed))
         kinds = ", ".join(name for name, _ in names.most_common(3)) or "unlisted messages"
         count = sum(cut.table.shape[1] for cut in cuts)

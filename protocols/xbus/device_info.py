@@ -1,7 +1,7 @@
-"""Who is this MTi? What its answers tell, in words for a person.
+"""Identity of an MTi from its answers.
 
-Source: MT0101P 2020.A, 5.3.1 and 5.3.2; what Configuration holds in its reserved bytes is from captures, the order of
-words in a long identifier from the vendor's public code.
+Source: MT0101P 2020.A, 5.3.1 and 5.3.2; the reserved bytes of Configuration are known from captures, the word order of
+a long identifier from the vendor's public code.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ _IS_LONG = 0x8000_0000
 
 
 def identity(reply: Reply) -> Mapping[str, str]:
-    """What an answer tells: "product", "serial_number", "firmware"; only those that it tells."""
+    """Identity in an answer: any of "product", "serial_number", "firmware"."""
     values = reply.values
-    told: dict[str, str] = {}
+    found: dict[str, str] = {}
     product = values.get("product_code") or _code_in(values.get("reserved_host"))
     if isinstance(product, str) and product.strip():
-        told["product"] = product.strip().strip("\x00")
+        found["product"] = product.strip().strip("\x00")
     elif "600-series" in reply.message.title:
-        told["series"] = "MTi-600 series"  # only they have this form of Configuration
+        found["series"] = "MTi-600 series"  # only they have this form of Configuration
     if number := _number(reply):
-        told["serial_number"] = number
+        found["serial_number"] = number
     if reply.message.name.startswith("Firmware") and "major" in values:
         parts = [values[name] for name in ("major", "minor", "revision") if values.get(name) is not None]
-        told["firmware"] = ".".join(str(part) for part in parts)
-    return told
+        found["firmware"] = ".".join(str(part) for part in parts)
+    return found
 
 
 def _number(reply: Reply) -> str:
-    """The identifier as it is printed on the label; "" where the answer tells none.
+    """The identifier as printed on the label; "" if the answer has none.
 
-    Of an identifier of 64 bits Configuration has the low word first, DeviceID the high one; bit 31 of the low word
-    marks it. Eight bytes without that mark hold an identifier of 32 bits, as early firmware sent it.
+    An identifier of 64 bits has its low word first in Configuration, its high word first in DeviceID; bit 31 of the low
+    word marks it. Eight bytes without that mark hold an identifier of 32 bits, as sent by early firmware.
     """
     name = "master_device_id" if "master_device_id" in reply.values else "device_id"
     value = reply.values.get(name)
@@ -52,7 +52,7 @@ def _number(reply: Reply) -> str:
 
 
 def formerly(serial_number: str) -> tuple[str, ...]:
-    """Under which numbers a device was filed before identifiers of 64 bits were read word by word."""
+    """Numbers that were used for a device before identifiers of 64 bits were read word by word."""
     if len(serial_number) < 10:
         return ()
     value = int(serial_number, 16)

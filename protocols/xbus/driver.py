@@ -1,16 +1,15 @@
-"""Driver of an MTi: tables, frames and dialogues of section 5.3, behind protocols.transactions.Driver.
+"""Driver of an MTi: tables, frames and transactions of section 5.3, behind protocols.transactions.DeviceDriver.
 
     within(body)    GoToConfig … body … GoToMeasurement, also when the body fails or is stopped
     read(setting)   its request; the answer's fields
-    write(setting)  its Set message, the acknowledgement, then the request: what the device really holds
-    restart         Reset; settings are stored by the device when they are set
+    write(setting)  its Set message, the acknowledgement, then the request: the value really stored
+    restart         Reset; the device stores settings when they are set
 
-Values are wire values by field name. Two settings are not what their message carries: OptionFlags is the word that is
-wanted, sent as the flags to set and those to clear; AlignmentRotation is two settings, the parameter being part of the
-name. An empty list of outputs, or of sync settings, is sent as one entry that means "none".
+Values are wire values by field name. Two settings differ from their message: OptionFlags is the desired word, sent as
+the flags to set and those to clear; AlignmentRotation is two settings, the parameter being part of the name. An empty
+list of outputs, or of sync settings, is sent as one entry that means "none".
 
-A device that shares its line is addressed by its bus identifier (`DeviceContext.device`), in everything that is sent
-here.
+A device on a shared line is addressed by its bus identifier (`DeviceContext.device`) in all messages.
 
 Source: MT0101P 2020.A; the entry that means no CAN outputs from the vendor's public code.
 """
@@ -55,7 +54,7 @@ from protocols.xbus.products import Model, model_of
 
 T = TypeVar("T")
 
-_NONE: Mapping[str, tuple[str, dict[str, int]]] = {  # how an empty list is sent, since an empty message asks
+_NONE: Mapping[str, tuple[str, dict[str, int]]] = {  # encoding of an empty list, since an empty message is a request
     "SetOutputConfiguration": ("outputs", {"data_identifier": 0, "output_frequency": 0}),
     "SetSyncSettings": (
         "settings",
@@ -68,7 +67,7 @@ _OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
 
 
 class XbusDriver:
-    """See protocols.transactions.Driver."""
+    """See protocols.transactions.DeviceDriver."""
 
     name = "xbus"
     states: Mapping[str, str] = {
@@ -100,35 +99,36 @@ class XbusDriver:
         model = model_of(known.product)
         return [frames.to_bus(_write_frame(_kept(setting, model), values, model, held=held), _bus(known))]
 
-    def spans(self, frame: bytes) -> list[ByteRange]:
+    def annotate(self, frame: bytes) -> list[ByteRange]:
         return annotate.annotate(frame)
 
     def name_of(self, frame: bytes) -> str:
         return annotate.name_of(frame)
 
-    # -- dialogues
+    # -- transactions
 
     def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
         return requests.addressed(self._within(body, at_rest=known.at_rest), _bus(known))
 
     def _within(self, body: Transaction[T], *, at_rest: bool = False) -> Transaction[T]:
-        """`body` in the config state, or in the state that it needs (RequiresState), and measuring afterwards, unless
-        the device was at rest."""
+        """`body` in the config state, or in its required state (RequiresState), then measurement again, unless the
+        device was at rest.
+        """
         state = body.state if isinstance(body, RequiresState) else "config"
         if state == "any":
             return (yield from body)
         if state == "measuring":
-            if not (yield WaitFor(_sample, requests.SEEN_S)):  # what streams measures; telling it to is an error
+            if not (yield WaitFor(_sample, requests.SEEN_S)):  # it measures; GoToMeasurement would fail
                 yield from requests.to_measurement()
             return (yield from body)
         try:
             yield from requests.to_config(restart=not (isinstance(body, RequiresState) and body.continues))
             result = yield from body
-        except TransactionCancelledError:  # also on the way there: the device may have heard GoToConfig already
+        except TransactionCancelledError:  # also before the body: the device may have received GoToConfig already
             if not at_rest:
                 yield Send(frames.build(requests.GO_TO_MEASUREMENT), "GoToMeasurement")
             raise
-        except Exception:  # also on the way there: an answer may have been lost, and the device be silent
+        except Exception:  # also before the body: an answer may have been lost, and the device be silent
             if not at_rest:
                 yield from _measure_again()
             raise
@@ -137,7 +137,7 @@ class XbusDriver:
         return result
 
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
-        """One command; what may not be done twice is not asked again. Says in which state it runs."""
+        """Run one command, without retries if it must not run twice. The state in which it runs is declared."""
         model = model_of(known.product)
         row = _row(command, values, model)
         frame = _frame(row, values, model)
@@ -147,7 +147,9 @@ class XbusDriver:
         )
 
     def _reset_and_store(self, frame: bytes) -> Transaction[Values]:
-        """While it measures: the reset, the config state, the code that stores, measurement. Nothing between them."""
+        """While measuring: the reset, the config state, the code that stores, measurement, with nothing between
+        them.
+        """
         yield from requests.send_request(frame, "ResetOrientation", 0.5, 1)
         store = requests.send_request(
             frame_from_json({"message": "ResetOrientation", "fields": {"code": 0}}), "ResetOrientation", 0.5
@@ -172,7 +174,7 @@ class XbusDriver:
         model = model_of(known.product)
         one = _kept(setting, model)
         row = commands.write_row(one, model)
-        assert row is not None  # _write_frame says so in words
+        assert row is not None  # _write_frame raises otherwise
         try:
             yield from requests.send_request(_write_frame(one, values, model, held=held), row.message, row.timeout_s)
         except DeviceRejectedError as refused:
@@ -183,7 +185,7 @@ class XbusDriver:
         return requests.addressed(self._identify(known), _bus(known))
 
     def _identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
-        """Product, serial number and firmware; goes to the config state by itself where it is not in it."""
+        """Query product, serial number and firmware; enters the config state if needed."""
         try:
             first = yield from _identity("ReqDID")
         except DeviceRejectedError:
@@ -212,15 +214,15 @@ class XbusDriver:
     ) -> tuple[str, Values] | None:
         return config_effects.instead(command, values, present, known)
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
+    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         return []
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
-        """Reset: what was written is stored already. Not inside `within`: the device then measures by itself."""
+        """Reset; written settings are stored already. Not inside `within`: the device then measures by itself."""
         reset = requests.send_request(frames.build(requests.RESET), "Reset", 0.5)
         yield from requests.addressed(reset, _bus(known))
 
-    def alive(self, known: DeviceContext) -> Transaction[bool]:
+    def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         return (yield from requests.addressed(requests.is_alive(), _bus(known)))
 
     def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
@@ -232,12 +234,12 @@ class XbusDriver:
         yield from requests.addressed(_measure_again(), _bus(known))
         return True
 
-    # -- what follows from settings
+    # -- derived from settings
 
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         return load(settings, model_of(known.product))
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
+    def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return fit(settings, capacity, model_of(known.product))
 
     def factory(self, known: DeviceContext) -> Mapping[str, Values]:
@@ -248,7 +250,7 @@ class XbusDriver:
 
 
 def _bus(known: DeviceContext) -> int:
-    """The bus identifier to which its messages go: 255, which every device hears that has its line to itself."""
+    """The bus identifier of its messages: 255, which a device alone on its line accepts."""
     return int(known.device) if known.device else frames.MASTER
 
 
@@ -256,7 +258,7 @@ def _bus(known: DeviceContext) -> int:
 
 
 def _row(command: str, values: Values, model: Model | None) -> CommandRow:
-    """The row of a command; of a name with two forms the one that these values fit, while the product is not known."""
+    """The row of a command; with two forms and an unknown product, the one that these values fit."""
     rows = commands.rows(model)
     if command not in rows:
         whose = f"{model.name} has no command" if model else "no command is called"
@@ -281,7 +283,8 @@ def _frame(row: CommandRow, values: Values, model: Model | None, *, held: bool =
     """The frame of a command.
 
     Args:
-        held: values of the device itself, which go back unchecked.
+        held: values read from the device itself, which are written back unchecked.
+
     Raises:
         EncodeError: a value is missing, unknown, out of its range, or does not go with the others.
     """
@@ -300,7 +303,7 @@ def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, hel
     row = commands.write_row(one, model)
     if row is None:
         raise EncodeError(f"{one.name} is told by the device and cannot be written")
-    wanted = {name: value for name, value in values.items() if name not in one.told}
+    wanted = {name: value for name, value in values.items() if name not in one.read_only_fields}
     if one.name == "OptionFlags":
         if not held:
             validation.require_valid(commands.reply_form(one.read, model).fields, wanted)
@@ -310,11 +313,11 @@ def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, hel
 
 
 def read_frame(one: StoredSetting) -> bytes:
-    """The frame that asks for a setting."""
+    """The frame that requests a setting."""
     return frame_from_json({"message": one.read, "fields": dict(one.fixed)})
 
 
-# -- dialogues ---------------------------------------------------------------------------------------------------------
+# -- transactions ------------------------------------------------------------------------------------------------------
 
 
 def _run(row: CommandRow, frame: bytes) -> Transaction[Values]:
@@ -329,12 +332,12 @@ def _run(row: CommandRow, frame: bytes) -> Transaction[Values]:
     if row.message == "GoToConfig":
         yield from requests.to_config()
         return {}
-    tries = 1 if row.kind == "do" else requests.TRIES
-    return (yield from requests.send_request(frame, row.message, row.timeout_s, tries))
+    attempts = 1 if row.kind == "do" else requests.ATTEMPTS
+    return (yield from requests.send_request(frame, row.message, row.timeout_s, attempts))
 
 
 def _one_sample(frame: bytes, row: CommandRow) -> Transaction[Values]:
-    """A device that streams sends samples anyway: that it has refused is said by an Error a moment later."""
+    """Request a sample. A streaming device sends samples anyway; its refusal is an Error a moment later."""
     yield Send(frame, row.message)
     came = yield WaitFor(_sample_or_error, row.timeout_s, "MTData2")
     if came is None:
@@ -378,19 +381,19 @@ def _read(one: StoredSetting) -> Transaction[Values]:
 
 
 def _identity(request: str) -> Transaction[dict[str, str]]:
-    """What one answer tells of the device."""
+    """Identity in one answer."""
     number = {"ReqDID": 0x00, "ReqProductCode": 0x1C, "ReqFWRev": 0x12}[request]
-    heard: list[Reply] = []
+    received: list[Reply] = []
 
     def accept(reply: Reply) -> bool:
-        heard.append(reply)
+        received.append(reply)
         return True
 
     yield from requests.send_request(frames.build(number), request, 0.5, accept=accept)
-    return dict(identity(heard[-1]))
+    return dict(identity(received[-1]))
 
 
 def _measure_again() -> Transaction[None]:
-    """After a failure: try to measure, and let the first failure be the one that is told."""
+    """Try to measure after a failure; the first failure is the one reported."""
     with suppress(DeviceRejectedError, NoReplyError):
         yield from requests.to_measurement()

@@ -1,7 +1,7 @@
-"""What do the numbers inside Xbus fields mean? Enumerations and flag words, as data.
+"""Enumerations and flag words of Xbus, as data.
 
-Names are the document's; where it leaves a value or a bit open that the devices' own software uses, the meaning is
-given and its doc says that the document does not list it.
+Names are the document's; values and bits that it leaves open but the devices' own software uses have their meaning
+here, and a doc that says the document does not list them.
 
 Source: MT0101P 2020.A, the table named at each entry, with its errata.
 """
@@ -113,6 +113,8 @@ SYNC_FUNCTIONS = {  # Table 11; the others from the device's own list
     14: "Gnss1Pps",
     15: "BusSync",
 }
+TRIGGER, INTERVAL, SEND_LATEST, CLOCK_BIAS, START_SAMPLING, PULSE = 3, 4, 8, 9, 11, 14
+SYNC_OUT = (INTERVAL, PULSE)
 
 SYNC_LINES = {  # Table 12; what a number means depends on the series
     0: "ClockIn",
@@ -232,7 +234,7 @@ STATUS_BITS = (  # Table 27
     Bits(
         "FilterValid",
         1,
-        severity="fault",
+        severity="error",
         normal_set=True,
         doc="The orientation filter's input is complete and reliable; clears when a sensor's range is exceeded.",
     ),
@@ -252,19 +254,19 @@ STATUS_BITS = (  # Table 27
     Bits("RepresentativeMotion", 5, doc="In-run compass calibration is collecting representative motion."),
     Bits("ClockSync", 6, doc="Clock bias estimation against an external clock is active."),
     Bits("FilterInputStart", 7, doc="Input of the filter starts with this sample; reserved in the document."),
-    Bits("ClipAccX", 8, severity="caution", doc="Acceleration along x is out of range."),
-    Bits("ClipAccY", 9, severity="caution", doc="Acceleration along y is out of range."),
-    Bits("ClipAccZ", 10, severity="caution", doc="Acceleration along z is out of range."),
-    Bits("ClipGyrX", 11, severity="caution", doc="Rate of turn about x is out of range."),
-    Bits("ClipGyrY", 12, severity="caution", doc="Rate of turn about y is out of range."),
-    Bits("ClipGyrZ", 13, severity="caution", doc="Rate of turn about z is out of range."),
-    Bits("ClipMagX", 14, severity="caution", doc="Magnetic field along x is out of range."),
-    Bits("ClipMagY", 15, severity="caution", doc="Magnetic field along y is out of range."),
-    Bits("ClipMagZ", 16, severity="caution", doc="Magnetic field along z is out of range."),
+    Bits("ClipAccX", 8, severity="warning", doc="Acceleration along x is out of range."),
+    Bits("ClipAccY", 9, severity="warning", doc="Acceleration along y is out of range."),
+    Bits("ClipAccZ", 10, severity="warning", doc="Acceleration along z is out of range."),
+    Bits("ClipGyrX", 11, severity="warning", doc="Rate of turn about x is out of range."),
+    Bits("ClipGyrY", 12, severity="warning", doc="Rate of turn about y is out of range."),
+    Bits("ClipGyrZ", 13, severity="warning", doc="Rate of turn about z is out of range."),
+    Bits("ClipMagX", 14, severity="warning", doc="Magnetic field along x is out of range."),
+    Bits("ClipMagY", 15, severity="warning", doc="Magnetic field along y is out of range."),
+    Bits("ClipMagZ", 16, severity="warning", doc="Magnetic field along z is out of range."),
     Bits("Reserved17", 17, doc="Reserved."),
     Bits("Retransmitted", 18, doc="This sample was sent again; reserved in the document."),
-    Bits("ClippingIndication", 19, severity="fault", doc="At least one sensor is out of range."),
-    Bits("Interpolated", 20, severity="caution", doc="This sample was interpolated; reserved in the document."),
+    Bits("ClippingIndication", 19, severity="error", doc="At least one sensor is out of range."),
+    Bits("Interpolated", 20, severity="warning", doc="This sample was interpolated; reserved in the document."),
     Bits("SyncInMarker", 21, doc="A trigger was seen on a SyncIn line."),
     Bits("SyncOutMarker", 22, doc="A pulse was given on the SyncOut line."),
     Bits(
@@ -302,19 +304,19 @@ OPTION_FLAGS = (  # Table 8
     Bits("EnableBeidou", 2, doc="BeiDou is received instead of GLONASS."),
     Bits("DisableGps", 3, doc="Reserved in the document."),
     Bits("EnableAhs", 4, doc="Active heading stabilisation: heading is tracked, not referenced to the field."),
-    Bits("EnableOrientationSmoother", 5, doc="Jumps of orientation that GNSS updates cause are smoothed."),
+    Bits("EnableOrientationSmoother", 5, doc="Orientation jumps caused by GNSS updates are smoothed."),
     Bits("EnableConfigurableBusId", 6, doc="The configured bus identifier is used instead of 0xFF."),
     Bits("EnableInRunCompassCalibration", 7, doc="Disturbances that move with the object are calibrated away."),
     Bits("EnableConfigMessageAtStartup", 9, doc="eMTS and Configuration messages are sent at start-up."),
     Bits("EnableColdFilterResets", 10, doc="The filter starts cold at every GoToMeasurement."),
     Bits("EnablePositionVelocitySmoother", 11, doc="Position and velocity are smoothed."),
-    Bits("EnableContinuousZRU", 12, doc="The filter keeps making zero-rotation updates of gyroscope bias and noise."),
+    Bits("EnableContinuousZRU", 12, doc="Gyroscope bias and noise are continuously updated (zero-rotation update)."),
     Bits("EnableRawGnssInputForwarding", 13, doc="Not in the document."),
 )
 
 EXT_OUTPUT_MODE_BITS = (  # Table 21
     Bits("AlternativeUart", 4, doc="Communication is on the alternative UART instead of the main serial line."),
-    Bits("UsbLowLatency", 5, doc="USB is read out in low-latency mode."),
+    Bits("UsbLowLatency", 5, doc="USB uses low-latency mode."),
 )
 
 STRING_TYPES = (  # table of SetStringOutputType, section 5.3.5
@@ -393,7 +395,7 @@ SATELLITE_FLAGS = (  # Table 26
             6: "code and carrier locked",
             7: "code and carrier locked",
         },
-        doc="How well the signal is tracked.",
+        doc="Quality of the signal.",
     ),
     Bits("UsedForNavigation", 3, doc="The satellite is used in the solution."),
     Bits("Health", 4, width=2, choices={0: "unknown", 1: "healthy", 2: "unhealthy"}, doc="Health of the satellite."),

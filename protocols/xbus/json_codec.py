@@ -1,4 +1,4 @@
-"""One frame as plain values (what JSON can hold), and the frame again from them, byte for byte.
+"""JSON form of a frame, and its inverse, byte for byte.
 
     {"id": 54, "message": "MTData2",
      "fields": {"PacketCounter": 7, "Quaternion": [1.0, 0.0, 0.0, 0.0], "StatusWord": 3},
@@ -9,14 +9,14 @@
 and matrices as flat lists, records as objects, opaque bytes as hex. A float that is not finite is {"f32": hex} or
 {"f64": hex}. `flags` names the set bits of every flag word; a bit group is "FilterMode: with GNSS".
 
-`wire` has what the names do not carry, and nothing else:
+`wire` has the remaining information:
 
-    bid        the bus identifier, where it is not 0xFF
-    extended   true: the extended header around fewer than 255 bytes
-    size       payload bytes, where the values alone would give another length (a device identifier of 8 bytes)
-    items      MTData2: [identifier, size] of all items in order, where one is not the plain float32 ENU one or comes
+    bid        the bus identifier, if not 0xFF
+    extended   true: the extended header with fewer than 255 bytes
+    size       payload bytes, if the values alone would give another length (a device identifier of 8 bytes)
+    items      MTData2: [identifier, size] of all items in order, if one is not the plain float32 ENU one or occurs
                twice
-    repeated   MTData2: values that a later item of the same name hides, as [position in items, value]
+    repeated   MTData2: values hidden by a later item of the same name, as [position in items, value]
     trailing   hex of payload bytes after the last field or item
 
 Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
@@ -46,7 +46,7 @@ _HEX_NAME = re.compile(r"0x[0-9A-Fa-f]{4}")
 
 
 def frame_to_json(frame: bytes) -> Plain:
-    """The values of one valid frame: keys id, message, fields, and flags and wire where there are any."""
+    """The values of one valid frame: keys id, message, fields, and flags and wire if needed."""
     bid, mid = frame[1], frame[2]
     body = 6 if frame[3] == EXTENDED else 4
     payload = frame[body:-1]
@@ -77,7 +77,7 @@ def frame_to_json(frame: bytes) -> Plain:
 
 
 def _leads_back(mid: int, name: str, fields: Plain, payload: bytes) -> bool:
-    """Do name and values alone give this payload?"""
+    """Whether name and values alone reproduce this payload."""
     try:
         return _packed(mid, name, fields, None) == payload
     except EncodeError:
@@ -85,7 +85,7 @@ def _leads_back(mid: int, name: str, fields: Plain, payload: bytes) -> bool:
 
 
 def _data(payload: bytes, wire: Plain) -> tuple[list[Field], Plain]:
-    """Fields and values of an MTData2 payload; what they do not carry goes into `wire`."""
+    """Fields and values of an MTData2 payload; the remaining information goes into `wire`."""
     found, covered = items(payload)
     sequence = _joined(found)
     values: Plain = {}
@@ -136,14 +136,14 @@ def _chain(payload: bytes, at: int, size: int) -> bytes:
 
 @lru_cache(maxsize=1024)
 def _says_it_all(sequence: tuple[tuple[int, int], ...]) -> bool:
-    """Do the names alone lead back to this sequence of (identifier, size)?"""
+    """Whether the names alone reproduce this sequence of (identifier, size)."""
     names = [item(identifier, size).name for identifier, size in sequence]
     known = all(_usual(name, size) == entry for name, entry, (_, size) in zip(names, sequence, sequence, strict=True))
     return known and len(set(names)) == len(names)
 
 
 def _usual(name: str, size: int) -> tuple[int, int]:
-    """The identifier and size that a name stands for; `size` where the value decides it."""
+    """The default identifier and size of a name; `size` if the value decides it."""
     if name not in ITEMS_BY_NAME:
         return int(name, 16), size
     row = ITEMS_BY_NAME[name]
@@ -157,7 +157,7 @@ def _usual(name: str, size: int) -> tuple[int, int]:
 
 
 def frame_from_json(record: Mapping[str, Any]) -> bytes:
-    """The frame of what `frame_to_json` gave; keys other than message, id, fields and wire are not looked at.
+    """The frame of a `frame_to_json` result; keys other than message, id, fields and wire are ignored.
 
     Raises:
         EncodeError: a name or value that the tables do not allow.
@@ -192,7 +192,7 @@ def _number(name: str, given: Any) -> int:
 
 
 def _packed(mid: int, name: str, fields: Mapping[str, Any], size: int | None) -> bytes:
-    """The payload of a message that is not MTData2: by its size where one is given, else by the first row that fits."""
+    """The payload of a message other than MTData2: by its size if given, else by the first row that fits."""
     if size is not None:
         return pack(*_readied(form(mid, size)[0].fields, fields))
     if fields.keys() == {"data"} and not any(
@@ -227,7 +227,7 @@ def _data_payload(fields: Mapping[str, Any], wire: Mapping[str, Any]) -> bytes:
 
 
 def _item(name: str, entry: tuple[int, int] | None, value: Any) -> bytes:
-    """One item, header and value; several where a blob is long."""
+    """One item, header and value; several for a long blob."""
     if name not in ITEMS_BY_NAME and not _HEX_NAME.fullmatch(name):
         raise EncodeError(f"no item is called {name!r}")
     size = len(value) // 2 if isinstance(value, str) else _open_size(name, value)
@@ -251,7 +251,7 @@ def _open_size(name: str, value: Any) -> int:
 
 
 def _readied(fields: Sequence[Field], values: Mapping[str, Any]) -> tuple[Sequence[Field], dict[str, Any]]:
-    """`values` with hex turned into bytes where the field holds bytes."""
+    """`values` with hex turned into bytes for byte fields."""
     kinds = {field.name: field for field in fields}
     return fields, {
         name: _bytes(name, value) if name in kinds and kinds[name].dtype == "bytes" else value

@@ -1,9 +1,9 @@
-"""What does a log of an Xsens device begin with? Its Configuration, and its stored calibration where it gives that.
+"""Header messages of an Xsens log: its Configuration, and its stored calibration if available.
 
     FA FF 0D …      Configuration: device id, outputs; without it the vendor's program does not open a log
     FA FF 91 …      EmtsData: the calibration, encrypted; newer devices only
 
-Both are asked in the config state, so a device that measures pauses for it (Driver.within).
+Both are requested in the config state, so a measuring device pauses (DeviceDriver.within).
 
 Source: MT0101P 2020.A, 5.3.5; that a log begins with both is known from files of the vendor's program.
 """
@@ -21,11 +21,11 @@ _TIMEOUT_S = 1.0
 
 
 def head() -> Transaction[None]:
-    """Ask for both.
+    """Request both.
 
     Raises:
-        DeviceRejectedError, NoReplyError: it does not give its Configuration.
+        DeviceRejectedError, NoReplyError: no Configuration received.
     """
     yield from requests.send_request(frames.build(REQ_CONFIGURATION), "ReqConfiguration", _TIMEOUT_S)
-    with suppress(DeviceRejectedError, NoReplyError):  # most devices have none
+    with suppress(DeviceRejectedError, NoReplyError):  # most devices do not have it
         yield from requests.send_request(frames.build(REQ_EMTS), "ReqEmts", _TIMEOUT_S, 1)

@@ -1,22 +1,22 @@
 """Every Xbus message, both directions, as a table.
 
-A message number (MID) may have several forms, told apart by the payload's size: a request is empty and the set of the
-same number is not; an identifier has 4 or 8 bytes. `form(mid, size)` picks the row. Rules:
+A message number (MID) may have several forms, distinguished by the payload's size: a request is empty and the set of
+the same number is not; an identifier has 4 or 8 bytes. `form(mid, size)` selects the row. Rules:
 
-    - an exact size wins over an open-ended row, and among equals the row that stands first
-    - no row fits: the row of the longest fixed form that the payload is longer than, the rest being trailing bytes;
+    - an exact size wins over an open-ended row, and among equals the first row
+    - no row fits: the row of the longest fixed form that is shorter than the payload, the rest being trailing bytes;
       else the number's first name with the whole payload as opaque `data`
     - a number without a row is called "0x7A" and keeps its payload as `data`
 
 The answer to Req… and the answer to Set… often share number and form (0xC1); the name is then that of the first row.
-The two forms of Configuration have one size; `form_of` looks at the identifier, which comes twice: 8 equal bytes at 0
-and 98 on the 600-series, 4 on the others, where a sampling period and a length follow them.
+The two forms of Configuration have one size; `form_of` checks the identifier, which occurs twice: 8 equal bytes at 0
+and 98 on the 600-series, 4 on the others, followed by a sampling period and a length.
 
-A dialogue waits for `answers(mid)`, the number asked plus one.
+A transaction waits for `answers(mid)`, the requested number plus one.
 
-Even numbers go to the device and odd ones to the host, with four exceptions that the table shows.
+Even numbers go to the device and odd ones to the host, with four exceptions in the table.
 
-Fields carry wire values in the unit named. Text is padded as devices pad it (`pad`). Rows whose source is "device" are
+Fields carry wire values in the given unit. Text is padded as by devices (`pad`). Rows whose source is "device" are
 not in the document; they are known from the devices' own software.
 
 Source: MT0101P 2020.A, sections 5.3.1-5.3.7 and 8, with its errata.
@@ -29,13 +29,14 @@ from functools import lru_cache
 from typing import Any, Literal
 
 from protocols.layouts import form_for_size, is_open, size_of
-from protocols.schema import Field, Message
+from protocols.schema import Field, Meaning, Message, TextList
 from protocols.xbus.data_identifiers import UTC_FIELDS
 from protocols.xbus.enums import (
     ALIGNMENTS,
     BAUD_CODES,
     CAN_FORMATS,
     CAN_WORD,
+    CLOCK_BIAS,
     DEVICE_ERRORS,
     ERROR_CODES,
     ERROR_MODES,
@@ -52,12 +53,13 @@ from protocols.xbus.enums import (
     STRING_TYPES,
     SYNC_FUNCTIONS,
     SYNC_LINES,
+    SYNC_OUT,
     UTC_FLAGS,
     WARNING_CODES,
 )
 from protocols.xbus.frames import MTDATA2
 
-# -- payloads that several rows share ----------------------------------------------------------------------------------
+# -- shared payloads ---------------------------------------------------------------------------------------------------
 
 _DATA = (Field("data", "bytes", (-1,), doc="Opaque payload."),)
 _BAUD = (Field("baudrate_code", "u1", choices=BAUD_CODES, doc="Baud rate, as a code."),)
@@ -74,17 +76,32 @@ _DELAY = (
         unit="1/29491200 s",
         low=590,
         default=590,
-        doc="Least pause before an answer on RS-485, in clock ticks; 590 or more.",
+        doc="Minimum pause before a reply on RS-485, in clock ticks; 590 or more.",
     ),
 )
-_ERROR_MODE = (Field("mode", ">u2", choices=ERROR_MODES, doc="What the device does about an error."),)
+_ERROR_MODE = (Field("mode", ">u2", choices=ERROR_MODES, doc="Reaction of the device to an error."),)
 _OUTPUT_MODE = (Field("mode", ">u2", doc="Output mode of earlier device generations."),)
 _OUTPUT_SETTINGS = (Field("settings", ">u4", doc="Output settings of earlier device generations."),)
+_SYNC_WORD = (
+    Meaning((CLOCK_BIAS,), "Clock period", "ms", doc="Period of the clock signal at the input."),
+    Meaning(
+        SYNC_OUT,
+        "Offset",
+        "ms",
+        0.1,
+        1,
+        -30_000,
+        30_000,
+        signed=True,
+        doc="Delay of the pulse after the sample; negative: before it.",
+    ),
+    Meaning((), "Delay", "ms", 0.1, 1, 0, 60_000, doc="Time from the edge to the action."),
+)
 _SYNC = (
     Field(
         "settings",
         shape=(-1,),
-        most=10,
+        max_length=10,
         doc="Sync settings, at most 10; one with polarity 0 clears the list.",
         fields=(
             Field("function", "u1", choices=SYNC_FUNCTIONS, doc="What happens."),
@@ -106,6 +123,8 @@ _SYNC = (
                 "delay_offset_or_clock_period",
                 ">u2",
                 default=0,
+                meaning_of="function",
+                meanings=_SYNC_WORD,
                 doc="Sync in: delay, 0 to 60000 × 100 µs. Sync out: offset, -30000 to 30000 × 100 µs. "
                 "ClockBiasEstimation: period of the clock, ms.",
             ),
@@ -116,7 +135,7 @@ _OUTPUTS = (
     Field(
         "outputs",
         shape=(-1,),
-        most=32,
+        max_length=32,
         doc="What the device sends, at most 32 entries.",
         fields=(
             Field("data_identifier", ">u2", doc="Data identifier with its format bits."),
@@ -136,7 +155,7 @@ _PERIOD = (
         unit="1/115200 s",
         low=225,
         default=1152,
-        doc="Sampling period for strings, 225 to 1152; of a multiple of 1152 (10 ms) the device makes 1152 and skips.",
+        doc="Sampling period for strings, 225 to 1152; a multiple of 1152 (10 ms) becomes 1152 and a skip factor.",
     ),
 )
 _SKIP = (Field("skip_factor", ">u2", default=0, doc="Outputs skipped between two sent; 65535: only on ReqData."),)
@@ -153,7 +172,7 @@ _PORTS = (
     Field(
         *("words", ">u4", (-1,)),
         bits=PORT_WORD,
-        most=3,
+        max_length=3,
         title="Ports",
         doc="One word a port: RS-232, UART, RS-232 for RTCM input.",
     ),
@@ -162,7 +181,7 @@ _CAN_OUTPUTS = (
     Field(
         "outputs",
         shape=(-1,),
-        most=16,
+        max_length=16,
         doc="What the device sends on CAN, at most 16 entries.",
         fields=(
             Field("can_data_id", "u1", doc="Which data."),
@@ -178,10 +197,20 @@ _PLACE = (
     Field("longitude", ">f8", unit="°", low=-180, high=180, decimals=7, doc="Longitude."),
     Field("altitude", ">f8", unit="m", decimals=2, doc="Altitude."),
 )
-_PROFILE_LABEL = (Field("profile", "ascii", (-1,), low=1, most=62, doc="Label of the profile, or base/heading."),)
-_PLATFORM = (Field("platform", ">u2", choices=GNSS_PLATFORMS, doc="Motion that the GNSS receiver expects."),)
+_PROFILE_LABEL = (
+    Field(
+        "profile",
+        "ascii",
+        (-1,),
+        low=1,
+        max_length=62,
+        listed=TextList("AvailableFilterProfiles", "profiles", "label", used="type"),
+        doc="Label of the profile, or base/heading.",
+    ),
+)
+_PLATFORM = (Field("platform", ">u2", choices=GNSS_PLATFORMS, doc="Expected motion of the GNSS receiver."),)
 _LEVER_ARM = tuple(
-    Field(axis, ">f4", unit="m", decimals=3, default=0.0, doc=f"From the device to the GNSS antenna, along {axis}.")
+    Field(axis, ">f4", unit="m", decimals=3, default=0.0, doc=f"Lever arm, device to GNSS antenna, along {axis}.")
     for axis in "xyz"
 )
 _UTC_RANGES = ((0, 10**9), (1999, 2099), (1, 12), (1, 31), (0, 23), (0, 59), (0, 59))  # Table 35
@@ -280,19 +309,19 @@ MESSAGES: tuple[Message, ...] = (
              (Field("major", "u1", doc="Major version."), Field("minor", "u1", doc="Minor version."),
               Field("revision", "u1", doc="Revision."))),
     _to_device(0x24, "RunSelftest", "5.3.2", "Runs the built-in self-test; the answer takes up to 3 s."),
-    _to_host(0x25, "SelftestResults", "5.3.2", "Result of the self-test, one bit a sensor.",
+    _to_host(0x25, "SelftestResults", "5.3.2", "Result of the self-test, one bit per sensor.",
              (Field("flags", ">u2", bits=SELFTEST_BITS, doc="Tests passed."),)),
     _to_host(0x42, "Error", "5.3.2", "The last message had an error, or measuring failed.",
-             (Field("code", "u1", choices=ERROR_CODES, doc="What is wrong."),), kind="indication"),
+             (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),), kind="indication"),
     _to_host(0x42, "Error", "5.3.2", "A device error and its detail.",
-             (Field("code", "u1", choices=ERROR_CODES, doc="What is wrong."),
+             (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),
               Field("device_error", ">u4", choices=DEVICE_ERRORS, doc="Detail of a device error.")), kind="indication"),
     _to_host(0x42, "Error", "5.3.2", "An error followed by further bytes.",
-             (Field("code", "u1", choices=ERROR_CODES, doc="What is wrong."),
+             (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),
               Field("extra", "bytes", (-1,), doc="Further bytes.")), kind="indication"),
     _to_host(0x43, "Warning", "5.3.2", "A warning from the device.",
-             (Field("result", ">u4", choices=WARNING_CODES, doc="What is the matter."),
-              Field("text", "ascii", (128,), pad=0, doc="In words.")), kind="indication"),
+             (Field("result", ">u4", choices=WARNING_CODES, doc="Warning code."),
+              Field("text", "ascii", (128,), pad=0, doc="Warning text.")), kind="indication"),
     _to_device(0x0A, "reserved 10", "8.2", _RESERVED, _DATA),
     _to_host(0x0B, "reserved 11", "8.2", _RESERVED, _DATA),
     _to_device(0xA6, "reserved 166", "8.2", _RESERVED, _DATA),
@@ -312,10 +341,10 @@ MESSAGES: tuple[Message, ...] = (
     _to_device(0x84, "SetLocationID", "5.3.3", "Stores a number of the user's own.", _LOCATION),
     _to_host(0x85, "SetLocationIDAck", "8.3", "The location identifier is stored."),
     _to_device(0x0E, "RestoreFactoryDef", "5.3.3", "Discards all settings, alignments and filter settings included."),
-    _to_host(0x0F, "RestoreFactoryDefAck", "device", "The factory settings are back."),
-    _to_device(0xDC, "ReqTransmitDelay", "5.3.3", "Asks for the pause before an answer on RS-485."),
-    _to_host(0xDD, "ReqTransmitDelayAck", "8.3", "The pause before an answer on RS-485.", _DELAY),
-    _to_device(0xDC, "SetTransmitDelay", "5.3.3", "Sets the pause before an answer on RS-485.", _DELAY),
+    _to_host(0x0F, "RestoreFactoryDefAck", "device", "The factory settings are restored."),
+    _to_device(0xDC, "ReqTransmitDelay", "5.3.3", "Asks for the pause before a reply on RS-485."),
+    _to_host(0xDD, "ReqTransmitDelayAck", "8.3", "The pause before a reply on RS-485.", _DELAY),
+    _to_device(0xDC, "SetTransmitDelay", "5.3.3", "Sets the pause before a reply on RS-485.", _DELAY),
     _to_host(0xDD, "SetTransmitDelayAck", "8.3", "The pause is set."),
     _to_device(0xDA, "ReqErrorMode", "8.3", "Asks for the error mode. " + _OLD),
     _to_host(0xDB, "ReqErrorModeAck", "8.3", "The error mode. " + _OLD, _ERROR_MODE),
@@ -334,23 +363,23 @@ MESSAGES: tuple[Message, ...] = (
     _to_host(0x0D, "Configuration", "5.3.5", "Configuration of a 600-series device.", _CONFIGURATION_600,
              title="Configuration (600-series)"),
     _to_device(0xC0, "ReqOutputConfiguration", "5.3.5", "Asks what the device sends."),
-    _to_host(0xC1, "SetOutputConfigurationAck", "8.5", "What the device sends, with the rates really used.", _OUTPUTS),
+    _to_host(0xC1, "SetOutputConfigurationAck", "8.5", "What the device sends, with the actual rates.", _OUTPUTS),
     _to_host(0xC1, "ReqOutputConfigurationAck", "8.5", "What the device sends.", _OUTPUTS),
     _to_device(0xC0, "SetOutputConfiguration", "5.3.5", "Chooses what the device sends and how often.", _OUTPUTS),
     _to_device(0x8E, "ReqStringOutputType", "5.3.5", "Asks which strings the device sends."),
-    _to_host(0x8F, "ReqStringOutputTypeAck", "8.5", "The strings that the device sends (10, 100 series).", _STRINGS_16),
-    _to_host(0x8F, "ReqStringOutputTypeAck", "8.5", "Which strings the device sends (600-series).", _STRINGS_32),
+    _to_host(0x8F, "ReqStringOutputTypeAck", "8.5", "Selected strings (10- and 100-series).", _STRINGS_16),
+    _to_host(0x8F, "ReqStringOutputTypeAck", "8.5", "Selected strings (600-series).", _STRINGS_32),
     _to_device(0x8E, "SetStringOutputType", "5.3.5", "Chooses strings instead of MTData2.", _STRINGS_16),
     _to_device(0x8E, "SetStringOutputType", "5.3.5", "Chooses strings instead of MTData2 (600-series).", _STRINGS_32,
                title="SetStringOutputType (600-series)"),
-    _to_host(0x8F, "SetStringOutputTypeAck", "8.5", "The strings are chosen."),
+    _to_host(0x8F, "SetStringOutputTypeAck", "8.5", "The strings are selected."),
     _to_device(0x04, "ReqPeriod", "5.3.5", "Asks for the sampling period of the strings."),
     _to_host(0x05, "ReqPeriodAck", "8.5", "The sampling period of the strings.", _PERIOD),
     _to_device(0x04, "SetPeriod", "5.3.5", "Sets the sampling period of the strings.", _PERIOD),
     _to_host(0x05, "SetPeriodAck", "8.5", "The sampling period is set."),
-    _to_device(0xD4, "ReqOutputSkipFactor", "5.3.5", "Asks how many outputs are skipped."),
-    _to_host(0xD5, "ReqOutputSkipFactorAck", "5.3.5", "How many outputs are skipped.", _SKIP),
-    _to_device(0xD4, "SetOutputSkipFactor", "5.3.5", "Sets how many outputs are skipped.", _SKIP),
+    _to_device(0xD4, "ReqOutputSkipFactor", "5.3.5", "Asks for the skip factor of the outputs."),
+    _to_host(0xD5, "ReqOutputSkipFactorAck", "5.3.5", "The skip factor of the outputs.", _SKIP),
+    _to_device(0xD4, "SetOutputSkipFactor", "5.3.5", "Sets the skip factor of the outputs.", _SKIP),
     _to_host(0xD5, "SetOutputSkipFactorAck", "5.3.5", "The skip factor is set."),
     _to_device(0xEC, "ReqAlignmentRotation", "5.3.5", "Asks for one of the two stored alignments.", _WHICH_ALIGNMENT),
     _to_host(0xED, "ReqAlignmentRotationAck", "8.5", "A stored alignment.", _ALIGNMENT),
@@ -386,13 +415,13 @@ MESSAGES: tuple[Message, ...] = (
     _to_device(0x34, "ReqData", "5.3.6", "Asks for one sample; needs a SendLatest sync setting on the software line."),
     _to_host(0x32, "MTData", "8.6", "Data of earlier device generations; its layout is not in the stream.", _DATA,
              kind="indication"),
-    Message(MTDATA2, "MTData2", time="SampleTimeFine", tick_ns=100_000, kind="data", split=True, title="MTData2",
-            doc="Measured data, one item a quantity.", source="MT0101P 5.3.6"),
+    Message(MTDATA2, "MTData2", time="SampleTimeFine", tick_ns=100_000, kind="data", channel_per_field=True,
+            title="MTData2", doc="Measured data, one item per quantity.", source="MT0101P 5.3.6"),
     # 5.3.7 filter
     _to_device(0x6E, "ReqLatLonAlt", "5.3.7", "Asks for the stored place."),
-    _to_host(0x6F, "ReqLatLonAltAck", "5.3.7", "The stored place.", _PLACE),
+    _to_host(0x6F, "ReqLatLonAltAck", "5.3.7", "The stored position.", _PLACE),
     _to_device(0x6E, "SetLatLonAlt", "5.3.7", "Stores a place, for local gravity and declination.", _PLACE),
-    _to_host(0x6F, "SetLatLonAltAck", "5.3.7", "The place is stored."),
+    _to_host(0x6F, "SetLatLonAltAck", "5.3.7", "The position is stored."),
     _to_device(0x62, "ReqAvailableFilterProfiles", "5.3.7", "Asks which filter profiles there are."),
     _to_host(0x63, "AvailableFilterProfiles", "5.3.7", "Filter profiles; unused ones have type 0.",
              (Field("profiles", shape=(-1,), doc="One record a profile.", fields=(
@@ -403,7 +432,7 @@ MESSAGES: tuple[Message, ...] = (
              (Field("version", "u1", doc="Its version."),
               Field("profile", "u1", choices=FILTER_PROFILES, doc="Its number.")),
              title="ReqFilterProfileAck (classic)"),
-    _to_host(0x65, "SetFilterProfileAck", "8.7", "The filter profile is chosen."),
+    _to_host(0x65, "SetFilterProfileAck", "8.7", "The filter profile is set."),
     _to_host(0x65, "ReqFilterProfileAck", "5.3.7", "The filter profile in use, as text (600-series).", _PROFILE_LABEL,
              title="ReqFilterProfileAck (modern)"),
     _to_device(0x64, "SetFilterProfile", "5.3.7", "Chooses a filter profile by number.",
@@ -411,9 +440,9 @@ MESSAGES: tuple[Message, ...] = (
                title="SetFilterProfile (classic)"),
     _to_device(0x64, "SetFilterProfile", "5.3.7", "Chooses a filter profile by label (600-series).", _PROFILE_LABEL,
                title="SetFilterProfile (modern)"),
-    _to_device(0x76, "ReqGnssPlatform", "5.3.7", "Asks for the motion that the GNSS receiver expects."),
-    _to_host(0x77, "ReqGnssPlatformAck", "5.3.7", "The motion that the GNSS receiver expects.", _PLATFORM),
-    _to_device(0x76, "SetGnssPlatform", "5.3.7", "Sets the motion that the GNSS receiver expects.", _PLATFORM),
+    _to_device(0x76, "ReqGnssPlatform", "5.3.7", "Asks for the expected motion of the GNSS receiver."),
+    _to_host(0x77, "ReqGnssPlatformAck", "5.3.7", "The expected motion of the GNSS receiver.", _PLATFORM),
+    _to_device(0x76, "SetGnssPlatform", "5.3.7", "Sets the expected motion of the GNSS receiver.", _PLATFORM),
     _to_host(0x77, "SetGnssPlatformAck", "8.3", "The expected motion is set."),
     _to_device(0x68, "ReqGnssLeverArm", "5.3.7", "Asks for the lever arm to the GNSS antenna."),
     _to_host(0x69, "ReqGnssLeverArmAck", "5.3.7", "The lever arm to the GNSS antenna.", _LEVER_ARM),
@@ -430,11 +459,11 @@ MESSAGES: tuple[Message, ...] = (
     _to_host(0x61, "UTCTime", "5.3.7", "UTC in the device.", _UTC),
     _to_device(0xA8, "AdjustUTCTime", "5.3.7", "Moves UTC in the device.",
                (Field("correction", ">i4", unit="0.1 ms", low=-10_000, high=10_000, doc="By how much; not 0."),)),
-    _to_host(0xA9, "AdjustUTCTimeAck", "device", "UTC is moved."),
+    _to_host(0xA9, "AdjustUTCTimeAck", "device", "UTC is adjusted."),
     _to_device(0x74, "IccCommand", "5.3.7", "Controls in-run compass calibration.", (_ICC,)),
-    _to_host(0x75, "IccCommandAck", "5.3.7", "In-run compass calibration has taken the command.", (_ICC,)),
+    _to_host(0x75, "IccCommandAck", "5.3.7", "In-run compass calibration has accepted the command.", (_ICC,)),
     _to_host(0x75, "IccCommandAck", "5.3.7", "Whether representative motion is being collected.",
-             (_ICC, Field("representative_motion_active", "u1", doc="1: it is."))),
+             (_ICC, Field("representative_motion_active", "u1", doc="1: it is being collected."))),
     _to_host(0x75, "IccCommandAck", "5.3.7", "Result of in-run compass calibration.",
              (_ICC, Field("ddt", ">f4", decimals=3, doc="Ratio of disturbance to noise."),
               Field("dimension", "u1", choices=ICC_DIMENSIONS, doc="Dimension of the estimate."),
@@ -444,9 +473,9 @@ MESSAGES: tuple[Message, ...] = (
                (Field("heading", ">f4", unit="°", low=-180, high=180, decimals=2, default=0.0,
                       doc="Heading, −180 to 180."),)),
     _to_host(0xD7, "SetInitialHeadingAck", "5.3.7", "The initial heading is set."),
-    _to_device(0xE2, "ForwardGnssData", "5.3.7", "Passes data, RTCM as a rule, on to the GNSS receiver.",
-               (Field("data", "bytes", (-1,), low=1, most=2048, doc="Whole messages for the receiver."),)),
-    _to_host(0xE3, "ForwardGnssDataAck", "5.3.7", "The data are passed on."),
+    _to_device(0xE2, "ForwardGnssData", "5.3.7", "Forwards data, usually RTCM, to the GNSS receiver.",
+               (Field("data", "bytes", (-1,), low=1, max_length=2048, doc="Complete messages for the receiver."),)),
+    _to_host(0xE3, "ForwardGnssDataAck", "5.3.7", "The data are forwarded."),
     _to_device(0x82, "reserved 130", "8.7", _RESERVED, _DATA),
     _to_host(0x83, "reserved 131", "8.7", _RESERVED, _DATA),
     _to_device(0x66, "reserved 102", "8.7", _RESERVED, _DATA),
@@ -456,13 +485,13 @@ MESSAGES: tuple[Message, ...] = (
     _to_device(0x20, "reserved 32", "8.7", _RESERVED, _DATA),
     _to_host(0x21, "reserved 33", "8.7", _RESERVED, _DATA),
     # known from devices only
-    _to_device(0x90, "ReqEmts", "device", "Asks for the device's stored calibration, for the head of a log."),
+    _to_device(0x90, "ReqEmts", "device", "Asks for the device's stored calibration, for the header of a log."),
     _to_host(0x91, "EmtsData", "device", "The device's stored calibration, encrypted.", _DATA, kind="indication"),
     _to_device(0x4A, "SetStealthMode", "device", "Not for MTi devices.", _DATA),
-    _to_device(0x8A, "StoreFilterState", "device", "Stores the state of the filter."),
+    _to_device(0x8A, "StoreFilterState", "device", "Stores the filter state."),
     _to_device(0xAC, "ReqGnssReceiverSettings", "device", "Asks for the settings of the GNSS receiver."),
     _to_host(0xAD, "GnssReceiverSettingsAck", "device", "The settings of the GNSS receiver.", _DATA),
-    _to_device(0xAC, "SetGnssReceiverSettings", "device", "Sets up the GNSS receiver.",
+    _to_device(0xAC, "SetGnssReceiverSettings", "device", "Configures the GNSS receiver.",
                (Field("type", ">u2", doc="Kind of receiver."), Field("baudrate", ">u2", doc="Its baud rate, a code."),
                 Field("input_rate", ">u2", unit="Hz", doc="Rate of its solutions."),
                 Field("options", ">u4", doc="Options."))),
@@ -488,7 +517,7 @@ def answers(mid: int) -> int:
 
 @lru_cache(maxsize=4096)
 def form(mid: int, size: int) -> tuple[Message, int]:
-    """The row for a payload of `size` bytes under `mid`, its open field closed, and how many bytes its fields cover."""
+    """The row for a payload of `size` bytes under `mid`, its open field closed, and the bytes covered by its fields."""
     rows = ROWS.get(mid, ())
     fits = [(row, fields) for row in rows if (fields := form_for_size(row.fields, size)) is not None]
     if fits:
@@ -511,7 +540,7 @@ _FORM_600 = BY_NAME["Configuration"][1]
 
 
 def form_of(mid: int, payload: bytes) -> tuple[Message, int]:
-    """`form` of this very payload."""
+    """`form` for this payload."""
     if mid == _CONFIGURATION_ID and len(payload) == 118 and payload[:8] == payload[98:106]:
         return _FORM_600, 118
     return form(mid, len(payload))

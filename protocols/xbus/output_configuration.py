@@ -1,8 +1,8 @@
-"""What can an MTi be asked to send, how often, and what is sent together?
+"""Outputs of an MTi: identifiers, rates and groups.
 
-`OUTPUTS` is table 16: every data identifier with its products and its greatest rate. A device turns a wish into the
-greatest rate that divides the item's own and is not above the wish; 0 and 0xFFFF ask for the greatest. Items of time
-and status accompany every message and have no rate (0xFFFF).
+`OUTPUTS` is table 16: every data identifier with its products and its greatest rate. A device turns a requested rate
+into the greatest one that divides the item's own and is not above the request; 0 and 0xFFFF request the greatest. Items
+of time and status accompany every message and have no rate (0xFFFF).
 
 An output configuration becomes streams of messages:
 
@@ -11,12 +11,11 @@ An output configuration becomes streams of messages:
     hr        a message of its own for each high-rate item, with the items of time
     scr       the sensors' raw readings, with the items of time
 
-At differing rates a tick's message holds what is due: with a quaternion at 100 Hz beside an acceleration at 400 Hz,
-three messages of four carry no quaternion.
+At different rates a tick's message contains only the items due: with a quaternion at 100 Hz and an acceleration at
+400 Hz, three messages of four carry no quaternion.
 
-Source: MT0101P 2020.A, tables 16, 17, 23 and 24; that GNSS items travel alone, and with what, is from
-captures. Which of two high-rate figures a 1-series device has depends on its hardware: 800 Hz from 2.0 on, before that
-1000 Hz.
+Source: MT0101P 2020.A, tables 16, 17, 23 and 24; the separate messages of GNSS items, and their content, are known from
+captures. The high rate of a 1-series device depends on its hardware: 800 Hz from 2.0 on, before that 1000 Hz.
 """
 
 from __future__ import annotations
@@ -31,25 +30,25 @@ from protocols.schema import Field
 from protocols.xbus.data_identifiers import BY_NAME
 from protocols.xbus.products import ALL, BARO, CLASSIC, FILTER, GNSS, ONE, Model, has
 
-ALWAYS = 0xFFFF  # output frequency of items that come with every message
-TIME = 0x10  # high byte of the items that accompany the messages of the other streams too
+ALWAYS = 0xFFFF  # output frequency of items in every message
+TIME = 0x10  # high byte of the items that also accompany the messages of the other streams
 ORDER = ("main", "gnss", "hr", "scr")
-IDLE_HZ = 100  # rate of messages that hold nothing but accompanying items
-SATELLITES = 28  # taken for the length of their list, as in a capture; it depends on the sky
+IDLE_HZ = 100  # rate of messages with nothing but accompanying items
+SATELLITES = 28  # assumed length of their list, from a capture; it varies
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A quantity that can be sent.
+    """An available output quantity.
 
     Args:
         identifier: in its plain form, float32 and ENU.
-        hertz: the greatest rate; ALWAYS for items that come with every message.
-        real: True where the identifier chooses the precision.
-        local: True where it chooses the coordinate system.
-        on: products that have it.
+        hertz: the greatest rate; ALWAYS for items in every message.
+        real: True if the identifier selects the precision.
+        local: True if it selects the coordinate system.
+        products: products that have it.
         stream: "main", "gnss", "scr" or "hr".
-        simple: False for what most people never ask for.
+        basic: False for rarely used ones.
     """
 
     identifier: int
@@ -57,10 +56,10 @@ class Output:
     hertz: int
     real: bool = True
     local: bool = False
-    on: frozenset[int] = ALL
+    products: frozenset[int] = ALL
     stream: str = "main"
     group: str = ""
-    simple: bool = True
+    basic: bool = True
 
     @property
     def field(self) -> Field:
@@ -68,7 +67,7 @@ class Output:
         return BY_NAME[self.name]
 
     def size(self, identifier: int) -> int:
-        """Bytes of its data in the form that a full identifier chooses; of the satellites' list, with SATELLITES."""
+        """Bytes of its data in the form of a full identifier; of the satellites' list, with SATELLITES."""
         field = self.field
         if field.dtype == "real":
             return size_of(replace(field, dtype=(">f4", "fp1220", "fp1632", ">f8")[identifier & 3]))
@@ -85,44 +84,51 @@ OUTPUTS: Mapping[int, Output] = {
     for row in (
         Output(0x1020, "PacketCounter", ALWAYS, real=False, group=_TIME),
         Output(0x1060, "SampleTimeFine", ALWAYS, real=False, group=_TIME),
-        Output(0x1070, "SampleTimeCoarse", ALWAYS, real=False, group=_TIME, simple=False),
+        Output(0x1070, "SampleTimeCoarse", ALWAYS, real=False, group=_TIME, basic=False),
         Output(0x1010, "UtcTime", ALWAYS, real=False, group=_TIME),
         Output(0xE020, "StatusWord", ALWAYS, real=False, group=_TIME),
-        Output(0xE010, "StatusByte", ALWAYS, real=False, group=_TIME, simple=False),
-        Output(0xE080, "DeviceId", ALWAYS, real=False, on=CLASSIC, group=_TIME, simple=False),
-        Output(0xE090, "LocationId", ALWAYS, real=False, on=CLASSIC, group=_TIME, simple=False),
-        Output(0x2010, "Quaternion", 400, local=True, on=FILTER, group=_ATTITUDE),
-        Output(0x2030, "EulerAngles", 400, local=True, on=FILTER, group=_ATTITUDE),
-        Output(0x2020, "RotationMatrix", 400, local=True, on=FILTER, group=_ATTITUDE, simple=False),
+        Output(0xE010, "StatusByte", ALWAYS, real=False, group=_TIME, basic=False),
+        Output(0xE080, "DeviceId", ALWAYS, real=False, products=CLASSIC, group=_TIME, basic=False),
+        Output(0xE090, "LocationId", ALWAYS, real=False, products=CLASSIC, group=_TIME, basic=False),
+        Output(0x2010, "Quaternion", 400, local=True, products=FILTER, group=_ATTITUDE),
+        Output(0x2030, "EulerAngles", 400, local=True, products=FILTER, group=_ATTITUDE),
+        Output(0x2020, "RotationMatrix", 400, local=True, products=FILTER, group=_ATTITUDE, basic=False),
         Output(0x4020, "Acceleration", 400, group=_INERTIAL),
         Output(0x8020, "RateOfTurn", 400, group=_INERTIAL),
         Output(0xC020, "MagneticField", 100, group=_INERTIAL),
-        Output(0x4030, "FreeAcceleration", 400, on=FILTER, group=_INERTIAL),
+        Output(0x4030, "FreeAcceleration", 400, products=FILTER, group=_INERTIAL),
         Output(0x4010, "DeltaV", 400, group=_INERTIAL),
         Output(0x8030, "DeltaQ", 400, group=_INERTIAL),
-        Output(0x4040, "AccelerationHR", 2000, stream="hr", group=_INERTIAL, simple=False),
-        Output(0x8040, "RateOfTurnHR", 1600, stream="hr", group=_INERTIAL, simple=False),
-        Output(0xA010, "RawAccGyrMagTemp", 2000, False, on=CLASSIC, stream="scr", group=_INERTIAL, simple=False),
-        Output(0xA020, "RawGyroTemp", 2000, False, on=CLASSIC, stream="scr", group=_INERTIAL, simple=False),
-        Output(0x5040, "LatLon", 400, on=GNSS, group=_PLACE),
-        Output(0x5020, "AltitudeEllipsoid", 400, on=GNSS, group=_PLACE),
-        Output(0xD010, "VelocityXYZ", 400, local=True, on=GNSS, group=_PLACE),
-        Output(0x5030, "PositionEcef", 400, on=GNSS, group=_PLACE, simple=False),
-        Output(0x7010, "GnssPvtData", 4, real=False, on=GNSS, stream="gnss", group=_RECEIVER),
-        Output(0x7020, "GnssSatInfo", 4, real=False, on=GNSS - ONE, stream="gnss", group=_RECEIVER),
+        Output(0x4040, "AccelerationHR", 2000, stream="hr", group=_INERTIAL, basic=False),
+        Output(0x8040, "RateOfTurnHR", 1600, stream="hr", group=_INERTIAL, basic=False),
+        Output(0xA010, "RawAccGyrMagTemp", 2000, False, products=CLASSIC, stream="scr", group=_INERTIAL, basic=False),
+        Output(0xA020, "RawGyroTemp", 2000, False, products=CLASSIC, stream="scr", group=_INERTIAL, basic=False),
+        Output(0x5040, "LatLon", 400, products=GNSS, group=_PLACE),
+        Output(0x5020, "AltitudeEllipsoid", 400, products=GNSS, group=_PLACE),
+        Output(0xD010, "VelocityXYZ", 400, local=True, products=GNSS, group=_PLACE),
+        Output(0x5030, "PositionEcef", 400, products=GNSS, group=_PLACE, basic=False),
+        Output(0x7010, "GnssPvtData", 4, real=False, products=GNSS, stream="gnss", group=_RECEIVER),
+        Output(0x7020, "GnssSatInfo", 4, real=False, products=GNSS - ONE, stream="gnss", group=_RECEIVER),
         Output(
-            0x7030, "GnssPvtPulse", 4, False, on=frozenset({670, 680}), stream="gnss", group=_RECEIVER, simple=False
+            0x7030,
+            "GnssPvtPulse",
+            4,
+            False,
+            products=frozenset({670, 680}),
+            stream="gnss",
+            group=_RECEIVER,
+            basic=False,
         ),
-        Output(0x3010, "BaroPressure", 50, real=False, on=BARO, group=_OTHER),
+        Output(0x3010, "BaroPressure", 50, real=False, products=BARO, group=_OTHER),
         Output(0x0810, "Temperature", 1, group=_OTHER),
     )
 }
 
 
 def output_of(identifier: int, model: Model | None = None) -> Output | None:
-    """The row for a full identifier, precision and coordinate system included; None where the product lacks it."""
+    """The row for a full identifier, precision and coordinate system included; None if the product lacks it."""
     output = OUTPUTS.get(identifier & 0xFFF0)
-    if output is None or not has(model, output.on):
+    if output is None or not has(model, output.products):
         return None
     precision, local = identifier & 3, identifier & 0xC
     if (precision and not output.real) or (local and not output.local) or local == 0xC:
@@ -131,7 +137,7 @@ def output_of(identifier: int, model: Model | None = None) -> Output | None:
 
 
 def max_rate(output: Output, model: Model | None = None) -> int:
-    """The greatest rate of an item in a product, Hz; ALWAYS for what accompanies."""
+    """The greatest rate of an item in a product, Hz; ALWAYS for accompanying ones."""
     if model is None or output.hertz == ALWAYS:
         return output.hertz
     if output.stream == "hr" and model.series != 600:
@@ -139,22 +145,22 @@ def max_rate(output: Output, model: Model | None = None) -> int:
     return min(output.hertz, 100) if model.series == 1 and output.hertz == 400 else output.hertz
 
 
-def accepted_rates(wish: int, most: int) -> int:
-    """The rate that a device makes of `wish` Hz: the greatest that divides `most` and is not above the wish."""
-    if most == ALWAYS or wish in (0, ALWAYS) or wish >= most:
+def accepted_rates(requested: int, most: int) -> int:
+    """The rate that a device grants for `requested` Hz: the greatest that divides `most` and is not above it."""
+    if most == ALWAYS or requested in (0, ALWAYS) or requested >= most:
         return most
-    return max(rate for rate in allowed(most) if rate <= wish)
+    return max(rate for rate in allowed(most) if rate <= requested)
 
 
 @lru_cache(maxsize=64)
 def allowed(most: int) -> tuple[int, ...]:
-    """Rates that divide `most`, Hz, greatest first; none for what accompanies."""
+    """Rates that divide `most`, Hz, greatest first; none for accompanying items."""
     return () if most == ALWAYS else tuple(rate for rate in range(most, 0, -1) if most % rate == 0)
 
 
 @dataclass(frozen=True, slots=True)
 class OutputStream:
-    """What is sent together.
+    """Items sent together.
 
     Args:
         items: (identifier, Hz) in the order of the message.
@@ -167,7 +173,7 @@ class OutputStream:
 
 
 def streams(configuration: Sequence[tuple[int, int]]) -> list[OutputStream]:
-    """The streams of an output configuration whose rates are granted ones: main, then GNSS, then the others."""
+    """The streams of an output configuration with granted rates: main, then GNSS, then the others."""
     always = tuple(pair for pair in configuration if pair[1] == ALWAYS)
     time = tuple(pair for pair in always if pair[0] >> 8 == TIME)
     together: dict[tuple[str, str], list[tuple[int, int]]] = {}

@@ -1,8 +1,8 @@
-"""Which flags, functions, lines and profiles has a product, and which values go together?
+"""Options of each product: flags, functions, lines and profiles, and their combinations.
 
-Tables 8, 11, 12 and 30 mark each option flag, sync function, sync line and filter profile with the products that have
-it. `fitted` narrows a field to what one product has; `problems_beyond` finds what no single field shows: a sync delay
-that its function does not allow, an output twice, a quaternion that is no rotation.
+Tables 8, 11, 12 and 30 mark each option flag, sync function, sync line and filter profile with its products. `fitted`
+narrows a field to one product; `problems_beyond` finds problems across fields: a sync delay that its function does not
+allow, a duplicate output, a quaternion that is not a rotation.
 
 Source: MT0101P 2020.A, 5.3.3 to 5.3.7.
 """
@@ -19,12 +19,19 @@ from protocols.schema import Field
 from protocols.validation import ValueProblem
 from protocols.xbus.enums import (
     BAUD_CODES,
+    CLOCK_BIAS,
     FILTER_PROFILES,
     ICC_COMMANDS,
+    INTERVAL,
     OPTION_FLAGS,
+    PULSE,
     RESET_CODES,
+    SEND_LATEST,
+    START_SAMPLING,
     SYNC_FUNCTIONS,
     SYNC_LINES,
+    SYNC_OUT,
+    TRIGGER,
 )
 from protocols.xbus.output_configuration import OUTPUTS, output_of
 from protocols.xbus.products import ALL, CLASSIC, GNSS, NOBODY, ONE, RTK, SIX, Model
@@ -43,7 +50,6 @@ _OPTIONS: Mapping[str, frozenset[int]] = {  # table 8
     "EnableContinuousZRU": RTK,
 }
 
-TRIGGER, INTERVAL, SEND_LATEST, CLOCK_BIAS, START_SAMPLING, PULSE = 3, 4, 8, 9, 11, 14
 _OLD = CLASSIC | SIX
 SYNC_ON: Mapping[int, frozenset[int]] = {  # table 11
     TRIGGER: _OLD,
@@ -53,10 +59,9 @@ SYNC_ON: Mapping[int, frozenset[int]] = {  # table 11
     START_SAMPLING: _OLD,
     PULSE: GNSS,
 }
-SYNC_OUT = (INTERVAL, PULSE)
 _LINES_OUT, _LINES_IN = (4, 7, 8), (0, 1, 2, 5, 9)  # table 12; In3 of the MTi-680G has the pulse of its own receiver
-MOST_ICC = 3  # table 36; further commands are the vendor's own software's
-LONGEST_PERIOD = 1152  # 10 ms; a longer one is made of it and a skip factor (5.3.5)
+MOST_ICC = 3  # table 36; further commands are from the vendor's own software
+LONGEST_PERIOD = 1152  # 10 ms; a longer one is made from it and a skip factor (5.3.5)
 SOFTWARE = 6
 
 _PROFILES: Mapping[str, range | tuple[int, ...]] = {  # table 30
@@ -78,7 +83,7 @@ def lines_of(model: Model) -> tuple[int, ...]:
 
 
 def is_wired(function: int, line: int) -> bool:
-    """Does the line lead the way that the function needs: out of the device, or into it?"""
+    """Whether the line has the direction required by the function."""
     return line not in (_LINES_IN if function in SYNC_OUT else _LINES_OUT)
 
 
@@ -108,7 +113,7 @@ PORT_NAMES = ("RS-232", "UART", "RTCM input")
 
 
 def fitted(message: str, field: Field, model: Model | None) -> Field:
-    """A field of a message as one product has it; as the document has it while the product is not known."""
+    """A field of a message for one product; as in the document if the product is unknown."""
     if message == "SetOptionFlags":
         return _options(field, model)
     if message == "SetSyncSettings":
@@ -155,11 +160,11 @@ def _profile(field: Field, model: Model | None) -> Field:
     return replace(field, choices={n: FILTER_PROFILES[n] for n in numbers}, default=numbers[0] if numbers else None)
 
 
-# -- what goes together ------------------------------------------------------------------------------------------------
+# -- combinations ------------------------------------------------------------------------------------------------------
 
 
 def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None) -> Iterator[ValueProblem]:
-    """What is wrong with values that are each within their range."""
+    """Problems of values that are each within range."""
     if message == "SetOutputConfiguration":
         yield from _of_outputs(values["outputs"], model)
     elif message == "SetSyncSettings":
@@ -197,7 +202,7 @@ def _of_date(values: Mapping[str, Any]) -> Iterator[ValueProblem]:
 
 def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterator[ValueProblem]:
     if [(entry["data_identifier"], entry["output_frequency"]) for entry in outputs] == [(0, 0)]:
-        return  # how an empty list is sent
+        return  # encoding of an empty list
     seen: set[int] = set()
     for place, entry in enumerate(outputs):
         identifier = entry["data_identifier"]
@@ -208,7 +213,7 @@ def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterat
                 why = f"has no {OUTPUTS[plain].name}"
             yield ValueProblem(path, f"data_identifier 0x{identifier:04X}: {model.name if model else 'an MTi'} {why}")
         elif identifier in seen:
-            yield ValueProblem(path, f"data_identifier 0x{identifier:04X} is asked for twice; once is enough")
+            yield ValueProblem(path, f"data_identifier 0x{identifier:04X} is listed twice; remove one")
         seen.add(identifier)
 
 

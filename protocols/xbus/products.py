@@ -1,7 +1,7 @@
-"""Which MTi is it, and what follows from that?
+"""Products of the MTi family and their properties.
 
-The document marks every message, data identifier, option flag and sync function with the products that have it. Here is
-the list of products and the sets that these marks keep coming to:
+The document marks every message, data identifier, option flag and sync function with its products. This module has the
+list of products and the recurring sets of these marks:
 
     series          1            10           100                 600
     IMU             MTi-1        MTi-10       MTi-100             MTi-610
@@ -10,8 +10,8 @@ the list of products and the sets that these marks keep coming to:
     GNSS/INS        MTi-7                     MTi-G-700, -710     MTi-670
     RTK GNSS/INS                                                  MTi-680G
 
-`model_of` reads a product code as devices tell it ("MTi-630-8A1G6", "MTi-G-710-2A8G4"). Where the product is not known,
-everything is offered, and the device refuses what it does not have.
+`model_of` reads a product code as sent by devices ("MTi-630-8A1G6", "MTi-G-710-2A8G4"). For an unknown product
+everything is offered, and the device refuses what it lacks.
 
 Source: MT0101P 2020.A, Introduction and the product rows of 5.3.
 """
@@ -33,7 +33,7 @@ class Model:
     Args:
         number: as in the document's product rows (710 for the MTi-G-710, 680 for the MTi-680G).
         series: 1, 10, 100 or 600; the MTi-G-710 belongs to the 100-series.
-        early: its hardware is of before version 2.0.
+        early: its hardware is older than version 2.0.
     """
 
     name: str
@@ -75,15 +75,15 @@ FILTER = ALL - IMU
 RTK = frozenset({680})
 BARO = frozenset({7}) | SIX | {100, 200, 300, 710}
 NOBODY: frozenset[int] = frozenset()
-"""What no product of this document has: deprecated, or known from the devices' own software only."""
+"""Features of no product of this document: deprecated, or known from the devices' own software only."""
 
 _CODE = re.compile(r"MTi-(?:G-)?(\d+)G?(?![0-9A-Za-z])")
 
 
 def model_of(product: str) -> Model | None:
-    """The product of a code or name; None where it is none of this document's.
+    """The product of a code or name; None if it is not in this document.
 
-    The MTi-G-700 came before the MTi-G-710; the document names the two together, so it has the other's number here.
+    The MTi-G-700 preceded the MTi-G-710; the document treats the two together, so it has the other's number here.
     """
     found = _CODE.match(product.strip())
     if found and found[1] == "700":
@@ -92,13 +92,13 @@ def model_of(product: str) -> Model | None:
 
 
 def as_built(model: Model | None, hardware: Mapping[str, Any]) -> Model | None:
-    """The product as its hardware version makes it; `hardware`: major and minor, empty where it was not told."""
+    """The product adjusted by its hardware version; `hardware`: major and minor, empty if unknown."""
     early = model is not None and 0 < int(hardware.get("major", 0)) < 2
     return replace(model, early=True) if model is not None and early else model
 
 
 def absent(product: str) -> tuple[str, ...]:
-    """Flags of the status word that a product does not have: they would look like a fault for ever (table 27)."""
+    """Flags of the status word that a product lacks: they would look like a permanent fault (table 27)."""
     model = model_of(product)
     if model is None or model.kind == "RTK":
         return ()
@@ -112,5 +112,5 @@ def absent(product: str) -> tuple[str, ...]:
 
 
 def has(model: Model | None, on: frozenset[int]) -> bool:
-    """Does this product have what is marked with `on`? An unknown one may have anything."""
+    """Whether this product has the features marked with `on`. An unknown one may have anything."""
     return model is None or model.number in on

@@ -1,15 +1,15 @@
-"""How is an MTi brought to a state, and how is one request asked until it is answered?
+"""Requests to an MTi: state changes, attempts and acknowledgements.
 
-    ask      request ──> acknowledgement, number plus one; Error ──> DeviceRejectedError in the document's words, and so
-                   WakeUp, which says that the device has restarted meanwhile (only Reset is answered by it too);
-                   no answer within the time-out ──> again, where asking twice does no harm
+    ask      request ──> acknowledgement, number plus one; Error ──> DeviceRejectedError in the document's words, and
+                   likewise WakeUp: the device has restarted (only Reset is answered by it too);
+                   no answer within the time-out ──> retry, if repeating is harmless
     to_config      GoToConfig every 100 ms; a device that ignores it is Reset, then GoToConfig every 100 ms up to 3 s,
-                   and its WakeUp is answered with WakeUpAck at once: within 500 ms that leads to the config state too
-    to_measurement GoToMeasurement, its acknowledgement; a device that measures already refuses, and that is as good
-    addressed      the same, to one of the devices that share a line: each answers to its own bus identifier only
+                   and its WakeUp is answered with WakeUpAck at once: within 500 ms that also leads to the config state
+    to_measurement GoToMeasurement, its acknowledgement; a device that already measures refuses, which is accepted
+    addressed      the same, to one of the devices on a shared line: each answers to its own bus identifier only
 
-An answer that came late can be taken for that of the next request of the same number; so a request that asks for values
-does not take an empty acknowledgement, and one of an alignment only its own.
+A late answer can be mistaken for that of the next request of the same number; so a request for values does not accept
+an empty acknowledgement, and one for an alignment only its own.
 
 Source: MT0101P 2020.A, 5.2 and 5.3.1; that some devices answer only after Reset is known from their users.
 """
@@ -30,47 +30,52 @@ GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET = 0x30, 0x10, 0x40
 WAKE_UP, WAKE_UP_ACK, ERROR = 0x3E, 0x3F, 0x42
 ERROR_MESSAGE = 4
 
-TRIES = 3
+ATTEMPTS = 3
 STEP_S = 0.1  # between two GoToConfig
-PATIENCE_S = 1.5  # how long GoToConfig is repeated before the device counts as stubborn
-SEEN_S = 0.25  # a device that measures has sent something by then, unless it is slow or waits for a trigger
-REFUSED_S = 0.2  # an Error that refuses has come by then, behind samples that were under way
+PATIENCE_S = 1.5  # how long GoToConfig is repeated before the device is Reset
+SEEN_S = 0.25  # a measuring device has sent something by then, unless it is slow or waits for a trigger
+REFUSED_S = 0.2  # a refusing Error has come by then, after samples under way
 AFTER_RESET_S = 3.0  # a restart takes up to 1.7 s
 RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
 
 Plain = Mapping[str, Any]
 
 
-def addressed(dialogue: Transaction[T], bid: int) -> Transaction[T]:
-    """A dialogue whose frames all go to this bus identifier."""
+def addressed(transaction: Transaction[T], bid: int) -> Transaction[T]:
+    """A transaction whose frames all go to this bus identifier."""
     if bid == frames.MASTER:
-        return (yield from dialogue)
+        return (yield from transaction)
     try:
-        act = next(dialogue)
+        act = next(transaction)
         while True:
             if isinstance(act, Send):
                 act = replace(act, frame=frames.to_bus(act.frame, bid))
             try:
                 answer = yield act
-            except Exception as thrown:  # the dialogue is stopped: it may have a last word
-                act = dialogue.throw(thrown)
+            except Exception as thrown:  # the transaction is stopped: it may yield final frames
+                act = transaction.throw(thrown)
             else:
-                act = dialogue.send(answer)
+                act = transaction.send(answer)
     except StopIteration as end:
         result: T = end.value
         return result
 
 
 def send_request(
-    frame: bytes, what: str, timeout_s: float, tries: int = TRIES, accept: Callable[[Reply], bool] = lambda reply: True
+    frame: bytes,
+    what: str,
+    timeout_s: float,
+    attempts: int = ATTEMPTS,
+    accept: Callable[[Reply], bool] = lambda reply: True,
 ) -> Transaction[Plain]:
     """Send a request until it is acknowledged.
 
     Returns:
         The acknowledgement's fields, wire values.
+
     Raises:
         DeviceRejectedError: Error came instead, or the device restarted.
-        NoReplyError: nothing came.
+        NoReplyError: no answer.
     """
     number = answers(frame[2])
 
@@ -81,7 +86,7 @@ def send_request(
             return event
         return None
 
-    for _ in range(tries):
+    for _ in range(attempts):
         yield Send(frame, what)
         reply = yield WaitFor(match, timeout_s, what)
         if reply is not None:
@@ -90,7 +95,7 @@ def send_request(
             if reply.message.id == WAKE_UP and frame[2] != RESET:
                 raise DeviceRejectedError(what, "the device restarted before it answered")
             return values_of(reply)
-    raise NoReplyError(what, tries, timeout_s)
+    raise NoReplyError(what, attempts, timeout_s)
 
 
 def values_of(reply: Reply) -> Plain:
@@ -117,9 +122,10 @@ def to_config(*, restart: bool = True) -> Transaction[None]:
     """Bring the device to the config state.
 
     Args:
-        restart: it may be Reset when it does not answer; False where that would discard what is to be stored.
+        restart: whether it may be Reset if it does not answer; False if that would discard pending results.
+
     Raises:
-        NoReplyError: it does not answer, not even after Reset.
+        NoReplyError: no answer, even after Reset.
     """
     if (yield from _insist(PATIENCE_S)):
         return
@@ -129,12 +135,12 @@ def to_config(*, restart: bool = True) -> Transaction[None]:
     yield Send(frames.build(RESET), "Reset")
     if (yield from _insist(AFTER_RESET_S)):
         return
-    tries = round((PATIENCE_S + AFTER_RESET_S) / STEP_S)
-    raise NoReplyError("GoToConfig, after a Reset (restart) neither", tries, STEP_S)
+    attempts = round((PATIENCE_S + AFTER_RESET_S) / STEP_S)
+    raise NoReplyError("GoToConfig, after a Reset (restart) neither", attempts, STEP_S)
 
 
 def _insist(patience_s: float) -> Transaction[bool]:
-    """GoToConfig every 100 ms; a device that wakes up meanwhile is told to stay."""
+    """Send GoToConfig every 100 ms; a device that wakes up in between is kept in the config state."""
     for _ in range(round(patience_s / STEP_S)):
         yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
         heard = yield WaitFor(_config_or_awake, STEP_S, "GoToConfig")
@@ -154,7 +160,7 @@ def to_measurement() -> Transaction[None]:
     """Bring the device to the measurement state.
 
     Raises:
-        DeviceRejectedError, NoReplyError: it does not.
+        DeviceRejectedError, NoReplyError: it fails.
     """
     try:
         yield from send_request(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement", 0.5)
@@ -164,7 +170,7 @@ def to_measurement() -> Transaction[None]:
 
 
 def is_alive() -> Transaction[bool]:
-    """Is there a device that speaks, at the present rate? At most three seconds, two of them while it may restart."""
+    """Whether a device answers at the present rate. At most three seconds, two of them while it may restart."""
     if (yield WaitFor(_speaks, 1.0)):
         return True
     for _ in range(4):
@@ -180,12 +186,12 @@ def is_alive() -> Transaction[bool]:
 
 
 def _speaks(event: Event) -> bool | None:
-    """Any valid frame or sentence: at a wrong rate there is none."""
+    """Match any valid frame or sentence: at a wrong rate there is none."""
     return True if isinstance(event, (Batch, Reply, Text)) else None
 
 
 def restore_communication(patience_s: float = RESTORE_S) -> Transaction[bool]:
-    """Section 7.2: 0xDE again and again, with gaps, until a device that gets power now says WakeUp."""
+    """Section 7.2: repeat 0xDE, with gaps, until a device that is powered on now sends WakeUp."""
     sent = 0.0
     while sent < patience_s:
         yield Send(RESTORE_BYTE, "restore communication")

@@ -1,14 +1,13 @@
-"""What does an MTi's port carry, piece by piece? Frames, sentences between them, and what was neither.
+"""Parser of an Xbus stream, chunk by chunk: frames, the sentences between them, and rejects.
 
     bytes   [frame][frame]$GPGGA,…*hh\\r\\n[frame]··noise··[frame][fra
     Cut     table of the frames · Text for the sentence · Reject for each candidate that failed
-    kept                                                         ^^^^ until the rest comes
+    kept                                                         ^^^^ until the rest arrives
 
-The cutting is that of every port (protocols/stream_parser.py). An MTi's own is that two kinds are looked for between
-frames, NMEA sentences and binary strings, each from where it last stopped: a sentence that is cut by the end of the
-data waits
-for its rest. A string is believed when the sentences up to its end are decided, and none of them, which have checksums,
-holds some of its bytes (a TSS2 string in the words of a sentence is no string).
+The cutting is that of every port (protocols/stream_parser.py). For an MTi, two kinds of messages are searched for
+between frames, NMEA sentences and binary strings, each from where its last search stopped: a sentence cut by the end of
+the data waits for its rest. A string is accepted once the sentences up to its end are decided and none of them, which
+have checksums, overlaps it (a TSS2 string in the words of a sentence is not a string).
 """
 
 from __future__ import annotations
@@ -26,37 +25,37 @@ from protocols.stream_parser import StreamParser as AnyStream
 from protocols.xbus.binary_strings import find as find_strings
 from protocols.xbus.frames import scan
 
-__all__ = ["ParseResult", "Stream"]
+__all__ = ["ParseResult", "XbusStreamParser"]
 
 
-class Stream(AnyStream):
+class XbusStreamParser(AnyStream):
     """Cuts a stream of bytes, given in chunks, into frames, texts and rejects."""
 
     def __init__(self) -> None:
         super().__init__(scan, find_sentences, STARTS)
-        self._nmea_at = 0  # positions in the stream: from where to look for sentences …
-        self._strings_at = 0  # … and for binary strings
+        self._nmea_at = 0  # positions in the stream: search for sentences from here …
+        self._strings_at = 0  # … and for binary strings from here
         self._em1000_end: int | None = None
         self._pending: list[
             tuple[int, ParsedMessage]
         ] = []  # strings with their positions, until the sentences are decided
-        self._sentences: list[tuple[int, int]] = []  # begin and end of those that a string yet to be found may touch
+        self._sentences: list[tuple[int, int]] = []  # start and end of those that a later string may overlap
 
-    def _stretches(
+    def _spans(
         self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[RejectedFrame], stalled: bool
     ) -> None:
-        """Look through the stretches between the frames."""
+        """Search the stretches between the frames."""
         begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
         stops = np.concatenate((table[OFFSET] + start, [self._scan_at]))
         for i in np.flatnonzero(begins < stops).tolist():
             final = stalled or i < table.shape[1]
-            self._stretch(data, start, int(begins[i]), int(stops[i]), final, texts, rejects)
+            self._span(data, start, int(begins[i]), int(stops[i]), final, texts, rejects)
         last = int(begins[-1])
         self._nmea_at, self._strings_at = max(self._nmea_at, last), max(self._strings_at, last)
         self._find_at = min(self._nmea_at, self._strings_at)
         texts.sort(key=lambda text: text.offset)
 
-    def _stretch(
+    def _span(
         self,
         data: bytes,
         start: int,
@@ -82,18 +81,18 @@ class Stream(AnyStream):
                 if one.name == "EM1000":
                     self._em1000_end = at + one.offset + one.size
             self._strings_at = at + kept
-        self._believe(texts, rejects)
+        self._accept_pending(texts, rejects)
 
-    def _believe(self, texts: list[Text], rejects: list[RejectedFrame]) -> None:
-        """Report the strings before which all sentences are decided, but for those that a sentence covers."""
+    def _accept_pending(self, texts: list[Text], rejects: list[RejectedFrame]) -> None:
+        """Report the strings before which all sentences are decided, except those that a sentence covers."""
         waiting: list[tuple[int, ParsedMessage]] = []
-        lasts = [last for _, last in self._sentences]  # ascending: sentences share no byte
+        lasts = [last for _, last in self._sentences]  # ascending: sentences do not overlap
         for at, one in self._pending:
             end = at + one.size
             if end > self._nmea_at:
                 waiting.append((at, one))
                 continue
-            near = bisect_right(lasts, at)  # the first sentence that ends behind where this one begins
+            near = bisect_right(lasts, at)  # the first sentence that ends after the start of this one
             if near == len(lasts) or self._sentences[near][0] >= end:
                 self._report(one, at, texts, rejects)
         self._pending = waiting

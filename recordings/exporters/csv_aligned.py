@@ -3,11 +3,11 @@
     # A line for each sample of Acceleration. Any other column holds its last value while that is not older than …
     time (s),arrival (s),timestamp,utc (s),Acceleration.x (m/s²),…,GnssPvtData.lat (°),…
 
-The rule, which the first line of the file states: the fastest channel is the one with the most samples in the stretch.
+The rule, which the first line of the file states: the fastest channel is the one with the most samples in the range.
 Another channel's cell is its last value at that time, if it is not older than twice its usual interval (or twice the
-fastest's, where that is longer); else it is empty. So a value is repeated until the next one comes, a pause is seen,
-and nothing is interpolated. Tables (satellites) have no place in it and are left out. What the device's own clock said
-of the line's sample, and its UTC where it knows that, stand behind the two times; those of the others are not held.
+fastest's, if that is longer); else it is empty. So a value repeats until the next one, a pause is visible, and nothing
+is interpolated. Tables (satellites) do not fit and are left out. The two times are followed by the device's own clock
+for the line's sample, and its UTC if known; the clocks of the other channels are not held.
 
 A line that begins with # is skipped by pandas with `comment="#"`.
 """
@@ -23,63 +23,63 @@ import numpy as np
 import pyarrow as pa
 
 from recordings.exporters.csv_tables import heading, lines
-from recordings.exporters.message_table import WINDOW, cells, clocks_of, known, of_their_moment, spoken
+from recordings.exporters.message_table import WINDOW, cells, clocks_of, frame_label, known, of_their_moment
 from recordings.exporters.message_table import heading as named
 from recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval, with_unit
 
-AGES = 2  # usual intervals that a value is held for
+AGES = 2  # usual intervals for which a value is held
 
 
 @dataclass(slots=True)
 class _Held:
-    """A channel whose last value is shown."""
+    """A channel whose last value is held."""
 
     info: Mapping[str, Any]
     names: list[str]
     oldest_s: float
 
 
-def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file."""
-    infos = [info for info in (*wish.infos, *wish.payloads) if info["kind"] != "rows"]
-    sizes = {info["id"]: wish.rows(info["id"]) for info in infos}
+    infos = [info for info in (*request.infos, *request.payloads) if info["kind"] != "table"]
+    sizes = {info["id"]: request.rows(info["id"]) for info in infos}
     infos = [info for info in infos if sizes[info["id"]][1] > sizes[info["id"]][0]]
     if not infos:
-        raise ExportError("There is nothing in this stretch that has one value at a time.", "Choose other channels.")
+        raise ExportError("This range contains no channel with one value at a time.", "Choose other channels.")
     leader = max(infos, key=lambda info: sizes[info["id"]][1] - sizes[info["id"]][0])
-    least = usual_interval(wish.columns, leader["id"])
-    clocks = clocks_of(wish, leader)
+    least = usual_interval(request.columns, leader["id"])
+    clocks = clocks_of(request, leader)
     others = [
-        _Held(info, _names(wish, info, clocks), AGES * max(usual_interval(wish.columns, info["id"]), least))
+        _Held(info, _names(request, info, clocks), AGES * max(usual_interval(request.columns, info["id"]), least))
         for info in infos
         if info is not leader
     ]
     first, last = sizes[leader["id"]]
     with out.open("wb") as file:
-        file.write(f"# {_rule(wish, leader, others)}\n".encode())
+        file.write(f"# {_rule(request, leader, others)}\n".encode())
         chosen = [*clocks, leader, *(held.info for held in others)]
-        told = [(column["unit"], spoken(info["frame"])) for info in chosen for column in info["columns"]]
-        names = [name for info in (*clocks, leader) for name in _names(wish, info, clocks)]
+        units = [(column["unit"], frame_label(info["frame"])) for info in chosen for column in info["columns"]]
+        names = [name for info in (*clocks, leader) for name in _names(request, info, clocks)]
         names += [name for held in others for name in held.names]
-        heads = [with_unit(name, *one) for name, one in zip(names, told, strict=True)]
+        heads = [with_unit(name, *one) for name, one in zip(names, units, strict=True)]
         heading(file, ["time (s)", "arrival (s)", *heads])
         for lo in range(first, last, WINDOW):
             hi = min(lo + WINDOW, last)
-            lines(file, _batch(wish, leader, clocks, others, lo, hi))
+            lines(file, _batch(request, leader, clocks, others, lo, hi))
             step((hi - first) / (last - first))
     return [out]
 
 
 def _batch(
-    wish: ExportRequest,
+    request: ExportRequest,
     leader: Mapping[str, Any],
     clocks: list[Mapping[str, Any]],
     others: list[_Held],
     lo: int,
     hi: int,
 ) -> pa.RecordBatch:
-    columns = wish.columns
-    rows = wish.exact(leader, lo, hi)
+    columns = request.columns
+    rows = request.exact(leader, lo, hi)
     times = columns.clock(leader["id"], lo, hi)
     arrays = [pa.array(rows.time, mask=np.isnan(rows.time)), pa.array(rows.arrival)]
     arrays += [known(values) for info in clocks for values in of_their_moment(columns, info, rows)]
@@ -88,35 +88,38 @@ def _batch(
         number = held.info["id"]
         first = max(columns.between(number, float(times[0]), np.inf)[0] - 1, 0)
         past = columns.between(number, float(times[0]), float(times[-1]))[1]
-        theirs = columns.clock(number, first, past)
-        at = np.searchsorted(theirs, times, "right") - 1
-        age = times - theirs[np.maximum(at, 0)] if len(theirs) else np.full(len(times), np.inf)
+        clock = columns.clock(number, first, past)
+        at = np.searchsorted(clock, times, "right") - 1
+        age = times - clock[np.maximum(at, 0)] if len(clock) else np.full(len(times), np.inf)
         missing = (at < 0) | (age > held.oldest_s)
-        found = wish.exact(held.info, first, past)
+        found = request.exact(held.info, first, past)
         for column in found.columns:
             values = column[np.maximum(at, 0)] if len(column) else np.zeros(len(at), column.dtype)
             arrays.append(cells(values, missing))
     return pa.RecordBatch.from_arrays(arrays, names=[str(n) for n in range(len(arrays))])
 
 
-def _names(wish: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping[str, Any]]) -> list[str]:
-    """Headings that are unique among all: with the device where there are several, the message where it does not say
-    so itself, the number where a quantity's layout changed."""
+def _names(request: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping[str, Any]]) -> list[str]:
+    """Unique headings: with the device if there are several, with the message if needed, and with a number if a
+    quantity's layout changed.
+    """
     own = [named(info, column) for column in info["columns"]]
     rest = [
-        one for one in (*wish.infos, *wish.payloads, *clocks) if one is not info and one["device"] == info["device"]
+        one
+        for one in (*request.infos, *request.payloads, *clocks)
+        if one is not info and one["device"] == info["device"]
     ]
     taken = {named(one, column) for one in rest for column in one["columns"]}
     if taken & set(own):
-        alike = {f"{one['message']}.{named(one, column)}" for one in rest for column in one["columns"]}
+        duplicates = {f"{one['message']}.{named(one, column)}" for one in rest for column in one["columns"]}
         own = [name if name.startswith(f"{info['message']}.") else f"{info['message']}.{name}" for name in own]
-        if alike & set(own):
+        if duplicates & set(own):
             own = [f"{name} #{info['id']}" for name in own]
-    return [f"{wish.device_name(info['device'])}.{name}" for name in own] if wish.has_several_devices else own
+    return [f"{request.device_name(info['device'])}.{name}" for name in own] if request.has_several_devices else own
 
 
-def _rule(wish: ExportRequest, leader: Mapping[str, Any], others: list[_Held]) -> str:
-    of = f" of {wish.device_name(leader['device'])}" if wish.has_several_devices else ""
+def _rule(request: ExportRequest, leader: Mapping[str, Any], others: list[_Held]) -> str:
+    of = f" of {request.device_name(leader['device'])}" if request.has_several_devices else ""
     words = f"A line for each sample of {leader['title'] or leader['name']}{of}."
     if not others:
         return words

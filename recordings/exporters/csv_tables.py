@@ -3,9 +3,9 @@
     time (s),arrival (s),PacketCounter,Acceleration.x (m/s²),…
     1760000000.0123,1760000000.0151,17,-0.03421,…
 
-A number has as many digits as it takes to read back the same float32 or float64; NaN is `nan`, infinity `inf`; a cell
-where the device sent nothing is empty. Times are unix seconds. Units are those of the page (angular rates in °/s).
-Payloads that nobody has described are hex digits.
+A number has as many digits as needed to read back the same float32 or float64; NaN is `nan`, infinity `inf`; a cell for
+which the device sent nothing is empty. Times are unix seconds. Units are those of the page (angular rates in °/s).
+Undescribed payloads are hex digits.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from recordings.exporters.file_names import table_paths
 from recordings.exporters.message_table import batches, headings, tables
 from recordings.exporters.request import ExportRequest, ExportStep
 
-FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # begins one in a spreadsheet. Source: OWASP, "CSV Injection"
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # starts a formula in a spreadsheet. Source: OWASP, "CSV Injection"
 
 
-def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
-    found = tables(wish)
-    paths = table_paths(wish, out, found)
+    found = tables(request)
+    paths = table_paths(request, out, found)
     for number, (table, path) in enumerate(zip(found, paths, strict=True)):
         with path.open("wb") as file:
             heading(file, headings(table))
-            for batch in batches(wish, table, lambda share, n=number: step((n + share) / len(found))):  # type: ignore[misc]
+            for batch in batches(request, table, lambda share, n=number: step((n + share) / len(found))):  # type: ignore[misc]
                 lines(file, batch)
     return paths
 
@@ -46,7 +46,7 @@ def heading(file: BinaryIO, names: Sequence[str]) -> None:
 
 
 def _inert(name: str) -> str:
-    """A heading that no spreadsheet takes for a formula: a recording of strangers names its columns as it likes."""
+    """A heading that no spreadsheet takes for a formula: a recording may come from a stranger."""
     return f"'{name}" if name.startswith(FORMULA) else name
 
 

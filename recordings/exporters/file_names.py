@@ -1,4 +1,4 @@
-"""What are the files of an export called? OUT's stem, the device where there are several, the message."""
+"""File names of exports. OUT's stem, the device where there are several, the message."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from recordings.exporters.message_table import Table
+from recordings.exporters.message_table import MessageTable
 from recordings.exporters.request import ExportRequest
 
 
-def table_paths(wish: ExportRequest, out: Path, found: Sequence[Table]) -> list[Path]:
+def table_paths(request: ExportRequest, out: Path, found: Sequence[MessageTable]) -> list[Path]:
     """A path for each table: run_MTData2.csv, run_MTi-630_MTData2.csv."""
-    several = wish.has_several_devices
+    several = request.has_several_devices
     taken: set[str] = set()
     paths = []
     for table in found:
-        words = [out.stem, *([wish.device_name(table.device)] if several else []), table.name]
+        words = [out.stem, *([request.device_name(table.device)] if several else []), table.name]
         stem = "_".join([words[0], *(plain(word) for word in words[1:])])
         name, count = f"{stem}{out.suffix}", 1
         while name.lower() in taken:

@@ -1,17 +1,17 @@
-"""MCAP with decoded values, which Foxglove, Lichtblick and PlotJuggler show without being told anything.
+"""MCAP with decoded values, which Foxglove, Lichtblick and PlotJuggler show without configuration.
 
     topic          /<device>/[<message>/]<quantity>, /<device>/attitude, /<device>/position, /events: the same topics,
                    fields and schemas as the live Foxglove server's, so a layout made of one fits the other
-    and            /<device>/<message>/clock and /utc: what the device's own clock said of each message, and its UTC;
-                   /<device>/<message>/arrival: when it came;
-                   /<device>/<message>/bytes: payloads that nobody has described, base64 as their schema says
-    log time       device time mapped to the host's clock; its arrival where it has none (or where the base is arrival)
+    and            /<device>/<message>/clock and /utc: the device's own clock for each message, and its UTC;
+                   /<device>/<message>/arrival: its arrival;
+                   /<device>/<message>/bytes: undescribed payloads, base64 according to their schema
+    log time       device time mapped to the host's clock; its arrival if it has none (or if the base is arrival)
     message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/well_known.py)
 
-What the device did not send at a moment, and what JSON has no number for (NaN, infinity), is left out.
+Missing values, and those that JSON cannot represent (NaN, infinity), are left out.
 
-Messages of different topics lie interleaved in time, in compressed and indexed chunks. An hour of 1 kHz is some twenty
-million messages, so their records are made column by column: Arrow joins texts, one sort puts the topics in order.
+Messages of different topics are interleaved by time, in compressed and indexed chunks. An hour of 1 kHz has some twenty
+million messages, so their records are built column by column: Arrow joins texts, one sort orders the topics.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from recordings.exporters.message_table import windows
 from recordings.exporters.request import ExportRequest, ExportStep
 from recordings.file_names import device_names
 from recordings.mcap_reader import McapChannel
-from recordings.rrd.entities import Device, devices_of
+from recordings.rrd.entities import DeviceEntity, devices_of
 from recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
 Array = NDArray[Any]
 Info = Mapping[str, Any]
 
-WINDOW = 1 << 14  # rows of the busiest channel that are held at once
-PER_ROW = 100  # bytes of a message, about
+WINDOW = 1 << 14  # rows of the busiest channel held at once
+PER_ROW = 100  # bytes of a message, roughly
 _HEAD = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seq", "<u4"), ("log", "<u8"), ("told", "<u8")])
 
 
@@ -65,42 +65,44 @@ class Messages:
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
-    """A topic, and how rows of a channel become its messages."""
+class DecodedTopic:
+    """A topic, and the conversion of a channel's rows to its messages."""
 
     topic: McapChannel
     channel: int
     made: Callable[[ExactRows], Messages]
 
 
-def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file."""
-    streams = _streams(wish)
-    ranges = {stream.channel: wish.rows(stream.channel) for stream in streams}
-    payloads = {info["id"]: info for info in wish.payloads}
+    streams = _streams(request)
+    ranges = {stream.channel: request.rows(stream.channel) for stream in streams}
+    payloads = {info["id"]: info for info in request.payloads}
     total = sum(hi - lo for lo, hi in ranges.values()) or 1
     largest = chunk_bytes(total * PER_ROW)
     done = 0
     with out.open("wb") as file:
         target = ChunkedFile(file, profile="")
         target.tell({stream.topic.id: stream.topic for stream in streams})
-        _events(wish, len(streams) + 1, target)
-        for window in windows(wish.columns, ranges, WINDOW):
+        _events(request, len(streams) + 1, target)
+        for window in windows(request.columns, ranges, WINDOW):
             rows = {
-                number: wish.exact(payloads[number], *part) if number in payloads else wish.columns.exact(number, *part)
+                number: request.exact(payloads[number], *part)
+                if number in payloads
+                else request.columns.exact(number, *part)
                 for number, part in window.items()
                 if part[1] > part[0]
             }
             _put(target, [stream.made(rows[stream.channel]) for stream in streams if stream.channel in rows], largest)
             done += sum(map(len, rows.values()))
             step(done / total)
-        target.end({"export": {"recording": wish.title, "base": wish.base}})
+        target.end({"export": {"recording": request.title, "base": request.base}})
     step(1.0)
     return [out]
 
 
 def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
-    """Messages of all topics, the earliest first."""
+    """Write the messages of all topics, the earliest first."""
     found = list(parts)
     log = np.concatenate([part.log for part in found])
     order = np.argsort(log, kind="stable")
@@ -121,49 +123,50 @@ def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
         target.chunk(data, rows[:, first:past])
 
 
-def _streams(wish: ExportRequest) -> list[Stream]:
-    """Topics of what is wished for. They are named among all that the recording has, so the choice changes no name."""
-    manifest = wish.columns.manifest
+def _streams(request: ExportRequest) -> list[DecodedTopic]:
+    """Topics of the request. They are named among all of the recording, so the choice changes no name."""
+    manifest = request.columns.manifest
     names = device_names(manifest["devices"])
-    chosen = {info["id"] for info in wish.infos}
+    chosen = {info["id"] for info in request.infos}
     taken: set[str] = set()
-    found: list[Stream] = []
+    found: list[DecodedTopic] = []
 
     def stream(topic: str, info: Info, about: Mapping[str, Any], body: Callable[..., Messages]) -> None:
         taken.add(topic)
         if info["id"] in chosen:
-            told = McapChannel(len(found) + 1, topic, **about)
-            found.append(Stream(told, info["id"], partial(body, told.id)))
+            described = McapChannel(len(found) + 1, topic, **about)
+            found.append(DecodedTopic(described, info["id"], partial(body, described.id)))
 
     devices = {device.id: device for device in devices_of(manifest["devices"], manifest["channels"])}
     for info in manifest["channels"]:
         name, device = names.get(info["device"], info["device"]), devices[info["device"]]
-        stream(topic_of(name, info, taken), info, _json(schema_of(info)), partial(_plain, wish, info))
+        stream(topic_of(name, info, taken), info, _json(schema_of(info)), partial(_plain, request, info))
         if device.attitude and device.attitude.channel == info["id"]:
             topic = named(name, well_known.ATTITUDE, taken=taken)
-            stream(topic, info, _protobuf(well_known.FrameTransform), partial(_transforms, wish, device))
+            stream(topic, info, _protobuf(well_known.FrameTransform), partial(_transforms, request, device))
         if device.position and device.position.kind == "place" and device.position.channel == info["id"]:
             topic = named(name, well_known.POSITION, taken=taken)
-            stream(topic, info, _protobuf(well_known.LocationFix), partial(_fixes, wish, device))
-    chosen |= {info["id"] for info in wish.clocks if wish.columns.rows(info["id"])}
-    for info in wish.clocks:
+            stream(topic, info, _protobuf(well_known.LocationFix), partial(_fixes, request, device))
+    chosen |= {info["id"] for info in request.clocks if request.columns.rows(info["id"])}
+    for info in request.clocks:
         what = "utc" if [column["name"] for column in info["columns"]] == ["utc"] else "clock"
         topic = named(names.get(info["device"], info["device"]), info["message"], what, taken=taken)
-        stream(topic, info, _json(schema_of(info)), partial(_plain, wish, info))
-    chosen |= {info["id"] for info in wish.payloads}
+        stream(topic, info, _json(schema_of(info)), partial(_plain, request, info))
+    chosen |= {info["id"] for info in request.payloads}
     for info in manifest.get("payloads", []):
         owner = names.get(info["device"], info["device"])
         topic = named(owner, *dict.fromkeys((info["message"], info["name"])), "bytes", taken=taken)
-        stream(topic, info, _json(_schema_of_bytes(info)), partial(_bytes, wish))
-    for info in {(info["device"], info["message"], info["verified"]): info for info in reversed(wish.infos)}.values():
+        stream(topic, info, _json(_schema_of_bytes(info)), partial(_bytes, request))
+    infos = {(info["device"], info["message"], info["verified"]): info for info in reversed(request.infos)}
+    for info in infos.values():
         topic = named(names.get(info["device"], info["device"]), info["message"], "arrival", taken=taken)
-        stream(topic, info, _json(schema_of(_ARRIVAL)), partial(_arrivals, wish))
+        stream(topic, info, _json(schema_of(_ARRIVAL)), partial(_arrivals, request))
     return found
 
 
 def _schema_of_bytes(info: Info) -> Mapping[str, Any]:
-    told = {"type": "string", "contentEncoding": "base64", "description": info["doc"]}
-    return {"type": "object", "title": f"{info['name']} bytes", "properties": {"data": told}}
+    data = {"type": "string", "contentEncoding": "base64", "description": info["doc"]}
+    return {"type": "object", "title": f"{info['name']} bytes", "properties": {"data": data}}
 
 
 _ARRIVAL: Info = {
@@ -179,79 +182,80 @@ def _json(schema: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _protobuf(message: Any) -> Mapping[str, Any]:
-    told = message.get_schema()
+    schema = message.get_schema()
     return {
         "encoding": "protobuf",
-        "schema": told.name,
-        "schema_encoding": told.encoding,
-        "schema_data": told.data,
+        "schema": schema.name,
+        "schema_encoding": schema.encoding,
+        "schema_data": schema.data,
     }
 
 
-def _times(wish: ExportRequest, rows: ExactRows) -> Ints:
-    return stamps(rows.arrival, rows.arrival if wish.base == "arrival" else rows.time)
+def _times(request: ExportRequest, rows: ExactRows) -> Ints:
+    return stamps(rows.arrival, rows.arrival if request.base == "arrival" else rows.time)
 
 
-def _plain(wish: ExportRequest, info: Info, topic: int, rows: ExactRows) -> Messages:
+def _plain(request: ExportRequest, info: Info, topic: int, rows: ExactRows) -> Messages:
     """Every quantity as JSON."""
     body = bodies(info, rows.columns)
-    log = _times(wish, rows)
-    if info["kind"] == "rows":
+    log = _times(request, rows)
+    if info["kind"] == "table":
         first = np.flatnonzero(np.diff(log, prepend=log[:1] - 1))
         body, log = tables(body, first), log[first]
     return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
 
 
-def _arrivals(wish: ExportRequest, topic: int, rows: ExactRows) -> Messages:
-    first = np.flatnonzero(np.diff(rows.arrival, prepend=rows.arrival[:1] - 1))  # of a table one a moment
-    log = _times(wish, rows)[first]
+def _arrivals(request: ExportRequest, topic: int, rows: ExactRows) -> Messages:
+    first = np.flatnonzero(np.diff(rows.arrival, prepend=rows.arrival[:1] - 1))  # one per moment of a table
+    log = _times(request, rows)[first]
     body = bodies(_ARRIVAL, [rows.arrival[first]])
     return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
 
 
-def _bytes(wish: ExportRequest, topic: int, rows: ExactRows) -> Messages:
+def _bytes(request: ExportRequest, topic: int, rows: ExactRows) -> Messages:
     """Payloads as JSON."""
     (found,) = rows.columns
     body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in found], pa.large_binary())
-    return Messages(np.full(len(rows), topic, np.uint16), _times(wish, rows), body)
+    return Messages(np.full(len(rows), topic, np.uint16), _times(request, rows), body)
 
 
-def _transforms(wish: ExportRequest, device: Device, topic: int, rows: ExactRows) -> Messages:
+def _transforms(request: ExportRequest, device: DeviceEntity, topic: int, rows: ExactRows) -> Messages:
     assert device.attitude is not None
-    times = _times(wish, rows)
+    times = _times(request, rows)
     made = well_known.transforms(device.name, device.attitude, rows.columns, times)
     return _of(topic, times, made)
 
 
-def _fixes(wish: ExportRequest, device: Device, topic: int, rows: ExactRows) -> Messages:
+def _fixes(request: ExportRequest, device: DeviceEntity, topic: int, rows: ExactRows) -> Messages:
     place = device.position
     assert place is not None
-    times = _times(wish, rows)
+    times = _times(request, rows)
     height = np.zeros(len(rows))
     if place.height:
         key = np.where(np.isfinite(rows.time), rows.time, rows.arrival)
-        lo = max(wish.columns.row_at(place.height, float(key[0])), 0)
-        told = wish.columns.exact(place.height, lo, max(wish.columns.row_at(place.height, float(key[-1])) + 1, lo + 1))
-        height = well_known.heights(_times(wish, told), told.columns[0], times)
+        lo = max(request.columns.row_at(place.height, float(key[0])), 0)
+        hi = max(request.columns.row_at(place.height, float(key[-1])) + 1, lo + 1)
+        height_rows = request.columns.exact(place.height, lo, hi)
+        height = well_known.heights(_times(request, height_rows), height_rows.columns[0], times)
     return _of(topic, times, well_known.fixes(device.name, place, rows.columns, height, times))
 
 
 def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
-    """Messages that were made one by one."""
+    """Messages created one by one."""
     found = list(made)
     at = np.array([row for row, _ in found], np.int64)
     body = pa.array([data for _, data in found], pa.large_binary())
     return Messages(np.full(len(found), topic, np.uint16), times[at], body)
 
 
-def _events(wish: ExportRequest, topic: int, target: ChunkedFile) -> None:
-    """What happened to the devices of the export, before all else in the file: there are few."""
-    manifest = wish.columns.manifest
+def _events(request: ExportRequest, topic: int, target: ChunkedFile) -> None:
+    """Write the events of the exported devices at the start of the file: they are few."""
+    manifest = request.columns.manifest
     names = device_names(manifest["devices"])
     inside = [
         event
         for event in manifest.get("events", [])
-        if "text" in event and wish.t0 <= event["time"] <= wish.t1 and wish.device in ("", event["device"])
+        if "text" in event and request.t0 <= event["time"] <= request.t1 and request.device in ("", event["device"])
     ]
     target.tell({topic: McapChannel(topic, EVENTS, **_protobuf(well_known.Log))})
     if inside:

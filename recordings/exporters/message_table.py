@@ -1,14 +1,14 @@
-"""One table per message: how do the quantities of a message, which have rows of their own, become rows of one table?
+"""Table of one message: joins its quantities, each with rows of its own, into rows of one table.
 
     channel A   t1 a1    t2 a2    t3 a3             time  arrival   A    B
     channel B   t1 b1             t3 b3     ──>     t1    …         a1   b1
                                                     t2    …         a2
                                                     t3    …         a3   b3
 
-They are joined by (time, arrival): an outer join, so nothing is left out; where a quantity has no sample of a moment
-its cell is empty. Where one has several rows at one moment, the first goes with the first of the others, and so on.
-Tables (`rows`: satellites) have many rows a moment by nature, and stand for themselves. What the device's own clock
-said of each row, and its UTC where it knows that, stand behind the two times.
+They are joined by (time, arrival): an outer join, so nothing is left out; a quantity without a sample at a moment has
+an empty cell. If one has several rows at one moment, the first goes with the first of the others, and so on. Tables
+(`rows`: satellites) have many rows a moment by nature, and are kept separate. The two times are followed by the
+device's own clock for each row, and its UTC if known.
 
 Memory: `windows` cuts the channels at common times so that about 65 536 rows of each are held at once.
 """
@@ -37,7 +37,7 @@ WINDOW = 1 << 16  # rows
 
 
 @dataclass(slots=True)
-class Table:
+class MessageTable:
     """One table: the channels of a message.
 
     Args:
@@ -45,7 +45,7 @@ class Table:
         device: id of the device.
         channels: ChannelInfo as in the manifest.
         names: a heading for each column of each channel, unique in the table, without unit.
-        clocks: what is known of the device's clock, described like channels.
+        clocks: the device's clock readings, described like channels.
     """
 
     name: str
@@ -56,8 +56,8 @@ class Table:
 
     @property
     def is_rows(self) -> bool:
-        """Whether it has many rows a moment."""
-        return any(info["kind"] == "rows" for info in self.channels)
+        """Whether it has several rows of the same time."""
+        return any(info["kind"] == "table" for info in self.channels)
 
     @property
     def columns(self) -> list[tuple[str, Mapping[str, Any], str]]:
@@ -72,15 +72,15 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class JoinedTable:
-    """Rows of a table: `at[i]` says which row of `parts[i]` stands in each of them, −1 for none."""
+    """Rows of a table: `at[i]` gives the row of `parts[i]` for each of them, −1 for none."""
 
     time: Array
     arrival: Array
     parts: list[ExactRows]
-    at: list[Ints | None]  # None: each in its place
+    at: list[Ints | None]  # None: the identity
 
     def columns(self) -> Iterator[tuple[Array, Array | None]]:
-        """Values, and where they are missing (None: nowhere), of every column in order."""
+        """Values of every column in order, and where they are missing (None: nowhere)."""
         for part, at in zip(self.parts, self.at, strict=True):
             for column in part.columns:
                 if at is None:
@@ -91,30 +91,30 @@ class JoinedTable:
                     yield np.zeros(len(at), column.dtype), np.ones(len(at), bool)
 
 
-def tables(wish: ExportRequest) -> list[Table]:
-    """The tables of an export, in the order in which their messages came first."""
-    found: dict[tuple[Any, ...], Table] = {}
-    for info in (*wish.infos, *wish.payloads):
-        alone = info["name"] if info["kind"] == "rows" else ""
+def tables(request: ExportRequest) -> list[MessageTable]:
+    """The tables of an export, in order of the first appearance of their messages."""
+    found: dict[tuple[Any, ...], MessageTable] = {}
+    for info in (*request.infos, *request.payloads):
+        alone = info["name"] if info["kind"] == "table" else ""
         name = f"{info['message']}.{alone.removeprefix(info['message'] + '.')}" if alone else info["message"]
         name = info["message"] if alone == info["message"] else name
         name = name if info["verified"] else f"{name}.unverified"
-        table = found.setdefault((info["device"], name), Table(name, info["device"]))
+        table = found.setdefault((info["device"], name), MessageTable(name, info["device"]))
         table.channels.append(info)
     for table in found.values():
-        table.clocks = clocks_of(wish, table.channels[0])
+        table.clocks = clocks_of(request, table.channels[0])
         _name(table)
     return list(found.values())
 
 
-def clocks_of(wish: ExportRequest, info: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """What is known of the device's clock for the message of a channel."""
+def clocks_of(request: ExportRequest, info: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Clock readings of the device for the message of a channel."""
     of = info["device"], info["message"], info["verified"]
-    return [one for one in wish.clocks if (one["device"], one["message"], one["verified"]) == of]
+    return [one for one in request.clocks if (one["device"], one["message"], one["verified"]) == of]
 
 
-def _name(table: Table) -> None:
-    """Unique headings: a quantity that comes in several frames has them in its name, a layout that changed a number."""
+def _name(table: MessageTable) -> None:
+    """Set unique headings: with the frame for a quantity in several frames, with a number for a changed layout."""
     frames: dict[str, set[str]] = {}
     for info in table.channels:
         frames.setdefault(info["name"], set()).add(info["frame"])
@@ -130,10 +130,10 @@ def _name(table: Table) -> None:
 
 
 def heading(info: Mapping[str, Any], column: Mapping[str, Any], frame: str = "") -> str:
-    """What a column is called among others of its message: "Acceleration.x", "PacketCounter", "DID_IMU.time".
+    """Heading of a column among others of its message: "Acceleration.x", "PacketCounter", "DID_IMU.time".
 
     Args:
-        frame: named in it, where the quantity comes in several.
+        frame: included if the quantity comes in several.
     """
     quantity = str(info["name"]).rstrip("?").removeprefix(f"{info['message']}.")
     if column["name"] in ("value", quantity):
@@ -145,26 +145,26 @@ def heading(info: Mapping[str, Any], column: Mapping[str, Any], frame: str = "")
     return f"{info['message']}.{name}" if name in ("time", "arrival") else f"{name}{f'[{frame}]' if frame else ''}"
 
 
-def batches(wish: ExportRequest, table: Table, step: ExportStep) -> Iterator[pa.RecordBatch]:
+def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> Iterator[pa.RecordBatch]:
     """The rows of a table; columns are time, arrival, then those of the table. A missing cell is null.
 
     Args:
-        step: told how far it is, 0..1.
+        step: called with the progress, 0..1.
     """
     infos = {info["id"]: info for info in (*(() if table.is_rows else table.clocks), *table.channels)}
     numbers = list(infos)
-    ranges = {number: wish.rows(number) for number in numbers}
+    ranges = {number: request.rows(number) for number in numbers}
     total = sum(hi - lo for lo, hi in ranges.values()) or 1
     done = 0
     heads = schema(table)
     own = sum(len(info["columns"]) for info in table.clocks)
-    for window in windows(wish.columns, ranges):
-        parts = [wish.exact(info, *window[number]) for number, info in infos.items()]
+    for window in windows(request.columns, ranges):
+        parts = [request.exact(info, *window[number]) for number, info in infos.items()]
         joined = join(parts)
         arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
         if table.is_rows:
             for info in table.clocks:
-                arrays += of_their_moment(wish.columns, info, joined)
+                arrays += of_their_moment(request.columns, info, joined)
         arrays += [cells(values, missing) for values, missing in joined.columns()]
         arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
         yield pa.RecordBatch.from_arrays(arrays, schema=heads)
@@ -175,30 +175,30 @@ def batches(wish: ExportRequest, table: Table, step: ExportStep) -> Iterator[pa.
 def of_their_moment(
     columns: ColumnStore, clock: Mapping[str, Any], rows: JoinedTable | ExactRows
 ) -> Iterator[pa.Array]:
-    """What a clock said of each row; rows that share a moment share it."""
+    """Clock reading of each row; rows of the same time share it."""
     key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
     lo, hi = columns.between(clock["id"], float(key.min()), float(key.max())) if len(key) else (0, 0)
     found = columns.exact(clock["id"], lo, hi)
-    theirs = np.where(np.isnan(found.time), found.arrival, found.time)
-    at = np.minimum(np.searchsorted(theirs, key), max(len(theirs) - 1, 0))
-    missing = theirs[at] != key if len(theirs) else np.ones(len(key), bool)
+    keys = np.where(np.isnan(found.time), found.arrival, found.time)
+    at = np.minimum(np.searchsorted(keys, key), max(len(keys) - 1, 0))
+    missing = keys[at] != key if len(keys) else np.ones(len(key), bool)
     for column in found.columns:
-        values = column[at] if len(theirs) else np.zeros(len(key), column.dtype)
+        values = column[at] if len(keys) else np.zeros(len(key), column.dtype)
         yield pa.array(values, mask=missing)
 
 
 def cells(values: Array, missing: Array | None = None) -> pa.Array:
-    """A column as Arrow has it; of payloads, which are objects, their bytes."""
+    """A column as an Arrow array; payloads, which are objects, as their bytes."""
     return pa.array(values, pa.binary() if values.dtype == object else None, mask=missing)
 
 
 def known(values: pa.Array) -> pa.Array:
-    """A clock's values; what it did not know is empty."""
+    """A clock's values; unknown ones are empty."""
     return pc.if_else(pc.is_nan(values), None, values) if pa.types.is_floating(values.type) else values
 
 
-def schema(table: Table) -> pa.Schema:
-    """Names and units of a table's columns; what else is known of each is in its field's metadata."""
+def schema(table: MessageTable) -> pa.Schema:
+    """Names and units of a table's columns; each field's metadata has the rest."""
     about = {
         "time": "Device time mapped to the host's clock; empty where the message has no clock.",
         "arrival": "When its bytes arrived at the host.",
@@ -208,14 +208,14 @@ def schema(table: Table) -> pa.Schema:
         for name, words in about.items()
     ]
     for name, column, frame in table.columns:
-        told = {
+        details = {
             "unit": column["unit"],
             "frame": frame_of(column, frame),
             "label": column["label"],
             "doc": column["doc"],
         }
         fields.append(
-            pa.field(name, _TYPES[column["dtype"]], metadata={key: text for key, text in told.items() if text})
+            pa.field(name, _TYPES[column["dtype"]], metadata={key: text for key, text in details.items() if text})
         )
     return pa.schema(fields)
 
@@ -229,22 +229,23 @@ _TYPES = {
 }
 
 
-def headings(table: Table) -> list[str]:
-    """The first line of a table as text: names with their units, and the frame of what is not in body axes."""
-    own = (with_unit(name, column["unit"], spoken(frame)) for name, column, frame in table.columns)
+def headings(table: MessageTable) -> list[str]:
+    """Header line of a table: names with their units, and the frame of values not in body axes."""
+    own = (with_unit(name, column["unit"], frame_label(frame)) for name, column, frame in table.columns)
     return ["time (s)", "arrival (s)", *own]
 
 
-def spoken(frame: str) -> str:
-    """The frame of a quantity, where a heading names it: body axes go without saying."""
+def frame_label(frame: str) -> str:
+    """The frame of a quantity for a heading: body axes are not named."""
     return "" if frame == "body" else frame
 
 
 def windows(
     columns: ColumnStore, ranges: Mapping[int, JoinedRows], rows: int = WINDOW
 ) -> Iterator[dict[int, JoinedRows]]:
-    """Cut channels at common times: every window has about `rows` rows of the busiest and those of the others between
-    the same two times. Rows of one time are never parted."""
+    """Cut channels at common times: every window has about `rows` rows of the busiest channel and the rows of the
+    others between the same two times. Rows of one time are never split.
+    """
     at = {number: lo for number, (lo, _) in ranges.items()}
     while any(at[number] < hi for number, (_, hi) in ranges.items()):
         size = rows
@@ -260,7 +261,7 @@ def windows(
                     window[number] = (lo, max(lo, min(hi, columns.between(number, bound, bound)[0])))
             if any(stop > start for start, stop in window.values()):
                 break
-            size *= 2  # more rows of one time than a window has
+            size *= 2  # more rows of one time than fit into a window
         yield window
         at = {number: stop for number, (_, stop) in window.items()}
 
@@ -286,9 +287,9 @@ def join(parts: Sequence[ExactRows]) -> JoinedTable:
     at: list[Ints | None] = []
     start = 0
     for part in parts:
-        mine = np.full(rows, -1, np.int64)
-        mine[row[start : start + len(part)]] = np.arange(len(part))
-        at.append(mine)
+        positions = np.full(rows, -1, np.int64)
+        positions[row[start : start + len(part)]] = np.arange(len(part))
+        at.append(positions)
         start += len(part)
     return JoinedTable(time[order][new], arrival[order][new], list(parts), at)
 
@@ -298,7 +299,7 @@ def _alike(a: ExactRows, b: ExactRows) -> bool:
 
 
 def _nth(moment: Array, arrival: Array) -> Ints:
-    """Of each row, how many of the same moment come before it."""
+    """Index of each row among the rows of the same time."""
     order = np.lexsort((np.arange(len(moment)), arrival, moment))
     same = np.zeros(len(order), bool)
     same[1:] = (moment[order][1:] == moment[order][:-1]) & (arrival[order][1:] == arrival[order][:-1])

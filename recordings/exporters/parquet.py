@@ -1,8 +1,8 @@
 """Parquet: one file per message, for pandas, polars, DuckDB and the like.
 
-The columns are those of the CSV (time, arrival, then the message's), with the types of the wire; a cell where the
-device sent nothing is null, which is not NaN. Each field's metadata tells its unit, label and meaning; the file's
-metadata the recording, device and message. Payloads that nobody has described are binary.
+The columns are those of the CSV (time, arrival, then the message's), with the types of the wire; a cell for which the
+device sent nothing is null, which is not NaN. Each field's metadata gives its unit, label and meaning; the file's
+metadata the recording, device and message. Undescribed payloads are binary.
 
     import pyarrow.parquet as pq
     table = pq.read_table("run_MTData2.parquet")
@@ -16,26 +16,26 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from recordings.exporters.file_names import table_paths
-from recordings.exporters.message_table import Table, batches, schema, tables
+from recordings.exporters.message_table import MessageTable, batches, schema, tables
 from recordings.exporters.request import ExportRequest, ExportStep
 
 
-def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
-    found = tables(wish)
-    paths = table_paths(wish, out, found)
+    found = tables(request)
+    paths = table_paths(request, out, found)
     for number, (table, path) in enumerate(zip(found, paths, strict=True)):
 
         def part(share: float, number: int = number) -> None:
             step((number + share) / len(found))
 
-        _table(wish, table, path, part)
+        _table(request, table, path, part)
     return paths
 
 
-def _table(wish: ExportRequest, table: Table, path: Path, step: ExportStep) -> None:
+def _table(request: ExportRequest, table: MessageTable, path: Path, step: ExportStep) -> None:
     heads = schema(table)
-    told = {"recording": wish.title, "device": wish.device_name(table.device), "message": table.name}
-    with pq.ParquetWriter(path, heads.with_metadata(told), compression="zstd") as writer:
-        for batch in batches(wish, table, step):
-            writer.write_batch(batch.replace_schema_metadata(told))
+    metadata = {"recording": request.title, "device": request.device_name(table.device), "message": table.name}
+    with pq.ParquetWriter(path, heads.with_metadata(metadata), compression="zstd") as writer:
+        for batch in batches(request, table, step):
+            writer.write_batch(batch.replace_schema_metadata(metadata))

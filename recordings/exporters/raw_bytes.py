@@ -1,72 +1,80 @@
-"""The bytes of one device as they came: whole, or those that arrived in a stretch.
+"""The bytes of one device as received: whole, or those that arrived within a range.
 
     bytes   everything that arrived, and nothing else
-    raw     the same of an Inertial Sense device: what its vendor's logger writes as .raw
-    mtb     Xbus frames one after the other, what is between them left out; first the device's Configuration (and eMTS)
-            where the recording holds one, because the vendor's program wants to know the device before its data
+    logs    of the vendors' own formats (LogFormat.exported): the same for a device of that family, or its consecutive
+            frames without the bytes between them; first those that describe the device, if the recording has them,
+            because the vendor's program needs to know the device before its data
 
-Bytes have a time of arrival and no other, so t0 and t1 are that, whatever the base: every chunk that arrived from t0 to
-t1; of an .mtb every frame whose last byte did.
+Bytes have an arrival time and no other, so t0 and t1 are arrival times, whatever the base: every chunk that arrived
+from t0 to t1; where only frames are written, every frame whose last byte did.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
-from protocols.framing import FRAME, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
-from protocols.xbus.frames import scan
+from protocols.family import LogFormat, ProtocolInfo
+from protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
 from recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from recordings.importers import open_file
 from recordings.sources import ChunkBlock
 
-CONFIGURATION, EMTS = 0x0D, 0x91  # ids of the answers that describe the device
 
-
-def write_bytes(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+def write_bytes(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """The bytes of one device of any kind."""
-    return _bytes(wish, "", out, step)
+    return _bytes(request, None, out, step)
 
 
-def write_raw(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
-    """The bytes of an Inertial Sense device."""
-    return _bytes(wish, "isb", out, step)
+def log_writer(family: ProtocolInfo, log: LogFormat) -> Callable[[ExportRequest, Path, ExportStep], list[Path]]:
+    """The `write` of a vendor's own format."""
+
+    def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+        if log.exported == "frames":
+            return _write_frames(request, family, out, step)
+        return _bytes(request, family, out, step)
+
+    return write
 
 
-def _bytes(wish: ExportRequest, protocol: str, out: Path, step: ExportStep) -> list[Path]:
-    device = _chosen(wish, protocol)
+def _bytes(request: ExportRequest, family: ProtocolInfo | None, out: Path, step: ExportStep) -> list[Path]:
+    device = _chosen(request, family)
     with out.open("wb") as file:
-        for part in _parts(wish, device, step):
-            lo, hi = _inside(part, wish)
+        for part in _parts(request, device, step):
+            lo, hi = _inside(part, request)
             file.write(part.data[_end(part, lo) : _end(part, hi)])
     return [out]
 
 
-def write_mtb(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
-    """The frames of an Xsens device, its Configuration first."""
-    device = _chosen(wish, "xbus")
-    head = _described(wish, device)
+def _write_frames(request: ExportRequest, family: ProtocolInfo, out: Path, step: ExportStep) -> list[Path]:
+    """Write the frames of a device, those that describe it first."""
+    device = _chosen(request, family)
+    head = _described(request, device, family)
     with out.open("wb") as file:
         file.write(b"".join(head))
-        for data, times in _frames(_parts(wish, device, step)):
-            keep = (frame for frame, time in zip(data, times, strict=True) if _is_in(time, wish))
+        for data, times in _frames(_parts(request, device, step), family):
+            keep = (frame for (_, frame), time in zip(data, times, strict=True) if _is_in(time, request))
             file.write(b"".join(frame for frame in keep if frame not in head))
     return [out]
 
 
-def _chosen(wish: ExportRequest, protocol: str) -> str:
-    """The device, by the id that its bytes have in the file."""
-    told = {one["id"]: one for one in wish.columns.manifest["devices"]}
-    fits = {one["id"].partition(".")[0]: one for one in told.values() if protocol in ("", one["protocol"])}
-    wanted = wish.device.partition(".")[0]
-    if wish.source is None or wish.columns.manifest.get("format") in ("csv", "table"):
+def _chosen(request: ExportRequest, family: ProtocolInfo | None) -> str:
+    """The device, by the id of its bytes in the file."""
+    devices = {one["id"]: one for one in request.columns.manifest["devices"]}
+    fits = {
+        one["id"].partition(".")[0]: one for one in devices.values() if family is None or one["protocol"] == family.name
+    }
+    device = request.device.partition(".")[0]
+    if request.source is None or request.columns.manifest.get("format") in ("csv", "table"):
         raise ExportError("This recording holds numbers, not the bytes of a device.", "Export it as CSV or Parquet.")
-    if wanted:
-        fits = {name: one for name, one in fits.items() if name == wanted}
+    if device:
+        fits = {name: one for name, one in fits.items() if name == device}
     if not fits:
-        words = {"xbus": "an Xsens device", "isb": "an Inertial Sense device"}.get(protocol, "that device")
+        words = (
+            next((log.device for log in family.log_formats if log.device), family.title) if family else "that device"
+        )
         raise ExportError(f"There are no bytes of {words} in it.", "Choose another device, or export it as bytes.")
     if len(fits) > 1:
         names = ", ".join(f"{one['name']} ({name})" for name, one in fits.items())
@@ -74,59 +82,61 @@ def _chosen(wish: ExportRequest, protocol: str) -> str:
     return str(next(iter(fits)))
 
 
-def _parts(wish: ExportRequest, device: str, step: ExportStep) -> Iterator[ChunkBlock]:
-    """What came from the device in blocks that reach into the stretch."""
-    assert wish.source is not None
-    start = None if wish.t0 == -np.inf else int(wish.t0 * 1e9) - 1000
-    stop = None if wish.t1 == np.inf else int(wish.t1 * 1e9) + 1000
-    for part in open_file(wish.source).parts(start, stop):
-        if part.way == "rx" and part.device == device:
+def _parts(request: ExportRequest, device: str, step: ExportStep) -> Iterator[ChunkBlock]:
+    """Blocks of received bytes that overlap the range."""
+    assert request.source is not None
+    start = None if request.t0 == -np.inf else int(request.t0 * 1e9) - 1000
+    stop = None if request.t1 == np.inf else int(request.t1 * 1e9) + 1000
+    for part in open_file(request.source).parts(start, stop):
+        if part.direction == "rx" and part.device == device:
             yield part
         step(min(part.done, 1.0))
 
 
-def _inside(part: ChunkBlock, wish: ExportRequest) -> tuple[int, int]:
-    """Chunks of a part that arrived in the stretch: the first, and the one past the last. Times do not descend."""
+def _inside(part: ChunkBlock, request: ExportRequest) -> tuple[int, int]:
+    """Chunks of a part that arrived in the range: the first, and one past the last. Times do not descend."""
     times = part.times / 1e9
-    return int(np.searchsorted(times, wish.t0, "left")), int(np.searchsorted(times, wish.t1, "right"))
+    return int(np.searchsorted(times, request.t0, "left")), int(np.searchsorted(times, request.t1, "right"))
 
 
 def _end(part: ChunkBlock, chunks: int) -> int:
     return int(part.ends[chunks - 1]) if chunks else 0
 
 
-def _is_in(time_ns: int, wish: ExportRequest) -> bool:
-    return wish.t0 <= time_ns / 1e9 <= wish.t1
+def _is_in(time_ns: int, request: ExportRequest) -> bool:
+    return request.t0 <= time_ns / 1e9 <= request.t1
 
 
-def _described(wish: ExportRequest, device: str) -> list[bytes]:
-    """The last Configuration and eMTS that came before the stretch; else the first of the file."""
+def _described(request: ExportRequest, device: str, family: ProtocolInfo) -> list[bytes]:
+    """For each answer the format begins with: the last one before the range, else the first of the file."""
+    numbers = tuple(family.log_header.frames) if family.log_header is not None else ()
     found: dict[int, bytes] = {}
-    whole = ExportRequest(wish.columns, wish.source)
-    for frames, times in _frames(_parts(whole, device, lambda share: None)):
-        for frame, time in zip(frames, times, strict=True):
-            if frame[2] in (CONFIGURATION, EMTS) and (frame[2] not in found or time / 1e9 <= wish.t0):
-                found[frame[2]] = frame
-        if len(found) == 2 and times and times[-1] / 1e9 > wish.t0:
+    whole = ExportRequest(request.columns, request.source)
+    for frames, times in _frames(_parts(whole, device, lambda share: None), family):
+        for (number, frame), time in zip(frames, times, strict=True):
+            if number in numbers and (number not in found or time / 1e9 <= request.t0):
+                found[number] = frame
+        if len(found) == len(numbers) and times and times[-1] / 1e9 > request.t0:
             break
-    return [found[number] for number in (CONFIGURATION, EMTS) if number in found]
+    return [found[number] for number in numbers if number in found]
 
 
-def _frames(parts: Iterator[ChunkBlock]) -> Iterator[tuple[list[bytes], list[int]]]:
-    """Whole Xbus frames, and when the last byte of each arrived, ns."""
+def _frames(parts: Iterator[ChunkBlock], family: ProtocolInfo) -> Iterator[tuple[list[tuple[int, bytes]], list[int]]]:
+    """Whole frames with their message numbers, and the arrival of each one's last byte, ns."""
     held, late = b"", 0
     for part in parts:
         data = held + part.data
-        found = scan_all(scan, np.frombuffer(data, np.uint8), 0, final=False)
+        found = scan_all(family.scan, np.frombuffer(data, np.uint8), 0, final=False)
         frames, ends = _cut(data, found)
         chunk = np.minimum(np.searchsorted(part.ends + len(held), ends, "left"), len(part.ends) - 1)
         yield frames, part.times[chunk].tolist()
         held, late = data[found.at :], int(part.times[-1])
-    frames, _ = _cut(held, scan_all(scan, np.frombuffer(held, np.uint8), 0, final=True))
+    frames, _ = _cut(held, scan_all(family.scan, np.frombuffer(held, np.uint8), 0, final=True))
     yield frames, [late] * len(frames)
 
 
-def _cut(data: bytes, found: ScanResult) -> tuple[list[bytes], Ints]:
+def _cut(data: bytes, found: ScanResult) -> tuple[list[tuple[int, bytes]], Ints]:
     good = found.table[:, found.table[STATUS] == FRAME]
     ends = good[OFFSET] + good[SIZE]
-    return [data[a:b] for a, b in zip(good[OFFSET].tolist(), ends.tolist(), strict=True)], ends
+    rows = zip(good[ID].tolist(), good[OFFSET].tolist(), ends.tolist(), strict=True)
+    return [(number, data[a:b]) for number, a, b in rows], ends

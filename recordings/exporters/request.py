@@ -1,4 +1,4 @@
-"""What is to be exported: which stretch of which channels of an opened recording."""
+"""Export request: a range of some channels of an opened recording."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from recordings.file_names import device_names
 from recordings.mcap_writer import RecordingError
 from recordings.payloads import BYTES, payloads_of
 
-ExportStep = Callable[[float], None]  # told 0..1 as it goes on; what it raises ends the export
+ExportStep = Callable[[float], None]  # called with 0..1; an exception it raises ends the export
 
 
 class ExportError(RecordingError):
-    """It cannot be exported: one sentence, and what to do."""
+    """An export that is not possible: one sentence, and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExportRequest:
-    """What is to be exported.
+    """Request for an export.
 
     Args:
         columns: the opened recording.
         source: its file, for formats that hold the bytes of a device.
-        title: what it is called, for headers.
-        t0, t1: both ends belong to it, unix s.
+        title: of the recording, for headers.
+        t0, t1: both ends included, unix s.
         channels: ids; None for all.
-        device: for formats that hold one device; "" where there is one only.
-        base: which time t0 and t1 are, and rows go by.
+        device: for formats that hold one device; "" if there is only one.
+        base: the time that t0, t1 and the order of rows refer to.
     """
 
     columns: ColumnStore
@@ -47,23 +47,24 @@ class ExportRequest:
 
     @property
     def infos(self) -> list[Mapping[str, Any]]:
-        """The chosen channels as the manifest describes them (server/wire.py, ChannelInfo), those without rows left
-        out."""
-        told = self.columns.manifest["channels"]
-        return [info for info in told if self._is_chosen(info) and self.columns.rows(info["id"])]
+        """The chosen channels that have rows, as the manifest describes them (server/wire.py, ChannelInfo)."""
+        channels = self.columns.manifest["channels"]
+        return [info for info in channels if self._is_chosen(info) and self.columns.rows(info["id"])]
 
     @property
     def clocks(self) -> list[Mapping[str, Any]]:
-        """What is known of the devices' own clocks, for the messages of the chosen channels: described as channels are,
-        but of no interest to a plot. Their columns are the clock as sent ("timestamp", "time"), or "utc"."""
+        """Clock readings of the devices, for the messages of the chosen channels: described like channels, but not
+        for plots. Their columns are the clock as sent ("timestamp", "time"), or "utc".
+        """
         chosen = {(info["device"], info["message"], info["verified"]) for info in self.infos}
-        told = self.columns.manifest.get("clocks", [])
-        return [info for info in told if (info["device"], info["message"], info["verified"]) in chosen]
+        clocks = self.columns.manifest.get("clocks", [])
+        return [info for info in clocks if (info["device"], info["message"], info["verified"]) in chosen]
 
     @property
     def payloads(self) -> list[Mapping[str, Any]]:
-        """Bytes that nobody has described, of the chosen device, or of the messages of the chosen channels: told as
-        channels are, each with one column of "bytes"."""
+        """Undescribed bytes of the chosen device, or of the messages of the chosen channels: described like channels,
+        each with one column of "bytes".
+        """
         chosen = {(info["device"], info["message"], info["verified"]) for info in self.infos}
         return [
             info
@@ -73,7 +74,7 @@ class ExportRequest:
         ]
 
     def exact(self, info: Mapping[str, Any], lo: int, hi: int) -> ExactRows:
-        """Rows of a channel as they are; of payloads their bytes."""
+        """Rows of a channel as stored; of payloads their bytes."""
         rows = self.columns.exact(info["id"], lo, hi)
         return payloads_of(self.columns.folder, rows) if info["kind"] == BYTES else rows
 
@@ -81,11 +82,11 @@ class ExportRequest:
         return (self.channels is None or info["id"] in self.channels) and self.device in ("", info["device"])
 
     def rows(self, channel: int) -> tuple[int, int]:
-        """The rows of a channel that belong to the export: the first, and the one past the last."""
+        """The rows of a channel in the export: the first, and one past the last."""
         return self.columns.between(channel, self.t0, self.t1, self.base)
 
     def device_name(self, device: str) -> str:
-        """What a device is called; the second of a name has its id behind it."""
+        """Name of a device; if several share it, followed by the id."""
         return device_names(self.columns.manifest["devices"]).get(device, device)
 
     @property
@@ -95,12 +96,12 @@ class ExportRequest:
 
 
 def usual_interval(columns: ColumnStore, channel: int) -> float:
-    """The usual time between two samples of a channel, s; 0 where it has fewer than two times."""
+    """Usual interval of a channel's samples, s; 0 if it has fewer than two times."""
     steps = np.diff(columns.clock(channel, 0, 4096))
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
 
 def with_unit(name: str, unit: str, frame: str = "") -> str:
     """A column's heading: "Acceleration.x (m/s²)", "Velocity.x (m/s; NED)", "Quaternion.q0 (ENU from body)"."""
-    told = "; ".join(filter(None, (unit, frame)))
-    return f"{name} ({told})" if told else name
+    details = "; ".join(filter(None, (unit, frame)))
+    return f"{name} ({details})" if details else name

@@ -1,10 +1,11 @@
-"""How does the viewer open? Bodies and track on the left, curves on the right, what happened below (live: behind them).
+"""Rerun blueprint: the initial layout of the viewer. Bodies and track on the left, curves on the right, events below
+(live: behind them).
 
-The track is drawn in metres, and a tab beside it has the same on a map. That tab is not the one in front, because the
-viewer asks a tile server of others for the pictures under a map that is seen, and would tell it thereby where a robot
-drives: outside our page that happens when a person brings the map to the front, and not before. Inside our page it
-never does (server/integrations/rerun_page/start.js): there the pictures come from the tile server that the
-configuration names, through our own, and without one the map is the way it went on a plain ground.
+The track is drawn in metres, and a tab beside it has the same on a map. That tab is not in front, because the viewer
+requests map tiles from an external server for a visible map, which would reveal the robot's position. Outside our page
+that happens only when the user brings the map to the front. Inside our page it never happens
+(server/integrations/rerun_page/start.js): there the tiles come from the configured tile server through ours, and
+without one the track is shown on a plain ground.
 """
 
 from __future__ import annotations
@@ -15,22 +16,22 @@ from typing import Any, Literal
 import rerun.blueprint as rrb
 
 from recordings.rrd.chunks import DEVICE_TIME, name_of
-from recordings.rrd.entities import MAP, WORLD, Device, Info
+from recordings.rrd.entities import MAP, WORLD, DeviceEntity, Info
 
-SHOWN = 4  # plots of a device; the others are a click away in the viewer's own list
-LIKED = ("euler", "vector", "scalar", "quaternion", "matrix")
+SHOWN = 4  # plots of a device; the others are one click away in the viewer's own list
+PREFERRED = ("euler", "vector", "scalar", "quaternion", "matrix")
 _DULL = ("SampleTime", "PacketCounter")
 
 
 def blueprint(
-    devices: Sequence[Device], channels: Sequence[Info], logs: Sequence[str], *, live_s: float = 0.0
+    devices: Sequence[DeviceEntity], channels: Sequence[Info], logs: Sequence[str], *, live_s: float = 0.0
 ) -> rrb.Blueprint:
     """Views and panels.
 
     Args:
-        devices, channels: of which views are made; channels without rows are better left out.
+        devices, channels: for which views are made; channels without rows are better left out.
         logs: entities with texts.
-        live_s: how much of a live stream plots show, s; 0: everything, it is a recording.
+        live_s: plotted part of a live stream, s; 0: everything, for a recording.
     """
     infos = {int(info["id"]): info for info in channels}
     bodies = [_body(device) for device in devices if device.attitude is not None]
@@ -64,25 +65,25 @@ def blueprint(
     return rrb.Blueprint(root, *side, panel, auto_views=False)
 
 
-def _body(device: Device) -> rrb.Spatial3DView:
+def _body(device: DeviceEntity) -> rrb.Spatial3DView:
     assert device.attitude is not None
     eye = rrb.EyeControls3D(position=(-1.9, -2.6, 1.7), look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, 1.0))
     return rrb.Spatial3DView(origin=name_of((WORLD, device.name)), name=device.title, eye_controls=eye, line_grid=True)
 
 
-def _track(devices: Sequence[Device]) -> rrb.Spatial3DView:
+def _track(devices: Sequence[DeviceEntity]) -> rrb.Spatial3DView:
     contents = [f"+ /{WORLD}/track/**", *(f"+ {name_of((WORLD, device.name, 'here'))}" for device in devices)]
     return rrb.Spatial3DView(origin=f"/{WORLD}", contents=contents, name="Track: m east, north, up", line_grid=True)
 
 
-def _plots(device: Device, infos: Mapping[int, Info], live_s: float) -> Any:
-    """The plots of a device: what a person looks at first."""
-    wanted = [infos[number] for number in device.curves if number in infos]
-    wanted = [info for info in wanted if info["kind"] in LIKED and not str(info["name"]).startswith(_DULL)]
-    wanted.sort(key=lambda info: LIKED.index(info["kind"]))
+def _plots(device: DeviceEntity, infos: Mapping[int, Info], live_s: float) -> Any:
+    """The plots of a device, the most useful first."""
+    selected = [infos[number] for number in device.curves if number in infos]
+    selected = [info for info in selected if info["kind"] in PREFERRED and not str(info["name"]).startswith(_DULL)]
+    selected.sort(key=lambda info: PREFERRED.index(info["kind"]))
     seen: set[str] = set()
     views: list[Any] = []
-    for info in wanted:
+    for info in selected:
         if str(info["title"]) in seen or len(views) == SHOWN:
             continue
         seen.add(str(info["title"]))
@@ -98,7 +99,7 @@ def _plots(device: Device, infos: Mapping[int, Info], live_s: float) -> Any:
         )
     if not views:
         return None
-    # Live the viewer has 420 px of our page, most of them taken by its bars: below each other plots had 30 px each.
+    # Live the viewer has 420 px of our page, mostly taken by its bars: in one column a plot would have 30 px.
     return rrb.Grid(*views, grid_columns=2, name=device.title) if live_s else rrb.Vertical(*views, name=device.title)
 
 

@@ -1,9 +1,9 @@
-"""How do rows of a channel become columns of an entity? Whole columns at once; nothing goes row by row.
+"""Columns of a Rerun entity, from rows of a channel; whole columns at once, never row by row.
 
-A chunk of Rerun is one entity's columns with their three timelines. The viewer handles few large chunks in no time and
-thousands of small ones hardly at all, so whoever calls this gives as many rows as there are, up to a block of a store.
+A Rerun chunk is one entity's columns with their three timelines. The viewer handles few large chunks quickly and
+thousands of small ones very slowly, so callers pass as many rows as there are, up to a block of a store.
 
-Scalars are float64 there: an integer beyond ±2^53 loses its last digits, everything else is kept exactly.
+Scalars are float64 there: an integer beyond ±2^53 loses its last digits, everything else is exact.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from numpy.typing import NDArray
 
 from recordings.column_store import ExactRows
 from recordings.euler import quaternion_columns
-from recordings.rrd.entities import Attitude, Curve, Path, Position
+from recordings.rrd.entities import Attitude, Curve, Path, PositionEntity
 from recordings.rrd.enu import Origin, enu_of, is_place
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
 
 DEVICE_TIME, ARRIVAL_TIME, SAMPLE = "device_time", "arrival_time", "sample"
-LEVELS = {"info": "INFO", "caution": "WARN", "fault": "ERROR"}
+LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """When and which samples: (n,) each, datetime64[ns] twice and int64."""
+    """Times and sequence numbers of samples: (n,) each, datetime64[ns] twice and int64."""
 
     device: Array
     arrival: Array
     sample: Array
 
     def columns(self) -> list[rr.TimeColumn]:
-        """As Rerun takes them."""
+        """Time columns for Rerun."""
         return [
             rr.TimeColumn(DEVICE_TIME, timestamp=self.device),
             rr.TimeColumn(ARRIVAL_TIME, timestamp=self.arrival),
@@ -45,7 +45,7 @@ class Times:
         ]
 
     def only(self, which: Any) -> Times:
-        """Some of them, by a mask or by position."""
+        """A subset, by a mask or by position."""
         return Times(self.device[which], self.arrival[which], self.sample[which])
 
     def __len__(self) -> int:
@@ -76,19 +76,19 @@ def name_of(path: Path) -> str:
 
 
 def send(stream: rr.RecordingStream, path: Path, times: Times, columns: Iterable[rr.ComponentColumn]) -> None:
-    """One chunk."""
+    """Send one chunk."""
     rr.send_columns(name_of(path), times.columns(), columns, recording=stream, strict=True)
 
 
 def send_curve(stream: rr.RecordingStream, curve: Curve, times: Times, columns: Sequence[Array]) -> None:
-    """Values of one entity; `columns` are all of the channel."""
+    """Send values of one entity; `columns` are all of the channel."""
     if len(times):
         values = np.column_stack([columns[i].astype(np.float64, copy=False) for i in curve.columns])
         send(stream, curve.path, times, rr.Scalars.columns(scalars=values))
 
 
 def send_table(stream: rr.RecordingStream, curve: Curve, times: Times, columns: Sequence[Array]) -> None:
-    """Values of a table, several rows of which share one time: as many instances then."""
+    """Send values of a table, several rows of which share one time: as instances."""
     if len(times):
         starts = np.flatnonzero(np.append(True, np.diff(times.arrival.view(np.int64)) != 0))
         lengths = np.diff(starts, append=len(times))
@@ -97,7 +97,7 @@ def send_table(stream: rr.RecordingStream, curve: Curve, times: Times, columns: 
 
 
 def send_attitude(stream: rr.RecordingStream, attitude: Attitude, times: Times, columns: Sequence[Array]) -> None:
-    """Transforms, of the rows that are rotations: a device that has none yet sends zeros or NaN."""
+    """Send transforms for the rows that are rotations: before its first solution a device sends zeros or NaN."""
     values = np.column_stack([column.astype(np.float64, copy=False) for column in columns])
     with np.errstate(invalid="ignore"):
         good = np.isfinite(values).all(axis=1)
@@ -106,7 +106,7 @@ def send_attitude(stream: rr.RecordingStream, attitude: Attitude, times: Times, 
     times, values = times.only(good), values[good]
     if not len(times):
         return
-    if attitude.kind == "matrix":  # row by row here, column by column there
+    if attitude.kind == "matrix":  # row-major here, column-major there
         turned = values.reshape(-1, 3, 3).transpose(0, 2, 1).reshape(-1, 9).astype(np.float32)
         send(stream, attitude.path, times, rr.Transform3D.columns(mat3x3=turned))
         return
@@ -116,12 +116,13 @@ def send_attitude(stream: rr.RecordingStream, attitude: Attitude, times: Times, 
     send(stream, attitude.path, times, rr.Transform3D.columns(quaternion=xyzw))
 
 
-def metres(position: Position, columns: Sequence[Array], height: Floats | None, origin: Origin | None) -> Floats:
-    """East, north, up of each row; NaN where it is no place.
+def metres(position: PositionEntity, columns: Sequence[Array], height: Floats | None, origin: Origin | None) -> Floats:
+    """East, north, up of each row; NaN for an invalid position.
 
     Args:
-        height: (n,) m, from another channel; None where the channel tells it, or nothing does.
+        height: (n,) m, from another channel; None if the channel has heights itself, or none exist.
         origin: of the plane; not needed for a local position.
+
     Returns:
         (n, 3) float64.
     """
@@ -139,14 +140,14 @@ def metres(position: Position, columns: Sequence[Array], height: Floats | None, 
 
 
 def send_positions(stream: rr.RecordingStream, path: Path, times: Times, enu: Floats) -> None:
-    """Transforms, of the rows that are places."""
+    """Send transforms for the rows that are valid positions."""
     good = np.isfinite(enu).all(axis=1)
     if good.any():
         send(stream, path, times.only(good), rr.Transform3D.columns(translation=enu[good].astype(np.float32)))
 
 
-def degrees(position: Position, columns: Sequence[Array]) -> Floats:
-    """Latitude and longitude of each row, °; NaN where it is no place, and of a local position.
+def degrees(position: PositionEntity, columns: Sequence[Array]) -> Floats:
+    """Latitude and longitude of each row, °; NaN for an invalid position, and for a local one.
 
     Returns:
         (n, 2) float64.
@@ -158,36 +159,37 @@ def degrees(position: Position, columns: Sequence[Array]) -> Floats:
 
 
 def send_places(stream: rr.RecordingStream, path: Path, times: Times, latlon: Floats) -> None:
-    """Points on a map, of the rows that are places."""
+    """Send points on a map for the rows that are valid positions."""
     good = np.isfinite(latlon).all(axis=1)
     if path and good.any():
         send(stream, path, times.only(good), rr.GeoPoints.columns(positions=latlon[good]))
 
 
 def send_texts(stream: rr.RecordingStream, path: Path, times: Times, texts: list[str], levels: list[str]) -> None:
-    """Log lines."""
+    """Send log lines."""
     if texts:
         send(stream, path, times, rr.TextLog.columns(text=texts, level=levels))
 
 
 def changes(column: Mapping[str, Any], before: int | None, words: Array) -> tuple[Array, list[str], list[str]]:
-    """What came and went in a word of flags.
+    """Changes of a flag word.
 
     Args:
-        column: as the manifest has it, with its `bits`.
-        before: the word before the first row; None: that one is told whole.
+        column: from the manifest, with its `bits`.
+        before: the word before the first row; None: the first is reported completely.
         words: (n,) unsigned.
+
     Returns:
-        at which rows, one sentence each, and its level.
+        row numbers, one sentence each, and its level.
     """
     whole = words.astype(np.uint64)
     earlier = np.empty_like(whole)
     earlier[1:] = whole[:-1]
     earlier[0] = ~whole[0] if before is None else before
     rows = np.flatnonzero(whole != earlier)
-    told = [_change(column["bits"], int(earlier[i]) if i or before is not None else None, int(whole[i])) for i in rows]
-    kept = [k for k, (text, _) in enumerate(told) if text]
-    return rows[kept], [told[k][0] for k in kept], [told[k][1] for k in kept]
+    found = [_change(column["bits"], int(earlier[i]) if i or before is not None else None, int(whole[i])) for i in rows]
+    kept = [k for k, (text, _) in enumerate(found) if text]
+    return rows[kept], [found[k][0] for k in kept], [found[k][1] for k in kept]
 
 
 def _change(groups: Sequence[Mapping[str, Any]], before: int | None, now: int) -> tuple[str, str]:
@@ -206,6 +208,6 @@ def _change(groups: Sequence[Mapping[str, Any]], before: int | None, now: int) -
         else:
             abnormal = False
             parts.append(f"{group['name']}: {group['choices'].get(str(value), value)}")
-        if abnormal and group["severity"] and level != "fault":
+        if abnormal and group["severity"] and level != "error":
             level = group["severity"]
     return ", ".join(parts), LEVELS[level]

@@ -1,9 +1,9 @@
-"""Which channel becomes which entity? Pure; nothing of Rerun is needed here.
+"""Mapping from channels to Rerun entities. Pure; does not need Rerun.
 
-Of each device the first of these is its attitude: the quaternion it sends, its rotation matrix, its Euler angles;
-against the earth's axes (ECEF) nothing is shown as an attitude, because that says nothing about up. Its position is the
-first of: latitude and longitude of a solution, metres north, east and down of its own local frame. Every channel,
-whatever else it is, is a curve as well, under a name that carries the unit.
+A device's attitude is the first of these: its quaternion, its rotation matrix, its Euler angles; an attitude against
+the earth's axes (ECEF) is not shown, because it does not define up. Its position is the first of: latitude and
+longitude of a solution, metres north, east and down of its own local frame. Every channel is also a curve, under a name
+that carries the unit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from recordings.file_names import device_names
 
-Info = Mapping[str, Any]  # a channel as the manifest of a store has it: server/wire.py ChannelInfo
+Info = Mapping[str, Any]  # a channel as in the manifest of a store: server/wire.py ChannelInfo
 WORLD, MAP = "world", "map"
 FRAMES = ("ENU", "NED", "NWU")
 _LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)
@@ -27,7 +27,7 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Columns of a channel that share an entity: those of one unit; of a record each for itself.
+    """Columns of a channel that share an entity: those of one unit; of a record each separately.
 
     Args:
         columns: positions in the channel.
@@ -39,7 +39,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Attitude:
-    """The channel that tells how a device lies, and the frame that it tells it in."""
+    """The channel of a device's attitude, and its frame."""
 
     channel: int
     kind: Literal["quaternion", "matrix", "euler"]
@@ -48,14 +48,14 @@ class Attitude:
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
-    """The channel that tells where a device is.
+class PositionEntity:
+    """The channel of a device's position.
 
     Args:
         kind: "place": columns are latitude, longitude and height (° and m); "local": north, east, down (m).
         columns: positions in the channel; of a place without a height the third is −1.
-        height: the channel that tells the height (m) where this one does not; 0: none.
-        on_map: entity of the same on a map; () for a local one, which is nowhere on the earth.
+        height: the channel of the height (m) if this one has none; 0: none.
+        on_map: entity of the same on a map; () for a local one, which has no place on the earth.
     """
 
     channel: int
@@ -67,24 +67,24 @@ class Position:
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
-    """One device: its name among the entities, and what is known about it."""
+class DeviceEntity:
+    """One device: its name among the entities, and its entities."""
 
     id: str
     name: str
     title: str
     curves: Mapping[int, tuple[Curve, ...]]
     attitude: Attitude | None
-    position: Position | None
+    position: PositionEntity | None
 
 
-def devices_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[Device]:
+def devices_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[DeviceEntity]:
     """All devices that have channels, in order.
 
     Args:
-        devices, channels: as a store's manifest has them.
+        devices, channels: from a store's manifest.
     """
-    found: list[Device] = []
+    found: list[DeviceEntity] = []
     names = device_names(devices)
     titles = {str(device["id"]): str(device["name"]) for device in devices}
     for id in dict.fromkeys([*titles, *(str(info["device"]) for info in channels)]):
@@ -93,7 +93,7 @@ def devices_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -
             continue
         title = titles.get(id) or id
         name = names.get(id, id)
-        found.append(Device(id, name, title, _curves(name, own), _attitude(name, own), _position(name, own)))
+        found.append(DeviceEntity(id, name, title, _curves(name, own), _attitude(name, own), _position(name, own)))
     return found
 
 
@@ -107,7 +107,7 @@ def _curves(device: str, channels: Sequence[Info]) -> dict[int, tuple[Curve, ...
             name = f"{name} ({info['name']}, {info['id']})"
         units = [column["unit"] for column in info["columns"]]
         every = tuple(range(len(units)))
-        if info["kind"] in ("record", "rows") or len(set(units)) > 1:
+        if info["kind"] in ("record", "table") or len(set(units)) > 1:
             labels = [column["name"] for column in info["columns"]]
             curves[info["id"]] = tuple(Curve((device, name, _with_unit(labels[i], units[i])), (i,)) for i in every)
         else:
@@ -136,19 +136,19 @@ def _attitude(device: str, channels: Sequence[Info]) -> Attitude | None:
     return None
 
 
-def _position(device: str, channels: Sequence[Info]) -> Position | None:
+def _position(device: str, channels: Sequence[Info]) -> PositionEntity | None:
     path = (WORLD, device)
-    local: Position | None = None
+    local: PositionEntity | None = None
     for info in channels:
         names = [str(column["name"]) for column in info["columns"]]
-        if info["kind"] == "rows" or _NOT_ITS_OWN.search(str(info["title"])):
+        if info["kind"] == "table" or _NOT_ITS_OWN.search(str(info["title"])):
             continue
         lat, lon, high = _where(names, _LATITUDE), _where(names, _LONGITUDE), _where(names, _HEIGHT)
         if lat >= 0 and lon >= 0:
             height = 0 if high >= 0 else _height(info, channels)
-            return Position(info["id"], "place", (lat, lon, high), height, path, (MAP, device))
+            return PositionEntity(info["id"], "place", (lat, lon, high), height, path, (MAP, device))
         if names == ["north", "east", "down"] and info["unit"] == "m" and local is None:
-            local = Position(info["id"], "local", (0, 1, 2), 0, path)
+            local = PositionEntity(info["id"], "local", (0, 1, 2), 0, path)
     return local
 
 
@@ -157,7 +157,7 @@ def _where(names: Sequence[str], pattern: re.Pattern[str]) -> int:
 
 
 def _height(place: Info, channels: Sequence[Info]) -> int:
-    """The channel of heights that comes in the same message."""
+    """The channel of heights in the same message."""
     for info in channels:
         alone = info["kind"] == "scalar" and info["message"] == place["message"] and info["unit"] == "m"
         if alone and _HEIGHT.match(str(info["name"])):

@@ -1,4 +1,4 @@
-"""Where is a place, in metres on a plane that touches the earth? Exact, by way of the earth's own axes (ECEF).
+"""Local east-north-up coordinates, m. Exact, through earth-fixed axes (ECEF).
 
     x_ECEF = (N + h) cos φ cos λ      N = a / √(1 − e² sin² φ)
     y_ECEF = (N + h) cos φ sin λ
@@ -28,7 +28,7 @@ E2 = F * (2 - F)
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where the plane touches the earth: latitude and longitude (°), height above the ellipsoid (m)."""
+    """Point where the plane touches the earth: latitude and longitude (°), height above the ellipsoid (m)."""
 
     lat: float
     lon: float
@@ -36,7 +36,7 @@ class Origin:
 
 
 def is_place(lat: NDArray[Any], lon: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which can be places: a receiver without a fix sends zeros or nonsense."""
+    """Whether a position is plausible: a receiver without a fix sends zeros or nonsense."""
     with np.errstate(invalid="ignore"):
         sane = np.isfinite(lat) & np.isfinite(lon) & (np.abs(lat) <= 90) & (np.abs(lon) <= 360)
     return np.asarray(sane & ((lat != 0) | (lon != 0)))
@@ -47,6 +47,7 @@ def enu_of(lat: Floats, lon: Floats, height: Floats, origin: Origin) -> Floats:
 
     Args:
         lat, lon: (n,) °; height: (n,) m.
+
     Returns:
         (n, 3) float64.
     """

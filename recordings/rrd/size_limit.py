@@ -1,9 +1,9 @@
-"""How much of a recording does a viewer in a browser get, and what does it not? Pure; nothing of Rerun is needed here.
+"""Size limit for the viewer in a browser, and what it omits. Pure; does not need Rerun.
 
-A viewer in a browser keeps samples in memory that ends at 4 GB (WebAssembly has 32-bit addresses), and begins to forget
-the oldest before that; without a GPU it also draws each of them. So there are two bounds, in rows of all quantities
-together: up to WHOLE a stretch is opened whole without a word; up to MOST it is when that is asked for. Beyond, every
-quantity with more than `most` rows is thinned to as many (recordings/rrd/writer.py says how), and the page says so.
+A viewer in a browser keeps samples in memory, which is limited to 4 GB (32-bit addresses in WebAssembly), and drops the
+oldest before that; without a GPU it also draws each of them. So there are two limits, in rows of all quantities
+together: up to WHOLE a range is opened whole; up to MOST it is on request. Beyond, every quantity with more than `most`
+rows is thinned to as many (recordings/rrd/writer.py explains how), and the page reports it.
 
     rows of the quantities      900 000   900 000    6 000
     kept, most = 20 000          20 000    20 000    6 000      one of 45 samples of those that have the most
@@ -19,18 +19,18 @@ from recordings.column_store import ColumnStore
 
 WHOLE = 1_000_000
 MOST = 4_000_000
-EACH = 20_000  # of a quantity, where it is thinned without being asked how far
+EACH = 20_000  # rows of a quantity when thinned to the default limit
 
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """What of a stretch is shown.
+    """Share of a range that is shown.
 
     Args:
-        rows: of all quantities together that the stretch has.
+        rows: of all quantities together in the range.
         shown: of those.
         most: rows of one quantity; 0: all.
-        every: of the quantity with the most rows, one of so many is shown; 1: each.
+        every: of the quantity with the most rows, one in this many is shown; 1: all.
     """
 
     rows: int
@@ -40,17 +40,17 @@ class Amount:
 
 
 def amount_of(columns: ColumnStore, t0: float = -math.inf, t1: float = math.inf, *, as_much: bool = False) -> Amount:
-    """Of an opened recording, or a stretch of it.
+    """Amount for an opened recording, or a range of it.
 
     Args:
         t0, t1: unix s of device time, both included.
-        as_much: as a browser can hold, instead of what it draws at once.
+        as_much: as much as a browser can hold, instead of what it draws at once.
     """
     return amount([hi - lo for lo, hi in (columns.between(number, t0, t1) for number in columns.shapes)], as_much)
 
 
 def amount(counts: Sequence[int], as_much: bool = False) -> Amount:
-    """The same, of so many rows of each quantity."""
+    """The same, from the number of rows of each quantity."""
     rows = sum(counts)
     if rows <= (MOST if as_much else WHOLE):
         return Amount(rows, rows, 0, 1)
@@ -59,9 +59,9 @@ def amount(counts: Sequence[int], as_much: bool = False) -> Amount:
 
 
 def _share(counts: Sequence[int], whole: int) -> int:
-    """How many rows each quantity may have so that all together have no more than `whole`; at least one."""
+    """Rows for each quantity so that all together have no more than `whole`; at least one."""
     left = whole
     waiting = sorted(counts)
     while waiting and waiting[0] * len(waiting) <= left:
-        left -= waiting.pop(0)  # it has less than its share: the others get what it leaves
+        left -= waiting.pop(0)  # it has less than its share: the others get the rest
     return max(1, left // len(waiting)) if waiting else max(1, *counts)

@@ -1,10 +1,10 @@
-"""What of a scene never changes? The body, its axes, the frames, the names and colours of curves. Sent first.
+"""Static entities of a scene: body, axes, frames, names and colours of curves. Sent first.
 
-The body is a flat box with a nose, so that front, top and side are told apart from everywhere: x forward, y to the
-left, z up for a device that speaks ENU or NWU; the very same mesh serves NED, whose z points down, because it is the
-axes that say which way is which.
+The body is a flat box with a nose, so that front, top and side are distinguishable from every direction: x forward, y
+to the left, z up for a device in ENU or NWU; the same mesh serves NED, whose z points down, because the axes show the
+directions.
 
-Colours are those of the page (web/src/ui/tokens.css, light theme): x, y and z are told apart by the colour-blind.
+Colours are those of the page (web/src/ui/tokens.css, light theme): x, y and z are distinct for the colour-blind.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from recordings.rrd.chunks import Floats, name_of
-from recordings.rrd.entities import WORLD, Attitude, Curve, Device
+from recordings.rrd.entities import WORLD, Attitude, Curve, DeviceEntity
 
 AXES = {"x": (208, 60, 40), "y": (20, 132, 92), "z": (40, 98, 214), "w": (120, 92, 168), "": (96, 112, 128)}
 OTHERS = ((40, 98, 214), (208, 60, 40), (20, 132, 92), (176, 112, 0), (120, 92, 168), (0, 130, 150))
@@ -25,7 +25,7 @@ LENGTH, WIDTH, HEIGHT, NOSE = 0.62, 0.4, 0.14, 0.3
 BODY, TOP, FRONT = (214, 218, 224), (150, 162, 178), (238, 140, 40)
 TRACK_POINTS = 20_000
 
-TURNS = {  # the world (ENU) from the frame: quaternions x, y, z, w
+TURNS = {  # quaternions x, y, z, w: the world (ENU) from the frame
     "ENU": (0.0, 0.0, 0.0, 1.0),
     "NED": (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0),
     "NWU": (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)),
@@ -69,8 +69,8 @@ def arrows(length: float, labels: Sequence[str], *, faint: bool = False) -> rr.A
     return rr.Arrows3D(vectors=vectors, colors=colors, labels=list(labels), radii=[radius] * 3, show_labels=True)
 
 
-def send_scene(stream: rr.RecordingStream, devices: Sequence[Device]) -> None:
-    """The world, and of each device what turns in it."""
+def send_scene(stream: rr.RecordingStream, devices: Sequence[DeviceEntity]) -> None:
+    """Send the world, and the body and track of each device."""
     stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for device in devices:
         if device.attitude is not None:
@@ -91,12 +91,12 @@ def _send_body(stream: rr.RecordingStream, attitude: Attitude) -> None:
 
 
 def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mapping[str, Any]], frame: str) -> None:
-    """Name and colour of each component of an entity, and the frame that its values are in, where there is one."""
+    """Send name and colour of each component of an entity, and the frame of its values, if any."""
     names = [str(columns[i]["label"] or columns[i]["name"]) for i in curve.columns]
     names = [curve.path[-1] if name == "value" else name for name in names]
     colors = [
         AXES[columns[i]["axis"]] if columns[i]["axis"] else OTHERS[i % len(OTHERS)]
-        for i in curve.columns  # by its place in the message: those with units of their own share a plot all the same
+        for i in curve.columns  # by its place in the message: those with units of their own share a plot nevertheless
     ]
     stream.log(name_of(curve.path), rr.SeriesLines(names=names, colors=colors, widths=1.2), static=True)
     frame = frame or ("body" if any(columns[i]["axis"] in ("x", "y", "z") for i in curve.columns) else "")
@@ -104,11 +104,11 @@ def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mappi
         stream.log(name_of(curve.path), rr.AnyValues(frame=frame), static=True)
 
 
-def send_track(stream: rr.RecordingStream, device: Device, enu: Floats, latlon: Floats) -> None:
-    """The way it went, in metres and on the map, thinned to `TRACK_POINTS`, with gaps where places are missing.
+def send_track(stream: rr.RecordingStream, device: DeviceEntity, enu: Floats, latlon: Floats) -> None:
+    """Send the track in metres and on the map, thinned to `TRACK_POINTS`, with gaps for missing positions.
 
     Args:
-        enu: (n, 3) m, NaN where it was no place; latlon: (n, 2) °, likewise.
+        enu: (n, 3) m; latlon: (n, 2) °; NaN for missing positions.
     """
     good: NDArray[np.bool_] = np.asarray(np.isfinite(enu).all(axis=1))
     if not good.any():
@@ -126,8 +126,8 @@ def send_track(stream: rr.RecordingStream, device: Device, enu: Floats, latlon: 
         stream.log(name_of((*device.position.on_map, "track")), ways, static=True)
 
 
-def send_here(stream: rr.RecordingStream, device: Device) -> None:
-    """A point where it is now."""
+def send_here(stream: rr.RecordingStream, device: DeviceEntity) -> None:
+    """Send a point at the current position."""
     here = rr.Points3D([(0, 0, 0)], colors=[_color(device)], radii=rr.Radius.ui_points(6), labels=[device.title])
     stream.log(name_of((WORLD, device.name, "here")), here, static=True)
     if device.position is not None and device.position.on_map:
@@ -135,6 +135,6 @@ def send_here(stream: rr.RecordingStream, device: Device) -> None:
         stream.log(name_of(device.position.on_map), point, static=True)
 
 
-def _color(device: Device) -> tuple[int, int, int]:
-    """The same in every run."""
+def _color(device: DeviceEntity) -> tuple[int, int, int]:
+    """A colour that is the same in every run."""
     return OTHERS[sum(device.id.encode()) % len(OTHERS)]

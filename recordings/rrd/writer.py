@@ -1,13 +1,13 @@
-"""How does an opened recording become an `.rrd` file? Static things first, then what the 3D view needs, then curves.
+"""`.rrd` writer for opened recordings: static entities first, then the 3D view's data, then curves.
 
-The order is that in which a viewer wants it while it still loads: the body is there with the first chunk, its attitudes
-next, the curves after them, block by block, so that memory stays bounded however long the recording is. The file is
-written under another name beside its place and renamed when it is whole.
+The order suits a viewer that is still loading: the body comes with the first chunk, its attitudes next, then the
+curves, block by block, so that memory stays bounded however long the recording is. The file is written under a
+temporary name beside its place and renamed when complete.
 
 A file has every sample. A viewer in a browser does not hold an hour of them (its memory ends at about 2 GB, and without
-a GPU it draws a million points in seconds), so what is streamed into one can be thinned: of a rotation or a place every
-so many samples, of values the least and the greatest of every stretch, of flags every change. What was thinned is told
-in the recording itself.
+a GPU it draws a million points in seconds), so a stream for one can be thinned: of rotations and positions every n-th
+sample, of values the least and the greatest of every range, of flags every change. The recording itself states what was
+thinned.
 """
 
 from __future__ import annotations
@@ -25,36 +25,37 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from recordings import atomic_write
 from recordings.column_store import BLOCK_ROWS, Base, ColumnStore, ExactRows, MinMaxBuckets
 from recordings.file_names import device_names
 from recordings.payloads import payloads_of
 from recordings.rrd import chunks, static
 from recordings.rrd.blueprint import blueprint
 from recordings.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of
-from recordings.rrd.entities import Device, Info, Position, devices_of
+from recordings.rrd.entities import DeviceEntity, Info, PositionEntity, devices_of
 from recordings.rrd.enu import Origin, is_place
 
-MOST_TEXTS = 20_000  # of one status word: one that flickers with every sample is better seen as a curve
+MOST_TEXTS = 20_000  # of one status word: one that changes with every sample is better shown as a curve
 EVENTS, MARKERS = ("events",), ("markers",)
 
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """What of a store is written, and who is told how far it is.
+    """Part of a store to write, and its progress callback.
 
     Args:
         t0, t1: unix s, both included.
-        wanted: numbers of channels; None: all.
-        most: rows of a channel; 0: all there are.
+        selection: numbers of channels; None: all.
+        most: rows of a channel; 0: all.
         base: which time t0 and t1 are.
-        progress: called with 0..1 between chunks; an exception that it raises ends the work.
-        payloads: kinds of bytes that nobody has described.
+        progress: called with 0..1 between chunks; an exception it raises ends the work.
+        payloads: kinds of undescribed bytes.
     """
 
     columns: ColumnStore
     t0: float = -math.inf
     t1: float = math.inf
-    wanted: Collection[int] | None = None
+    selection: Collection[int] | None = None
     most: int = 0
     base: Base = "device"
     progress: Callable[[float], None] = lambda share: None
@@ -65,12 +66,12 @@ class Work:
         return self.columns.between(channel, self.t0, self.t1, self.base)
 
     def is_thinned(self, channel: int) -> bool:
-        """Has it more rows than are wanted?"""
+        """Whether it has more rows than `most`."""
         lo, hi = self.rows(channel)
         return 0 < self.most < hi - lo
 
     def moving(self, channel: int) -> Iterator[tuple[Times, list[Array]]]:
-        """Rotations or places: a block at a time, or every so many."""
+        """Rotations or positions: block by block, or every n-th row."""
         if not self.is_thinned(channel):
             yield from ((times_of(rows, first), rows.columns) for first, rows in self.blocks(channel))
             return
@@ -80,7 +81,7 @@ class Work:
         yield Times(times.device, times.arrival, np.linspace(lo, hi - 1, len(rows)).astype(np.int64)), rows.columns
 
     def curves(self, channel: int) -> Iterator[tuple[Times, list[Array]]]:
-        """Values: a block at a time, or the least and the greatest of every stretch."""
+        """Values: block by block, or the least and the greatest of every range."""
         found = self.columns.query(channel, *self._span(channel), self.most // 2) if self.is_thinned(channel) else None
         if not isinstance(found, MinMaxBuckets):
             yield from ((times_of(rows, first), rows.columns) for first, rows in self.blocks(channel))
@@ -89,7 +90,7 @@ class Work:
         near = self.columns.thinned(channel, *self._span(channel), self.most)
         key = np.where(np.isnan(near.time), near.arrival, near.time)
         t = np.repeat(found.t, 2)
-        t[1:-1:2] += np.diff(found.t) / 2  # the greatest lies half a stretch after the least, so that both are seen
+        t[1:-1:2] += np.diff(found.t) / 2  # half a range between least and greatest, so that both are visible
         sample = lo + np.repeat(np.cumsum(found.n) - found.n, 2)
         sample[1::2] += found.n // 2
         arrival = np.interp(t, np.maximum.accumulate(key), near.arrival)
@@ -101,7 +102,7 @@ class Work:
         return max(whole[0], self.t0), min(whole[1], self.t1)
 
     def blocks(self, channel: int) -> Iterator[tuple[int, ExactRows]]:
-        """The rows, a block at a time, each with the number of its first."""
+        """The rows, block by block, each with the number of its first."""
         lo, hi = self.rows(channel)
         while lo < hi:
             past = min(lo + BLOCK_ROWS, hi)
@@ -109,12 +110,12 @@ class Work:
             lo = past
 
     def channels(self) -> list[Info]:
-        """What the manifest says of the channels that are wanted and have rows."""
+        """Manifest entries of the selected channels that have rows."""
         infos: list[Info] = self.columns.manifest["channels"]
         return [
             info
             for info in infos
-            if (self.wanted is None or info["id"] in self.wanted) and np.diff(self.rows(info["id"]))[0] > 0
+            if (self.selection is None or info["id"] in self.selection) and np.diff(self.rows(info["id"]))[0] > 0
         ]
 
 
@@ -133,43 +134,45 @@ def write_rrd(
     """Write an opened recording, or a range of it.
 
     Args:
-        out: the file; replaced when it is there.
-        t0, t1: unix s, both included; `base` says of which time.
-        channels: numbers of those that are wanted; None: all.
-        progress: called with 0..1; an exception that it raises ends the work, and nothing is left behind.
-        title: of the recording, as the viewer shows it; "": what the recording calls itself.
-        payloads: kinds of bytes that nobody has described, as the manifest has them.
+        out: the file; replaced if it exists.
+        t0, t1: unix s, both included; `base` selects the time.
+        channels: numbers of the selected channels; None: all.
+        progress: called with 0..1; an exception it raises ends the work, and nothing is left behind.
+        title: of the recording, as the viewer shows it; "": the recording's own.
+        payloads: kinds of undescribed bytes, from the manifest.
+
     Raises:
         OSError: the disk failed; nothing is left behind.
     """
     work = Work(columns, t0, t1, channels, 0, base, progress, payloads)
     name = title or str(columns.manifest.get("about", {}).get("title") or out.stem)
-    aside = out.with_name(f".{out.name}.{os.getpid()}.making")
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.making")
     stream = stream_of(name)
     try:
-        fill(stream, work, name, lambda layout: stream.save(aside, default_blueprint=layout))
+        fill(stream, work, name, lambda layout: stream.save(temporary, default_blueprint=layout))
         stream.flush()
         stream.disconnect()
-        os.replace(aside, out)
+        atomic_write.replace(temporary, out, durable=False)
     except BaseException:
         stream.disconnect()
-        aside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
 def stream_of(name: str) -> rr.RecordingStream:
-    """A stream of a recording of that name. The application is named after it: a viewer keeps its layout by that, and
-    must not open one recording with the layout of another. Rerun takes letters, digits and few signs in such a name,
-    and warns of others."""
+    """A stream of a recording of that name. The application is named after it, because a viewer stores its layout by
+    application and must not open one recording with the layout of another. Rerun accepts letters, digits and a few
+    other characters in such a name, and warns of the rest.
+    """
     plain = re.sub(r"[^A-Za-z0-9 _-]", "-", name)
     return rr.RecordingStream(f"imuscope {plain}" + (f" {zlib.crc32(name.encode()):08x}" if plain != name else ""))
 
 
 def fill(stream: rr.RecordingStream, work: Work, name: str, begin: Callable[[rrb.Blueprint], None]) -> None:
-    """Everything of a recording into a stream.
+    """Write a whole recording into a stream.
 
     Args:
-        begin: is given the layout and says where the stream goes; called before anything is sent.
+        begin: called with the layout before anything is sent; sets the stream's destination.
     """
     infos = work.channels()
     devices = devices_of(work.columns.manifest["devices"], infos)
@@ -199,15 +202,15 @@ def fill(stream: rr.RecordingStream, work: Work, name: str, begin: Callable[[rrb
     _payloads(stream, work)
 
 
-def _moving(stream: rr.RecordingStream, work: Work, devices: list[Device]) -> None:
-    """Tracks, which end what is static; then what happened, positions, attitudes."""
+def _moving(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity]) -> None:
+    """Send tracks, the last of the static entities; then events, positions, attitudes."""
     origin = next((found for device in devices if (found := _origin(work, device.position)) is not None), None)
     places = [
         (device, device.position, *_places(work, device.position, origin)) for device in devices if device.position
     ]
     for device, _, _, enu, latlon in places:
         static.send_track(stream, device, enu, latlon)
-    stream.flush()  # single things wait in the stream, and columns would overtake them
+    stream.flush()  # single entries wait in the stream, and columns would overtake them
     _texts(stream, work, devices)
     for _, position, times, enu, latlon in places:
         chunks.send_positions(stream, position.path, times, enu)
@@ -219,8 +222,8 @@ def _moving(stream: rr.RecordingStream, work: Work, devices: list[Device]) -> No
                 stream.flush()
 
 
-def _origin(work: Work, position: Position | None) -> Origin | None:
-    """Where the plane is: at the first place."""
+def _origin(work: Work, position: PositionEntity | None) -> Origin | None:
+    """Origin of the plane: the first position."""
     if position is None or position.kind != "place":
         return None
     lat, lon, high = position.columns
@@ -235,9 +238,8 @@ def _origin(work: Work, position: Position | None) -> Origin | None:
     return None
 
 
-def _places(work: Work, position: Position, origin: Origin | None) -> tuple[Times, Any, Any]:
-    """All of a device's positions, in metres and in °: those of minutes at the rate of a receiver, or of hours at that
-    of a filter."""
+def _places(work: Work, position: PositionEntity, origin: Origin | None) -> tuple[Times, Any, Any]:
+    """All of a device's positions, in metres and in °: minutes of them at a receiver's rate, or hours at a filter's."""
     none = Times(*(np.empty(0, dtype) for dtype in ("datetime64[ns]", "datetime64[ns]", np.int64)))
     times, enu, latlon = [none], [np.empty((0, 3))], [np.empty((0, 2))]
     for when, columns in work.moving(position.channel) if position.kind == "local" or origin is not None else ():
@@ -249,8 +251,8 @@ def _places(work: Work, position: Position, origin: Origin | None) -> tuple[Time
     return joined, np.concatenate(enu), np.concatenate(latlon)
 
 
-def _heights(work: Work, position: Position, arrival: Any) -> Any:
-    """Heights of another channel at these arrivals, m; 0 where there are none."""
+def _heights(work: Work, position: PositionEntity, arrival: Any) -> Any:
+    """Heights of another channel at these arrivals, m; 0 if there are none."""
     rows = work.columns.exact(position.height, 0, work.columns.rows(position.height)) if position.height else None
     if rows is None or not len(rows):
         return np.zeros(len(arrival))
@@ -258,29 +260,29 @@ def _heights(work: Work, position: Position, arrival: Any) -> Any:
     return rows.columns[0][at].astype(np.float64)
 
 
-def _curves(stream: rr.RecordingStream, work: Work, devices: list[Device], infos: dict[int, Info]) -> None:
-    """Every value, and what changed in words of flags."""
+def _curves(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity], infos: dict[int, Info]) -> None:
+    """Send every value, and the changes of flag words."""
     total = sum(int(np.diff(work.rows(number))[0]) for device in devices for number in device.curves) or 1
     done = 0
     for device in devices:
         for number, curves in device.curves.items():
             info = infos[number]
-            put = chunks.send_table if info["kind"] == "rows" else chunks.send_curve
-            thin = info["kind"] != "rows"  # a table is no curve; there are few of them
+            put = chunks.send_table if info["kind"] == "table" else chunks.send_curve
+            thin = info["kind"] != "table"  # a table is not a curve; there are few of them
             for times, columns in work.curves(number) if thin else work.moving(number):
                 for curve in curves:
                     put(stream, curve, times, columns)
-                stream.flush()  # what waits in the stream's queue is memory
+                stream.flush()  # the stream's queue is memory
                 done += len(times)
                 work.progress(min(done / total, 1.0))
             if info["kind"] == "status":
-                told = _Flags(stream, info, device)
+                flags = _Flags(stream, info, device)
                 for first, rows in work.blocks(number):
-                    told.take(times_of(rows, first), rows)
+                    flags.add(times_of(rows, first), rows)
 
 
 def _payloads(stream: rr.RecordingStream, work: Work) -> None:
-    """Bytes that nobody has described, as hex."""
+    """Send undescribed bytes, as hex."""
     names = device_names(work.columns.manifest["devices"])
     for info in work.payloads:
         path = (names.get(info["device"], str(info["device"])), f"{info['name']} bytes")
@@ -292,37 +294,37 @@ def _payloads(stream: rr.RecordingStream, work: Work) -> None:
 
 
 class _Flags:
-    """The texts of a status channel, bounded."""
+    """The texts of a status channel, limited in number."""
 
-    def __init__(self, stream: rr.RecordingStream, info: Info, device: Device) -> None:
+    def __init__(self, stream: rr.RecordingStream, info: Info, device: DeviceEntity) -> None:
         self._stream = stream
         self._info = info
         self._curves = device.curves[info["id"]]
         self._before: dict[int, int] = {}
-        self._told = 0
+        self._count = 0
 
-    def take(self, times: Times, rows: ExactRows) -> None:
+    def add(self, times: Times, rows: ExactRows) -> None:
         for curve in self._curves:
             for i in curve.columns:
-                self._take(i, (*curve.path, "changes"), times, rows.columns[i])
+                self._add(i, (*curve.path, "changes"), times, rows.columns[i])
 
-    def _take(self, i: int, path: tuple[str, ...], times: Times, words: Any) -> None:
+    def _add(self, i: int, path: tuple[str, ...], times: Times, words: Any) -> None:
         column = self._info["columns"][i]
-        if not column["bits"] or self._told >= MOST_TEXTS:
+        if not column["bits"] or self._count >= MOST_TEXTS:
             return
         at, texts, levels = chunks.changes(column, self._before.get(i), words)
         self._before[i] = int(words[-1])
-        room = MOST_TEXTS - self._told
-        self._told += len(texts)
+        room = MOST_TEXTS - self._count
+        self._count += len(texts)
         if len(texts) > room:
             at, texts, levels = at[:room], texts[:room], levels[:room]
-            texts[-1] = "It changes too often to be told further; the curve has every change."
-            levels[-1] = LEVELS["caution"]
+            texts[-1] = "It changes too often for more texts; the curve has every change."
+            levels[-1] = LEVELS["warning"]
         chunks.send_texts(self._stream, path, times.only(at), texts, levels)
 
 
-def _texts(stream: rr.RecordingStream, work: Work, devices: list[Device]) -> None:
-    """What happened, and what a person marked."""
+def _texts(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity]) -> None:
+    """Send events and markers as text."""
     names = {device.id: device.name for device in devices}
     events = [event for event in work.columns.manifest["events"] if work.t0 <= event["time"] <= work.t1]
     for id in dict.fromkeys(event["device"] for event in events):

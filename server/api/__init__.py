@@ -1,1 +1,3 @@
-"""The HTTP side: one file per noun, thin. What a route does lies elsewhere in `server`; here are shapes and words."""
+"""HTTP and WebSocket routes, one file per resource. Routes only check input and format answers; the work is done
+elsewhere in `server`.
+"""

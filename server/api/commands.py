@@ -1,4 +1,4 @@
-"""What can devices be told and asked? The tables, for programs that draw forms or documentation of their own."""
+"""Routes of device commands: the command tables, for programs that draw their own forms or documentation."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from functools import lru_cache
 
 from fastapi import APIRouter
 
-from server.commands.commands import all_forms
 from server.configuration.api_models import Forms
+from server.configuration.form_builder import all_forms
 
 router = APIRouter(prefix="/api", tags=["forms"])
 

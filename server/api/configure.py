@@ -1,7 +1,8 @@
-"""Reading and writing a device, commands, keeping, taking back: jobs of server/configuration/device_controller.py.
+"""Routes that read and write a device, run commands, confirm and roll back: jobs of
+server/configuration/device_controller.py.
 
-What could harm (a caution of the table, or a change that could cut the line) is answered with 409 and the consequence
-in words until it is sent again with `confirmed`.
+A request that could do harm (a caution of the table, or a change that could cut the line) is answered with 409 and the
+consequence in words until it is sent again with `confirmed`.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import asyncio
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Response
 
 from server import wire
-from server.api.errors import ApiError, responses
+from server.api.dependencies import TheServices
+from server.api.errors import responses, unknown_device
 from server.configuration.api_models import Apply, Raw, ReadWish, Run
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.dangers import Risk
@@ -21,141 +23,151 @@ from server.configuration.device_controller import DeviceController
 from server.configuration.products import mismatch
 from server.configuration.risk_check import ChangeRequest, discarded, plan_changes, plan_command
 from server.configuration.value_format import numbers
+from server.errors import DomainError
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 
 MOST_RAW = 4096
 
 
-def desks_of(request: Request) -> ControllerRegistry:
-    desks: ControllerRegistry = request.app.state.desks
-    return desks
+def controllers_of(services: TheServices) -> ControllerRegistry:
+    return services.controllers
 
 
-def desk_of(device: str, desks: Annotated[ControllerRegistry, Depends(desks_of)]) -> DeviceController:
+AllControllers = Annotated[ControllerRegistry, Depends(controllers_of)]
+
+
+def controller_of(device: str, controllers: AllControllers) -> DeviceController:
     try:
-        return desks.get(device)
+        return controllers.get(device)
     except KeyError:
-        raise ApiError(
-            404, "not-found", f"There is no device {device:.40}.", "It may have been removed; choose one of the list."
-        ) from None
+        raise unknown_device(device) from None
 
 
-AllDesks = Annotated[ControllerRegistry, Depends(desks_of)]
-OneDesk = Annotated[DeviceController, Depends(desk_of)]
+OneController = Annotated[DeviceController, Depends(controller_of)]
 
 
 def confirmed(dangers: list[Risk], given: bool) -> None:
-    """ApiError 409 with what would be lost or cut, unless the person has read it."""
+    """Raise DomainError 409 with the consequences, unless the client has confirmed them."""
     if dangers and not given:
         words = " ".join(dict.fromkeys(danger.consequence for danger in dangers))
-        raise ApiError(409, "confirm", words, "Send it again with `confirmed` once you have read this.")
+        raise DomainError("confirm", words, "Send it again with `confirmed` once you have read this.")
 
 
-@router.get("/control", responses=responses(404, 422))
-async def get_control(desk: OneDesk) -> wire.ControlState:
-    """Queue, running job, trial, the last results."""
-    return desk.control
+@router.get("/jobs", responses=responses(404, 422))
+async def get_jobs(controller: OneController) -> wire.DeviceJobs:
+    """Queue, running job, pending rollback, last results."""
+    return controller.job_report
 
 
-@router.get("/exchange", responses=responses(404, 422))
-async def get_exchange(
-    desk: OneDesk, before: Annotated[int | None, Query(ge=0)] = None, limit: Annotated[int, Query(ge=1, le=2000)] = 200
-) -> list[wire.ExchangeEntry]:
-    """The log of the exchange, newest last."""
-    desk.log.flush()
-    return desk.log.tail(before, limit)
+@router.get("/traffic", responses=responses(404, 422))
+async def get_traffic(
+    controller: OneController,
+    before: Annotated[int | None, Query(ge=0)] = None,
+    limit: Annotated[int, Query(ge=1, le=2000)] = 200,
+) -> list[wire.TrafficEntry]:
+    """The traffic log, newest last."""
+    controller.log.flush()
+    return controller.log.tail(before, limit)
 
 
 @router.post("/read", status_code=202, responses=responses(404, 409, 422))
-async def read_settings(body: ReadWish, desk: OneDesk, desks: AllDesks) -> wire.Job:
-    """Read settings into a snapshot. The device does not measure meanwhile."""
-    if not desk.rows:
-        raise ApiError(409, "no-settings", f"{desk.session.info.name} has no settings.", "It only sends.")
-    unknown = [name for name in body.settings or () if name not in desk.rows]
+async def read_settings(body: ReadWish, controller: OneController, controllers: AllControllers) -> wire.Job:
+    """Read settings into a snapshot. The device does not measure while it is read."""
+    if not controller.rows:
+        raise DomainError("no-settings", f"{controller.session.info.name} has no settings.", "It only sends.")
+    unknown = [name for name in body.settings or () if name not in controller.rows]
     if unknown:
-        raise ApiError(
-            404, "not-found", f"There is no setting {unknown[0]!r:.80}.", "Choose one of the list of settings."
-        )
-    confirmed(discarded(desk), body.confirmed)
-    return desk.add("Read all settings", desks.jobs.read(desk, body.settings, body.reason)).job
+        raise DomainError("not-found", f"Setting {unknown[0]!r:.80} not found.", "Choose one of the list of settings.")
+    confirmed(discarded(controller), body.confirmed)
+    return controller.add("Read all settings", controllers.jobs.read(controller, body.settings, body.reason)).job
 
 
 @router.post("/apply", status_code=202, responses=responses(404, 409, 422))
-async def apply(body: Apply, desk: OneDesk, desks: AllDesks) -> wire.Job:
-    """Write settings: snapshot, difference, write, read back; on trial where the line could be cut."""
-    targets = [desk, *(desk_of(device, desks) for device in dict.fromkeys(body.devices) if device != desk.device)]
+async def apply(body: Apply, controller: OneController, controllers: AllControllers) -> wire.Job:
+    """Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be
+    lost.
+    """
+    targets = [
+        controller,
+        *(controller_of(device, controllers) for device in dict.fromkeys(body.devices) if device != controller.device),
+    ]
     if not body.changes:
-        raise ApiError(422, "bad-request", "`changes` holds nothing to write.", "Name a setting and its values.")
-    wishes = [await _wish(one, desks, body.changes) for one in targets]
-    product = body.product or (desk.known.product if len(targets) > 1 else "")
-    others = [Risk("loses-settings", words) for one in targets if (words := mismatch(product, one.known.product))]
-    confirmed([*others, *(danger for wish in wishes for danger in wish.dangers)], body.confirmed)
-    base = {name: numbers(row.fields, body.base[name]) for name, row in desk.rows.items() if name in body.base}
+        raise DomainError("bad-request", "`changes` is empty.", "Name a setting and its values.")
+    requests = [await _change_request(one, controllers, body.changes) for one in targets]
+    product = body.product or (controller.context.product if len(targets) > 1 else "")
+    others = [Risk("loses-settings", words) for one in targets if (words := mismatch(product, one.context.product))]
+    confirmed([*others, *(danger for request in requests for danger in request.risks)], body.confirmed)
+    base = {name: numbers(row.fields, body.base[name]) for name, row in controller.rows.items() if name in body.base}
     tasks = [
-        one.add(wish.title, desks.jobs.apply(one, wish.values, body.reason, base if one is desk else None, wish.held))
-        for one, wish in zip(targets, wishes, strict=True)
+        one.add(
+            request.title,
+            controllers.jobs.apply(
+                one, request.values, body.reason, base if one is controller else None, request.current
+            ),
+        )
+        for one, request in zip(targets, requests, strict=True)
     ]
     return tasks[0].job
 
 
-async def _wish(
-    desk: DeviceController, desks: ControllerRegistry, changes: Mapping[str, Mapping[str, Any]]
+async def _change_request(
+    controller: DeviceController, controllers: ControllerRegistry, changes: Mapping[str, Mapping[str, Any]]
 ) -> ChangeRequest:
-    """Settings to write; what the device has told once, according to its snapshots, may go back."""
-    who = desk.session.info.protocol, desk.known.serial_number
-    return await asyncio.to_thread(plan_changes, desk, changes, lambda: desks.snapshots.told(*who))
+    """Check the changes; values that the device once reported, according to its snapshots, may be written again."""
+    device = controller.session.info.protocol, controller.context.serial_number
+    return await asyncio.to_thread(plan_changes, controller, changes, lambda: controllers.snapshots.describe(*device))
 
 
 @router.post("/run", status_code=202, responses=responses(404, 409, 422))
-async def run(body: Run, desk: OneDesk, desks: AllDesks) -> wire.Job:
-    """One command. One that writes a setting is applied like any change, with snapshot and way back."""
-    wish = plan_command(desk, body.command, body.values)
-    confirmed(wish.dangers, body.confirmed)
-    if wish.setting:
-        return desk.add(wish.title, desks.jobs.apply(desk, wish.values, "")).job
-    values = wish.values[body.command]
-    work = desks.jobs.run(desk, body.command, values, changes=wish.changes, restarts=wish.restarts)
-    return desk.add(wish.title, work).job
+async def run(body: Run, controller: OneController, controllers: AllControllers) -> wire.Job:
+    """Run a command. A command that writes a setting is applied like any change, with snapshot and rollback."""
+    request = plan_command(controller, body.command, body.values)
+    confirmed(request.risks, body.confirmed)
+    if request.setting:
+        return controller.add(request.title, controllers.jobs.apply(controller, request.values, "")).job
+    values = request.values[body.command]
+    work = controllers.jobs.run(controller, body.command, values, changes=request.changes, restarts=request.restarts)
+    return controller.add(request.title, work).job
 
 
 @router.post("/raw", status_code=202, responses=responses(404, 409, 422))
-async def send_raw(body: Raw, desk: OneDesk, desks: AllDesks) -> wire.Job:
-    """Bytes as they are. Nobody checks them, so they are sent only when `confirmed`."""
+async def send_raw(body: Raw, controller: OneController, controllers: AllControllers) -> wire.Job:
+    """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`."""
     try:
         data = bytes.fromhex(body.hex)
     except ValueError:
-        raise ApiError(422, "bad-request", "This is not hex.", "Two digits a byte: FA FF 30 00 D1.") from None
+        raise DomainError("bad-request", "Invalid hex.", "Write two digits for each byte: FA FF 30 00 D1.") from None
     if not 0 < len(data) <= MOST_RAW:
-        raise ApiError(422, "bad-request", f"1 to {MOST_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
-    words = "Bytes that nobody has checked are sent to the device; they may change anything in it."
+        raise DomainError("bad-request", f"1 to {MOST_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
+    words = "The bytes are sent to the device unchecked; they may change anything in it."
     confirmed([Risk("", words)], body.confirmed)
-    return desk.add(f"Send {len(data)} bytes", desks.jobs.raw(desk, data)).job
+    return controller.add(f"Send {len(data)} bytes", controllers.jobs.raw(controller, data)).job
 
 
-@router.post("/keep", responses=responses(404, 409, 422))
-async def keep(desk: OneDesk) -> wire.ControlState:
-    """The settings on trial stay."""
-    desk.decide(keep=True)
-    return desk.control
+@router.post("/confirm", responses=responses(404, 409, 422))
+async def confirm(controller: OneController) -> wire.DeviceJobs:
+    """Confirm the pending change: the new settings stay."""
+    controller.decide(keep=True)
+    return controller.job_report
 
 
-@router.post("/revert", responses=responses(404, 409, 422))
-async def revert(desk: OneDesk) -> wire.ControlState:
-    """The settings on trial go back now."""
-    desk.decide(keep=False)
-    return desk.control
+@router.post("/roll-back", responses=responses(404, 409, 422))
+async def roll_back(controller: OneController) -> wire.DeviceJobs:
+    """Roll the pending change back now."""
+    controller.decide(keep=False)
+    return controller.job_report
 
 
 @router.post("/restore", status_code=202, responses=responses(404, 409, 422))
-async def restore(desk: OneDesk, desks: AllDesks) -> wire.Job:
-    """The guided procedure for a device that answers at no rate."""
-    _ = desk.driver
-    return desk.add("Restore communication", desks.jobs.restore(desk)).job
+async def restore(controller: OneController, controllers: AllControllers) -> wire.Job:
+    """Guided procedure for a device that does not answer at any baud rate."""
+    _ = controller.driver
+    return controller.add("Restore communication", controllers.jobs.restore(controller)).job
 
 
 @router.delete("/jobs/{job}", status_code=204, responses=responses(404, 409, 422))
-async def drop_job(job: int, desk: OneDesk) -> Response:
+async def drop_job(job: int, controller: OneController) -> Response:
     """Take a job out of the queue, or stop it; the device measures again."""
-    await desk.drop(job)
+    await controller.drop(job)
     return Response(status_code=204)

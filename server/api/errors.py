@@ -1,4 +1,4 @@
-"""What does an error look like? Everywhere the same: {kind, message, hint}, from a wrong path to a fault of ours."""
+"""One shape for every error of the HTTP API, from a wrong path to an internal error: {kind, message, hint}."""
 
 from __future__ import annotations
 
@@ -11,28 +11,29 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from server.configuration.device_controller import ControlError
-from server.error_kinds import status_of
-from server.links.base import LinkError
+from server.errors import DomainError, status_of
 
 log = logging.getLogger("imuscope.api")
 
 
 class ProblemBody(BaseModel):
-    """The one shape of errors."""
+    """The shape of every error."""
 
     kind: str = Field(description="one word for programs", examples=["not-found"])
-    message: str = Field(description="one sentence for a person")
+    message: str = Field(description="one sentence for the user")
     hint: str = Field(description="what to do next; may be empty")
 
 
-class ApiError(Exception):
-    """An error that a route answers with."""
+def unknown_recording(recording: str) -> DomainError:
+    """Error for an unknown recording."""
+    hint = "It may have been deleted; choose one of the list."
+    return DomainError("not-found", f"Recording {recording:.80} not found.", hint)
 
-    def __init__(self, status: int, kind: str, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.status = status
-        self.body = ProblemBody(kind=kind, message=message, hint=hint)
+
+def unknown_device(device: str) -> DomainError:
+    """Error for an unknown device."""
+    hint = "It may have been removed; choose one of the list."
+    return DomainError("not-found", f"Device {device:.40} not found.", hint)
 
 
 KINDS = {404: "not-found", 405: "not-allowed", 413: "too-large", 415: "not-json"}
@@ -45,49 +46,44 @@ def problem(status: int, kind: str, message: str, hint: str = "", headers: Any =
 
 
 def _sendable(text: str) -> str:
-    """Half a character (JSON can name one) cannot be sent: what quotes it must not fail on it."""
+    """Replace unpaired surrogates, which JSON can spell but UTF-8 cannot encode, so that quoting them cannot fail."""
     return text.encode("utf-8", "replace").decode()
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """For OpenAPI: these statuses have the one shape."""
-    return {status: {"model": ProblemBody} for status in statuses}
+    """OpenAPI entries of these statuses, all with the one shape.
+
+    The shape is referred to by name: for a model FastAPI makes a validator for each status of each route, which delays
+    the first request of a server by a second. `description.install` adds the shape.
+    """
+    content = {"application/json": {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
+    return {status: {"content": content} for status in statuses}
 
 
 def bytes_of(*kinds: str) -> dict[int | str, dict[str, Any]]:
-    """For OpenAPI: what is answered is a file, or samples, of one of these media types."""
+    """OpenAPI entry of a response that is a file, or samples, of one of these media types."""
     return {200: {"content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in kinds}}}
 
 
 def _place(loc: tuple[int | str, ...]) -> str:
-    """Where in a request: changes.OutputConfiguration.outputs."""
+    """Location of a problem in a request: changes.OutputConfiguration.outputs."""
     return ".".join(f"{part!s:.40}" for part in loc[1:5]) or "body"
 
 
 def install(app: FastAPI) -> None:
-    """Have every error of the application answered in the one shape."""
+    """Answer every error of the application in the one shape."""
 
-    @app.exception_handler(ApiError)
-    async def _(_: Request, error: ApiError) -> Response:
-        return problem(error.status, error.body.kind, error.body.message, error.body.hint)
-
-    @app.exception_handler(LinkError)
-    async def _(_: Request, error: LinkError) -> Response:
-        return problem(status_of(error.kind), error.kind, error.message, error.hint)
-
-    @app.exception_handler(ControlError)
-    async def _(_: Request, error: ControlError) -> Response:
+    @app.exception_handler(DomainError)
+    async def _(_: Request, error: DomainError) -> Response:
         return problem(status_of(error.kind), error.kind, error.message, error.hint)
 
     @app.exception_handler(HTTPException)
     async def _(request: Request, error: HTTPException) -> Response:
-        if (
-            error.status_code == 400
-        ):  # FastAPI's word for a body that is JSON and yet cannot be read: digits without end
+        if error.status_code == 400:  # FastAPI's status for JSON that cannot be parsed, such as endless digits
             return problem(422, "bad-request", "The body cannot be read.", "The shapes are listed at /openapi.json.")
         kind = KINDS.get(error.status_code, "error")
         message = {
-            404: f"There is nothing at {request.url.path:.200}.",
+            404: f"Nothing found at {request.url.path:.200}.",
             405: f"{request.method} is not possible at {request.url.path:.200}.",
         }.get(error.status_code, str(error.detail))
         hint = "The routes are listed at /openapi.json." if error.status_code in (404, 405) else ""
@@ -103,5 +99,5 @@ def install(app: FastAPI) -> None:
     async def _(request: Request, error: Exception) -> Response:
         log.exception("%s %s failed", request.method, request.url.path, exc_info=error)
         return problem(
-            500, "fault", "A fault in imuscope; nothing was changed that it knows of.", "The log has details."
+            500, "fault", "Internal error in imuscope; no change is known to have been made.", "The log has details."
         )

@@ -1,26 +1,28 @@
-"""/foxglove: the Foxglove WebSocket protocol behind our own port, token and TLS (server/integrations/foxglove.py)."""
+"""Route /foxglove: the Foxglove WebSocket protocol behind our own port, token and TLS
+(server/integrations/foxglove.py).
+"""
 
 from __future__ import annotations
 
 from fastapi import APIRouter, WebSocket
 
-from server.integrations.foxglove import Foxglove
+from server.api.dependencies import TheServices
+from server.errors import DomainError
 from server.integrations.foxglove_server import MOST_UP, SUBPROTOCOLS
-from server.integrations.proxy import ViewError, reject, relay
+from server.integrations.proxy import reject, relay
 
 router = APIRouter()
 
-MOST_DOWN = 16 * 1024 * 1024  # what is advertised comes in one message
+MOST_DOWN = 16 * 1024 * 1024  # all advertised topics come in one message
 
 
 @router.websocket("/foxglove")
 @router.websocket("/foxglove/")
-async def foxglove(socket: WebSocket) -> None:
-    """A viewer that speaks the protocol, for as long as both sides want."""
-    bridge: Foxglove = socket.app.state.foxglove
+async def foxglove(socket: WebSocket, services: TheServices) -> None:
+    """Relay between a Foxglove viewer and the bridge, until either side disconnects."""
     try:
-        door = await bridge.door()
-    except ViewError as error:
+        endpoint = await services.foxglove.door()
+    except DomainError as error:
         await reject(socket, error)
         return
-    await relay(socket, door, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)
+    await relay(socket, endpoint, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)

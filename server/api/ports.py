@@ -1,13 +1,13 @@
-"""Serial ports: which there are, and what is heard on each."""
+"""Routes of serial ports: list them, scan them for devices."""
 
 from __future__ import annotations
 
 import asyncio
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from server.api.devices import AllSessions
+from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.devices.sessions import Sessions
 from server.links.ports import PortInfo, list_ports, scan
@@ -16,7 +16,7 @@ router = APIRouter(prefix="/api/ports", tags=["ports"])
 
 
 class ScanPorts(BaseModel):
-    """Which ports to listen on."""
+    """Ports to scan."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -30,19 +30,18 @@ def _in_use(sessions: Sessions) -> list[str]:
 
 
 @router.get("")
-async def get_ports(sessions: AllSessions) -> list[PortInfo]:
-    """The serial ports of this host, untouched."""
-    return await asyncio.to_thread(list_ports, _in_use(sessions))
+async def get_ports(services: TheServices) -> list[PortInfo]:
+    """The serial ports of this host, without opening them."""
+    return await asyncio.to_thread(list_ports, _in_use(services.sessions))
 
 
 @router.post("/scan", responses=responses(422))
-async def scan_ports(sessions: AllSessions, request: Request, body: ScanPorts | None = None) -> list[PortInfo]:
+async def scan_ports(services: TheServices, body: ScanPorts | None = None) -> list[PortInfo]:
     """Listen on every free port, at one rate after another; takes some seconds. Ports of sessions are left alone.
 
-    One scan at a time: a second one waits for the first, as a port can only be listened to by one.
+    One scan at a time: a second one waits for the first, because a port can be read by only one.
     """
-    lock: asyncio.Lock = request.app.state.scan_lock
-    async with lock:
+    async with services.scan_lock:
         known = {info.device for info in await asyncio.to_thread(list_ports)}
         wanted = None if body is None or body.ports is None else [port for port in body.ports if port in known]
-        return await scan(wanted, _in_use(sessions))
+        return await scan(wanted, _in_use(services.sessions))

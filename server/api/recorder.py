@@ -1,17 +1,15 @@
-"""Record: begin, end, drop a marker. What is recorded, and how it goes, is told by the op `recorder` and here."""
+"""Routes of the recorder: start, stop, add a marker, state (also sent with the op `recorder`)."""
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter
 
 from recordings.mcap_writer import RecordingError
 from server import wire
-from server.api.errors import ApiError, responses
-from server.error_kinds import status_of
+from server.api.dependencies import TheServices
+from server.api.errors import responses
+from server.errors import DomainError
 from server.library.api_models import Mark, Start
-from server.library.recorder import Recorder, RecorderError
 
 router = APIRouter(tags=["recorder"])
 
@@ -19,57 +17,37 @@ MOST_TEXT = 2000
 MOST_TITLE = 200
 
 
-def recorder_of(request: Request) -> Recorder:
-    recorder: Recorder = request.app.state.recorder
-    return recorder
-
-
-TheRecorder = Annotated[Recorder, Depends(recorder_of)]
-
-
-def _refused(error: RecorderError) -> ApiError:
-    return ApiError(status_of(error.kind), error.kind, error.message, error.hint)
-
-
 def _bounded(text: str, most: int, what: str) -> None:
     if len(text) > most:
-        raise ApiError(
-            422, "bad-request", f"{what} has {len(text)} characters; {most} is the most.", "Make it shorter."
+        raise DomainError(
+            "bad-request", f"{what} has {len(text)} characters; the maximum is {most}.", "Make it shorter."
         )
 
 
 @router.get("/api/recorder")
-async def get_recorder(recorder: TheRecorder) -> wire.RecorderState:
-    """What is being recorded."""
-    return recorder.state
+async def get_recorder(services: TheServices) -> wire.RecorderState:
+    """State of the recorder."""
+    return services.recorder.state
 
 
 @router.post("/api/recordings/start", responses=responses(404, 409, 422, 507))
-async def start(body: Start, recorder: TheRecorder) -> wire.RecorderState:
-    """Record these devices, or all, into a new file."""
+async def start(body: Start, services: TheServices) -> wire.RecorderState:
+    """Record these devices, or all of them, into a new file."""
     _bounded(body.title, MOST_TITLE, "The title")
     try:
-        return await recorder.start(body.devices, body.title)
-    except RecorderError as error:
-        raise _refused(error) from None
+        return await services.recorder.start(body.devices, body.title)
     except RecordingError as error:
-        raise ApiError(507, "disk", error.message, error.hint) from None
+        raise DomainError("disk", error.message, error.hint) from None
 
 
 @router.post("/api/recordings/stop", responses=responses(409, 422))
-async def stop(recorder: TheRecorder) -> wire.RecorderState:
-    """End the recording; its file is whole when this answers."""
-    try:
-        return await recorder.stop()
-    except RecorderError as error:
-        raise _refused(error) from None
+async def stop(services: TheServices) -> wire.RecorderState:
+    """Stop recording; the file is complete when this answers."""
+    return await services.recorder.stop()
 
 
 @router.post("/api/recordings/mark", responses=responses(409, 422))
-async def mark(body: Mark, recorder: TheRecorder) -> wire.RecorderState:
-    """Drop a marker or a note into what is being recorded."""
+async def mark(body: Mark, services: TheServices) -> wire.RecorderState:
+    """Add a marker or a note to the running recording."""
     _bounded(body.text, MOST_TEXT, "The text")
-    try:
-        return recorder.mark(body)
-    except RecorderError as error:
-        raise _refused(error) from None
+    return services.recorder.mark(body)

@@ -1,24 +1,24 @@
 """The page's own files, from server/page, where `web/build.py` puts them.
 
-Names never become paths unchecked: a request is looked up among the files that are there. Files under `assets/` carry a
-hash of their content in their name and may be kept for ever; the others are asked about each time. Where the build has
-left a compressed twin (`.br`, `.gz`) beside a file, that is what a browser gets that understands it.
+A name never becomes a path: a request is looked up among the existing files. Files under `assets/` have a hash of their
+content in their name and are cached for ever; the others are revalidated each time. Where the build has written a
+compressed copy (`.br`, `.gz`) of a file, browsers that support it get that copy.
 
-The content-security policy allows this server and nothing else: no inline script, no inline style, no other host.
+The content-security policy allows this server only: no inline script, no inline style, no other host.
 """
 
 from __future__ import annotations
 
-import hashlib
 import mimetypes
-from dataclasses import dataclass
 from pathlib import Path
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 from starlette.exceptions import HTTPException
 
-FOLDER = Path(__file__).resolve().parent.parent / "page"
+from server.api.dependencies import TheServices
+from server.page_files import Files
+
 POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -42,7 +42,7 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
 }
 FOR_EVER = "public, max-age=31536000, immutable"
-# A browser asks for this name by itself where a document names no icon: a recording's JSON in a tab, a style sheet.
+# Browsers request this name for documents without an icon: a recording's JSON in a tab, a style sheet.
 SAME = {"favicon.ico": "icon.svg"}
 ENCODINGS = (("br", ".br"), ("gzip", ".gz"))
 TYPES = {
@@ -61,46 +61,13 @@ MISSING = """<!doctype html><html lang="en"><meta charset="utf-8"><title>imuscop
 router = APIRouter(include_in_schema=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Asset:
-    """A file in memory, as it goes out."""
-
-    stamp: tuple[int, int]  # mtime ns and size of the file when it was read
-    data: bytes
-    etag: str
-
-
-class Files:
-    """The files of a folder, read when first asked for and again when they change."""
-
-    def __init__(self, folder: Path = FOLDER) -> None:
-        self._folder = folder
-        self._assets: dict[str, Asset] = {}
-
-    def get(self, name: str) -> Asset | None:
-        """A file by its path in the folder, None when there is none of that name."""
-        path = self._folder / name
-        try:
-            if not path.resolve().is_relative_to(self._folder.resolve()) or not path.is_file():
-                return None
-            stat = path.stat()
-            stamp = (stat.st_mtime_ns, stat.st_size)
-            known = self._assets.get(name)
-            if known is None or known.stamp != stamp:
-                data = path.read_bytes()
-                known = self._assets[name] = Asset(stamp, data, f'"{hashlib.sha256(data).hexdigest()[:24]}"')
-        except (OSError, ValueError):  # a name with a NUL byte, or a file that vanished meanwhile
-            return None
-        return known
-
-
 def _accepted(request: Request) -> set[str]:
     parts = request.headers.get("accept-encoding", "").split(",")
     return {part.partition(";")[0].strip() for part in parts if "q=0" not in part.replace(" ", "").split(";")[1:]}
 
 
 def serve(request: Request, files: Files, name: str) -> Response | None:
-    """The response for a file, None when there is none."""
+    """The response for a file, or None if it does not exist."""
     asset = files.get(name)
     if asset is None:
         return None
@@ -113,9 +80,9 @@ def serve(request: Request, files: Files, name: str) -> Response | None:
         "vary": "accept-encoding",
     }
     for encoding, ending in ENCODINGS:
-        twin = files.get(name + ending) if encoding in _accepted(request) else None
-        if twin is not None:
-            asset = twin
+        compressed = files.get(name + ending) if encoding in _accepted(request) else None
+        if compressed is not None:
+            asset = compressed
             headers["content-encoding"] = encoding
             break
     headers["etag"] = asset.etag
@@ -126,9 +93,9 @@ def serve(request: Request, files: Files, name: str) -> Response | None:
 
 @router.get("/{name:path}")
 @router.head("/{name:path}")
-async def page(request: Request, name: str) -> Response:
-    """A file of the page; its own addresses (no dot in the last part, asked for as HTML) are all index.html."""
-    files: Files = request.app.state.files
+async def page(request: Request, name: str, services: TheServices) -> Response:
+    """A file of the page. Addresses of its views (no dot in the last part, HTML accepted) return index.html."""
+    files = services.page_files
     is_view = "." not in name.rpartition("/")[2] and "text/html" in request.headers.get("accept", "")
     found = serve(request, files, SAME.get(name, name)) if name else None
     if found is None and (not name or (is_view and not name.startswith("api/"))):

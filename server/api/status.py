@@ -1,27 +1,28 @@
-"""What is running here, and how does it do? Version for people and scripts, a health check for whoever restarts
-containers, figures for Prometheus."""
+"""Routes of status: version and build, health check for container managers, metrics for Prometheus."""
 
 from __future__ import annotations
 
 import platform
-from typing import Literal
+from typing import Any, Literal
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from pydantic import BaseModel
 
+from server.api.dependencies import TheServices
 from server.auth import Role
-from server.metrics import Metrics, Sources
+from server.metrics import Sources
 from server.prometheus_text import CONTENT_TYPE
-from server.streaming.hub import Hub
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
 
 router = APIRouter(tags=["build"])
 
+FIGURES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
+
 
 class Build(BaseModel):
-    """Which imuscope this is."""
+    """Version and build of this imuscope."""
 
     name: Literal["imuscope"] = "imuscope"
     version: str
@@ -30,7 +31,7 @@ class Build(BaseModel):
     machine: str
     run: str
     protocols: list[str]
-    role: Role  # what whoever asks may do
+    role: Role  # of the token of this request
 
 
 class HealthStatus(BaseModel):
@@ -42,32 +43,39 @@ class HealthStatus(BaseModel):
 
 
 @router.get("/api/build")
-async def get_build(request: Request) -> Build:
-    """Versions, the id of this run, and what the token that asks allows."""
-    hub: Hub = request.app.state.hub
+async def get_build(request: Request, services: TheServices) -> Build:
+    """Versions, the id of this run, and the role of the request's token."""
     return Build(
         version=VERSION,
         wire=SUBPROTOCOL,
         python=platform.python_version(),
         machine=platform.machine(),
-        run=hub.run,
-        protocols=list(request.app.state.protocols()),
+        run=services.telemetry.bus.run,
+        protocols=list(services.protocols()),
         role=request.state.role,
     )
 
 
 @router.get("/healthz")
-async def get_health(request: Request) -> HealthStatus:
-    """Open to everybody; holds nothing of the devices but their number."""
-    hub: Hub = request.app.state.hub
-    return HealthStatus(devices=len(hub.devices), browsers=hub.browsers)
+async def get_health(services: TheServices) -> HealthStatus:
+    """Health check. Needs no token; contains no device data but the number of devices."""
+    return HealthStatus(
+        devices=len(services.telemetry.bus.devices.latest), browsers=services.telemetry.clients.browsers
+    )
 
 
-@router.get("/metrics", responses={200: {"content": {"text/plain": {}}}})
-async def get_metrics(request: Request) -> Response:
-    """Figures for Prometheus, in its text form (server/metrics.py). They tell of devices, so beyond this machine a
-    token is needed, as a bearer: a view token will do."""
-    state = request.app.state
-    metrics: Metrics = state.metrics
-    sources = Sources(state.hub, state.sessions.all, state.recorder.state, state.exports.jobs, state.data)
-    return Response(metrics.text(sources), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})
+@router.get("/metrics", response_class=Response, responses=FIGURES)
+async def get_metrics(services: TheServices) -> Response:
+    """Metrics in the text format of Prometheus (server/metrics.py). They contain device data, so requests from other
+    machines need a bearer token; a view token is sufficient.
+    """
+    telemetry = services.telemetry
+    sources = Sources(
+        telemetry.bus,
+        telemetry.clients.statistics,
+        services.sessions.all,
+        services.recorder.state,
+        services.exports.jobs,
+        services.config.data,
+    )
+    return Response(services.metrics.text(sources), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})

@@ -1,9 +1,10 @@
-"""Is a text that comes whole? JSON can spell half of a character, which no file, log or answer can hold.
+"""Middleware that rejects invalid Unicode. JSON can spell an unpaired surrogate, which cannot be encoded in a file,
+log or answer.
 
-    "\\ud83d\\ude80"    two halves (surrogates): one character
-    "\\ud83d"          one of them: a str in Python, until somebody writes it
+    "\\ud83d\\ude80"    two surrogates: one character
+    "\\ud83d"          unpaired: a valid str in Python until it is encoded
 
-So it is refused at the door, once for all routes, before anything is done with it. Source: RFC 8259 §8.2.
+Rejecting it here covers all routes, before any of them uses the text. Source: RFC 8259 §8.2.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ import json
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.auth import MOST_BODY, refuse
-from server.wire import Problem
+from server.errors import DomainError
 
-HALF = b"\\ud"
+SURROGATE = b"\\ud"
 
 
 class UnicodeGuard:
-    """ASGI middleware: bodies of JSON, read and handed on. How large they may be was judged before (server/auth.py)."""
+    """ASGI middleware that reads JSON bodies, checks them and passes them on. Their size was checked before
+    (server/auth.py).
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -28,28 +31,28 @@ class UnicodeGuard:
         if scope["type"] != "http" or not _is_json(scope):
             await self._app(scope, receive, send)
             return
-        came: list[Message] = []
+        messages: list[Message] = []
         size, more = 0, True
         while more and size <= MOST_BODY:
-            came.append(await receive())
-            size += len(came[-1].get("body", b""))
-            more = came[-1].get("more_body", False)
-        if not is_whole(b"".join(message.get("body", b"") for message in came)):
-            problem = Problem("bad-request", "A text in it holds half of a character.", "Was it cut in the middle?")
-            await refuse(scope, receive, send, 422, problem)
+            messages.append(await receive())
+            size += len(messages[-1].get("body", b""))
+            more = messages[-1].get("more_body", False)
+        if not is_whole(b"".join(message.get("body", b"") for message in messages)):
+            why = DomainError("bad-request", "Invalid Unicode: unpaired surrogate.", "Resend the text as valid UTF-8.")
+            await refuse(scope, receive, send, why)
             return
-        waiting = iter(came)
+        pending = iter(messages)
 
-        async def again() -> Message:
-            message = next(waiting, None)
+        async def replay() -> Message:
+            message = next(pending, None)
             return message if message is not None else await receive()
 
-        await self._app(scope, again, send)
+        await self._app(scope, replay, send)
 
 
 def is_whole(body: bytes) -> bool:
-    """False when one of the texts in a JSON document could not be written; what is no JSON is not judged here."""
-    if HALF not in body.lower():
+    """False when a text in a JSON document cannot be encoded; invalid JSON is not checked here."""
+    if SURROGATE not in body.lower():
         return True
     try:
         json.dumps(json.loads(body), ensure_ascii=False).encode()

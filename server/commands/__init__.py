@@ -1,1 +1,1 @@
-"""The command line's commands, one file each; server/cli.py knows their options."""
+"""The commands of the command line, one file each; arguments.py has their options."""

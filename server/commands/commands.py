@@ -1,44 +1,37 @@
-"""What can a device be told and asked? The tables of commands and settings as text: `imuscope commands`.
+"""`imuscope commands`: print the tables of commands and settings.
 
     imuscope commands                              every command and setting of every protocol, a line each
     imuscope commands --protocol xbus SetPeriod    one of them: its fields with ranges, meaning and source
 
-The same rows are the forms of the page, the fields of `compose` and `send`, and GET /api/commands; nothing is written
-here that a row does not say.
+The same rows are the forms of the page, the fields of `compose` and `send`, and GET /api/commands; this file adds no
+text of its own.
 """
 
 from __future__ import annotations
 
 import difflib
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
-from protocols.idtp.custom_payloads import Schema
-from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Command, Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.validation import bounds, is_whole
 from server.commands.compose import ComposeError, composers
-from server.configuration.api_models import Forms
-from server.configuration.form_builder import forms_of
 
 CommandListRow = Command | Setting
 WIDTH = 120
 KINDS = {"ask": "asks, changes nothing", "set": "writes a setting", "do": "starts something"}
 
 
-def all_forms() -> list[Forms]:
-    """The tables of every protocol that has any, as forms: all products together."""
-    return [forms_of(one.driver, one.name, DeviceContext()) for one in PROTOCOLS.values() if one.driver is not None]
-
-
-def manual(protocol: str = "", name: str = "", schema: Schema | None = None) -> Iterator[str]:
-    """Lines of text: of one command or setting, else of all.
+def manual(protocol: str = "", name: str = "", schema: Mapping[int, Any] | None = None) -> Iterator[str]:
+    """Lines of text on one command or setting, or on all.
 
     Args:
-        schema: rows of the vendor's own payload types of IDTP.
+        schema: a vendor's own messages, for protocols that have them.
+
     Raises:
-        ComposeError: nothing is called like that.
+        ComposeError: no command or setting has that name.
     """
     tables: dict[str, list[CommandListRow]] = {
         one.name: [*one.driver.commands(DeviceContext()), *one.driver.settings(DeviceContext())]
@@ -46,16 +39,16 @@ def manual(protocol: str = "", name: str = "", schema: Schema | None = None) -> 
         if protocol in ("", "auto", one.name)
     }
     if not name:
-        for spoken, rows in tables.items():
-            yield from _overview(spoken, rows)
+        for family, rows in tables.items():
+            yield from _overview(family, rows)
         return
-    found = [(spoken, row) for spoken, rows in tables.items() for row in rows if row.name == name]
+    found = [(family, row) for family, rows in tables.items() for row in rows if row.name == name]
     if not found:
         names = [row.name for rows in tables.values() for row in rows]
         near = difflib.get_close_matches(name, names, 3, 0.5)
-        raise ComposeError(f"there is no command {name!r}" + (f"; near: {', '.join(near)}" if near else ""))
-    for spoken, row in found:
-        yield from _entry(spoken, row)
+        raise ComposeError(f"unknown command {name!r}" + (f"; similar: {', '.join(near)}" if near else ""))
+    for family, row in found:
+        yield from _entry(family, row)
 
 
 def _overview(protocol: str, rows: Sequence[CommandListRow]) -> Iterator[str]:
@@ -65,19 +58,19 @@ def _overview(protocol: str, rows: Sequence[CommandListRow]) -> Iterator[str]:
         if row.group != group:
             group = row.group
             yield from ("", f"{protocol}: {group}")
-        harm = f"  [{row.caution}]" if row.caution else ""
-        yield f"  {row.name:<{width}}  {row.title or row.name}{harm}"
+        caution = f"  [{row.caution}]" if row.caution else ""
+        yield f"  {row.name:<{width}}  {row.title or row.name}{caution}"
 
 
 def _entry(protocol: str, row: CommandListRow) -> Iterator[str]:
     yield f"{row.name}  ({protocol}, {row.group})"
-    kind = KINDS[row.kind] if isinstance(row, Command) else "a setting, kept by the device"
+    kind = KINDS[row.kind] if isinstance(row, Command) else "a setting, stored by the device"
     yield f"  {row.title or row.name}: {kind}."
     yield from _wrapped(row.doc)
     if isinstance(row, Command) and row.reply:
         yield f"  Answer: {row.reply}, within {row.timeout_s:g} s."
     if row.caution:
-        yield from _wrapped(f"Caution ({row.caution}): {row.consequence} `send` wants --yes.")
+        yield from _wrapped(f"Caution ({row.caution}): {row.consequence} `send` requires --yes.")
     if row.source:
         yield f"  Source: {row.source}"
     yield from _fields(row.arguments if isinstance(row, Command) else row.fields, "  ")
@@ -96,7 +89,7 @@ def _fields(fields: Iterable[Field], margin: str) -> Iterator[str]:
 
 
 def _bits(bits: Bits) -> str:
-    """A flag by its mask and name; a group with its values, each as it stands in the word."""
+    """A flag with its mask and name; a group with its values, each shifted to its position in the word."""
     if bits.width == 1:
         return f"{1 << bits.low:#x} {bits.name}"
     values = ", ".join(f"{value << bits.low:#x} {meaning}" for value, meaning in bits.choices.items())
@@ -108,7 +101,7 @@ def _type(field: Field) -> str:
     if not field.shape:
         return kind
     return f"{kind} × " + (
-        f"up to {field.most}" if field.most else "×".join(map(str, field.shape)).replace("-1", "any")
+        f"up to {field.max_length}" if field.max_length else "×".join(map(str, field.shape)).replace("-1", "any")
     )
 
 

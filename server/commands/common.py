@@ -1,4 +1,4 @@
-"""What several commands need: what a person may be told in one line, the sources' reading, the compiled code."""
+"""Helpers shared by several commands: one-line errors, decode options of sources, compiled code."""
 
 from __future__ import annotations
 
@@ -10,118 +10,128 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from server import logging_setup
+from server import jit_cache, logging_setup
 from server.commands.arguments import COMMANDS
 from server.config import load
 from server.devices.decode_options import OPTIONS, DecodeOptions, key_text, parse_source_options, reading, schema_text
-from server.jit_cache import compile_by_two, prepare_cache
 
-BOTH = "--unverified shows Secure frames without a key, and a key is given (--key or IMUSCOPE_KEY); leave one out"
+KEY_AND_UNVERIFIED = (
+    "--unverified is for Secure frames without a key, but a key is given (--key or IMUSCOPE_KEY); leave one out"
+)
 PIPE_BYTES = 1 << 20
 
 
 class UsageError(Exception):
-    """Something that the user can put right: printed as one line."""
+    """An error that the user can correct, printed as one line."""
 
 
-def warm(data: Path | None) -> Path:
-    """Import what is compiled, and say so when that takes a while; the folder for data, which keeps the result."""
+def prepare(data: Path | None) -> Path:
+    """Set the folder of compiled code, report unusual ones, and return the data folder."""
     folder = load(data=data).data
-    first, words = prepare_cache(folder)
-    for sentence in words:
-        logging_setup.print_or_log(f"imuscope: {sentence}")
-    if first:
-        logging_setup.print_or_log("imuscope: compiling the decoders; this is done once and takes some seconds.")
-        compile_by_two()
-    from protocols import jit, registry
-    from recordings import mcap_reader  # noqa: F401 (it has compiled loops, too)
-
-    registry.warm_up()
-    try:
-        jit.save()
-    except OSError:
-        logging_setup.print_or_log("imuscope: compiled code could not be kept; it is compiled again next time.")
+    for sentence in jit_cache.prepare_cache(folder):
+        print_status(sentence)
     return folder
 
 
-def reading_of(options: argparse.Namespace, protocol: str = "", *, replay_check: bool = True) -> DecodeOptions:
-    """What the options of a command say about reading, those that it has.
+def prepare_decoders(data: Path | None, size: int | None = None) -> Path:
+    """`prepare`, and compile the decoders if `size` bytes are worth it (None: an unknown, possibly large number)."""
+    folder = prepare(data)
+    from protocols.jit import INTERPRETED_BYTES
+
+    if size is None or size > INTERPRETED_BYTES:
+        jit_cache.load(report=print_status)
+    return folder
+
+
+def print_status(sentence: str) -> None:
+    """Print or log a status line."""
+    logging_setup.print_or_log(f"imuscope: {sentence}")
+
+
+def size_of(path: Path) -> int | None:
+    """Bytes of a file; None for a pipe."""
+    return path.stat().st_size if path.is_file() else None
+
+
+def decode_options_of(options: argparse.Namespace, protocol: str = "", *, replay_check: bool = True) -> DecodeOptions:
+    """Decode options given to a command.
 
     Raises:
-        UsageError: two of them contradict each other.
-        ReadingError: one of them cannot be used.
+        UsageError: two options contradict each other.
+        ReadingError: an option is invalid.
     """
-    told = {name: getattr(options, name, None) for name in (*OPTIONS, "schema")}
-    if told["key"] is not None and told["unverified"]:
-        raise UsageError(BOTH)
+    given = {name: getattr(options, name, None) for name in (*OPTIONS, "schema")}
+    if given["key"] is not None and given["unverified"]:
+        raise UsageError(KEY_AND_UNVERIFIED)
     return reading(
-        told["protocol"] or protocol,
-        key_text(told["key"]) if told["key"] is not None else "",
-        told["min_mode"] or "",
-        bool(told["unverified"]),
-        schema_text(told["schema"]) if told["schema"] else "",
+        given["protocol"] or protocol,
+        key_text(given["key"]) if given["key"] is not None else "",
+        given["min_mode"] or "",
+        bool(given["unverified"]),
+        schema_text(given["schema"]) if given["schema"] else "",
         replay_check,
-        told["time_unit"] or "",
-        told["rotation"] or "",
+        given["time_unit"] or "",
+        given["rotation"] or "",
     )
 
 
-def settled(said: DecodeOptions) -> DecodeOptions:
-    """The same with a protocol that there is; "" where it is to be recognised.
+def checked_protocol(options: DecodeOptions) -> DecodeOptions:
+    """The options with a checked protocol, "" instead of "auto".
 
     Raises:
-        UsageError: there is no such protocol.
+        UsageError: the protocol is unknown.
     """
-    check_protocol(said.protocol)
-    return replace(said, protocol="" if said.protocol == "auto" else said.protocol)
+    check_protocol(options.protocol)
+    return replace(options, protocol="" if options.protocol == "auto" else options.protocol)
 
 
 def check_protocol(name: str) -> None:
-    """UsageError: there is no protocol of that name."""
+    """Raise UsageError for an unknown protocol."""
     from server.devices import protocol_set
 
     known = ("auto", *protocol_set.protocols())
     if name and name not in known:
-        raise UsageError(f"there is no protocol {name!r}; there are: {', '.join(known)}.")
+        raise UsageError(f"unknown protocol {name!r}; available: {', '.join(known)}.")
 
 
 def readable(name: str) -> Path:
-    """A file or pipe that can be read; "-" is standard input.
+    """Path of a file or pipe; "-" is standard input.
 
     Raises:
-        UsageError: there is none.
+        UsageError: it does not exist, or is a folder.
     """
     path = Path("/dev/stdin") if name == "-" else Path(name)
     if not path.exists() or path.is_dir():
-        raise UsageError(no_file(name))
+        raise UsageError(missing_file_text(name))
     return path
 
 
 @contextlib.contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """The same as a file in which one can go back and forth: what comes through a pipe is kept aside meanwhile."""
+def seekable(path: Path) -> Iterator[Path]:
+    """A seekable file with the same content; a pipe is copied into a temporary file."""
     if path.is_file():
         yield path
         return
-    with path.open("rb") as pipe, kept_aside(iter(lambda: pipe.read(PIPE_BYTES), b"")) as aside:
-        yield aside
+    with path.open("rb") as pipe, temporary_copy(iter(lambda: pipe.read(PIPE_BYTES), b"")) as file:
+        yield file
 
 
 @contextlib.contextmanager
-def kept_aside(pieces: Iterable[bytes]) -> Iterator[Path]:
-    """A file with those bytes, as long as it is needed."""
-    with tempfile.NamedTemporaryFile(prefix="imuscope-", suffix=".bin") as aside:
+def temporary_copy(pieces: Iterable[bytes]) -> Iterator[Path]:
+    """A temporary file with those bytes."""
+    with tempfile.NamedTemporaryFile(prefix="imuscope-", suffix=".bin") as file:
         for piece in pieces:
-            aside.write(piece)
-        aside.flush()
-        yield Path(aside.name)
+            file.write(piece)
+        file.flush()
+        yield Path(file.name)
 
 
 def check_sources(sources: Sequence[str], given: DecodeOptions) -> None:
-    """UsageError: one of them cannot be opened, ever."""
+    """Raise UsageError for a source that can never be opened."""
     from server.links import LinkError, open_link
     from server.links.capture_file import FileLink
     from server.links.pipe import PipeLink
+    from server.links.simulator import SimulatorLink
 
     seen: set[str] = set()
     for source in sources:
@@ -131,22 +141,24 @@ def check_sources(sources: Sequence[str], given: DecodeOptions) -> None:
         except LinkError as error:
             raise UsageError(str(error)) from None
         check_protocol(own.protocol)
-        if place in seen and not place.startswith("twin:"):
+        if place in seen and not isinstance(link, SimulatorLink):
             raise UsageError(f"the source {place} is given twice; give it once")
         seen.add(place)
         if isinstance(link, FileLink) and not isinstance(link, PipeLink) and not link.path.is_file():
-            # A port may be plugged in later; a file that is not there now is a slip of the fingers.
+            # A port may be plugged in later, but a missing file is probably a typing error.
             near = get_close_matches(source, COMMANDS, 1)
             words = f" The nearest command is {near[0]}." if near else ""
-            raise UsageError(f"{no_file(str(link.path))} See `imuscope --help` for commands and sources.{words}")
+            raise UsageError(
+                f"{missing_file_text(str(link.path))} See `imuscope --help` for commands and sources.{words}"
+            )
     check_protocol(given.protocol)
 
 
-def placed(sources: Sequence[str]) -> list[str]:
-    """Sources by the names that links know: "-" is standard input."""
+def normalized_sources(sources: Sequence[str]) -> list[str]:
+    """Sources with "-" replaced by the path of standard input."""
     return ["/dev/stdin" if source == "-" else source for source in sources]
 
 
-def no_file(path: str) -> str:
-    """What is said of a path that is no file."""
-    return f"{path} is a folder; name one capture in it." if Path(path).is_dir() else f"there is no file {path}."
+def missing_file_text(path: str) -> str:
+    """Error text for a path that is not a file."""
+    return f"{path} is a folder; name one capture in it." if Path(path).is_dir() else f"file not found: {path}."

@@ -1,7 +1,7 @@
 """Completion of commands and options for bash, zsh and fish: `imuscope completion SHELL`.
 
-The scripts are made from the parser itself, so they know what it knows: commands, options, and the values of those
-that have a few. Everything else is completed as a file, because most sources are one.
+The scripts are generated from the parser: commands, options, and the values of options with few of them. Everything
+else is completed as a file name, because most sources are files.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Iterator, Mapping
+
+from protocols.plugins import protocol_names
 
 
 def script(commands: Mapping[str, argparse.ArgumentParser], shell: str) -> str:
@@ -18,7 +20,7 @@ def script(commands: Mapping[str, argparse.ArgumentParser], shell: str) -> str:
 
 
 def _options(command: argparse.ArgumentParser) -> list[argparse.Action]:
-    """What `--help` of a command shows."""
+    """Options that the `--help` of a command shows."""
     return [one for one in command._actions if one.option_strings and one.help != argparse.SUPPRESS]
 
 
@@ -28,7 +30,7 @@ def _values(command: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
         if action.choices:
             yield "|".join(action.option_strings), " ".join(map(str, action.choices))
         if "--protocol" in action.option_strings:
-            yield "--protocol", "auto xbus isb idtp"
+            yield "--protocol", " ".join(("auto", *protocol_names()))
 
 
 def _words(command: argparse.ArgumentParser) -> str:
@@ -36,11 +38,11 @@ def _words(command: argparse.ArgumentParser) -> str:
 
 
 def _cases(commands: Mapping[str, argparse.ArgumentParser], given: str, values: str, words: str) -> Iterator[str]:
-    """What bash and zsh have in common: the values behind an option of a command, and its options.
+    """Completion cases of bash and zsh: the values of a command's option, and its options.
 
     Args:
-        given: the command and the word before, as the shell writes them.
-        values, words: what completes {words}, in the shell's language; `words` only where an option was begun.
+        given: the command and the previous word, in the shell's syntax.
+        values, words: shell code that completes {words}; `words` only applies to a begun option.
     """
     yield f'    case "{given}" in'
     for name, command in commands.items():

@@ -1,4 +1,4 @@
-"""From words to a frame: `imuscope compose`, and what `imuscope send` sends.
+"""Frames from text: `imuscope compose`, and the frames that `imuscope send` sends.
 
     imuscope compose SET_DID_FLASH_CONFIG startupNavDtMs=16        ──>  ef49250c06001000100000008f05
     imuscope compose SetOutputConfiguration outputs.0.data_identifier=0x1020 outputs.0.output_frequency=100
@@ -8,13 +8,13 @@ FIELD=VALUE:   400   0x400F   -1.5   a name of a choice (GROUND_VEHICLE)   names
                an angle in degrees where the unit is rad (90deg, [0,0,90°])
                a group of bits and its value (GPS1_SOURCE=SER1|GPS1_TYPE=GPX; protocols/flag_words.py)
                a list or record as JSON ([1, 2, 3])   hex digits of opaque bytes   text
-               a path into lists and records (outputs.0.output_frequency=400); lists grow as their places are named;
-               of a vector one element (gps1AntOffset.1=0.3) where a device is asked for the others, as `send` does
+               a path into lists and records (outputs.0.output_frequency=400); each next index adds a list entry;
+               one element of a vector (gps1AntOffset.1=0.3) if a device supplies the others, as with `send`
 
-A message is a command of a protocol, with what it is usually sent with filled in; or any message that `imuscope
-inspect` names, as it stands. Whose it is is found by its name. What is not known is answered with the nearest names.
+A message is a command of a protocol, completed with its default values, or any message that `imuscope inspect` names,
+unchanged. The protocol is found by the name of the message. The error for an unknown name lists the nearest names.
 
-Lines of JSON are read one at a time and their frames written at once, so that the size of a file does not matter.
+Lines of JSON are read one at a time and their frames written at once, so a file of any size can be processed.
 """
 
 from __future__ import annotations
@@ -22,205 +22,146 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+from protocols.composer import FrameRecord, ProtocolComposer
 from protocols.flag_words import nearest, word_of
-from protocols.idtp import json_codec as idtp_plain
-from protocols.idtp import messages as idtp_messages
-from protocols.idtp.commands import DATA, HEADER, reading_fields
-from protocols.idtp.driver import IdtpDriver
-from protocols.isb import json_codec as isb_plain
-from protocols.isb import messages as isb_messages
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
-from protocols.schema import Command, Field
-from protocols.transactions import DeviceContext, DeviceDriver
-from protocols.xbus import data_identifiers as xbus_items
-from protocols.xbus import json_codec as xbus_plain
-from protocols.xbus import messages as xbus_messages
-from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
+from protocols.schema import Field
+from protocols.transactions import DeviceContext
 from server.devices.decode_options import DecodeOptions
 
-FrameRecord = Mapping[str, Any]
 NOTHING: FrameRecord = {}
 _NUMBER = re.compile(r"0x[0-9A-Fa-f]{1,2}")
 _DEGREES = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(?:°|deg)(?:/s)?\Z", re.IGNORECASE)
 _DEGREES_IN = re.compile(r"\d\s*(°|deg)", re.IGNORECASE)
-FOREIGN = ("nmea", "ubx", "rtcm3", "tss2", "em1000")
-"""Messages that pass through any port; they are kept as they came."""
+FOREIGN = ("nmea", "ubx", "rtcm3")
+"""Messages that any port can carry, composed from their own bytes. Families add others (ProtocolComposer.strings)."""
 
 
 class ComposeError(ValueError):
-    """What cannot be composed, in one sentence."""
-
-
-@dataclass(frozen=True, slots=True)
-class ProtocolComposer:
-    """What composing needs of a protocol.
-
-    Args:
-        driver: its commands.
-        messages: every other message that inspect names → its fields.
-        frame_of: the frame of a record, as its json_codec.py specifies them.
-        opaque: fields of a message that is only a number ("0x80").
-        numbered: whether a message may be called by its mere number.
-        listed: fields of messages that inspect may print with others than those: in another form, items of MTData2.
-    """
-
-    name: str
-    driver: DeviceDriver
-    messages: Mapping[str, tuple[Field, ...]]
-    frame_of: Callable[[FrameRecord], bytes]
-    opaque: tuple[Field, ...] = (DATA,)
-    numbered: bool = True
-    listed: Mapping[str, tuple[Field, ...]] | None = None
-
-    def command(self, name: str) -> Command | None:
-        """A command by name; the $ of a sentence may be left out."""
-        commands = {row.name: row for row in self.driver.commands(DeviceContext())}
-        return commands.get(name) or commands.get(name.removeprefix("$"))
-
-    def forms(self, name: str) -> list[Command]:
-        """A command in each of its forms: of one name, told apart by what stands in brackets behind it."""
-        first = self.command(name)
-        rows = self.driver.commands(DeviceContext())
-        return [first, *(row for row in rows if row.name.startswith(f"{first.name} ("))] if first else []
-
-    def names(self) -> list[str]:
-        """Everything that it can compose."""
-        return [*(row.name for row in self.driver.commands(DeviceContext())), *self.messages]
+    """The reason why a frame cannot be composed, in one sentence."""
 
 
 def composers(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -> dict[str, ProtocolComposer]:
-    """All protocols, by name.
+    """Composers of all protocols that have one, by name.
 
     Args:
-        key: for Secure frames of IDTP.
-        schema: the vendor's own payload types, see protocols/idtp/custom_payloads.py.
+        key: for Secure frames.
+        schema: a vendor's own messages, for protocols that have them (ProtocolInfo.parse_schema).
     """
-    xbus = {name: rows[0].fields for name, rows in xbus_messages.BY_NAME.items()}
-    isb = {name: row.fields for name, row in isb_messages.BY_NAME.items()}
-    isb |= {row.name: row.fields for row in map(isb_messages.set_row, range(256))}
-    isb |= {row.name: row.fields for row in isb_messages.COMMANDS.values()}
-    rows = {**{row.name: row for row in idtp_messages.MESSAGES}, **{r.name: r for r in (schema or {}).values()}}
-    idtp = {name: (*HEADER, *reading_fields(row)) for name, row in rows.items()}
-
-    def idtp_frame(record: FrameRecord) -> bytes:
-        return idtp_plain.frame_from_json(record, key, schema)
-
-    forms = {name: tuple(part for row in rows for part in row.fields) for name, rows in xbus_messages.BY_NAME.items()}
-    forms["MTData2"] = tuple(xbus_items.BY_NAME.values())
-    drivers = {name: row.driver for name, row in PROTOCOLS.items() if row.driver is not None}
-    made = (
-        ProtocolComposer("xbus", drivers["xbus"], xbus, xbus_plain.frame_from_json, listed=forms),
-        ProtocolComposer("isb", drivers["isb"], isb, isb_plain.frame_from_json, numbered=False),
-        ProtocolComposer("idtp", IdtpDriver(schema), idtp, idtp_frame, (*HEADER, DATA)),
-    )
-    return {one.name: one for one in made}
+    return {name: family.composer(key, schema) for name, family in PROTOCOLS.items() if family.composer is not None}
 
 
-def known_of(reading: DecodeOptions) -> DeviceContext:
-    """What is known of a device that is not there: the key."""
+def context_of(reading: DecodeOptions) -> DeviceContext:
+    """Device context of a device that is not connected: the key."""
     return DeviceContext(key=reading.key)
 
 
-# -- one message, in words ---------------------------------------------------------------------------------------------
+# -- one message, as text ----------------------------------------------------------------------------------------------
 
 
-def chosen(
-    all_tongues: Mapping[str, ProtocolComposer], message: str, protocol: str = "", pairs: Sequence[str] = ()
+def find_composer(
+    all_composers: Mapping[str, ProtocolComposer], message: str, protocol: str = "", pairs: Sequence[str] = ()
 ) -> ProtocolComposer:
-    """Whose message this is.
+    """Composer of the protocol that has this message.
 
     Args:
-        pairs: FIELD=VALUE, by whose fields a mere number is told apart.
+        pairs: FIELD=VALUE; the fields decide the protocol of a message given by number.
+
     Raises:
-        ComposeError: nobody's, or somebody else's; with the nearest names.
+        ComposeError: unknown message, or one of another protocol; with the nearest names.
     """
-    if protocol and protocol not in all_tongues:
-        raise ComposeError(f"there is no protocol {protocol!r}; there are: {', '.join(all_tongues)}.")
-    among = [all_tongues[protocol]] if protocol else list(all_tongues.values())
+    if protocol and protocol not in all_composers:
+        raise ComposeError(f"unknown protocol {protocol!r}; available: {', '.join(all_composers)}.")
+    candidates = [all_composers[protocol]] if protocol else list(all_composers.values())
     bare = message.removeprefix("$")
-    for tongue in among:
-        if message in tongue.messages or tongue.command(message) or bare in tongue.messages:
-            return tongue
+    for composer in candidates:
+        if message in composer.messages or composer.command(message) or bare in composer.messages:
+            return composer
     if protocol and message.startswith("0x"):
-        return among[0]
+        return candidates[0]
     if _NUMBER.fullmatch(message) and not protocol:
-        return _numbered(among, message, pairs)
-    names = {name: None for tongue in among for name in tongue.names()}
+        return _numbered(candidates, message, pairs)
+    names = {name: None for composer in candidates for name in composer.names()}
     where = f" of {PROTOCOLS[protocol].title}" if protocol else ""
-    raise ComposeError(f"no message{where} is called {message!r}; {nearest(message, list(names))}")
+    raise ComposeError(f"unknown message{where}: {message!r}; {nearest(message, list(names))}")
 
 
-def _numbered(among: Sequence[ProtocolComposer], message: str, pairs: Sequence[str]) -> ProtocolComposer:
-    """Whose message of a mere number it is: that of the only protocol which has such messages with these fields.
+def _numbered(candidates: Sequence[ProtocolComposer], message: str, pairs: Sequence[str]) -> ProtocolComposer:
+    """Composer for a message given by number: the only one whose numbered messages have these fields.
 
     Raises:
-        ComposeError: several have.
+        ComposeError: several protocols qualify.
     """
     given = {pair.partition("=")[0] for pair in pairs}
-    able = [one for one in among if one.numbered and given <= {field.name for field in one.opaque}]
+    able = [one for one in candidates if one.numbered and given <= {field.name for field in one.opaque_fields}]
     if len(able) == 1:
         return able[0]
-    names = " or ".join(one.name for one in among if one.numbered)
+    names = " or ".join(one.name for one in candidates if one.numbered)
     raise ComposeError(f"{message} is a number in several protocols; add --protocol {names}")
 
 
 def frame_of(
-    tongue: ProtocolComposer,
+    composer: ProtocolComposer,
     message: str,
     pairs: Sequence[str],
     known: DeviceContext | None = None,
     present: Mapping[str, Any] = NOTHING,
 ) -> tuple[bytes, dict[str, Any]]:
-    """The frame of a message and the values that went into it.
+    """The frame of a message and the values in it.
 
     Args:
         pairs: FIELD=VALUE.
-        present: what the device has, for vectors of which one element is named.
+        present: current values of the device, to complete vectors of which one element is named.
+
     Raises:
-        ComposeError: a name or value that cannot be used.
+        ComposeError: invalid name or value.
     """
     known = known or DeviceContext()
     problem = None
-    for command in tongue.forms(message):
+    for command in composer.forms(message):
         try:
             values = parse(pairs, command.arguments, present)
         except ComposeError as error:
             problem = problem or error
             continue
-        usual = {field.name: field.default for field in command.arguments if field.default is not None}
-        values = {**usual, **values}
+        defaults = {field.name: field.default for field in command.arguments if field.default is not None}
+        values = {**defaults, **values}
         try:
-            return tongue.driver.frame(command.name, values, known), values
+            return composer.driver.frame(command.name, values, known), values
         except EncodeError as error:
             problem = problem or ComposeError(f"{message}: {error}")
     if problem is not None:
         raise problem
-    fields = tongue.messages.get(message)
-    usual = {} if fields is not None else {one.name: one.default for one in tongue.opaque if one.default is not None}
-    values = {**usual, **parse(pairs, tongue.opaque if fields is None else fields)}
+    fields = composer.messages.get(message)
+    defaults = (
+        {}
+        if fields is not None
+        else {one.name: one.default for one in composer.opaque_fields if one.default is not None}
+    )
+    values = {**defaults, **parse(pairs, composer.opaque_fields if fields is None else fields)}
     try:
-        return tongue.frame_of({"message": message, "fields": values}), values
+        return composer.frame_of({"message": message, "fields": values}), values
     except EncodeError as error:
         raise ComposeError(f"{message}: {error}") from None
 
 
 def names_elements(pairs: Sequence[str], fields: Sequence[Field]) -> bool:
-    """Is an element of a vector named, whose others the device has to tell?
+    """Whether single elements of a vector are named, so that the device must supply the others.
 
     Raises:
-        ComposeError: no field of that name.
+        ComposeError: unknown field.
     """
     found = (_found(pair.partition("=")[0], fields) for pair in pairs)
     return any(rest and _is_vector(field) for field, rest in found)
 
 
 def _is_vector(field: Field) -> bool:
-    """Is it a list of fixed length, of numbers?"""
+    """Whether the field is a numeric list of fixed length."""
     return len(field.shape) == 1 and field.shape[0] > 0 and not field.fields and field.dtype not in ("ascii", "bytes")
 
 
@@ -228,9 +169,10 @@ def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, A
     """FIELD=VALUE pairs as values by name.
 
     Args:
-        present: what the device has: a vector of which one element is named keeps the others.
+        present: current values of the device; a vector of which one element is named keeps the others.
+
     Raises:
-        ComposeError: no field of that name, a value that is none, a path that leads nowhere.
+        ComposeError: unknown field, invalid value or invalid path.
     """
     values: dict[str, Any] = {}
     for pair in pairs:
@@ -245,18 +187,18 @@ def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, A
 
 
 def _found(path: str, fields: Sequence[Field]) -> tuple[Field, list[str]]:
-    """The field that a path begins with, and what follows: names may have points of their own."""
+    """The field that a path begins with, and the rest of the path. Names may contain dots."""
     for field in sorted(fields, key=lambda one: len(one.name), reverse=True):
         if path == field.name or path.startswith(f"{field.name}."):
             return field, [part for part in path[len(field.name) + 1 :].split(".") if part]
     names = [field.name for field in fields]
     if not fields:
-        raise ComposeError(f"there is no field {path!r}; this message has none")
-    raise ComposeError(f"there is no field {path.split('.')[0]!r}; {nearest(path, names)}")
+        raise ComposeError(f"unknown field {path!r}; this message has no fields")
+    raise ComposeError(f"unknown field {path.split('.')[0]!r}; {nearest(path, names)}")
 
 
 def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: str, text: str) -> None:
-    """Write a value where a path leads; lists grow as far as the next place."""
+    """Write a value at a path; a list can grow by one entry at a time."""
     if not rest:
         into[name] = value_of(text, field, path)
         return
@@ -267,18 +209,18 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
         _put(into.setdefault(name, {}), part.name, part, deeper, path, text)
         return
     if not rest[0].isdecimal():
-        raise ComposeError(f"{path}: {field.name} is a list: {field.name}.0 is its first")
+        raise ComposeError(f"{path}: {field.name} is a list; its first entry is {field.name}.0")
     place, rows = int(rest[0]), into.setdefault(name, [])
     if _is_vector(field) and place >= field.shape[0]:
         raise ComposeError(f"{path}: {field.name} has {field.shape[0]} elements, the last is {field.shape[0] - 1}")
     if place > len(rows) and _is_vector(field):
         whole = ",".join("…" * field.shape[0])
-        raise ComposeError(f"{path}: what else is in {field.name} is not known here; give {field.name}=[{whole}]")
+        raise ComposeError(f"{path}: the other elements of {field.name} are unknown; give {field.name}=[{whole}]")
     if place > len(rows):
         raise ComposeError(f"{path}: {field.name} has {len(rows)} entries so far; the next is {field.name}.{len(rows)}")
     if place == len(rows):
-        usual = {part.name: part.default for part in field.fields if part.default is not None}
-        rows.append(usual if field.fields else 0)
+        defaults = {part.name: part.default for part in field.fields if part.default is not None}
+        rows.append(defaults if field.fields else 0)
     if not field.fields:
         if rest[1:]:
             raise ComposeError(f"{path}: {field.name}.{place} has no parts")
@@ -297,10 +239,10 @@ def _one(field: Field) -> Field:
 
 
 def value_of(text: str, field: Field, path: str) -> Any:
-    """A value in words as a wire value.
+    """The wire value of a text.
 
     Raises:
-        ComposeError: it is none.
+        ComposeError: the text is not a valid value.
     """
     if field.dtype == "ascii":
         return text
@@ -309,21 +251,21 @@ def value_of(text: str, field: Field, path: str) -> Any:
         try:
             return bytes.fromhex(digits).hex()
         except ValueError:
-            raise ComposeError(f"{path} is hex, given {text!r}") from None
+            raise ComposeError(f"{path} must be hex, not {text!r}") from None
     if text[:1] == "[" and text[-1:] == "]" and _DEGREES_IN.search(text) and field.shape:
         return [_number(part.strip(), field, path) for part in text[1:-1].split(",")]
     if text[:1] in ("[", "{"):
         try:
             return _named(json.loads(text), field, path)
         except json.JSONDecodeError as error:
-            raise ComposeError(f"{path} is no JSON: {error.msg}, at character {error.pos + 1}") from None
+            raise ComposeError(f"{path} is not valid JSON: {error.msg}, at character {error.pos + 1}") from None
     if field.shape and not field.fields:
         return [_number(part.strip(), field, path) for part in text.split(",") if part.strip()]
     return _number(text, field, path)
 
 
 def _named(value: Any, field: Field, path: str) -> Any:
-    """A value of JSON with the names of choices in it made numbers."""
+    """A JSON value with names of choices replaced by their numbers."""
     if isinstance(value, list) and field.bits and not field.shape and all(isinstance(one, str) for one in value):
         return _number("|".join(value), field, path) if value else 0
     if isinstance(value, list):
@@ -339,41 +281,43 @@ def _named(value: Any, field: Field, path: str) -> Any:
 
 
 def _number(text: str, field: Field, path: str) -> int | float:
-    """A number, or what a choice or flags stand for."""
+    """A number, or the number of a choice or of flags."""
     for read in (lambda word: int(word, 0), float):
         try:
             return read(text)
         except ValueError:
             continue
-    turned = _DEGREES.match(text)
-    if turned and field.unit.startswith("rad") and not field.unit.startswith("rad²"):
-        return math.radians(float(turned[1]))
-    words = {meaning.casefold(): number for number, meaning in field.choices.items()}
-    if text.casefold() in words:
-        return words[text.casefold()]
-    if text.casefold() in ("true", "false") and not words:
+    degrees = _DEGREES.match(text)
+    if degrees and field.unit.startswith("rad") and not field.unit.startswith("rad²"):
+        return math.radians(float(degrees[1]))
+    numbers = {meaning.casefold(): number for number, meaning in field.choices.items()}
+    if text.casefold() in numbers:
+        return numbers[text.casefold()]
+    if text.casefold() in ("true", "false") and not numbers:
         return int(text.casefold() == "true")
     if field.bits:
         try:
             return word_of(text, field, path)
         except EncodeError as error:
             raise ComposeError(str(error)) from None
-    if words:
-        raise ComposeError(f"{path} is none of its choices, given {text!r}; {nearest(text, field.choices.values())}")
-    raise ComposeError(f"{path} is a number, given {text!r}")
+    if numbers:
+        raise ComposeError(f"{path}: {text!r} is not an allowed value; {nearest(text, field.choices.values())}")
+    raise ComposeError(f"{path} must be a number, not {text!r}")
 
 
-# -- what inspect printed ----------------------------------------------------------------------------------------------
+# -- output of inspect -------------------------------------------------------------------------------------------------
 
 
-def frames_of(lines: Iterable[str], all_tongues: Mapping[str, ProtocolComposer], protocol: str = "") -> Iterator[bytes]:
-    """One frame for each line that inspect printed; rejects have none.
+def frames_of(
+    lines: Iterable[str], all_composers: Mapping[str, ProtocolComposer], protocol: str = ""
+) -> Iterator[bytes]:
+    """One frame for each line that inspect printed, except rejects.
 
     Args:
-        protocol: of lines that name none.
+        protocol: for lines that do not name one.
 
     Raises:
-        ComposeError: a line that is none of inspect's, with its number.
+        ComposeError: an invalid line, with its number.
     """
     for number, line in enumerate(lines, 1):
         if not line.strip():
@@ -381,29 +325,34 @@ def frames_of(lines: Iterable[str], all_tongues: Mapping[str, ProtocolComposer],
         try:
             record = json.loads(line)
             if not isinstance(record, dict):
-                raise ComposeError("it is no object")
+                raise ComposeError("expected a JSON object")
             if protocol:
                 record.setdefault("protocol", protocol)
             if "reject" not in record:
-                yield frame_of_record(record, all_tongues)
+                yield frame_of_record(record, all_composers)
         except json.JSONDecodeError as error:
-            raise ComposeError(f"line {number} is no JSON: {error.msg}") from None
+            raise ComposeError(f"line {number} is not valid JSON: {error.msg}") from None
         except (EncodeError, ComposeError) as error:
             raise ComposeError(f"line {number}: {error}") from None
 
 
-def frame_of_record(record: FrameRecord, all_tongues: Mapping[str, ProtocolComposer]) -> bytes:
+def frame_of_record(record: FrameRecord, all_composers: Mapping[str, ProtocolComposer]) -> bytes:
     """The frame of one line."""
     protocol = record.get("protocol")
     if protocol is None:
-        raise ComposeError("it names no protocol; give one with --protocol")
+        raise ComposeError("the line has no protocol; give one with --protocol")
+    strings = {name: make for one in all_composers.values() for name, make in one.strings.items()}
     if protocol in FOREIGN:
         return _foreign(record)
-    tongue = all_tongues.get(str(protocol))
-    if tongue is None:
-        raise ComposeError(f"there is no protocol {protocol!r}; there are: {', '.join([*all_tongues, *FOREIGN])}")
+    if protocol in strings:
+        return (strings[protocol] or _foreign)(record)
+    composer = all_composers.get(str(protocol))
+    if composer is None:
+        raise ComposeError(
+            f"unknown protocol {protocol!r}; available: {', '.join([*all_composers, *FOREIGN, *strings])}"
+        )
     try:
-        return tongue.frame_of(record)
+        return composer.frame_of(record)
     except (EncodeError, ComposeError):
         raise
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
@@ -411,12 +360,9 @@ def frame_of_record(record: FrameRecord, all_tongues: Mapping[str, ProtocolCompo
 
 
 def _foreign(record: FrameRecord) -> bytes:
-    """A message that only passed through: its own bytes."""
-    wire, fields = record.get("wire", {}), record.get("fields", {})
+    """An embedded message (NMEA, UBX, RTCM): its own bytes."""
+    wire = record.get("wire", {})
     line = wire.get("line")
-    if record["protocol"] == "em1000":
-        angles = (round(fields[name] * 100) for name in ("roll", "pitch", "heave", "heading"))
-        return EM1000_HEAD + EM1000.pack(*angles)[len(EM1000_HEAD) :]
     if not isinstance(line, str):
         raise ComposeError(f"a message of {record['protocol']} needs wire.line")
     if record["protocol"] in ("ubx", "rtcm3"):

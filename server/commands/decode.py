@@ -1,8 +1,8 @@
-"""`imuscope decode FILE -o OUT`: any file that can be read, decoded into files that other programs read.
+"""`imuscope decode FILE -o OUT`: convert any readable file to files for other programs.
 
-The file becomes columns, as when a page opens it (server/library/decode.py), in a folder beside OUT that is gone
-afterwards; the columns become what OUT's suffix says (recordings/exporters). The bar counts both, decoding as the first
-half.
+The file is decoded to columns, as when a page opens it (server/library/decode.py), in a temporary folder beside OUT.
+The columns are exported in the format of OUT's suffix (recordings/exporters). The progress bar covers both; decoding is
+the first half.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from server.devices.protocol_set import speech
 from server.library.decode import decode
 from server.printable import printable
 
-REFUSED = ("no_key", "bad_hmac", "below_min_mode")
-PATIENCE_S = 1.0  # work that is over sooner shows no bar
+OPTION_REASONS = ("no_key", "bad_hmac", "below_min_mode")
+SHOW_AFTER_S = 1.0  # shorter work shows no bar
 _CELLS = 30
 _EVERY_S = 0.1
 
 
 class DecodeError(Exception):
-    """What a person can put right, in one line."""
+    """An error that the user can correct, in one line."""
 
 
 class Bar:
-    """A bar on a terminal; nothing on anything else."""
+    """A progress bar on a terminal; no output otherwise."""
 
     def __init__(self, out: TextIO) -> None:
         self._out = out
         self._shows = out.isatty()
-        self._next = time.monotonic() + PATIENCE_S
+        self._next = time.monotonic() + SHOW_AFTER_S
         self._drawn = False
 
     def show(self, share: float) -> None:
-        """How far it is, 0..1."""
+        """Show the progress, 0..1."""
         if self._shows and time.monotonic() >= self._next:
             self._next = time.monotonic() + _EVERY_S
             self._drawn = True
@@ -53,7 +53,7 @@ class Bar:
             self._out.flush()
 
     def clear(self) -> None:
-        """Leave the line as it was."""
+        """Clear the line."""
         if self._drawn:
             self._out.write(f"\r{' ' * (_CELLS + 6)}\r")
             self._out.flush()
@@ -61,12 +61,12 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class DecodedPart:
-    """What of a file is decoded.
+    """Part of a file to decode.
 
     Args:
-        begin_s, end_s: seconds from its beginning.
+        begin_s, end_s: seconds from the beginning of the file.
         device: "" for all, or for the only one.
-        channels: by name; () for all.
+        channels: names; () for all.
     """
 
     begin_s: float = 0.0
@@ -78,15 +78,16 @@ class DecodedPart:
 def decode_file(
     path: Path, out: Path, reading: DecodeOptions, notes: TextIO, part: DecodedPart = DecodedPart()
 ) -> list[Path]:
-    """The files that were written.
+    """Decode a file and return the files that were written.
 
     Args:
-        out: its suffix chooses the format.
-        reading: how the bytes are to be read; without a protocol it is recognised.
-        notes: for the bar, and what was damaged or refused.
-        part: of the file.
+        out: output file; its suffix selects the format.
+        reading: decode options; without a protocol it is detected.
+        notes: stream for the progress bar and for reports of damaged or rejected data.
+        part: part of the file to decode.
+
     Raises:
-        DecodeError: it cannot be done; nothing is left behind.
+        DecodeError: decoding failed; no files are left behind.
     """
     format = by_suffix(out.suffix)
     if format is None:
@@ -95,46 +96,52 @@ def decode_file(
             f"{out.suffix or 'a name without suffix'} is not a valid format; OUT ends with one of: {known}"
         )
     if not out.parent.is_dir():
-        raise DecodeError(f"there is no folder {out.parent}")
+        raise DecodeError(f"folder not found: {out.parent}")
     if out.exists() and out.samefile(path):
-        raise DecodeError("OUT is the file that is to be decoded")
-    bar, refused = Bar(notes), list[str]()
+        raise DecodeError("OUT is the input file; give another name")
+    bar, rejected = Bar(notes), list[str]()
     try:
         with tempfile.TemporaryDirectory(prefix=".decode-", dir=out.parent) as folder:
             source = open_file(path, reading.protocol)
             store = Path(folder) / "columns"
             columns = decode(source, store, speech(), reading, lambda share: bar.show(share / 2))
-            refused = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in REFUSED]
-            wish = _wish(columns, path, part)
-            made = export(format, wish, out, lambda share: bar.show(0.5 + share / 2))
+            rejected = [
+                one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in OPTION_REASONS
+            ]
+            request = _export_request(columns, path, part)
+            written = export(format, request, out, lambda share: bar.show(0.5 + share / 2))
     except RecordingError as error:
-        if refused:
-            raise DecodeError(refused[0]) from None
+        if rejected:
+            raise DecodeError(rejected[0]) from None
         raise DecodeError(f"{error.message} {error.hint}".strip()) from None
     except OSError as error:
         raise DecodeError(f"{out}: {(error.strerror or 'it cannot be written').lower()}") from None
     finally:
         bar.clear()
-    for words in [*refused, *(damage.words for damage in source.damage[:5])]:
+    for words in [*rejected, *(damage.words for damage in source.damage[:5])]:
         print(f"imuscope: {printable(words)}", file=notes)
-    return made
+    return written
 
 
-def _wish(columns: ColumnStore, path: Path, part: DecodedPart) -> ExportRequest:
-    """The part in the terms of the exporters. DecodeError: there is no such device, channel or time."""
-    told = columns.manifest
-    devices = {one["id"]: one["name"] for one in told["devices"]}
+def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> ExportRequest:
+    """The export request of a part.
+
+    Raises:
+        DecodeError: unknown device or channel, or a time range outside of the file.
+    """
+    manifest = columns.manifest
+    devices = {one["id"]: one["name"] for one in manifest["devices"]}
     if part.device and part.device not in devices:
         listed = ", ".join(f"{one} ({name})" for one, name in devices.items())
-        raise DecodeError(f"{path.name} holds no device {part.device!r}; there are: {listed}")
-    start = told["started"] or 0.0
+        raise DecodeError(f"{path.name} has no device {part.device!r}; it has: {listed}")
+    start = manifest["started"] or 0.0
     t0 = start + part.begin_s if part.begin_s else -math.inf
     t1 = math.inf if part.end_s is None else start + part.end_s
-    if not t0 < t1 or part.begin_s < 0 or (told["ended"] is not None and t0 > told["ended"]):
-        raise DecodeError(f"{path.name} lasts {(told['ended'] or start) - start:.3f} s; nothing lies in that range")
+    if not t0 < t1 or part.begin_s < 0 or (manifest["ended"] is not None and t0 > manifest["ended"]):
+        raise DecodeError(f"{path.name} lasts {(manifest['ended'] or start) - start:.3f} s; that range is empty")
     if not part.channels:
         return ExportRequest(columns, path, path.name, t0, t1, device=part.device)
-    kinds = [*told["channels"], *told.get("payloads", ())]
+    kinds = [*manifest["channels"], *manifest.get("payloads", ())]
     names = {name: None for one in kinds for name in (one["name"], one["message"])}
     for name in part.channels:
         if name not in names:

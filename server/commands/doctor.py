@@ -1,4 +1,4 @@
-"""`imuscope doctor`: looks at the machine (server/diagnostics/checks.py) and says what to do about it.
+"""`imuscope doctor`: check the machine (server/diagnostics/checks.py) and suggest fixes.
 
 problem  /dev/ttyUSB0   pi may not open it: it belongs to the group dialout.
                         → sudo usermod -aG dialout pi
@@ -22,7 +22,7 @@ _RANK = {"problem": 0, "warning": 1, "ok": 2}
 
 
 def format_findings(findings: Sequence[Finding], out: TextIO, *, as_json: bool = False) -> int:
-    """Print them, the worst first; the exit status: 1 where there is a problem."""
+    """Print the findings, worst first. Returns the exit status: 1 if there is a problem."""
     ordered = sorted(findings, key=lambda one: _RANK[one.status])
     if as_json:
         out.write(json_text([asdict(one) for one in ordered], indent=1) + "\n")

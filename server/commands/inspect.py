@@ -1,18 +1,18 @@
-"""What is in this file? One line for every frame: `imuscope inspect`.
+"""`imuscope inspect`: print one line for every frame of a file.
 
 As JSON lines, for scripts:
 
     {"offset": 0, "size": 9, "protocol": "xbus", "id": 54, "message": "MTData2", "fields": {"PacketCounter": 7}}
     {"offset": 9, "size": 3, "reject": "bad_checksum"}                                           with --rejects
 
-`fields` are wire values by name, `flags` the set bits of flag words, `wire` what names do not carry; the protocol's own
-json_codec.py specifies them. Offsets are bytes from the start of the file. Or as a table, for people, with units and
-the names of values (server/commands/inspect_table.py):
+`fields` are wire values by name, `flags` the set bits of flag words, `wire` the remaining parts of the frame; the
+protocol's own json_codec.py specifies them. Offsets are bytes from the start of the file. Or as a table with units and
+the names of values, for reading (server/commands/inspect_table.py):
 
     offset    size  message     fields
          0       9  MTData2     PacketCounter 7
 
-The file is read in pieces, so its size does not matter.
+The file is read in pieces, so it can have any size.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_f
 from recordings.mcap_reader import MAGIC
 from recordings.mcap_writer import RecordingError
 from recordings.sources import McapSource
-from server.commands.common import kept_aside
+from server.commands.common import temporary_copy
 from server.commands.inspect_table import EXPLAINED, InspectTable
-from server.commands.replay import ReplayError, chosen
+from server.commands.replay import ReplayError, choose_device
 from server.devices.decode_options import DecodeOptions
 from server.printable import json_text
 
 CHUNK = 1 << 20
-NO_DEVICES = "is no recording, and has no devices to choose from; leave --device out"
-TELL = ("no_key", "bad_hmac", "below_min_mode")
-"""Reasons that an option would change."""
+NO_DEVICES = "is not a recording, so it has no devices to choose from; leave --device out"
+OPTION_REASONS = ("no_key", "bad_hmac", "below_min_mode")
+"""Reject reasons that another option would avoid."""
 
 InspectLine = Mapping[str, Any]
 
@@ -55,23 +55,24 @@ def inspect_file(
     device: str = "",
     notes: TextIO | None = None,
 ) -> None:
-    """Write one line a frame.
+    """Write one line for each frame.
 
     Args:
-        reading: protocol, a name of protocols.registry, or "auto" to guess it from the beginning of the file; key and
-            what else the protocol can be told.
-        direction: "rx": what a device sent; "tx": what was sent to it. (Xbus numbers tell by themselves.)
-        rejects: also what failed its checks.
-        device: of a recording with several.
-        notes: where to say that the file holds messages of other protocols too.
+        reading: decode options; protocol is a name of protocols.registry, or "auto" to detect it from the beginning of
+            the file.
+        direction: "rx": sent by the device; "tx": sent to it. (Xbus message numbers include the direction.)
+        rejects: also list frames that failed their checks.
+        device: device to list, for a recording with several.
+        notes: stream for a note if the file also has messages of other protocols.
+
     Raises:
-        ValueError: no such protocol, or nothing known in the file.
+        ValueError: unknown protocol, or no known frames in the file.
         OSError: the file cannot be read.
     """
     with _opened(Path(path), reading.protocol, device, direction) as (row, pieces):
-        mixture = MixedProtocolDetector(row.name)
+        detector = MixedProtocolDetector(row.name)
         counts: Counter[str] = Counter()
-        lines = _counted(_lines(pieces, row, reading.settings(row.settings), mixture), counts, rejects)
+        lines = _counted(_lines(pieces, row, reading.settings(row.settings), detector), counts, rejects)
         if format == "jsonl":
             for line in lines:
                 out.write(json_text(line, allow_nan=False, default=str) + "\n")
@@ -81,28 +82,29 @@ def inspect_file(
             for line in lines:
                 out.write(table.row(line) + "\n")
     name = "standard input" if str(path) == "/dev/stdin" else Path(path).name
-    if notes is not None and (others := [PROTOCOLS[one].title for one in mixture.others]):
+    if notes is not None and (others := [PROTOCOLS[one].title for one in detector.others]):
         notes.write(
-            f"imuscope: {name} holds messages of {' and '.join(others)} too; it is listed as {row.title}. "
-            "--protocol chooses another.\n"
+            f"imuscope: {name} also has messages of {' and '.join(others)}; it is listed as {row.title}. "
+            "Choose another with --protocol.\n"
         )
-    _judge(name, row, counts, rejects, notes)
+    _report_rejects(name, row, counts, rejects, notes)
 
 
-def _judge(name: str, row: ProtocolInfo, counts: Counter[str], rejects: bool, notes: TextIO | None) -> None:
-    """Say what was refused for a reason that an option would change; a list without a line is no success.
+def _report_rejects(name: str, row: ProtocolInfo, counts: Counter[str], rejects: bool, notes: TextIO | None) -> None:
+    """Report frames that were rejected for a reason that another option would avoid.
 
     Raises:
-        ValueError: not one line was written.
+        ValueError: no line was written.
     """
-    worth = [reason for reason in TELL if counts[reason]]
-    words = "; ".join(f"{counts[one]} frames are not accepted: {EXPLAINED[one]}" for one in worth)
+    reasons = [reason for reason in OPTION_REASONS if counts[reason]]
+    words = "; ".join(f"{counts[one]} frames are not accepted: {EXPLAINED[one]}" for one in reasons)
     if counts[""] or (rejects and counts.total()):
         if words and notes is not None:
             notes.write(f"imuscope: {name}: {words}.\n")
         return
-    if counts["indt"]:
-        raise ValueError(f"{name} holds {counts['indt']} times INDT, the successor of IDTP, which is not read here")
+    if rejected := next((reason for reason in row.refusals if counts[reason]), ""):
+        what, hint = row.refusals[rejected]
+        raise ValueError(f"{name}: {counts[rejected]} frames are not accepted. {what} {hint}")
     others = ", ".join(f"{count} {reason}" for reason, count in counts.most_common(3) if reason)
     raise ValueError(
         words or f"{name} has no valid frame of {row.title}" + (f": {others} (--rejects)" if others else "")
@@ -110,7 +112,7 @@ def _judge(name: str, row: ProtocolInfo, counts: Counter[str], rejects: bool, no
 
 
 def _counted(lines: Iterator[InspectLine], counts: Counter[str], rejects: bool) -> Iterator[InspectLine]:
-    """The lines to show; what was accepted ("") and why the others were not is counted."""
+    """The lines to show. Accepted frames ("") and reject reasons are counted."""
     for line in lines:
         counts[line.get("reject", "")] += 1
         if rejects or "reject" not in line:
@@ -119,14 +121,15 @@ def _counted(lines: Iterator[InspectLine], counts: Counter[str], rejects: bool) 
 
 @contextlib.contextmanager
 def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[tuple[ProtocolInfo, Iterator[bytes]]]:
-    """The protocol of a file and its bytes in pieces, by the one rule of recordings/importers.py. A pipe is read as it
-    comes, and its beginning decides; a recording that comes through one is kept aside, because its index is at its end.
+    """The protocol of a file and its bytes in pieces, by the rules of recordings/importers.py. A pipe is read as a
+    stream, and its beginning decides the protocol; a recording from a pipe is copied to a file first, because its index
+    is at its end.
 
     Raises:
-        ValueError: no such protocol, nothing known in it, or no bytes of a device.
+        ValueError: unknown protocol, no known frames, or no device bytes.
     """
     if protocol != "auto" and protocol not in PROTOCOLS:
-        raise ValueError(f"there is no protocol {protocol!r}; known are {', '.join(PROTOCOLS)}")
+        raise ValueError(f"unknown protocol {protocol!r}; available: {', '.join(PROTOCOLS)}")
     named = "" if protocol == "auto" else protocol
     if path.is_file():
         with _of_file(path, path.name, named, device, direction) as found:
@@ -137,7 +140,7 @@ def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[
         head = _head(pipe)
         if head.startswith(MAGIC):
             every = itertools.chain((head,), _pieces(pipe))
-            with kept_aside(every) as aside, _of_file(aside, name, named, device, direction) as found:
+            with temporary_copy(every) as copy, _of_file(copy, name, named, device, direction) as found:
                 yield found
             return
         if device:
@@ -155,7 +158,7 @@ def _of_file(
         with path.open("rb") as file:
             head = file.read(GUESS_BYTES)
         if head and not head.startswith(MAGIC):
-            _guessed(head, name)  # says more exactly why
+            _guessed(head, name)  # raises a more exact error
         raise ValueError(f"{error.message} {error.hint}".strip()) from None
     if device and not isinstance(source, McapSource):
         raise ValueError(f"{name} {NO_DEVICES}")
@@ -164,21 +167,21 @@ def _of_file(
             yield PROTOCOLS[source.protocol], _pieces(file)
         return
     if not isinstance(source, McapSource) or not source.devices:
-        raise ValueError(f"{name} holds no bytes of a device; `imuscope decode` reads its numbers")
+        raise ValueError(f"{name} has no device bytes; use `imuscope decode` to read its numbers")
     try:
-        one = chosen(source, device)
+        one = choose_device(source, device)
     except ReplayError as error:
         raise ValueError(str(error)) from None
-    parts = (part.data for part in source.parts() if part.device == one and part.way == direction)
-    spoken = named or source.devices[one].protocol
-    if spoken not in PROTOCOLS:
+    parts = (part.data for part in source.parts() if part.device == one and part.direction == direction)
+    protocol_name = named or source.devices[one].protocol
+    if protocol_name not in PROTOCOLS:
         head = next(parts, b"")
-        spoken, parts = _guessed(head[:GUESS_BYTES], name), itertools.chain((head,), parts)  # type: ignore[assignment]
-    yield PROTOCOLS[spoken], parts
+        protocol_name, parts = _guessed(head[:GUESS_BYTES], name), itertools.chain((head,), parts)  # type: ignore[assignment]
+    yield PROTOCOLS[protocol_name], parts
 
 
 def _head(pipe: BinaryIO) -> bytes:
-    """What decides: so many bytes, or all that there are."""
+    """The first GUESS_BYTES bytes, or all if there are fewer; they decide the protocol."""
     head = b""
     while len(head) < GUESS_BYTES and (more := pipe.read(GUESS_BYTES - len(head))):
         head += more
@@ -186,18 +189,20 @@ def _head(pipe: BinaryIO) -> bytes:
 
 
 def _guessed(head: bytes, name: str) -> str:
-    """The protocol of some bytes. ValueError: none accounts for enough of them."""
+    """The protocol of some bytes.
+
+    Raises:
+        ValueError: no protocol matches enough of them.
+    """
     if not head:
         raise ValueError(f"{name} is empty.")
     best = detect(head)[0]
     if best.score >= GUESS_SCORE:
         return best.protocol
     where = f"the first {GUESS_BYTES // 1024} kB of " if len(head) == GUESS_BYTES else ""
-    if b"INDT" in head and "INDT" in best.why:
-        raise ValueError(f"{name} holds {best.why}")
-    at_best = f", at best {best.why}" if best.score > 0 else ""
+    at_best = f", at best {best.reason}" if best.score > 0 else ""
     raise ValueError(
-        f"nothing known in {where}{name}{at_best}. If you know better, add --protocol {' or '.join(PROTOCOLS)}."
+        f"no known protocol in {where}{name}{at_best}. If you know it, add --protocol {' or '.join(PROTOCOLS)}."
     )
 
 
@@ -207,12 +212,12 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _lines(
-    pieces: Iterator[bytes], row: ProtocolInfo, settings: Mapping[str, Any], mixture: MixedProtocolDetector
+    pieces: Iterator[bytes], row: ProtocolInfo, settings: Mapping[str, Any], detector: MixedProtocolDetector
 ) -> Iterator[InspectLine]:
     listing = row.listing(**settings)
     for chunk in pieces:
-        mixture.feed(chunk)
+        detector.feed(chunk)
         listing.feed(chunk)
         yield from listing.drain()
-    mixture.feed(b"", final=True)
+    detector.feed(b"", final=True)
     yield from listing.drain(stalled=True)

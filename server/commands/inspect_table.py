@@ -1,11 +1,11 @@
-"""A line of `imuscope inspect` for a person: values with their units, enumerations and flags by name.
+"""Table lines of `imuscope inspect`: values with their units, enumerations and flags by name.
 
     {"message": "Imu3Acc", "fields": {"device_id": 7, "version": 33, "mode": 1, "acc_x": 0.5, …}}
     ──>  Imu3Acc   device_id 7  version 2.1  mode Safety  acc_x 0.5 m/s²  …
 
-What a value means stands in the rows of the protocols' tables (protocols/schema.py). As JSON lines the same values are
-those of the wire; here they are what the unit says: scaled where a row has a scale. Whatever text a device sent is
-printed so that it cannot steer a terminal (server/printable.py).
+The rows of the protocols' tables (protocols/schema.py) give the meaning of a value. JSON lines have wire values; here
+values are scaled to the unit of their row. Text from a device is escaped so that it cannot control the terminal
+(server/printable.py).
 """
 
 from __future__ import annotations
@@ -15,44 +15,44 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
-from protocols.idtp.custom_payloads import Schema
+from protocols.composer import ProtocolComposer
 from protocols.labels import device_label
 from protocols.schema import Field
-from server.commands.compose import ProtocolComposer, composers
+from server.commands.compose import composers
 from server.configuration.value_format import output_title
 from server.printable import printable
 
-LONGEST_WORD = 64  # characters of a word or of bytes; jsonl has all of them
-WIDTH = 26  # of the message's name
+LONGEST_WORD = 64  # characters of a text or of bytes; jsonl has all of them
+WIDTH = 26  # of the message name
 
 EXPLAINED: Mapping[str, str] = {
-    "bad_checksum": "the checksum does not fit the bytes",
-    "bad_size": "it claims a length that no frame has",
-    "bad_type": "it claims a packet type that there is not",
-    "bad_item": "an item of it claims more bytes than are left, or a size that its kind has not",
+    "bad_checksum": "the checksum does not match",
+    "bad_size": "invalid length",
+    "bad_type": "unknown packet type",
+    "bad_item": "an item is longer than the remaining bytes, or has an invalid size for its kind",
     "bad_id": "bus identifier and message are both 0",
-    "bad_crc8": "the header is damaged, or this is no header",
+    "bad_crc8": "the header is damaged, or is not a header",
     "bad_version": "unsupported version",
     "bad_mode": "unknown mode",
-    "below_min_mode": "intact, but of a weaker mode than is accepted (--min-mode)",
+    "below_min_mode": "intact, but of a weaker mode than the minimum (--min-mode)",
     "bad_crc32": "the payload is damaged",
     "bad_hmac": "damaged, forged, or made with another key",
-    "no_key": "a Secure frame, and no key to check it with (--key)",
+    "no_key": "a Secure frame, but no key to check it with (--key)",
     "stale": "intact, but old: its sequence number has passed (--no-replay-check)",
-    "far_ahead": "intact, but its sequence number is far ahead, and no second frame agrees",
-    "truncated": "the bytes end before it does",
-    "indt": "the preamble of IDTP's successor",
+    "far_ahead": "intact, but its sequence number is far ahead, and no second frame confirms it",
+    "truncated": "the data ends within the frame",
+    "successor": "the preamble of the protocol's successor",
 }
-"""What each reason means, for a person."""
+"""Explanation of each reject reason, for display."""
 
 NOTES: Mapping[str, str] = {
     "undecodable_short": "shorter than its type: not decoded",
     "size_mismatch_long": "longer than its type",
-    "version": "another version than 2.1",
+    "version": "not version 2.1",
     "not_finite": "a value is not a number",
     "not_unit": "the norm of the quaternion is not 1",
 }
-"""What is odd about a frame, for a person; see protocols/idtp/inspect.py."""
+"""Explanation of each of the "notes" of a listed line, for display."""
 
 Line = Mapping[str, Any]
 _NOTHING = Field("")
@@ -62,17 +62,17 @@ class InspectTable:
     """Lines of a table.
 
     Args:
-        schema: rows of the vendor's own payload types of IDTP.
+        schema: a vendor's own messages, for protocols that have them.
     """
 
     head = f"{'offset':>10}  {'size':>5}  {'message':<{WIDTH}}  fields"
 
-    def __init__(self, schema: Schema | None = None) -> None:
-        self._tongues = composers(schema=schema)
+    def __init__(self, schema: Mapping[int, Any] | None = None) -> None:
+        self._composers = composers(schema=schema)
         self._fields = lru_cache(maxsize=1024)(self._fields_of)
 
     def row(self, line: Line) -> str:
-        """One line, without its end."""
+        """One line, without a line break."""
         head = f"{line['offset']:>10}  {line['size']:>5}  "
         if "reject" in line:
             why = EXPLAINED.get(line["reject"], "")
@@ -88,15 +88,15 @@ class InspectTable:
         return printable((head + f"{name:<{WIDTH}}  " + "  ".join(words)).rstrip())
 
     def _fields_of(self, protocol: str, message: str) -> Mapping[str, Field]:
-        """Field by the name that inspect prints; {} of what passes through any port."""
-        tongue: ProtocolComposer | None = self._tongues.get(protocol)
-        if tongue is None:
+        """Fields by the names that inspect prints; {} for embedded messages (NMEA, UBX, RTCM)."""
+        composer: ProtocolComposer | None = self._composers.get(protocol)
+        if composer is None:
             return {}
-        return {field.name: field for field in _rows(tongue, message)}
+        return {field.name: field for field in _rows(composer, message)}
 
 
-def _rows(tongue: ProtocolComposer, message: str) -> tuple[Field, ...]:
-    return (tongue.listed or {}).get(message) or tongue.messages.get(message) or tongue.opaque
+def _rows(composer: ProtocolComposer, message: str) -> tuple[Field, ...]:
+    return (composer.listed or {}).get(message) or composer.messages.get(message) or composer.opaque_fields
 
 
 def _shown(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) -> str:
@@ -137,7 +137,7 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
 
 
 def _number(value: int, field: Field) -> str:
-    """A whole number; an identifier in hex, as its document or label has it."""
+    """An integer; an identifier in hex, as in its document or on its label."""
     if field.name == "data_identifier":
         title = output_title(value)
         return f"0x{value:04X}" + ("" if title.startswith("0x") else f" ({title})")
@@ -146,12 +146,12 @@ def _number(value: int, field: Field) -> str:
 
 def _with(text: str, unit: str) -> str:
     """A unit that begins with a number is a multiple: "1234 × 0.1 ms"."""
-    if not unit or unit == "week":  # a number of a week: it counts none
+    if not unit or unit == "week":  # a week number is not a count of weeks
         return text
     return f"{text} × {unit}" if unit[0].isdigit() else f"{text} {unit}"
 
 
-def _float(told: Mapping[str, str]) -> float:
-    """What is not finite stands in a line as its bytes."""
-    ((kind, digits),) = told.items()
+def _float(float_bytes: Mapping[str, str]) -> float:
+    """A non-finite float, which is listed as its bytes."""
+    ((kind, digits),) = float_bytes.items()
     return float(struct.unpack(">f" if kind == "f32" else ">d", bytes.fromhex(digits))[0])

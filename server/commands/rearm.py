@@ -1,9 +1,9 @@
-"""A Secure device that restarted is accepted again: `imuscope rearm [DEVICE]`.
+"""`imuscope rearm [DEVICE]`: accept a Secure device again after it restarted.
 
     $ imuscope rearm 102 --server http://robot.local:8080 --token @control.token
     102 re-armed on 1 link of http://robot.local:8080.
 
-Asks the running server; where none runs, the remembered numbers in the data folder are forgotten instead.
+Sends the request to the running server; if none is running, the numbers stored in the data folder are deleted instead.
 """
 
 from __future__ import annotations
@@ -15,22 +15,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from protocols.plural import counted
 from server.devices.sequence_store import SequenceStore
 
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 
 
 class RearmError(Exception):
-    """Why it could not be done, in one sentence."""
+    """The reason of a failure, in one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
 class RearmRequest:
-    """Whom to re-arm, and where.
+    """Device to re-arm, and its server.
 
     Args:
-        device: as the stream names it (an IDTP device id); "" for every one.
-        token: for control, "" where none is needed.
+        device: id of the device in the stream (an IDTP device id); "" for all.
+        token: control token; "" if none is needed.
     """
 
     device: str
@@ -39,59 +40,72 @@ class RearmRequest:
     data: Path
 
 
-def rearm(wish: RearmRequest) -> str:
-    """What was done, in a line.
+def rearm(request: RearmRequest) -> str:
+    """Re-arm a device and return a one-line summary.
 
     Raises:
-        RearmError: it could not be done.
+        RearmError: the device could not be re-armed.
     """
-    if wish.device and not (wish.device.isascii() and wish.device.isdigit() and int(wish.device) <= 0xFFFF):
-        raise RearmError(f"a device is a number from 0 to 65535, given {wish.device!r:.40}")
-    if not wish.server.startswith(("http://", "https://")):
-        raise RearmError(f"{wish.server!r:.80} is not a valid address of a server; write http://host:port")
-    whom = wish.device or "every device"
+    if request.device and not (request.device.isascii() and request.device.isdigit() and int(request.device) <= 0xFFFF):
+        raise RearmError(f"the device must be a number from 0 to 65535, not {request.device!r:.40}")
+    if not request.server.startswith(("http://", "https://")):
+        raise RearmError(f"{request.server!r:.80} is not a valid server address; write http://host:port")
+    device_text = request.device or "every device"
     try:
-        devices = _ask(wish, "/api/devices")
+        devices = _ask(request, "/api/devices")
     except ConnectionRefusedError:
         try:
-            count = SequenceStore(wish.data).forget(None, int(wish.device) if wish.device else None)
+            count = SequenceStore(request.data).forget(None, int(request.device) if request.device else None)
         except OSError as error:
-            raise RearmError(f"{wish.data} cannot be written: {error.strerror or error}") from None
-        kept = "was forgotten" if count else "was not kept"
-        return f"No server runs at {wish.server}; the last sequence number of {whom} {kept} in {wish.data}."
-    links = [one["id"] for one in devices if not one["parent"] and one["protocol"] in ("idtp", "")]
+            raise RearmError(f"{request.data} cannot be written: {error.strerror or error}") from None
+        outcome = "was deleted from" if count else "was not stored in"
+        return (
+            f"No server runs at {request.server}; the last sequence number of {device_text} {outcome} {request.data}."
+        )
+    links = [one["id"] for one in devices if not one["parent"] and _may_restart(one["protocol"])]
     for link in links:
-        _ask(wish, f"/api/devices/{link}/rearm", {"sender": wish.device})
+        _ask(request, f"/api/devices/{link}/rearm", {"sender": request.device})
     if not links:
-        raise RearmError(f"{wish.server} has no IDTP device")
-    return f"{whom} re-armed on {len(links)} link{'s' if len(links) > 1 else ''} of {wish.server}."
+        raise RearmError(f"{request.server} has no device with a sequence")
+    return f"{device_text} re-armed on {counted(len(links), 'link')} of {request.server}."
 
 
-def _ask(wish: RearmRequest, path: str, body: Any = None) -> Any:
-    """What the server answers. ConnectionRefusedError: there is none."""
+def _may_restart(protocol: str) -> bool:
+    """True if the protocol checks sequence numbers, or is not known yet."""
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+    return protocol not in PROTOCOLS or "replay_check" in PROTOCOLS[protocol].settings
+
+
+def _ask(request: RearmRequest, path: str, body: Any = None) -> Any:
+    """Answer of the server.
+
+    Raises:
+        ConnectionRefusedError: no server is running there.
+    """
     data = None if body is None else json.dumps(body).encode()
-    request = urllib.request.Request(wish.server.rstrip("/") + path, data)
+    http_request = urllib.request.Request(request.server.rstrip("/") + path, data)
     if data is not None:
-        request.add_header("Content-Type", "application/json")
-    if wish.token:
-        request.add_header("Authorization", f"Bearer {wish.token}")
+        http_request.add_header("Content-Type", "application/json")
+    if request.token:
+        http_request.add_header("Authorization", f"Bearer {request.token}")
     try:
-        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+        with urllib.request.urlopen(http_request, timeout=TIMEOUT_S) as answer:
             return json.load(answer)
     except urllib.error.HTTPError as error:
-        raise RearmError(_told(error)) from None
+        raise RearmError(_server_message(error)) from None
     except urllib.error.URLError as error:
         if isinstance(error.reason, ConnectionRefusedError):
             raise error.reason from None
-        raise RearmError(f"{wish.server} does not answer: {error.reason}") from None
+        raise RearmError(f"{request.server} does not answer: {error.reason}") from None
     except (OSError, ValueError) as error:
-        raise RearmError(f"{wish.server} does not answer as a server of imuscope does: {error}") from None
+        raise RearmError(f"{request.server} did not answer like an imuscope server: {error}") from None
 
 
-def _told(error: urllib.error.HTTPError) -> str:
-    """The server's own words."""
+def _server_message(error: urllib.error.HTTPError) -> str:
+    """The error text of the server."""
     try:
-        told = json.load(error)
-        return f"{told['message']} {told['hint']}".rstrip()
+        problem = json.load(error)
+        return f"{problem['message']} {problem['hint']}".rstrip()
     except (ValueError, KeyError, TypeError):
-        return f"the server answers {error.code}"
+        return f"the server answered {error.code}"

@@ -1,12 +1,13 @@
-"""Record without a page: `imuscope record SOURCE … -o FILE.mcap [--duration S]`.
+"""Recording without a page: `imuscope record SOURCE … -o FILE.mcap [--duration S]`.
 
     $ imuscope record /dev/ttyUSB0 -o drive.mcap
-    12.3 s, 1.24 MB, MTi-630, 400 samples/s                      (one line that changes, on a terminal)
+    12.3 s, 1.24 MB, MTi-630, 400 samples/s                      (one line that is updated, on a terminal)
     ^C
     drive.mcap: 12.9 s, 1.30 MB of MTi-630, 0.9 MB on disk
 
-The same link, decoder and recorder as of the server; the decoder tells who the device is and how it fares, the file
-holds its bytes. Ctrl-C and SIGTERM end it; so does the end of a file that is played. Nothing came: no file, status 1.
+It uses the link, decoder and recorder of the server; the decoder identifies the device and measures its rate, the file
+contains its bytes. Ctrl-C, SIGTERM or the end of a played file stop it. Without any data there is no file, and the exit
+status is 1.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from recordings.compaction import compact
 from recordings.mcap_writer import SUFFIX, RecordingError
 from server import wire
 from server.configuration.controllers import ControllerRegistry
+from server.configuration.timings import ConfigurationTimings
 from server.devices import protocol_set
 from server.devices.decode_options import DecodeOptions
 from server.devices.sequence_store import SequenceStore
@@ -33,28 +35,28 @@ from server.library.recorder import Recorder, RecordingOptions
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.printable import printable
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 
-LOOK_S = 0.25
-MOST_TOLD = 20
-PATIENT_LOOKS = 8  # without a byte, before it is said what is waited for
+POLL_S = 0.25
+MOST_MESSAGES = 20
+QUIET_ROUNDS = 8  # without data, before the reason is printed
 
 
 class RecordError(Exception):
-    """Why it came to nothing, or ended early, in one sentence."""
+    """The reason why a recording failed or ended early, in one sentence."""
 
 
 @dataclass(slots=True)
 class RecordStatus:
-    """What has come from the device."""
+    """Data received from the device so far."""
 
     size: int = 0
     first_ns: int = 0
     last_ns: int = 0
-    over: bool = False
+    is_over: bool = False
 
-    def take(self, data: bytes, time_ns: int, way: str) -> None:
-        if way == "rx" and not self.over:
+    def update(self, data: bytes, time_ns: int, way: str) -> None:
+        if way == "rx" and not self.is_over:
             self.first_ns = self.first_ns or time_ns
             self.last_ns = time_ns
             self.size += len(data)
@@ -66,12 +68,12 @@ class RecordStatus:
 
 @dataclass(frozen=True, slots=True)
 class RecordRequest:
-    """What is to be recorded.
+    """Request for `imuscope record`.
 
     Args:
-        sources: and how each is read.
-        duration_s: of what comes; None until somebody ends it.
-        data: the data folder, for settings of the device that are known.
+        sources: each with its decode options.
+        duration_s: seconds of data; None to record until stopped.
+        data: the data folder, for known settings of the device.
     """
 
     sources: tuple[tuple[str, DecodeOptions], ...]
@@ -80,124 +82,131 @@ class RecordRequest:
     data: Path
 
 
-def record(wish: RecordRequest, notes: TextIO) -> str:
-    """Record until the end, then pack.
+def record(request: RecordRequest, notes: TextIO) -> str:
+    """Record until the end, then compact the file.
 
     Returns:
-        What came of it, in a line.
+        A one-line summary.
+
     Raises:
-        LinkError: the source is written wrongly.
-        RecordError: nothing was recorded, or it ended before its time.
+        LinkError: the source is invalid.
+        RecordError: nothing was recorded, or recording ended early.
     """
-    if wish.path.suffix != SUFFIX:
-        raise RecordError(f"A recording is a file {SUFFIX}; {wish.path.name} is not.")
-    if not wish.path.parent.is_dir():
-        raise RecordError(f"There is no folder {wish.path.parent}; name another with -o.")
+    if request.path.suffix != SUFFIX:
+        raise RecordError(f"The name of a recording must end with {SUFFIX}; {request.path.name} does not.")
+    if not request.path.parent.is_dir():
+        raise RecordError(f"Folder not found: {request.path.parent}. Name another with -o.")
     try:
-        heard, name = asyncio.run(_record(wish, notes))
+        status, name = asyncio.run(_record(request, notes))
         tty = notes.isatty()
-        compact(wish.path, progress=(lambda share: _say(notes, f"packing {share:.0%}")) if tty else None)
+        compact(request.path, progress=(lambda share: _show(notes, f"packing {share:.0%}")) if tty else None)
     except RecordingError as error:
         raise RecordError(f"{error.message} {error.hint}".rstrip()) from None
-    _say(notes, "")
-    size = wish.path.stat().st_size
-    return printable(f"{wish.path}: {heard.seconds:.1f} s, {amount(heard.size)} of {name}, {amount(size)} on disk")
+    _show(notes, "")
+    size = request.path.stat().st_size
+    return printable(f"{request.path}: {status.seconds:.1f} s, {amount(status.size)} of {name}, {amount(size)} on disk")
 
 
-async def _record(wish: RecordRequest, notes: TextIO) -> tuple[RecordStatus, str]:
+async def _record(request: RecordRequest, notes: TextIO) -> tuple[RecordStatus, str]:
     now_ns = steady_clock()
-    hub = Hub(lambda: now_ns() / 1e9, history_s=1)
+    bus = Telemetry.create(lambda: now_ns() / 1e9, history_s=1).bus
     sessions = Sessions(
-        hub, open_link, protocol_set.speech(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(wish.data)
+        bus, open_link, protocol_set.speech(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(request.data)
     )
-    desks = ControllerRegistry(hub, sessions, wish.data, 20)
+    controllers = ControllerRegistry(bus, sessions, request.data, ConfigurationTimings())
     recorder = Recorder(
-        hub, sessions, desks, RecordingOptions(wish.path.parent, follow_clock=False), None, time.time_ns
+        bus, sessions, controllers, RecordingOptions(request.path.parent, follow_clock=False), None, time.time_ns
     )
-    heard = RecordStatus()
-    sessions.on_added(lambda session: _listen(session, heard))
+    status = RecordStatus()
+    sessions.on_added(lambda session: _count_bytes(session, status))
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
     sessions.start()
     try:
-        await recorder.start(title="", path=wish.path)
+        await recorder.start(title="", path=request.path)
         try:
-            for source, reading in wish.sources:
+            for source, reading in request.sources:
                 sessions.add(source, reading)
-            await _until_end(wish, recorder, sessions.all, heard, ended, notes)
+            await _until_end(request, recorder, sessions.all, status, ended, notes)
             name = ", ".join(info.name for info in sessions.infos if info.last_arrival is not None)
             info = sessions.all[0].info
             why = f"{info.message} {info.hint}".strip()
         finally:
-            heard.over = True
+            status.is_over = True
             if recorder.state.running:
                 await recorder.stop()
-            if not heard.size:
+            if not status.size:
                 with contextlib.suppress(OSError):
-                    wish.path.unlink()
+                    request.path.unlink()
     finally:
         await recorder.close()
         await sessions.close()
     state = recorder.state
     if state.message:
         raise RecordError(f"{state.message} {state.hint}".rstrip())
-    if not heard.size:
-        raise RecordError(f"Nothing came, so nothing was recorded. {why}")
-    return heard, name
+    if not status.size:
+        raise RecordError(f"No data was received, so nothing was recorded. {why}")
+    return status, name
 
 
-def _listen(session: Session, heard: RecordStatus) -> None:
-    session.chunks(heard.take)
+def _count_bytes(session: Session, status: RecordStatus) -> None:
+    session.chunks(status.update)
 
 
 async def _until_end(
-    wish: RecordRequest,
+    request: RecordRequest,
     recorder: Recorder,
     sessions: list[Session],
-    heard: RecordStatus,
+    status: RecordStatus,
     ended: asyncio.Event,
     notes: TextIO,
 ) -> None:
-    """Return when somebody ends it, its time is over, every file is, or the disk fails. Without a terminal only what
-    a source waits for is said, once."""
-    told: set[str] = set()
-    looks = 0
+    """Return when recording is stopped, its time is over, all files have ended, or the disk fails. Without a terminal,
+    only the reason why a source is not live is printed, once.
+    """
+    printed_texts: set[str] = set()
+    rounds = 0
 
     def say() -> None:
         if notes.isatty():
-            _say(notes, progress(sessions, heard, recorder.state))
+            _show(notes, progress(sessions, status, recorder.state))
             return
-        if heard.size or looks < PATIENT_LOOKS:
+        if status.size or rounds < QUIET_ROUNDS:
             return
         for session in sessions:
             text = f"{session.info.message} {session.info.hint}".strip()
-            if session.info.status != "live" and text and text not in told and len(told) < MOST_TOLD:
-                told.add(text)
+            if (
+                session.info.status != "live"
+                and text
+                and text not in printed_texts
+                and len(printed_texts) < MOST_MESSAGES
+            ):
+                printed_texts.add(text)
                 print(f"imuscope: {printable(text)}", file=notes, flush=True)
 
     while not ended.is_set():
-        left = LOOK_S
-        if wish.duration_s is not None and heard.first_ns:
-            left = min(left, heard.first_ns / 1e9 + wish.duration_s - recorder.now())
-        if left <= 0:
+        wait_s = POLL_S
+        if request.duration_s is not None and status.first_ns:
+            wait_s = min(wait_s, status.first_ns / 1e9 + request.duration_s - recorder.now())
+        if wait_s <= 0:
             return
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(ended.wait(), left)
+            await asyncio.wait_for(ended.wait(), wait_s)
         if all(one.info.status in ("ended", "idle") for one in sessions) or not recorder.state.running:
             return
-        looks += 1
+        rounds += 1
         say()
 
 
-def progress(sessions: Sequence[Session], heard: RecordStatus, state: wire.RecorderState) -> str:
-    """How it goes, in a line."""
-    parts = [f"{heard.seconds:.1f} s", amount(state.bytes)]
+def progress(sessions: Sequence[Session], status: RecordStatus, state: wire.RecorderState) -> str:
+    """Progress in one line."""
+    parts = [f"{status.seconds:.1f} s", amount(state.bytes)]
     for session in sessions:
         info = session.info
         if info.status == "live":
-            health = session.health(heard.last_ns / 1e9)
+            health = session.health(status.last_ns / 1e9)
             parts += [info.name, f"{health.rate:.0f} samples/s"]
             if health.lost:
                 parts.append(f"{health.lost} lost")
@@ -218,8 +227,8 @@ def amount(size: int) -> str:
     return f"{size} B" if unit == "B" else f"{value:.2f} {unit}"
 
 
-def _say(notes: TextIO, text: str) -> None:
-    """One line that changes."""
+def _show(notes: TextIO, text: str) -> None:
+    """Show a line that is updated in place, on a terminal."""
     if notes.isatty():
         notes.write(f"\r\x1b[K{printable(text)}")
         notes.flush()

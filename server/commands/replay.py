@@ -1,14 +1,14 @@
-"""A recording for any other program: `imuscope replay FILE [--tcp [HOST]:PORT | --udp HOST:PORT | --pty]`.
+"""Replay of a recording to any other program: `imuscope replay FILE [--tcp [HOST]:PORT | --udp HOST:PORT | --pty]`.
 
-    $ imuscope replay drive.mcap --tcp :4000          waits for who connects, then sends; to all who are there
+    $ imuscope replay drive.mcap --tcp :4000          waits for a client, then sends to all connected clients
     tcp://127.0.0.1:4000
-    $ imuscope replay drive.mcap --udp 10.0.0.7:5000  a datagram for each chunk, as it came
-    $ imuscope replay drive.mcap --pty                a serial port of its own; begins when somebody has opened it
+    $ imuscope replay drive.mcap --udp 10.0.0.7:5000  one datagram for each recorded chunk
+    $ imuscope replay drive.mcap --pty                a new serial port; starts when a program opens it
     /dev/pts/7
 
-What is sent are the original bytes at their original pace (`--speed`, `--loop`, `--from`, `--to`, `--device`). Whoever
-does not take them holds the replay up, nothing is left out: the clock stands still meanwhile. What comes back is read
-and thrown away. The address on standard output is what another imuscope takes as a source.
+The original bytes are sent with their original timing (`--speed`, `--loop`, `--from`, `--to`, `--device`). A receiver
+that stalls pauses the replay clock; no bytes are skipped. Bytes from the receiver are read and discarded. Another
+imuscope accepts the address on standard output as a source.
 """
 
 from __future__ import annotations
@@ -37,43 +37,43 @@ from server.links.base import steady_clock
 from server.links.reader_thread import write_all
 
 LONGEST_DATAGRAM = 65_507
-HELD_NS = 50_000_000  # a send that takes longer holds the clock
-QUIET_LOOKS = 10
-STUCK_S = 10.0  # a client that takes nothing for so long is let go
-OPENED_S = 0.3  # programs that open a port throw away what is in it
-LOOK_S = 0.02
+STALL_NS = 50_000_000  # a send that takes longer pauses the replay clock
+QUIET_POLLS = 10
+STUCK_S = 10.0  # a client that accepts no data for this long is disconnected
+OPENED_S = 0.3  # programs discard the bytes in a port when they open it
+POLL_S = 0.02
 
 
 class ReplayError(Exception):
-    """Why it cannot be played, in one sentence."""
+    """The reason why a file cannot be played, in one sentence."""
 
 
 class Sink(Protocol):
-    """Where bytes go.
+    """Destination of replayed bytes.
 
     Attributes:
-        place: as a source of another imuscope.
+        place: its address, as a source for another imuscope.
     """
 
     place: str
 
-    async def ready(self) -> None:
-        """Somebody is there."""
+    async def wait_ready(self) -> None:
+        """Wait until a receiver is connected."""
 
     async def send(self, data: bytes) -> None: ...
 
     async def close(self) -> None:
-        """After what was sent has been taken."""
+        """Close after the receiver has taken all bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayRequest:
-    """What is to be played, and where to.
+    """Request for `imuscope replay`: source and destination.
 
     Args:
-        to: makes the sink.
+        to: creates the sink.
         begin_s, end_s: seconds from the beginning of the file.
-        device: of the file; "" for the only one.
+        device: device in the file; "" for the only one.
     """
 
     path: Path
@@ -86,22 +86,22 @@ class ReplayRequest:
     device: str = ""
 
 
-async def replay(wish: ReplayRequest, out: TextIO) -> int:
-    """Play to the end, or until SIGINT or SIGTERM; how many bytes were sent.
+async def replay(request: ReplayRequest, out: TextIO) -> int:
+    """Play to the end, or until SIGINT or SIGTERM. Returns the number of bytes sent.
 
     Raises:
-        ReplayError: the file cannot be played so, or there is no such place.
+        ReplayError: the file cannot be played, or the destination cannot be used.
     """
-    made = _replay(wish)
+    replay_clock = _replay_clock(request)
     try:
-        sink = wish.to()
+        sink = request.to()
     except OSError as error:
-        raise ReplayError(f"The place to send to cannot be used: {error.strerror or error}.") from None
+        raise ReplayError(f"The destination cannot be used: {error.strerror or error}.") from None
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
-    playing = loop.create_task(_play(made, sink, out))
+    playing = loop.create_task(_play(replay_clock, sink, out))
     stopping = loop.create_task(stop.wait())
     await asyncio.wait((playing, stopping), return_when=asyncio.FIRST_COMPLETED)
     stopping.cancel()
@@ -115,80 +115,80 @@ async def replay(wish: ReplayRequest, out: TextIO) -> int:
         await sink.close()
 
 
-def _replay(wish: ReplayRequest) -> ReplayClock:
+def _replay_clock(request: ReplayRequest) -> ReplayClock:
     try:
-        file = open_file(wish.path, wish.protocol)
+        file = open_file(request.path, request.protocol)
         span = extent(file)
     except RecordingError as error:
         raise ReplayError(f"{error.message} {error.hint}".rstrip()) from None
     if span is None:
-        raise ReplayError(f"{wish.path.name} holds no bytes of a device.")
-    stop_ns = span[1] + 1 if wish.end_s is None else span[0] + round(wish.end_s * 1e9)
-    start_ns = span[0] + round(wish.begin_s * 1e9)
+        raise ReplayError(f"{request.path.name} has no device bytes.")
+    stop_ns = span[1] + 1 if request.end_s is None else span[0] + round(request.end_s * 1e9)
+    start_ns = span[0] + round(request.begin_s * 1e9)
     if not start_ns < stop_ns or start_ns > span[1]:
-        raise ReplayError(f"{wish.path.name} lasts {(span[1] - span[0]) / 1e9:.3f} s; nothing lies in that range.")
+        raise ReplayError(f"{request.path.name} lasts {(span[1] - span[0]) / 1e9:.3f} s; that range is empty.")
     return ReplayClock(
         file,
         steady_clock(),
-        speed=wish.speed,
-        loop=wish.loop,
+        speed=request.speed,
+        loop=request.loop,
         start_ns=start_ns,
         stop_ns=stop_ns,
-        devices=[chosen(file, wish.device)],
+        devices=[choose_device(file, request.device)],
     )
 
 
-def chosen(file: Source, device: str) -> str:
-    """Whose bytes are played.
+def choose_device(file: Source, device: str) -> str:
+    """Device whose bytes are replayed.
 
     Raises:
-        ReplayError: there is no such device, or there are several and none was named.
+        ReplayError: unknown device, or several devices and none named.
     """
     known = list(file.devices)
-    listed = ", ".join(f"{one.id} ({one.about.get('name') or one.protocol or '?'})" for one in file.devices.values())
+    listed = ", ".join(f"{one.id} ({one.identity.get('name') or one.protocol or '?'})" for one in file.devices.values())
     if device and device not in known:
-        raise ReplayError(f"{file.path.name} holds no device {device!r}; there are: {listed}.")
+        raise ReplayError(f"{file.path.name} has no device {device!r}; it has: {listed}.")
     if not device and len(known) > 1:
-        raise ReplayError(f"{file.path.name} holds several devices; name one with --device: {listed}.")
+        raise ReplayError(f"{file.path.name} has several devices; name one with --device: {listed}.")
     return device or (known[0] if known else "1")
 
 
 async def _play(replay: ReplayClock, sink: Sink, out: TextIO) -> int:
     print(sink.place, file=out, flush=True)
     replay.pause()
-    await sink.ready()
+    await sink.wait_ready()
     replay.play()
     clock = steady_clock()
     sent = 0
     while (wait_ns := replay.wait_ns()) is not None:
         await asyncio.sleep(wait_ns / 1e9)
-        for one in replay.take(64):
+        for one in replay.due_chunks(64):
             began = clock()
             await sink.send(one.data)
             sent += len(one.data)
-            if clock() - began > HELD_NS:
-                replay.held()
+            if clock() - began > STALL_NS:
+                replay.note_stall()
     return sent
 
 
 class TcpSink:
-    """Listens; sends to all who are connected, from when the first one is."""
+    """TCP server that sends to all connected clients and starts when the first connects."""
 
     def __init__(self, host: str, port: int) -> None:
         self._listener = socket.create_server((host or "127.0.0.1", port))
         name, number = self._listener.getsockname()[:2]
         self.place = f"tcp://{name}:{number}"
         self._writers: list[asyncio.StreamWriter] = []
-        self._somebody = asyncio.Event()
+        self._connected = asyncio.Event()
         self._server: asyncio.Server | None = None
 
-    async def ready(self) -> None:
-        self._server = await asyncio.start_server(self._came, sock=self._listener)
-        await self._somebody.wait()
+    async def wait_ready(self) -> None:
+        self._server = await asyncio.start_server(self._on_connection, sock=self._listener)
+        await self._connected.wait()
 
-    async def _came(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _on_connection(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.append(writer)
-        self._somebody.set()
+        self._connected.set()
         with contextlib.suppress(OSError):
             while await reader.read(4096):
                 pass
@@ -213,7 +213,7 @@ class TcpSink:
 
 
 class UdpSink:
-    """A datagram for each chunk. Nobody there is nobody's fault: it goes on."""
+    """UDP sender: one datagram for each chunk. A missing receiver is not an error."""
 
     def __init__(self, host: str, port: int) -> None:
         kind, _, _, _, address = socket.getaddrinfo(host or "127.0.0.1", port, type=socket.SOCK_DGRAM)[0]
@@ -222,7 +222,7 @@ class UdpSink:
         self._socket.setblocking(False)
         self.place = f"udp://:{port}"
 
-    async def ready(self) -> None:
+    async def wait_ready(self) -> None:
         return
 
     async def send(self, data: bytes) -> None:
@@ -236,7 +236,7 @@ class UdpSink:
 
 
 class PtySink:
-    """A pseudo-terminal. Nobody's end is closed first, so that poll(2) tells when somebody has opened it."""
+    """A pseudo-terminal. The slave end is closed first, so that poll(2) detects when a program opens it."""
 
     def __init__(self) -> None:
         self._master, slave = pty.openpty()
@@ -245,17 +245,19 @@ class PtySink:
         os.close(slave)
         os.set_blocking(self._master, False)
 
-    async def ready(self) -> None:
+    async def wait_ready(self) -> None:
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
         while any(event & select.POLLHUP for _, event in poll.poll(0)):
-            await asyncio.sleep(LOOK_S)
-        self._slave = os.open(self.place, os.O_RDWR | os.O_NOCTTY)  # kept: a reader that goes is waited for
+            await asyncio.sleep(POLL_S)
+        self._slave = os.open(
+            self.place, os.O_RDWR | os.O_NOCTTY
+        )  # kept open, so that the replay waits if the reader closes it
         tty.setraw(self._slave)
         await asyncio.sleep(OPENED_S)
-        asyncio.get_running_loop().add_reader(self._master, self._throw_away)
+        asyncio.get_running_loop().add_reader(self._master, self._discard_input)
 
-    def _throw_away(self) -> None:
+    def _discard_input(self) -> None:
         with contextlib.suppress(OSError):
             os.read(self._master, 4096)
 
@@ -268,25 +270,25 @@ class PtySink:
     async def close(self) -> None:
         asyncio.get_running_loop().remove_reader(self._master)
         if self._slave >= 0:
-            # Between what the kernel holds back and what it offers, nothing is offered for a moment: look again.
+            # FIONREAD is briefly 0 while the kernel moves bytes between its buffers, so check several times.
             end, quiet = asyncio.get_running_loop().time() + STUCK_S, 0
-            while quiet < QUIET_LOOKS and asyncio.get_running_loop().time() < end:
-                quiet = 0 if self._unread() else quiet + 1
-                await asyncio.sleep(LOOK_S)
+            while quiet < QUIET_POLLS and asyncio.get_running_loop().time() < end:
+                quiet = 0 if self._backlog() else quiet + 1
+                await asyncio.sleep(POLL_S)
             os.close(self._slave)
         os.close(self._master)
 
-    def _unread(self) -> int:
-        """Bytes that nobody has read yet."""
+    def _backlog(self) -> int:
+        """Number of unread bytes."""
         answer = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
         return int(struct.unpack("i", answer)[0])
 
 
 def address(text: str) -> tuple[str, int]:
-    """HOST:PORT, [HOST]:PORT or :PORT.
+    """Host and port of HOST:PORT, [HOST]:PORT or :PORT.
 
     Raises:
-        ReplayError: it is none.
+        ReplayError: not a valid address.
     """
     host, colon, port = text.rpartition(":")
     if not colon or not port.isascii() or not port.isdigit() or int(port) > 65535:

@@ -1,4 +1,4 @@
-"""`imuscope serve`: the settings are checked, the port is opened, the page is served until somebody ends it."""
+"""`imuscope serve`: check the settings, open the port, serve the page until stopped."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import time
 from typing import TYPE_CHECKING
 
 from server import logging_setup
-from server.commands.common import BOTH, UsageError, check_sources, placed, warm
+from server.commands.common import KEY_AND_UNVERIFIED, UsageError, check_sources, normalized_sources, prepare
 from server.config import Config, load
 from server.devices.decode_options import key_text
+from server.devices.protocol_set import problems
+from server.links.simulated_device import simulators
 from server.version import VERSION
 
 if TYPE_CHECKING:
@@ -19,42 +21,42 @@ if TYPE_CHECKING:
 
 
 def serve(options: argparse.Namespace) -> None:
-    """Until it is ended.
+    """Serve until stopped.
 
     Raises:
-        UsageError: what the options ask for is not to be had.
-        ConfigError, ReadingError: they, or the configuration file, cannot be understood.
+        UsageError: the options cannot be fulfilled.
+        ConfigError, ReadingError: invalid options or configuration file.
     """
     started = time.monotonic()
     if options.key is not None and options.unverified:
-        raise UsageError(BOTH)
+        raise UsageError(KEY_AND_UNVERIFIED)
     config = _config(options)
     from server import http_server
     from server.auth import Access
 
-    given, access = config.reading(), Access(config)
-    keys = (access.view_token, access.control_token, config.key, given.key.hex() if given.key else "")
+    decode_options, access = config.reading(), Access(config)
+    keys = (access.view_token, access.control_token, config.key, decode_options.key.hex() if decode_options.key else "")
     logging_setup.install(config.log_format, config.log_level, logging_setup.secrets_of(*keys))
-    keeper = http_server.keeper_of(config)
-    warm(config.data)
+    tls_renewal = http_server.keeper_of(config)
+    prepare(config.data)
     from server.app import create_app
 
-    check_sources(config.sources, given)
+    check_sources(config.sources, decode_options)
     try:
         listener = http_server.listen(config.host, config.port)
     except OSError as error:
         hint = "Give another with --port, or 0 for any free one."
         if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
-            hint = "Give an address of this machine with --host; 0.0.0.0 is all of them."
+            hint = "Give an address of this machine with --host; 0.0.0.0 means all of them."
         raise UsageError(f"cannot listen on {config.host}:{config.port}: {error.strerror}. {hint}") from None
     url = _url(config, listener.getsockname()[1])
 
     def ready() -> None:
         logging_setup.print_or_log(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
-        _tell(config, access, url, keeper.tls.fingerprint if keeper is not None else "")
+        _print_addresses(config, access, url, tls_renewal.tls.fingerprint if tls_renewal is not None else "")
 
     try:
-        http_server.run(create_app(config, access), listener, ready, keeper)
+        http_server.run(create_app(config, access), listener, ready, tls_renewal)
     except RuntimeError as error:
         raise UsageError(str(error)) from None
 
@@ -72,7 +74,7 @@ def _config(options: argparse.Namespace) -> Config:
         unverified=options.unverified,
         time_unit=options.time_unit,
         rotation=options.rotation,
-        sources=placed(options.sources) or None,
+        sources=normalized_sources(options.sources) or None,
         tls=options.tls,
         tls_cert=options.tls_cert,
         tls_key=options.tls_key,
@@ -84,28 +86,31 @@ def _config(options: argparse.Namespace) -> Config:
     )
 
 
-def _tell(config: Config, access: Access, url: str, fingerprint: str) -> None:
-    """Where the page is, for whom, and what a person should know at the start."""
+def _print_addresses(config: Config, access: Access, url: str, fingerprint: str) -> None:
+    """Print the address of the page, its tokens and start-up warnings."""
     from server.login_throttle import UNGUESSABLE, short_tokens
 
     if access.control_token and not config.is_loopback:
         print(
-            f"to look:    {url}?token={access.view_token}\nto control: {url}?token={access.control_token}",
+            f"to view:    {url}?token={access.view_token}\nto control: {url}?token={access.control_token}",
             flush=True,
         )
     else:
         print(url, flush=True)
     if fingerprint:
-        print(f"SHA-256 of its certificate: {fingerprint}", flush=True)
+        print(f"SHA-256 of the certificate: {fingerprint}", flush=True)
     for name in short_tokens(config):
         logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
+    for problem in problems():
+        logging_setup.print_or_log(problem)
     if not config.sources:
-        words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
+        shown = [simulator.words for simulator in simulators().values() if simulator.usual]
+        words = f"No source given: showing simulated devices: {', '.join(shown)}."
         logging_setup.print_or_log(f"{words} See `imuscope serve --help`.")
 
 
 def _url(config: Config, port: int) -> str:
-    """An address that a person can open: 0.0.0.0 is no place to go, the machine's name is."""
+    """An address that a browser can open: the machine's name instead of 0.0.0.0."""
     import platform
 
     host = platform.node() if config.host in ("0.0.0.0", "::", "") else config.host

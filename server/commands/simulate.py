@@ -1,12 +1,12 @@
-"""A simulated device for other programs: `imuscope simulate xbus?product=MTi-680G (--pty PATH | --tcp :PORT)`.
+"""Simulated device for other programs: `imuscope simulate xbus?product=MTi-680G (--pty PATH | --tcp :PORT)`.
 
     $ imuscope simulate xbus?product=MTi-680G --pty /tmp/imu
     MTi-680G at /tmp/imu (/dev/pts/5), 115200 Bd. Ctrl-C ends it.
 
-The device is the one that `imuscope twin:xbus` shows, with the same options (server/links/simulator.py), behind a real
-pseudo-terminal: PATH is a symbolic link to it, and a program that opens it at another rate than the device's hears
-noise. Over TCP there is no rate; one client after the other, or several at once, speak to the same device, whose bytes
-all of them get. The device is switched on from the start and keeps its settings until the command ends.
+The device is the same as of `imuscope sim:xbus`, with the same options (server/links/simulator.py), behind a real
+pseudo-terminal: PATH is a symbolic link to it, and a program that opens it at the wrong baud rate receives noise. TCP
+has no baud rate; several clients, in turn or at once, can send to the device, and all of them receive its bytes. The
+device is switched on from the start and keeps its settings until the command ends.
 """
 
 from __future__ import annotations
@@ -24,25 +24,32 @@ from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.simulator import SimulatorThread
 from server.links.source_url import SourceUrl
 
-PREFIX = "twin:"
-RATE_LOOK_S = 0.05  # how soon the TCP side follows a new rate of the device
-MOST_WAITING = 1 << 20  # bytes that wait for a TCP client; one that is further behind is disconnected
+PREFIXES = ("sim:", "twin:")
+RATE_POLL_S = 0.05  # delay until the TCP side follows a new baud rate of the device
+MOST_WAITING = 1 << 20  # bytes queued for a TCP client; a client further behind is disconnected
 
 
 class SimulateError(Exception):
-    """Why there is no simulated device, in one sentence."""
+    """The reason why a device cannot be simulated, in one sentence."""
 
 
 def options_of(text: str) -> SimulatorOptions:
-    """The device that a person named, such as "xbus?product=MTi-680G".
+    """Options of the device that the user named, such as "xbus?product=MTi-680G".
 
     Raises:
-        SimulateError: there is none of that kind, or an option is wrong.
+        SimulateError: unknown device, or an invalid option.
     """
     try:
-        return SimulatorOptions.of(SourceUrl.parse(text if text.startswith(PREFIX) else PREFIX + text))
+        return SimulatorOptions.of(SourceUrl.parse(text if text.startswith(PREFIXES) else PREFIXES[0] + text))
     except LinkError as error:
-        raise SimulateError(str(error).replace(PREFIX, "")) from None
+        raise SimulateError(str(error).replace(PREFIXES[0], "")) from None
+
+
+def has_key(protocol: str) -> bool:
+    """True for a protocol with Secure frames."""
+    from protocols.registry import PROTOCOLS
+
+    return "key" in PROTOCOLS[protocol].settings
 
 
 def simulate(
@@ -51,38 +58,43 @@ def simulate(
     """Run the device until a signal ends it.
 
     Args:
-        key: of Secure frames (IDTP).
-        pty: where the symbolic link to its port is made.
-        tcp: (host, port) to listen at, where there is no `pty`.
-        out: told once where the device is.
+        key: key for Secure frames (IDTP).
+        pty: path of the symbolic link to the port.
+        tcp: (host, port) to listen on, if there is no `pty`.
+        out: stream on which the address of the device is printed.
+
     Raises:
-        SimulateError: the link cannot be made, or nothing can listen there.
+        SimulateError: the link cannot be created, or the address cannot be used.
     """
-    bench = SimulatorThread(lambda start_ns: make_device(options, start_ns, key), options)
+    simulator_thread = SimulatorThread(lambda start_ns: make_device(options, start_ns, key), options)
     try:
-        asyncio.run(_run(bench, options, pty, tcp, out))
+        asyncio.run(_run(simulator_thread, options, pty, tcp, out))
     finally:
-        bench.stop()
-        if pty is not None and _points_to(pty, bench.slave):
+        simulator_thread.stop()
+        if pty is not None and _points_to(pty, simulator_thread.slave):
             pty.unlink()
 
 
 async def _run(
-    bench: SimulatorThread, options: SimulatorOptions, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO
+    simulator_thread: SimulatorThread,
+    options: SimulatorOptions,
+    pty: Path | None,
+    tcp: tuple[str, int] | None,
+    out: TextIO,
 ) -> None:
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
     baud = options.faults.baud or 115_200
-    set_rate(bench.slave, baud)
-    bridge = Bridge(bench) if tcp is not None else None
-    where = f"{pty} ({bench.slave})"
+    set_rate(simulator_thread.slave, baud)
+    bridge = Bridge(simulator_thread) if tcp is not None else None
+    where = f"{pty} ({simulator_thread.slave})"
     if bridge is not None and tcp is not None:
         where = f"tcp://{await bridge.listen(*tcp)}"
-    bench.start()
+    simulator_thread.start()
     if pty is not None:
-        _link(pty, bench.slave)  # last: who waits for it finds a device that is switched on
+        _link(pty, simulator_thread.slave)  # last, so that a program waiting for it finds a running device
     name = options.product or options.protocol.upper()
     print(f"{name} at {where}, {baud} Bd. Ctrl-C ends it.", file=out, flush=True)
     await ended.wait()
@@ -91,25 +103,25 @@ async def _run(
 
 
 class Bridge:
-    """Carries bytes between the port of a bench and TCP clients; the port follows the device's rate."""
+    """Carries bytes between the port of a simulator and TCP clients; the port follows the device's baud rate."""
 
-    def __init__(self, bench: SimulatorThread) -> None:
-        self._bench = bench
-        self._port = os.open(bench.slave, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    def __init__(self, simulator_thread: SimulatorThread) -> None:
+        self._simulator = simulator_thread
+        self._port = os.open(simulator_thread.slave, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         self._clients: set[asyncio.StreamWriter] = set()
         self._server: asyncio.Server | None = None
         self._follower: asyncio.Task[None] | None = None
 
     async def listen(self, host: str, port: int) -> str:
-        """Begin; HOST:PORT where clients connect.
+        """Start listening; returns the HOST:PORT to which clients connect.
 
         Raises:
-            SimulateError: the address is taken, or is none of this machine's.
+            SimulateError: the address is in use, or is not an address of this machine.
         """
         try:
             self._server = await asyncio.start_server(self._serve, host or "127.0.0.1", port)
         except OSError as error:
-            raise SimulateError(f"Nothing can listen at {host or '127.0.0.1'}:{port}: {error.strerror}.") from None
+            raise SimulateError(f"Cannot listen on {host or '127.0.0.1'}:{port}: {error.strerror}.") from None
         loop = asyncio.get_running_loop()
         loop.add_reader(self._port, self._from_device)
         self._follower = loop.create_task(self._follow(), name="rate of the port")
@@ -117,7 +129,7 @@ class Bridge:
         return f"{name}:{number}"
 
     async def close(self) -> None:
-        """Disconnect everybody."""
+        """Disconnect all clients."""
         asyncio.get_running_loop().remove_reader(self._port)
         if self._follower is not None:
             self._follower.cancel()
@@ -157,15 +169,15 @@ class Bridge:
     async def _follow(self) -> None:
         known = 0
         while True:
-            device = self._bench.device
+            device = self._simulator.device
             if device is not None and device.baud != known:
                 known = device.baud
-                set_rate(self._bench.slave, known)
-            await asyncio.sleep(RATE_LOOK_S)
+                set_rate(self._simulator.slave, known)
+            await asyncio.sleep(RATE_POLL_S)
 
 
 def set_rate(port: str, baud: int) -> None:
-    """Have a terminal speak at this rate, where it knows it."""
+    """Set the baud rate of a terminal, if it supports that rate."""
     speed = getattr(termios, f"B{baud}", None)
     if speed is None:
         return
@@ -179,15 +191,15 @@ def set_rate(port: str, baud: int) -> None:
 
 
 def _link(path: Path, port: str) -> None:
-    """A symbolic link to the port, in place of one that an earlier run left."""
+    """Create a symbolic link to the port, replacing a link of an earlier run."""
     try:
         if path.is_symlink() and os.readlink(path).startswith("/dev/pts/"):
             path.unlink()
         path.symlink_to(port)
     except FileExistsError:
-        raise SimulateError(f"{path} exists and is no link to a port. Choose another path.") from None
+        raise SimulateError(f"{path} exists and is not a link to a port. Choose another path.") from None
     except OSError as error:
-        raise SimulateError(f"{path} cannot be made: {error.strerror}.") from None
+        raise SimulateError(f"{path} cannot be created: {error.strerror}.") from None
 
 
 def _points_to(path: Path, port: str) -> bool:

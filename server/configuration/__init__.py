@@ -1,1 +1,1 @@
-"""What is done to a device: forms, jobs, the exchange, snapshots, and the way back."""
+"""Device configuration: forms, jobs, the traffic log, snapshots and rollback."""

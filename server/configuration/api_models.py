@@ -1,37 +1,38 @@
-"""What the Configure page and the server say to each other: the shapes of the HTTP API under /api/devices/{id}.
+"""HTTP API of the Configure page: the shapes of the HTTP API under /api/devices/{id}.
 
     GET    …/forms                       Forms: every setting and command of this device, as forms
-    POST   …/preview      Preview        PreviewAnswer: frames, annotated; problems; load. Sends nothing, wants no lock
+    POST   …/preview      Preview        PreviewAnswer: frames, annotated; problems; load. Sends nothing, takes no lock
     POST   …/read         ReadWish       Job: read settings (null: all of them) into a snapshot
-    POST   …/apply        Apply          Job: snapshot, write, read back; on trial where the line could be cut
+    POST   …/apply        Apply          Job: snapshot, write, read back; temporary until confirmed where the link could
+                                         be lost
     POST   …/run          Run            Job: one command
-    POST   …/raw          Raw            Job: bytes as they are, hex
-    POST   …/keep         {}             ends a trial: the settings stay
-    POST   …/revert       {}             ends a trial: back now
+    POST   …/raw          Raw            Job: bytes sent unchanged, hex
+    POST   …/confirm      {}             the pending change stays
+    POST   …/roll-back    {}             the pending change is undone now
     POST   …/restore      {}             Job: the guided restore-communication procedure
-    DELETE …/jobs/{job}                  takes a job out of the queue, or stops it where that is safe
-    GET    …/control                     ControlState
-    GET    …/values                      SnapshotBody: what the device has, as last read; `taken` 0: never read
-    GET    …/exchange?before=&limit=     the log of the exchange, newest last: list[ExchangeEntry]
+    DELETE …/jobs/{job}                  removes a job from the queue, or stops it if that is safe
+    GET    …/jobs                        DeviceJobs
+    GET    …/values                      SnapshotBody: values of the device, as last read; `taken` 0: never read
+    GET    …/traffic?before=&limit=     the traffic log, newest last: list[TrafficEntry]
     GET    …/snapshots                   list[SnapshotInfo], newest first, by serial number
     GET    …/snapshots/{name}            the snapshot as YAML (application/yaml); ?format=json for SnapshotBody
-    POST   …/snapshots    Keep           keeps a text (a file of the person's) or the present values under a name
+    POST   …/snapshots    Keep           stores a text (a file of the user) or the present values under a name
     DELETE …/snapshots/{name}
     POST   …/compare      Compare        Difference: two sides, field by field
-    POST   …/fit          Fit            FitAnswer: the same outputs with rates that fit
+    POST   …/fit-rates    Fit            FitAnswer: the same outputs with rates that fit
     GET, PUT, DELETE …/corrections       Corrections: a stream of RTCM, forwarded
 
-`preview`, `fit` and `compare` send nothing to a device, and a view token is enough for them. What could
-harm is answered with 409, kind "confirm" and the consequence as its message, until it comes with `confirmed`. A command
-that writes a setting is applied like a change of that setting: with snapshot, reading back, and a trial where the line
-could be cut. Further refusals: 409 "not-now" (nothing is on trial; a job that cannot be stopped), "full" (the queue),
-"not-read", "no-driver", "no-settings", "no-defaults", "not-alike"; 422 "bad-value", "too-much" (for the line),
-"bad-snapshot"; 404 "not-found"; 507 "disk".
+`preview`, `fit-rates` and `compare` send nothing to a device, and a view token is sufficient for them. A request that
+could do harm is answered with 409, kind "confirm" and the consequence as its message, until it is sent with
+`confirmed`. A command that writes a setting is applied like a change of that setting: with snapshot, read-back, and a
+pending rollback where the link could be lost. Further refusals: 409 "not-now" (no rollback is pending; a job that
+cannot be stopped), "full" (the queue), "not-read", "no-driver", "no-settings", "no-defaults", "not-alike"; 422
+"bad-value", "too-much" (for the line), "bad-snapshot"; 404 "not-found"; 507 "disk".
 
-A job comes back at once (202); how it goes is told over the WebSocket (`control`, `exchange`, `jobs`), and its result
-is in `ControlState.done` until five newer ones are. Values are wire values by field name, as `imuscope inspect` prints
+A job is returned at once (202); its progress is sent over the WebSocket (`jobs`, `traffic`), and its result stays in
+`DeviceJobs.done` until five newer jobs have ended. Values are wire values by field name, as `imuscope inspect` prints
 them; a field with `scale` is shown as wire × scale + bias in `unit`. Errors have the one shape {kind, message, hint};
-what is wrong with a value is not an error but a FieldProblem.
+an invalid value is reported as a FieldProblem, not as an error.
 """
 
 from __future__ import annotations
@@ -39,11 +40,37 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from protocols.editor_choices import OutputChoice, StreamChoice
 from server.wire import BitsInfo
 
 Editor = Literal["number", "integer", "choice", "flags", "bool", "text", "hex", "record", "list", "vector"]
 CautionKind = Literal["", "restarts", "stops-output", "cuts-line", "loses-settings", "wears-flash", "moves-frame"]
 Side = Literal["device", "factory", "snapshot", "text", "other"]
+
+
+@dataclass(slots=True)
+class MeaningForm:
+    """Meaning of a field while another field of its record has certain values."""
+
+    values: list[int]  # of the other field; empty: all that no meaning before names
+    title: str
+    unit: str
+    scale: float  # shown = wire × scale
+    decimals: int
+    signed: bool  # the wire value is a two's complement; low and high are signed
+    low: float | None = None  # allowed wire values; null: those of the field
+    high: float | None = None
+    doc: str = ""
+
+
+@dataclass(slots=True)
+class TextListForm:
+    """Texts that the device lists in a setting."""
+
+    setting: str
+    records: str  # field of the setting: a list of records
+    text: str  # field of a record
+    used: str  # field that is 0 in an unused record
 
 
 @dataclass(slots=True)
@@ -62,22 +89,25 @@ class FieldForm:
     default: Any = None
     decimals: int = -1
     length: int = 0  # bytes or characters of a text or hex; elements of a vector; 0: open
-    most: int = 0  # greatest number of list elements; 0: what the payload holds
+    max_length: int = 0  # maximum number of list elements; 0: limited by the payload only
     axes: list[str] = field(default_factory=list)
     choices: dict[str, str] = field(default_factory=dict)  # value (decimal) → meaning
     bits: list[BitsInfo] = field(default_factory=list)
     fields: list[FieldForm] = field(default_factory=list)  # of a record, or of each element of a list
-    simple: bool = True
+    basic: bool = True
     read_only: bool = False
     base: int = 10  # 16: an identifier, shown in hex as on the label
-    options: list[str] = field(default_factory=list)  # texts that a text field is known to take
+    options: list[str] = field(default_factory=list)  # known values of a text field
+    listed: TextListForm | None = None  # if the device lists the values; a value may join several with "/"
+    meaning_of: str = ""  # field of the same record on which the meaning depends
+    meanings: list[MeaningForm] = field(default_factory=list)
     doc: str = ""
     source: str = ""
 
 
 @dataclass(slots=True)
 class SettingForm:
-    """Values that the device keeps."""
+    """Values that the device stores."""
 
     name: str
     title: str
@@ -89,14 +119,14 @@ class SettingForm:
     after: Literal["", "measurement", "reset"] = ""  # when a written value takes effect
     caution: CautionKind = ""
     consequence: str = ""
-    simple: bool = True
+    basic: bool = True
     doc: str = ""
     source: str = ""
 
 
 @dataclass(slots=True)
 class CommandForm:
-    """Something the device can be told or asked."""
+    """A command of the device."""
 
     name: str
     title: str
@@ -106,42 +136,11 @@ class CommandForm:
     reply: str = ""
     caution: CautionKind = ""
     consequence: str = ""
-    simple: bool = True
+    basic: bool = True
     doc: str = ""
     source: str = ""
     harmless: dict[str, list[int]] = field(default_factory=dict)  # argument → values to which no caution applies
-    writes: str = ""  # the setting of which its arguments are the fields: its form opens with what the device has
-
-
-@dataclass(slots=True)
-class OutputChoice:
-    """One quantity that an Xsens output configuration can ask for."""
-
-    data_identifier: int  # with Float32 and ENU where they can be chosen
-    title: str
-    group: str
-    rates: list[int]  # allowed, Hz, fastest first; empty: with every message (0xFFFF)
-    formats: list[int]  # precision bits that it can have; empty: fixed
-    frames: list[int]  # coordinate bits that it can have; empty: fixed
-    size: int  # bytes of its data at Float32
-    unit: str = ""
-    simple: bool = True
-    doc: str = ""
-
-
-@dataclass(slots=True)
-class StreamChoice:
-    """One data set that an Inertial Sense device can stream."""
-
-    did: int
-    name: str
-    title: str
-    group: str
-    size: int  # bytes of its data; −1: as long as there is to tell
-    rmc_bit: int = -1  # bit of the RMC word; −1: by GET_DATA only
-    source_ms: float = 0.0  # period of one, ms; 0: not known before the device has told
-    simple: bool = True
-    doc: str = ""
+    writes: str = ""  # setting whose fields are the arguments; the form opens with the values of the device
 
 
 @dataclass(slots=True)
@@ -157,9 +156,9 @@ class Forms:
     commands: list[CommandForm]
     outputs: list[OutputChoice] = field(default_factory=list)
     streams: list[StreamChoice] = field(default_factory=list)
-    corrections: bool = False  # takes RTCM
-    factory: bool = False  # the document tells its factory settings
-    note: str = ""  # what is not known yet, in one sentence
+    corrections: bool = False  # accepts RTCM
+    factory: bool = False  # its factory settings are documented
+    note: str = ""  # what is not known yet, one sentence
 
 
 @dataclass(slots=True)
@@ -181,7 +180,7 @@ class FrameInfo:
 
 @dataclass(slots=True)
 class FieldProblem:
-    """What is wrong with a value, said where it is typed."""
+    """Problem of a value, shown at its input."""
 
     path: str
     message: str
@@ -197,13 +196,13 @@ class PartInfo:
 
 @dataclass(slots=True)
 class LoadInfo:
-    """What the line has to carry."""
+    """Load on the link."""
 
     parts: list[PartInfo]
     total: float  # bytes/s
-    capacity: float | None  # bytes/s, at the rate that will be in effect; null where the link has no such limit
+    capacity: float | None  # bytes/s, at the baud rate after the change; null if the link has no such limit
     baud: int | None
-    limits: list[str] = field(default_factory=list)  # per-message limits that are broken
+    limits: list[str] = field(default_factory=list)  # per-message limits that are exceeded
     measured: float | None = None  # bytes/s now
 
 
@@ -221,27 +220,27 @@ class PreviewAnswer:
     frames: list[FrameInfo]
     problems: list[FieldProblem]
     load: LoadInfo | None = None
-    line: str = ""  # how this change could cut the line; "" when it cannot
+    line: str = ""  # how this change could cut the line; "" if it cannot
 
 
 @dataclass(slots=True)
 class ReadWish:
     settings: list[str] | None = None
-    reason: str = ""  # kept with the snapshot
-    confirmed: bool = False  # what a command left unfinished (ControlState.unfinished) may be discarded
+    reason: str = ""  # stored in the snapshot
+    confirmed: bool = False  # unfinished work of a command (DeviceJobs.unfinished) may be discarded
 
 
 @dataclass(slots=True)
 class Apply:
-    """Settings to write: whole ones, or single fields where the setting is `partial`."""
+    """Settings to write: complete ones, or single fields if the setting is `partial`."""
 
     changes: dict[str, dict[str, Any]]
     reason: str = ""
-    confirmed: bool = False  # the person has read the consequence; without it a dangerous change is refused (409)
-    devices: list[str] = field(default_factory=list)  # further devices of the same protocol that get the same
-    product: str = ""  # whose settings these are (a profile's); a device of another product asks once more (409)
-    base: dict[str, dict[str, Any]] = field(default_factory=dict)  # what the settings were when they were edited: where
-    # the device has another value by now, nothing is written
+    confirmed: bool = False  # the user accepts the consequence; without it a dangerous change is refused (409)
+    devices: list[str] = field(default_factory=list)  # further devices of the same protocol, written with the same
+    product: str = ""  # product of these settings (of a profile); another product needs confirmation (409)
+    base: dict[str, dict[str, Any]] = field(default_factory=dict)  # the settings when they were edited; if the device
+    # has another value by now, nothing is written
 
 
 @dataclass(slots=True)
@@ -260,7 +259,7 @@ class Raw:
 @dataclass(slots=True)
 class Keep:
     title: str
-    text: str = ""  # YAML; "" keeps what the device has now
+    text: str = ""  # YAML; "" stores the present values of the device
 
 
 @dataclass(slots=True)
@@ -269,7 +268,7 @@ class SideRef:
 
     side: Side
     snapshot: str = ""  # SnapshotInfo.name, for "snapshot"
-    device: str = ""  # DeviceInfo.id, for "other"; for "snapshot" whose it is, "" for this device's
+    device: str = ""  # DeviceInfo.id, for "other"; for "snapshot" its owner, "" for this device
     text: str = ""  # YAML, for "text"
 
 
@@ -285,7 +284,7 @@ class DifferenceRow:
     path: str
     title: str
     unit: str
-    left: str  # in words: "400 Hz", "ENU"; "" where that side does not have it
+    left: str  # as text: "400 Hz", "ENU"; "" if that side does not have it
     right: str
     left_value: Any = None  # wire value
     right_value: Any = None
@@ -294,17 +293,17 @@ class DifferenceRow:
 
 @dataclass(slots=True)
 class Difference:
-    left: str  # what it is: "Device now", "Before this change, 14:31"
+    left: str  # title: "Device now", "Before this change, 14:31"
     right: str
     rows: list[DifferenceRow]
     same: int  # fields that agree
     missing: dict[str, str] = field(default_factory=dict)  # setting → why it could not be compared
-    changes: dict[str, dict[str, Any]] = field(default_factory=dict)  # as Apply takes them, to make left what right is
-    profile: dict[str, dict[str, Any]] = field(default_factory=dict)  # all of the right side that can be written
-    product: str = ""  # of the right side; "" where it is not known
-    problems: list[FieldProblem] = field(default_factory=list)  # what is wrong with the right side, at its path
-    dangers: list[str] = field(default_factory=list)  # what writing the right side to the device could cost
-    blocked: str = ""  # why it cannot be written: more than the line carries
+    changes: dict[str, dict[str, Any]] = field(default_factory=dict)  # for Apply, to make left equal to right
+    profile: dict[str, dict[str, Any]] = field(default_factory=dict)  # all writable values of the right side
+    product: str = ""  # of the right side; "" if it is not known
+    problems: list[FieldProblem] = field(default_factory=list)  # problems of the right side, at their paths
+    dangers: list[str] = field(default_factory=list)  # risks of writing the right side to the device
+    blocked: str = ""  # why it cannot be written: more than the line can carry
 
 
 @dataclass(slots=True)
@@ -318,7 +317,7 @@ class Fit:
 class FitAnswer:
     values: dict[str, Any]
     load: LoadInfo
-    words: list[str]  # what was lowered: "Acceleration 400 → 100 Hz"
+    words: list[str]  # lowered rates: "Acceleration 400 → 100 Hz"
 
 
 @dataclass(slots=True)
@@ -333,27 +332,27 @@ class SnapshotInfo:
     settings: int
     missing: int
     pinned: bool = False
-    readable: bool = True  # by this version; if not, `reason` says why, and what to do
+    readable: bool = True  # by this version; if not, `reason` gives the cause and what to do
 
 
 @dataclass(slots=True)
 class SnapshotBody:
     info: SnapshotInfo
     values: dict[str, dict[str, Any]]
-    missing: dict[str, str]  # setting → why it is not there
+    missing: dict[str, str]  # setting → why it is missing
 
 
 @dataclass(slots=True)
 class Corrections:
     """A stream of RTCM 3 forwarded to the device in whole messages."""
 
-    source: str  # ntrip://user:password@host:2101/MOUNT, tcp://host:port, a file; the password is never told again
-    running: bool = False  # it goes on by itself, and is tried again where it broke
-    forwarding: bool = False  # the last message reached the device; false while the source or the link refuses
+    source: str  # ntrip://user:password@host:2101/MOUNT, tcp://host:port, a file; returned without the password
+    running: bool = False  # continues by itself, and is retried if it breaks
+    forwarding: bool = False  # the last message reached the device; false while the source or the link fails
     message: str = ""
     hint: str = ""
-    age_s: float | None = None  # since the last message that was forwarded
+    age_s: float | None = None  # since the last forwarded message
     bytes_per_s: float = 0.0
-    messages: dict[str, int] = field(default_factory=dict)  # RTCM message number → how many
+    messages: dict[str, int] = field(default_factory=dict)  # RTCM message number → count
     rejected: int = 0
-    refused: int = 0  # forwarded, and the device said no
+    refused: int = 0  # forwarded, but rejected by the device

@@ -1,10 +1,10 @@
-"""Check of the link budget: the same for every change, whichever way it comes (form, API, profile, file, snapshot).
+"""Check of the link budget, the same for every change, whatever its origin (form, API, profile, file, snapshot).
 
     settings now ───────────────> load before ─┐
-    settings with the changes ──> load after  ─┴─> more than the line carries, and more than before: refused, in words
+    settings with the changes ──> load after  ─┴─> more than the line carries, and more than before: refused
 
-The rate of the line is the one that the changes bring. A device that is over its budget already may be given less, and
-may be given settings that send nothing.
+The load is checked against the baud rate after the changes. A device that already exceeds its budget accepts changes
+that lower the load, and settings that send nothing.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ from server.configuration.preview import DevicePresentState, load_of
 from server.configuration.transaction_runner import group
 
 OVER_HINT = (
-    "Ask for fewer outputs or lower rates (“Make it fit” proposes some), or set the line to a higher rate first."
+    "Use fewer outputs or lower rates (“Fit to link” proposes some), or set the line to a higher baud rate first."
 )
 _MORE = 1.000_001
 
 
 def overload(present: DevicePresentState, changes: Mapping[str, Values]) -> str:
-    """Why the line cannot carry what the device would send after these changes.
+    """Why the line cannot carry the outputs of the device after these changes.
 
     Args:
-        present: the device and what it has now.
-        changes: settings to write, whole or in part.
+        present: the device and its present settings.
+        changes: settings to write, complete or in part.
+
     Returns:
-        One sentence; "" where the line carries it, or carries no more than now.
+        One sentence; "" if the line can carry the load, or the load does not grow.
     """
     merged = {**present.values, **{name: {**present.values.get(name, {}), **new} for name, new in changes.items()}}
     before = load_of(present, present.values, present.line.baud)
@@ -54,7 +55,7 @@ def _baud_after(present: DevicePresentState, changes: Mapping[str, Values]) -> i
         try:
             change = present.driver.line_change(name, old, {**(old or {}), **new}, present.known)
         except (KeyError, EncodeError):
-            continue  # of values that are not whole
+            continue  # incomplete values
         if change is not None and change.baud is not None:
             baud = change.baud
     return baud

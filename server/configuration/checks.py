@@ -1,4 +1,4 @@
-"""Check of values against the rows of a table, each problem in words at its path."""
+"""Check of values against the rows of a table; each problem is a text at its path."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from server.configuration.value_format import head_of
 
 
 def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:
-    """Everything that is wrong with values, each at its path."""
+    """Problems of values, each with its path."""
     found = find_problems(tuple(fields), values, partial=partial)
     return [FieldProblem(problem.path, full(problem.message)) for problem in found]
 
 
-def unlike(problems: Iterable[FieldProblem], values: Mapping[str, Any], held: Mapping[str, Any]) -> list[FieldProblem]:
-    """Those that are not at a value which the device has: what it has may stay, whatever the tables allow."""
+def unlike(
+    problems: Iterable[FieldProblem], values: Mapping[str, Any], current: Mapping[str, Any]
+) -> list[FieldProblem]:
+    """Problems without those of values that the device already has, which may stay whatever the tables allow."""
     left = []
     for one in problems:
         head = head_of(one.path, values)[0]
-        if head not in held or held[head] != values.get(head):
+        if head not in current or current[head] != values.get(head):
             left.append(one)
     return left
 
@@ -33,5 +35,5 @@ def sentence(error: EncodeError) -> str:
 
 
 def full(text: str) -> str:
-    """With a capital and a full stop, unless it begins with a field's name."""
+    """The text with a full stop at its end."""
     return text if text.endswith((".", "!", "?")) else text + "."

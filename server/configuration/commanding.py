@@ -1,10 +1,10 @@
-"""Run one command on a device, and read again what it altered.
+"""Run one command on a device, and read the altered settings again.
 
     command ──> answer
             ──> settings that it alters (Setting.write, Driver.alters): read again, or marked as not read since
-            ──> a restart: the link follows the device to the rate that it has stored
+            ──> a restart: the link follows the device to its stored baud rate
 
-A form must not go on showing what the device had before a command, and nothing is written on top of it.
+A form must not show values from before a command, and changes must not be based on them.
 """
 
 from __future__ import annotations
@@ -20,107 +20,109 @@ from server.configuration.transaction_runner import group
 from server.links.base import LinkError
 from server.wire_codec import to_json_safe
 
-LISTEN_S = 1.0  # for what a device answers to bytes that nobody understands here
-AWAKE_TRIES = 5  # about a second each: how long a device that restarts is waited for before it is read
+LISTEN_S = 1.0  # for replies to raw bytes
+AWAKE_TRIES = 5  # about a second each: wait for a restarting device before reading it
 NOT_SINCE = "not read since “{}”"
 
 
-def altered(desk: DeviceController, command: str, values: Values) -> list[str]:
-    """The settings that are not what they were once a command has been run, in the order of the tables."""
-    more = desk.driver.alters(command, values, desk.known)
-    return [name for name, row in desk.rows.items() if row.write == command or name in more]
+def altered(controller: DeviceController, command: str, values: Values) -> list[str]:
+    """The settings that a command alters, in the order of the tables."""
+    more = controller.driver.alters(command, values, controller.context)
+    return [name for name, row in controller.rows.items() if row.write == command or name in more]
 
 
 def run(
-    reader: SettingsReader, desk: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool
+    reader: SettingsReader, controller: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool
 ) -> Callable[[QueuedJob], Awaitable[None]]:
-    """One command.
+    """Job that runs one command.
 
     Args:
-        changes: it writes something, so a snapshot is taken first; unless it takes up what an earlier command
-            began, which reading everything would discard.
-        restarts: the device restarts, and may then speak at a rate that was stored before: the link follows it.
+        changes: the command writes something, so a snapshot is taken first, unless it continues the work of an earlier
+            command, which reading everything would discard.
+        restarts: the device restarts, perhaps at a baud rate that was stored before; the link follows it.
     """
 
     async def work(task: QueuedJob) -> None:
-        driver, known = desk.driver, desk.known
+        driver, known = controller.driver, controller.context
         body = driver.run(command, values, known)
         if changes and not (isinstance(body, RequiresState) and body.continues):
-            found = await reader.survey(desk, task, None)
-            task.job.snapshot = await reader.keep(desk, found, "Before this change", f"Before {task.job.title}.")
-            body = driver.run(command, values, desk.known)
-        stale = altered(desk, command, values)
-        desk.step(task, command)
+            found = await reader.read_settings(controller, task, None)
+            task.job.snapshot = await reader.save_snapshot(
+                controller, found, "Before this change", f"Before {task.job.title}."
+            )
+            body = driver.run(command, values, controller.context)
+        stale = altered(controller, command, values)
+        controller.step(task, command)
         try:
-            answer = await desk.run(driver.within(body, known))
-        except (NoReplyError, LinkError, asyncio.CancelledError):  # it may have been carried out all the same
-            desk.doubt(stale, NOT_SINCE.format(task.job.title))
+            answer = await controller.run(driver.within(body, known))
+        except (NoReplyError, LinkError, asyncio.CancelledError):  # it may have been carried out anyway
+            controller.invalidate(stale, NOT_SINCE.format(task.job.title))
             raise
-        desk.doubt(stale, NOT_SINCE.format(task.job.title))
+        controller.invalidate(stale, NOT_SINCE.format(task.job.title))
         if isinstance(body, RequiresState) and body.state == "any" and not restarts:
-            desk.rest(desk.state == AT_REST)
+            controller.rest(controller.state == AT_REST)
         if restarts:
-            await _follow(desk, task)
-        desk.leave(command, driver.unfinished(command, values))
+            await _follow(controller, task)
+        controller.note_unfinished(command, driver.unfinished(command, values))
         task.job.values = to_json_safe(answer)
         task.job.message = task.job.message or ("Answered." if answer else "Done.")
-        await _read_again(reader, desk, task, stale, restarts=restarts)
+        await _read_again(reader, controller, task, stale, restarts=restarts)
 
     return work
 
 
 async def _read_again(
-    reader: SettingsReader, desk: DeviceController, task: QueuedJob, names: Collection[str], *, restarts: bool
+    reader: SettingsReader, controller: DeviceController, task: QueuedJob, names: Collection[str], *, restarts: bool
 ) -> None:
-    """Read what a command altered. What cannot be read now stays marked; the command itself was done."""
-    if not names or not desk.read_at or desk.unfinished:
-        return  # never read: there is nothing to keep right; unfinished: reading would discard it
+    """Read the settings that a command altered. Those that cannot be read stay marked; the command itself was done."""
+    if not names or not controller.read_at or controller.unfinished:
+        return  # never read: no values to update; unfinished: reading would discard it
     try:
         for _ in range(AWAKE_TRIES if restarts else 0):
-            if await desk.run(desk.driver.alive(desk.known)):
+            if await controller.run(controller.driver.is_alive(controller.context)):
                 break
-        await reader.survey(desk, task, list(names))
+        await reader.read_settings(controller, task, list(names))
     except (NoReplyError, DeviceRejectedError, LinkError) as error:
-        desk.log.note(str(error), fault=True)
-        task.job.hint = task.job.hint or "What it changed could not be read; read the settings again."
+        controller.log.add_note(str(error), error=True)
+        task.job.hint = task.job.hint or "The changed settings could not be read; read them again."
 
 
-async def _follow(desk: DeviceController, task: QueuedJob) -> None:
-    """The link at the rate at which a device speaks after its restart."""
-    before = desk.session.baud
-    rates = desk.driver.rates(desk.values, desk.known) if before is not None else ()
+async def _follow(controller: DeviceController, task: QueuedJob) -> None:
+    """Set the link to the baud rate of the device after its restart."""
+    before = controller.session.baud
+    rates = controller.driver.rates(controller.values, controller.context) if before is not None else ()
     for rate in rates:
-        if rate != desk.session.baud and not await desk.runner.relink(rate):
+        if rate != controller.session.baud and not await controller.runner.reopen(rate):
             continue
-        desk.step(task, f"The device restarts; the link listens at {group(rate)} Bd")
-        if await desk.run(desk.driver.alive(desk.known)):
+        controller.step(task, f"The device restarts; trying {group(rate)} Bd")
+        if await controller.run(controller.driver.is_alive(controller.context)):
             if rate != before:
-                task.job.message = f"The device speaks at {group(rate)} Bd after its restart; the link follows it."
+                task.job.message = f"The device uses {group(rate)} Bd after its restart; the link was changed to it."
             return
     if rates:
-        await desk.runner.relink(before)
+        await controller.runner.reopen(before)
         raise JobError("The device does not answer after its restart.", RESTORE_HINT)
 
 
-def raw(desk: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
-    """Bytes as they are; what comes back within a second is in the log."""
+def raw(controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
+    """Job that sends raw bytes; replies within a second are in the log."""
 
     async def work(task: QueuedJob) -> None:
-        stale = _altered_by_bytes(desk, data)
-        desk.log.sent(data, "")
-        await desk.session.send(data)
-        desk.doubt(stale, NOT_SINCE.format(task.job.title))
+        stale = _altered_by_bytes(controller, data)
+        controller.log.sent(data, "")
+        await controller.session.send(data)
+        controller.invalidate(stale, NOT_SINCE.format(task.job.title))
         await asyncio.sleep(LISTEN_S)
-        task.job.message = f"{len(data)} bytes sent as they are."
+        task.job.message = f"{len(data)} bytes sent unchanged."
 
     return work
 
 
-def _altered_by_bytes(desk: DeviceController, data: bytes) -> list[str]:
-    """What a frame alters that somebody composed himself; of bytes that are none of the document's, everything."""
+def _altered_by_bytes(controller: DeviceController, data: bytes) -> list[str]:
+    """Settings that a user-composed frame alters; all settings for bytes that match no table."""
     try:
-        known = {row.name for row in desk.driver.commands(desk.known)}
+        known = {row.name for row in controller.driver.commands(controller.context)}
     except ControlError:
         return []
-    name = desk.driver.name_of(data)
-    return altered(desk, name, {}) if name in known else list(desk.values)
+    name = controller.driver.name_of(data)
+    return altered(controller, name, {}) if name in known else list(controller.values)

@@ -1,7 +1,8 @@
-"""The desks of all devices, and what they share: snapshots, trials, protocols' drivers.
+"""The controllers of all devices, with their shared snapshots, rollbacks and drivers.
 
-A desk is made with its session, so that its log begins with the device, and ends with it; one of a further device on a
-link when that is first heard. When the server starts, what the one before it left on trial is taken up first.
+A controller is created and closed with its session, so that its log covers the device's whole life; the controller of a
+further device on a link is created when that device is first received. When the server starts, changes that the
+previous run left unconfirmed are rolled back first.
 """
 
 from __future__ import annotations
@@ -13,21 +14,23 @@ from pathlib import Path
 from typing import Any
 
 from protocols.transactions import DeviceDriver
+from server import previous_names
 from server.configuration.device_controller import DeviceController
 from server.configuration.jobs import Jobs
 from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.configuration.snapshots import Snapshots
+from server.configuration.timings import ConfigurationTimings
 from server.devices.member import AnyDevice, Member
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.links.base import LinkError
-from server.streaming.hub import Hub
+from server.streaming.bus import TelemetryBus
 
-log = logging.getLogger("imuscope.desks")
+log = logging.getLogger("imuscope.controllers")
 
 
 def driver_of(protocol: str) -> DeviceDriver | None:
-    """The driver of a protocol of the registry."""
+    """The driver of a registered protocol; None if it has none."""
     from protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
@@ -35,7 +38,7 @@ def driver_of(protocol: str) -> DeviceDriver | None:
 
 
 def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any] | None:
-    """The first frame of some bytes as plain values; None where there is none."""
+    """The first frame of some bytes as plain values; None if there is none."""
     from protocols.registry import PROTOCOLS
 
     row = PROTOCOLS.get(protocol)
@@ -47,29 +50,30 @@ def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any]
 
 
 class ControllerRegistry:
-    """All desks of the server.
+    """All controllers of the server.
 
     Args:
         data: the data folder.
-        trial_s: how long a person has to keep settings on trial.
+        timings: how long a device and its user are waited for.
     """
 
     def __init__(
         self,
-        hub: Hub,
+        bus: TelemetryBus,
         sessions: Sessions,
         data: Path,
-        trial_s: float,
+        timings: ConfigurationTimings,
         *,
         drivers: Callable[[str], DeviceDriver | None] = driver_of,
     ) -> None:
-        self._hub = hub
+        self._bus = bus
         self._sessions = sessions
         self._drivers = drivers
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
-        self.trials = RollbackStore(data / "trials")
-        self.jobs = Jobs(self.snapshots, self.trials, trial_s)
-        self._desks: dict[str, DeviceController] = {}
+        previous_names.rename_folder(data / "trials", data / "rollbacks")
+        self.rollbacks = RollbackStore(data / "rollbacks")
+        self.jobs = Jobs(self.snapshots, self.rollbacks, timings)
+        self._controllers: dict[str, DeviceController] = {}
         sessions.on_added(self._added)
 
     def _formerly(self, protocol: str, serial_number: str) -> Sequence[str]:
@@ -78,44 +82,47 @@ class ControllerRegistry:
 
     def _added(self, session: AnyDevice) -> None:
         device = session.info.id
-        desk = self._desks[device] = DeviceController(session, self._hub, self._drivers, decode, self._beside)
+        controller = self._controllers[device] = DeviceController(
+            session, self._bus, self._drivers, decode, self._sharing_line
+        )
 
-        async def left() -> None:
-            self._desks.pop(device, None)
+        async def removed() -> None:
+            self._controllers.pop(device, None)
 
-        session.before_close(left)
-        desk.tell()
+        session.before_close(removed)
+        controller.notify()
         if isinstance(session, Session):
-            session.senders.made.add(lambda sender: self._added(Member(session, sender)))
+            session.devices.created.add(lambda sender: self._added(Member(session, sender)))
 
     def on_link_of(self, device: str) -> list[DeviceController]:
-        """The desks of a device and of those that share its link."""
+        """The controllers of a device and of the devices that share its link."""
         own = device.partition(".")[0]
-        return [desk for name, desk in self._desks.items() if name.partition(".")[0] == own]
+        return [controller for name, controller in self._controllers.items() if name.partition(".")[0] == own]
 
-    def _beside(self, device: str) -> list[DeviceController]:
-        return [desk for desk in self.on_link_of(device) if desk.device != device]
+    def _sharing_line(self, device: str) -> list[DeviceController]:
+        return [controller for controller in self.on_link_of(device) if controller.device != device]
 
     def get(self, device: str) -> DeviceController:
-        """KeyError when there is no such device."""
-        return self._desks[device]
+        """The controller of a device; KeyError if there is no such device."""
+        return self._controllers[device]
 
-    def _desk_at(self, record: RollbackRecord) -> DeviceController:
-        """The desk of the device of a trial, whose source is opened where it is not; that may be written otherwise than
-        before, or be open at another rate."""
-        same = (one.session for one in self._desks.values() if one.session.info.source == record.source)
+    def _controller_at(self, record: RollbackRecord) -> DeviceController:
+        """The controller of a device with a pending rollback. Its source is opened if necessary; it may be written
+        differently than before, or be open at another baud rate.
+        """
+        same = (one.session for one in self._controllers.values() if one.session.info.source == record.source)
         session = next((one for one in same if isinstance(one, Session)), None)
         session = session or self._sessions.at(record.source) or self._sessions.add(record.source)
         if record.address is not None:
-            session.senders.expect(record.device, record.address)
-        return self._desks[f"{session.info.id}.{record.device}" if record.device else session.info.id]
+            session.devices.expect_reply(record.device, record.address)
+        return self._controllers[f"{session.info.id}.{record.device}" if record.device else session.info.id]
 
     async def resume(self) -> None:
-        """Take up what the server before this one left on trial."""
-        for record in await asyncio.to_thread(self.trials.all):
+        """Roll back changes that the previous run left unconfirmed."""
+        for record in await asyncio.to_thread(self.rollbacks.all):
             try:
-                desk = self._desk_at(record)
+                controller = self._controller_at(record)
             except LinkError as error:
-                log.error("%s is on trial and cannot be opened: %s", record.source, error)
+                log.error("%s has a pending rollback and cannot be opened: %s", record.source, error)
                 continue
-            desk.add("Go back to the settings before the trial", self.jobs.resume(desk, record), stoppable=False)
+            controller.add("Roll back to the previous settings", self.jobs.resume(controller, record), stoppable=False)

@@ -1,4 +1,4 @@
-"""Which device gets which stream of corrections? One each; a device that is removed loses its own."""
+"""Correction streams of all devices, at most one each. The stream of a removed device ends."""
 
 from __future__ import annotations
 
@@ -12,53 +12,49 @@ from server.configuration.correction_stream import CorrectionForwarder
 from server.devices.member import AnyDevice
 from server.devices.sessions import Sessions
 
-FORWARDING_COMMAND = "ForwardGnssData"
-
 
 class CorrectionManager:
     """All streams of the server.
 
     Args:
-        sessions: the devices that there are; a stream whose device is gone ends.
+        sessions: the present devices; a stream ends when its device is removed.
     """
 
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
         self._streams: dict[str, CorrectionForwarder] = {}
 
-    def takes(self, session: AnyDevice) -> bool:
-        """Has the device a receiver that takes RTCM?"""
+    def accepts(self, session: AnyDevice) -> bool:
+        """Whether the device has a receiver that accepts RTCM."""
         info = session.info
         row = PROTOCOLS.get(info.protocol)
-        if row is None or row.driver is None:
+        if row is None:
             return False
-        if info.protocol == "isb":
-            return True
-        commands = row.driver.commands(DeviceContext(product=info.product))
-        return bool(info.product) and any(command.name == FORWARDING_COMMAND for command in commands)
+        return row.corrections is not None and row.corrections.takes(DeviceContext(product=info.product))
 
     def state(self, session: AnyDevice) -> Corrections:
-        """How it goes; an empty source where nothing is forwarded."""
+        """State of forwarding; the source is empty if nothing is forwarded."""
         stream = self._streams.get(session.info.id)
         return stream.state() if stream is not None else Corrections(source="")
 
-    async def begin(self, session: AnyDevice, source: str, tell: LogSink = ignore) -> None:
-        """Forward a stream in place of the one before.
+    async def begin(self, session: AnyDevice, source: str, log_sink: LogSink = ignore) -> None:
+        """Forward a stream in place of the previous one.
 
         Args:
-            tell: takes down what the device's log says of it.
-        Raises:
-            CorrectionError: the source is written wrongly; the one before goes on.
-        """
-        fresh = CorrectionForwarder(session, source, lambda: self._is_there(session), tell)
-        await self.end(session)
-        self._streams[session.info.id] = fresh
+            log_sink: receives entries for the device's log.
 
-    def _is_there(self, session: AnyDevice) -> bool:
+        Raises:
+            CorrectionError: the source is invalid; the previous stream continues.
+        """
+        forwarder = CorrectionForwarder(session, source, lambda: self._exists(session), log_sink)
+        await self.end(session)
+        self._streams[session.info.id] = forwarder
+
+    def _exists(self, session: AnyDevice) -> bool:
         return any(info.id == session.info.id for info in self._sessions.infos)
 
     async def end(self, session: AnyDevice) -> Corrections:
-        """Stop; the last state, not running."""
+        """Stop forwarding; returns the final state."""
         stream = self._streams.pop(session.info.id, None)
         if stream is None:
             return Corrections(source="")
@@ -67,7 +63,7 @@ class CorrectionManager:
         return replace(state, running=False, forwarding=False, message="Stopped.", hint="")
 
     async def close(self) -> None:
-        """End all."""
+        """End all streams."""
         for stream in self._streams.values():
             await stream.close()
         self._streams.clear()

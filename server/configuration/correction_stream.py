@@ -1,18 +1,18 @@
-"""Corrections for a receiver: from a caster, a network address or a file, in whole messages, into a device.
+"""Forwarding of corrections from a caster, a network address or a file, in whole messages, to a receiver.
 
     ntrip://user:password@host:2101/MOUNT ──┐
     tcp://host:port                       ──┼─> RtcmFramer ── whole RTCM 3 messages, CRC checked ──> session.send
-    a file, at the pace it was made with  ──┘                                              MTi: in ForwardGnssData
-                                                                                           IMX, GPX: as they are
+    a file, with its original timing      ──┘                                              MTi: in ForwardGnssData
+                                                                                           IMX, GPX: unchanged
 
-A stream that ends is opened again, after 1 s, then twice as long each time up to a minute. What goes through is counted
-by message number; what is no message, and what the device refuses, too. `age_s` is what a person watches: how old is
-the last message that the device got? The device's log says where it begins and ends (correction_log.py).
+A stream that ends is opened again after 1 s, then with doubled delays up to a minute. Forwarded messages are counted by
+number; invalid data and messages that the device rejects are counted too. `age_s` is the age of the last message that
+the device received, for display. The device's log has the start and end of the stream (correction_log.py).
 
-A virtual reference station wants to know where the receiver is. What the device itself says (a GGA sentence, or a
-position in its own protocol) is sent to the caster when the stream begins and every `REPORT_S` after that.
+A virtual reference station needs the position of the receiver. The position that the device reports (a GGA sentence, or
+a position in its own protocol) is sent to the caster when the stream begins and every `REPORT_S` after that.
 
-The password is a secret: it is in no answer, event or log.
+The password is a secret: no answer, event or log contains it.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from typing import Protocol
 from urllib.parse import unquote, urlsplit
 
 from protocols.events import Event, Reply
-from protocols.isb.encoder import sentence
+from protocols.family import CorrectionInput
+from protocols.nmea import sentence
 from protocols.rtcm import RtcmFramer, epoch_ms
-from protocols.xbus.frames import MASTER
-from protocols.xbus.frames import build as xbus_frame
+from server.backoff import Backoff
 from server.configuration.api_models import Corrections
 from server.configuration.correction_log import CorrectionLog, LogSink, ignore
 from server.configuration.ntrip import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
@@ -46,31 +46,30 @@ from server.wire import DeviceInfo
 log = logging.getLogger("imuscope.corrections")
 
 FIRST_RETRY_S, LAST_RETRY_S = 1.0, 60.0
-SILENT_S = 60.0  # a caster that says nothing for so long is asked again
+SILENT_S = 60.0  # reconnect to a caster that sends nothing for this long
 REPORT_S = 10.0
-RATE_S = 10.0  # over which bytes/s is told
-FORWARD_GNSS_DATA, ERROR = 0xE2, 0x42
-ANSWER_S = 1.0  # an error so soon after a message is an answer to it
+RATE_S = 10.0  # averaging time of bytes/s
+ANSWER_S = 1.0  # an error this soon after a message is taken as its answer
 FILE_GAP_S = 10.0  # a longer pause in a file is cut to this
 UNTIMED_S = 0.2  # between the messages of a file without times
 HINT = "Corrections come from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file."
 
 
 class CorrectionTarget(Protocol):
-    """What is needed of a session."""
+    """Session interface that a correction stream uses."""
 
     @property
     def info(self) -> DeviceInfo: ...
 
     async def send(self, data: bytes) -> None: ...
 
-    async def idle(self) -> None: ...
+    async def wait_idle(self) -> None: ...
 
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]: ...
 
 
 class CorrectionSource(Protocol):
-    """Where corrections come from."""
+    """Source of corrections."""
 
     async def open(self, gga: bytes) -> None: ...
 
@@ -107,7 +106,7 @@ class _Caster:
 
 
 class _Tcp:
-    """A base that serves whoever connects."""
+    """A base station that sends to every TCP client."""
 
     def __init__(self, host: str, port: int) -> None:
         self._host, self._port = host, port
@@ -118,9 +117,11 @@ class _Tcp:
         try:
             self._streams = await asyncio.wait_for(asyncio.open_connection(self._host, self._port), CONNECT_S)
         except TimeoutError:
-            raise CorrectionError(f"{where} does not answer.", "Is the address right?") from None
+            raise CorrectionError(f"{where} does not answer.", "Check the address.") from None
         except OSError as error:
-            raise CorrectionError(f"{where} cannot be reached: {error.strerror or error}.", "Is it right?") from None
+            raise CorrectionError(
+                f"{where} cannot be reached: {error.strerror or error}.", "Check the address."
+            ) from None
 
     async def chunks(self) -> AsyncIterator[bytes]:
         assert self._streams is not None
@@ -129,7 +130,7 @@ class _Tcp:
         raise CorrectionError(f"{self._host}:{self._port} ended the stream.", TRIED)
 
     async def report(self, gga: bytes) -> None:
-        """A plain address asks for nothing."""
+        """Ignore the position; a plain TCP source does not use it."""
 
     async def close(self) -> None:
         if self._streams is not None:
@@ -138,14 +139,14 @@ class _Tcp:
 
 
 class _File:
-    """A file, at the pace of the times in its messages."""
+    """A file, played with the timing of its messages."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     async def open(self, gga: bytes) -> None:
         if not self.path.is_file():
-            raise CorrectionError(f"There is no file {self.path}.", HINT, over=True)
+            raise CorrectionError(f"File not found: {self.path}.", HINT, over=True)
 
     async def chunks(self) -> AsyncIterator[bytes]:
         splitter = RtcmFramer()
@@ -162,34 +163,34 @@ class _File:
         except OSError as error:
             raise CorrectionError(f"{self.path} cannot be read: {error.strerror}.", HINT, over=True) from None
         if splitter.rejected:
-            log.info("%s: %d stretches are no messages", self.path, splitter.rejected)
-        raise CorrectionError(f"{self.path.name} has been played.", "Forward it again to play it again.", over=True)
+            log.info("%s: %d byte ranges are not messages", self.path, splitter.rejected)
+        raise CorrectionError(f"{self.path.name} has finished.", "Forward it again to play it again.", over=True)
 
     async def report(self, gga: bytes) -> None:
-        """A file asks for nothing."""
+        """Ignore the position; a file does not use it."""
 
     async def close(self) -> None:
-        """Nothing is held open."""
+        """No-op; the file is closed after each pass."""
 
 
 def _pause(last: int | None, epoch: int | None) -> float:
-    """How long to wait before a message of a file, s."""
+    """Delay before the next message of a file, s."""
     if epoch is None:
-        return UNTIMED_S if last is None else 0.0  # between messages that have a time it belongs to the one before
+        return UNTIMED_S if last is None else 0.0  # among messages with times, it belongs to the previous one
     if last is None:
         return 0.0
     return min(max(epoch - last, 0) / 1000, FILE_GAP_S) if abs(epoch - last) < 3_600_000 else 0.0
 
 
 def source_of(source: str) -> CorrectionSource:
-    """What a source is, as it is written.
+    """Parse the address of a correction source.
 
     Raises:
-        CorrectionError: it is none.
+        CorrectionError: invalid source.
     """
     scheme = source.partition("://")[0] if "://" in source else ""
     if not is_printable(unquote(source)):
-        raise CorrectionError("The source holds a character that is none.", HINT)
+        raise CorrectionError("The address contains a control character.", HINT)
     if scheme in ("ntrip", "ntrips"):
         return _Caster(Caster.of(source))
     if scheme == "tcp":
@@ -202,28 +203,28 @@ def source_of(source: str) -> CorrectionSource:
             raise CorrectionError("A network address is tcp://host:port.", HINT)
         return _Tcp(host, port)
     if scheme and scheme != "file":
-        raise CorrectionError(f"Corrections cannot be had from {scheme:.40}://.", HINT)
+        raise CorrectionError(f"Corrections are not available from {scheme:.40}://.", HINT)
     path = source.removeprefix("file://")
     if not path.strip():
         raise CorrectionError("No source is given.", HINT)
     try:
         return _File(Path(path).expanduser())
-    except RuntimeError:  # ~somebody who is not there
-        raise CorrectionError(f"There is no folder {path.partition('/')[0]:.40}.", HINT) from None
+    except RuntimeError:  # ~user of an unknown user
+        raise CorrectionError(f"Folder not found: {path.partition('/')[0]:.40}.", HINT) from None
 
 
 def file_of(source: str) -> Path | None:
-    """The file that a source names; None for one of the network.
+    """The file that a source names; None for a network source.
 
     Raises:
-        CorrectionError: it is no source.
+        CorrectionError: invalid source.
     """
     found = source_of(source)
     return found.path if isinstance(found, _File) else None
 
 
 def without_password(source: str) -> str:
-    """A source as it may be told."""
+    """A source with its password replaced, for display and logs."""
     scheme, mark, rest = source.partition("://")
     login, at, place = rest.rpartition("@")
     if not mark or not at:
@@ -233,11 +234,11 @@ def without_password(source: str) -> str:
 
 @dataclass(slots=True)
 class _Counts:
-    """What went through."""
+    """Counters of forwarded messages."""
 
     rejected: int = 0
     refused: int = 0
-    asked_at: float | None = None  # when the last message was sent: an error after it answers it
+    asked_at: float | None = None  # time of the last sent message, to relate errors to it
     forwarded_at: float | None = None
 
 
@@ -246,97 +247,98 @@ class CorrectionForwarder:
 
     Args:
         source: as given, with its password.
-        is_there: whether the device is still one of the server's.
-        tell: takes down what the device's log says of it.
+        device_exists: whether the server still has the device.
+        log_sink: receives entries for the device's log.
+
     Raises:
-        CorrectionError: the source is written wrongly.
+        CorrectionError: the source is invalid.
     """
 
     def __init__(
         self,
         session: CorrectionTarget,
         source: str,
-        is_there: Callable[[], bool] = lambda: True,
-        tell: LogSink = ignore,
+        device_exists: Callable[[], bool] = lambda: True,
+        log_sink: LogSink = ignore,
         *,
         first_retry_s: float = FIRST_RETRY_S,
     ) -> None:
         self._session = session
-        self._is_there = is_there
+        self._device_exists = device_exists
         self._source = source_of(source)
-        self._told = without_password(source)
-        self._retry_s = self._first_retry_s = first_retry_s
-        self._places = PositionTracker()
+        self._public_source = without_password(source)
+        self._backoff = Backoff(first_retry_s, LAST_RETRY_S)
+        self._position = PositionTracker()
         self._counts = _Counts()
-        self._diary = CorrectionLog(self._told, tell)
+        self._log = CorrectionLog(self._public_source, log_sink)
         self._recent: deque[tuple[float, int]] = deque()
-        self._message, self._hint = f"Opening {self._told}.", ""
+        self._message, self._hint = f"Opening {self._public_source}.", ""
         self._running = True
         self._is_forwarding = False
         self._splitter = RtcmFramer()
-        self._off = session.listen(self._hear)
+        self._unsubscribe = session.listen(self._on_events)
         self._task = asyncio.get_running_loop().create_task(self._run(), name=f"corrections {session.info.id}")
 
-    # -- what is told --------------------------------------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------------------------------------
 
     def state(self) -> Corrections:
-        """As the page shows it."""
+        """State as the page shows it."""
         now = time.monotonic()
         while self._recent and self._recent[0][0] < now - RATE_S:
             self._recent.popleft()
         at = self._counts.forwarded_at
         return Corrections(
-            source=self._told,
+            source=self._public_source,
             running=self._running,
             forwarding=self._running and self._is_forwarding,
             message=self._message,
             hint=self._hint,
             age_s=None if at is None else max(now - at, 0.0),
             bytes_per_s=sum(size for _, size in self._recent) / RATE_S,
-            messages=dict(self._diary.messages),
+            messages=dict(self._log.messages),
             rejected=self._counts.rejected + self._splitter.rejected,
             refused=self._counts.refused,
         )
 
     async def close(self) -> None:
-        """Stop."""
-        self._off()
+        """Stop forwarding."""
+        self._unsubscribe()
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)
         if self._running:
             self._running = False
-            self._diary.ended()
+            self._log.log_end()
 
     # -- the stream ----------------------------------------------------------------------------------------------------
 
     async def _run(self) -> None:
         while self._running:
             try:
-                await self._once()
+                await self._forward_once()
             except CorrectionError as error:
                 self._is_forwarding = False
                 self._message, self._hint = error.message, error.hint
                 self._running = not error.over
-                (self._diary.ended if error.over else self._diary.stopped)(error.message)
-            except Exception:  # the top of this task: a fault must not become silence
+                (self._log.log_end if error.over else self._log.stopped)(error.message)
+            except Exception:  # top of this task: an internal error must be reported
                 log.exception("corrections of %s failed", self._session.info.source)
                 self._is_forwarding = False
-                self._message, self._hint = "A fault in imuscope ended the stream.", "The log has details."
-                self._diary.stopped(self._message)
+                self._message, self._hint = "An internal error of imuscope ended the stream.", "The log has details."
+                self._log.stopped(self._message)
             finally:
                 await self._source.close()
             if self._running:
-                wait, self._retry_s = self._retry_s, min(2 * self._retry_s, LAST_RETRY_S)
-                self._hint = self._hint or f"It is tried again in {wait:.0f} s."
+                wait = self._backoff.next()
+                self._hint = self._hint or f"Retrying in {wait:.0f} s."
                 await asyncio.sleep(wait)
 
-    async def _once(self) -> None:
-        """One connection, until it ends."""
+    async def _forward_once(self) -> None:
+        """Forward one connection until it ends."""
         self._counts.rejected += self._splitter.rejected
         self._splitter = RtcmFramer()
         await self._source.open(self._gga())
         self._is_forwarding = False
-        self._message, self._hint = f"Open, no message yet from {self._told}.", ""
+        self._message, self._hint = f"Open, no message yet from {self._public_source}.", ""
         reporting = asyncio.get_running_loop().create_task(self._report())
         try:
             chunks = self._source.chunks()
@@ -344,7 +346,7 @@ class CorrectionForwarder:
                 try:
                     data = await asyncio.wait_for(anext(chunks), SILENT_S)
                 except TimeoutError:
-                    raise CorrectionError(f"Nothing came for {SILENT_S:.0f} s.", TRIED) from None
+                    raise CorrectionError(f"No data received for {SILENT_S:.0f} s.", TRIED) from None
                 except StopAsyncIteration:
                     return
                 except OSError as error:
@@ -356,47 +358,56 @@ class CorrectionForwarder:
             await asyncio.gather(reporting, return_exceptions=True)
 
     async def _forward(self, name: str, message: bytes) -> None:
-        """One whole message to the device."""
-        if not self._is_there():
-            raise CorrectionError("The device was removed.", "Forward them to another.", over=True)
-        xbus = self._session.info.protocol == "xbus"
-        await self._session.idle()  # a message between a setting and its acknowledgement would be answered with Error
-        self._counts.asked_at = time.monotonic()  # before: a twin answers at once
-        frame = xbus_frame(FORWARD_GNSS_DATA, message, self._bus()) if xbus else message
+        """Send one whole message to the device."""
+        if not self._device_exists():
+            raise CorrectionError(
+                "The device has been removed.", "Forward the corrections to another device.", over=True
+            )
+        await self._session.wait_idle()  # the device rejects a message between a setting and its acknowledgement
+        self._counts.asked_at = time.monotonic()  # before sending: a simulator answers at once
+        corrections = self._input()
+        frame = corrections.wrap(message, self._address()) if corrections is not None else message
         try:
             await self._session.send(frame)
         except LinkError as error:
             self._is_forwarding = False
             self._message, self._hint = f"Not forwarded: {error.message}", error.hint
             self._counts.refused += 1
-            self._diary.stopped(error.message)
+            self._log.stopped(error.message)
             return
         now = time.monotonic()
-        self._retry_s = self._first_retry_s
+        self._backoff.reset()
         self._counts.forwarded_at = now
         self._recent.append((now, len(message)))
-        self._diary.forwarded(name, frame, len(message))
+        self._log.forwarded(name, frame, len(message))
         self._is_forwarding = True
-        self._message, self._hint = f"Forwarding from {self._told}.", ""
+        self._message, self._hint = f"Forwarding from {self._public_source}.", ""
 
-    def _bus(self) -> int:
-        """The bus identifier of an MTi."""
-        address = address_of(self._session) if isinstance(self._session, AnyDevice) else None
-        return MASTER if address is None else address
+    def _input(self) -> CorrectionInput | None:
+        """Correction input of the device; None if it has none."""
+        from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+        family = PROTOCOLS.get(self._session.info.protocol)
+        return family.corrections if family is not None else None
+
+    def _address(self) -> int | None:
+        """Bus address of a device that shares its line."""
+        return address_of(self._session) if isinstance(self._session, AnyDevice) else None
 
     # -- the device ----------------------------------------------------------------------------------------------------
 
-    def _hear(self, event: Event) -> None:
-        """Where the device is, and whether it refused."""
-        self._places.hear(event)
-        if isinstance(event, Reply) and event.message.id == ERROR and self._session.info.protocol == "xbus":
+    def _on_events(self, event: Event) -> None:
+        """Update the position and refusals of the device."""
+        self._position.update(event, self._session.info.protocol)
+        corrections = self._input() if isinstance(event, Reply) else None
+        if isinstance(event, Reply) and corrections is not None and corrections.is_rejection(event):
             at = self._counts.asked_at
             if at is not None and time.monotonic() - at < ANSWER_S:
                 self._counts.refused += 1
-                self._diary.refused()
+                self._log.refused()
 
     def _gga(self) -> bytes:
-        place = self._places.place
+        place = self._position.place
         return gga(place, datetime.now(UTC)) if place is not None else b""
 
     async def _report(self) -> None:
@@ -408,7 +419,7 @@ class CorrectionForwarder:
 
 
 def gga(place: Position, now: datetime) -> bytes:
-    """A GGA sentence of a place, as a caster of virtual reference stations wants it."""
+    """GGA sentence of a position, as casters of virtual reference stations expect it."""
 
     def angle(value: float, width: int, names: str) -> str:
         minutes = round(abs(value) * 60, 5)

@@ -1,11 +1,11 @@
-"""Read back a device that was cut off, or fell silent, while it was written: wait until it is back, then ask it.
+"""Read-back of a device that was cut off, or stopped answering, while it was written: wait for it, then read it.
 
-    write ──x link gone, or silence ──> its settings count as unknown ──> wait for it ──> read back ──> what it took
+    write ──x link gone, or silence ──> its settings count as unknown ──> wait for it ──> read back ──> outcomes
                                                                               │ not back
                                                                               v
-                                                the way back stays on disk until the device is read again
+                                                the rollback record stays on disk until the device is read again
 
-Nothing is assumed: a plug that is pulled in the middle leaves old values, new ones, or some of each.
+Nothing is assumed: after a plug was pulled, the device may have old values, new values, or some of each.
 """
 
 from __future__ import annotations
@@ -16,77 +16,81 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from protocols.plural import plural
 from protocols.transactions import DeviceRejectedError, NoReplyError, Values, WriteResult
 from server.configuration import settings_procedures
 from server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from server.configuration.timings import ConfigurationTimings
 from server.links.base import LinkError
 
-RETURN_S = 120.0  # for a person who looks for the plug
-REOPEN_S = 0.05  # a device hears a call for a moment only after it has got power
 UNKNOWN = "not known: the device stopped answering while it was written"
 AWAY_HINT = "Connect it and switch it on, then read its settings: some may be new and some old."
-AGAIN_HINT = "Apply again what is missing."
+AGAIN_HINT = "Apply the missing settings again."
 
 
-async def opened(desk: DeviceController) -> bool:
-    """The link closed and opened again; False where it cannot be yet."""
+async def reopened(controller: DeviceController) -> bool:
+    """Close and reopen the link; False if that is not possible yet."""
     try:
-        await desk.session.relink()
+        await controller.session.reopen()
     except LinkError:
         return False
     return True
 
 
-async def read_back(desk: DeviceController, task: QueuedJob, names: Sequence[str]) -> Mapping[str, Values]:
-    """What the device has when it is back.
+async def read_back(
+    controller: DeviceController, task: QueuedJob, names: Sequence[str], timings: ConfigurationTimings
+) -> Mapping[str, Values]:
+    """Values of the device after its return.
 
     Raises:
-        JobError: it did not come back in time, or another one did.
+        JobError: the device did not return in time, or another one is at the port.
     """
-    ours = desk.known.serial_number
-    desk.doubt(names, UNKNOWN)
-    desk.step(task, "The device stopped answering; waiting for it")
-    end = time.monotonic() + RETURN_S
+    ours = controller.context.serial_number
+    controller.invalidate(names, UNKNOWN)
+    controller.step(task, "The device stopped answering; waiting for it")
+    end = time.monotonic() + timings.return_s
     while time.monotonic() < end:
         found: settings_procedures.SettingsSnapshot | None = None
         try:
-            if await desk.run(desk.driver.alive(desk.known)):
+            if await controller.run(controller.driver.is_alive(controller.context)):
                 body = settings_procedures.read_settings(
-                    desk.driver, desk.known, names, lambda words: desk.step(task, words)
+                    controller.driver, controller.context, names, lambda words: controller.step(task, words)
                 )
-                found = await desk.run(desk.driver.within(body, desk.known))
+                found = await controller.run(controller.driver.within(body, controller.context))
         except LinkError:
-            desk.step(task, "Its port is gone: connect the device again")
-            while not await opened(desk) and time.monotonic() < end:
-                await asyncio.sleep(REOPEN_S)
+            controller.step(task, "Its port is gone: connect the device again")
+            while not await reopened(controller) and time.monotonic() < end:
+                await asyncio.sleep(timings.reopen_s)
         except (NoReplyError, DeviceRejectedError) as error:
-            desk.log.note(str(error), fault=True)
+            controller.log.add_note(str(error), error=True)
         if found is not None:
-            desk.learn(found.known, found.values, found.missing)
-            told = found.known.serial_number
-            if ours and told and ours not in (told, *desk.driver.formerly(told)):
-                raise JobError(f"Another device is at this port: {told}, not {ours}. It was left as it is.", AWAY_HINT)
+            controller.update(found.known, found.values, found.missing)
+            reported = found.known.serial_number
+            if ours and reported and ours not in (reported, *controller.driver.formerly(reported)):
+                raise JobError(
+                    f"Another device is at this port: {reported}, not {ours}. It was not changed.", AWAY_HINT
+                )
             return found.values
-        await asyncio.sleep(REOPEN_S)
+        await asyncio.sleep(timings.reopen_s)
     raise JobError("The device stopped answering while it was written, and did not come back.", AWAY_HINT)
 
 
 def merged(
-    todo: Mapping[str, Mapping[str, Any]], written: Sequence[WriteResult], back: Mapping[str, Values]
+    todo: Mapping[str, Mapping[str, Any]], written: Sequence[WriteResult], restored: Mapping[str, Values]
 ) -> list[WriteResult]:
-    """What came of each setting: refusals as they were told, the rest as it was read back."""
-    told = {one.setting: one for one in written}
-    every = [told.get(name, WriteResult(name, values)) for name, values in todo.items()]
-    return [one if one.refused else replace(one, got=back.get(one.setting)) for one in every]
+    """Outcome of each setting: refusals as reported by the device, the others as read back."""
+    reported = {one.setting: one for one in written}
+    every = [reported.get(name, WriteResult(name, values)) for name, values in todo.items()]
+    return [one if one.refused else replace(one, got=restored.get(one.setting)) for one in every]
 
 
-def account(desk: DeviceController, written: Sequence[WriteResult]) -> str:
-    """ "Location ID has the new values, Baud rate not." """
-    rows = desk.rows
-    lacking = {one.setting for one in settings_procedures.outcomes(desk.driver, rows, written)}
+def summary(controller: DeviceController, written: Sequence[WriteResult]) -> str:
+    """Summarise the outcome: "Location ID has the new values, Baud rate not"."""
+    rows = controller.rows
+    lacking = {one.setting for one in settings_procedures.outcomes(controller.driver, rows, written)}
     titles = {one.setting: rows[one.setting].title or one.setting for one in written}
     new = [title for name, title in titles.items() if name not in lacking]
     old = [title for name, title in titles.items() if name in lacking]
-    has = f"{', '.join(new)} {'has' if len(new) == 1 else 'have'} the new values, " if new else ""
-    verb = "not" if new else "does not have the new values" if len(old) == 1 else "do not have the new values"
+    has = f"{', '.join(new)} {plural(len(new), 'has', 'have')} the new values, " if new else ""
+    verb = "not" if new else f"{plural(len(old), 'does', 'do')} not have the new values"
     return f"{has}{', '.join(old)} {verb}."

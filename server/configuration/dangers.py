@@ -1,11 +1,11 @@
-"""What could be lost by writing a setting? One answer for every door: page, API, command line, profile, snapshot.
+"""Risks of writing a setting, the same for every origin: page, API, command line, profile, snapshot.
 
     the setting's own caution        a row of the family's table
     Driver.line_change               how the line could be cut
-    Driver.harm                      what single fields cost
-    a restart                        of what takes effect after one
+    Driver.risks                     risks of single fields
+    a restart                        for settings that take effect after one
 
-Flash that wears a little with each write is told in the form and not asked about.
+Flash wear of each write is mentioned in the form and needs no confirmation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RESTARTS = "The device restarts so that this takes effect; it sends nothing for 
 
 @dataclass(frozen=True, slots=True)
 class Risk:
-    """What something could cost."""
+    """Consequence that a change could have."""
 
     caution: str
     consequence: str
@@ -37,11 +37,11 @@ def dangers_of_write(
     *,
     restarts: bool = True,
 ) -> list[Risk]:
-    """What writing these values of a setting could cost; nothing where the device has them already.
+    """Risks of writing these values of a setting; empty if the device already has them.
 
     Args:
-        old: what it has, where that is known.
-        restarts: the device is restarted afterwards, where that is what makes the setting take effect.
+        old: present values, if known.
+        restarts: the device is restarted afterwards if the setting takes effect only then.
     """
     new = dict(values) if row.partial or old is None else {**old, **values}
     if old is not None and not driver.same(row.name, {name: old.get(name) for name in new}, new):
@@ -52,10 +52,10 @@ def dangers_of_write(
     try:
         line = driver.line_change(row.name, old, new, known)
     except (KeyError, EncodeError):
-        line = None  # of values that are not whole; the job asks again when it has read the rest
+        line = None  # incomplete values; the job checks again when it has read the rest
     if line is not None:
         found.append(Risk("cuts-line", line.words))
-    found += [Risk(one.caution, one.consequence) for one in driver.harm(row.name, old, new, known)]
+    found += [Risk(one.caution, one.consequence) for one in driver.risks(row.name, old, new, known)]
     if restarts and row.after == "reset" and not any(one.caution == "restarts" for one in found):
         found.append(Risk("restarts", RESTARTS))
     return found

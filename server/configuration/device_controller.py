@@ -1,19 +1,18 @@
-"""What is done to a device, by whom first, and who may watch? One desk per device: a queue, one job at a time, a log.
+"""Per-device job queue: serialises commands and reports progress. Each device has a queue, one running job and a log.
 
-    person A ──apply──> ┌ queue ┐      ┌ job ┐ ──dialogue──> Runner ──bytes──> session ──> device
-    person B ──run────> │ 2, 3 … │ ──> │  1  │ <──result───        <─events───
+    user A ──apply──>   ┌ queue ┐      ┌ job ┐ ──transaction──> Runner ──bytes──> session ──> device
+    user B ──run────>   │ 2, 3 … │ ──> │  1  │ <──result──────        <─events───
                         └────────┘     └─────┘
-                             │            └─ step, outcomes, errors in words ──> every browser, at once (op `control`)
-                             └─ visible, may be taken out                    frames ──> TrafficLog (op `exchange`)
+                             │            └─ step, outcomes, errors as text ──> every browser, at once (op `jobs`)
+                             └─ visible, jobs can be removed                frames ──> TrafficLog (op `traffic`)
 
-Commands never overlap on a device, whoever sends them; devices on links of their own work at the same time, those that
-share one take turns. A job belongs to the
-server, not to the browser that asked for it: one that is closed in the middle changes nothing. A job that is stopped,
-or a server that ends, leaves the device measuring (server/configuration/transaction_runner.py writes a dialogue's last
-words).
+Commands never overlap on a device, whichever client sends them; devices on separate links work at the same time, those
+that share a link take turns. A job belongs to the server, not to the browser that requested it: closing the browser
+does not affect it. A stopped job, or a stopping server, leaves the device measuring
+(server/configuration/transaction_runner.py runs the final steps of a transaction).
 
-Rules for editing: what a job does lies in server/configuration/jobs.py and rollback.py; here is only that there are
-some.
+Rules for editing: the work of jobs is in server/configuration/jobs.py and rollback.py; this file only queues and runs
+them.
 """
 
 from __future__ import annotations
@@ -37,78 +36,82 @@ from protocols.transactions import (
     Transaction,
     Values,
 )
-from server.configuration.preview import DevicePresentState, Line, load_of
+from server.configuration.preview import DevicePresentState, SerialLine, load_of
 from server.configuration.traffic_log import TrafficLog
 from server.configuration.transaction_runner import Runner
 from server.devices.member import AnyDevice, address_of, explain_silence
+from server.errors import DomainError
 from server.links.base import LinkError
-from server.streaming.hub import Hub
-from server.wire import ControlState, Job, Trial
+from server.streaming.bus import TelemetryBus
+from server.wire import DeviceJobs, Job, PendingRollback
 
-log = logging.getLogger("imuscope.control")
+log = logging.getLogger("imuscope.configuration")
 T = TypeVar("T")
 
 MOST_WAITING = 16
 DONE_KEPT = 5
-REST_HINT = "It was sent to the state {state}, in which it sends no data: send {command} to have it measure again."
-UNANSWERED_HINT = "Check its power, its cable and the rate, then read its settings again."
+REST_HINT = "It was set to the state {state}, in which it sends no data; send {command} to resume measuring."
+UNANSWERED_HINT = "Check its power, its cable and the baud rate, then read its settings again."
 
 
 class JobError(Exception):
-    """A job cannot be done: one sentence, and what to do."""
+    """The reason why a job failed, and what to do."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
         self.message, self.hint = message, hint
 
 
-class ControlError(Exception):
-    """A wish that does not become a job: `kind` is "full", "no-driver", "not-found" or "not-now"."""
-
-    def __init__(self, kind: str, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.kind, self.message, self.hint = kind, message, hint
+class ControlError(DomainError):
+    """A request that does not become a job: `kind` is "full", "no-driver", "not-found" or "not-now"."""
 
 
 @dataclass(slots=True)
 class QueuedJob:
-    """One job and what carries it out.
+    """One job and its work.
 
     Args:
-        work: does it; sets message, outcomes, values of `job`.
-        stoppable: False while stopping would leave the line in doubt.
+        work: performs the job; sets message, outcomes and values of `job`.
+        stoppable: False while stopping could leave the line cut.
     """
 
     job: Job
     work: Callable[[QueuedJob], Awaitable[None]]
     stoppable: bool = True
-    over: asyncio.Event = field(default_factory=asyncio.Event)
+    finished: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+def _is_named(protocol: str) -> bool:
+    """True if the stream names the sending device, and commands are addressed by that name."""
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+    return protocol in PROTOCOLS and bool(PROTOCOLS[protocol].sender)
 
 
 class DeviceController:
-    """What is done to one device.
+    """Queue and state of one device.
 
     Args:
-        session: its link and decoder; of one that shares a link, its part in it.
-        driver_of: the driver of a protocol, None where it has none.
-        beside: the desks of the other devices of its link.
-        listing_of: makes what turns bytes of a protocol into lines of plain values.
+        session: its link and decoder; for a device that shares a link, its part of the session.
+        driver_of: the driver of a protocol, None if it has none.
+        decode: decodes the first frame of some bytes of a protocol to plain values.
+        beside: the controllers of the other devices on its link.
     """
 
     def __init__(
         self,
         session: AnyDevice,
-        hub: Hub,
+        bus: TelemetryBus,
         driver_of: Callable[[str], DeviceDriver | None],
         decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
         beside: Callable[[str], Sequence[DeviceController]] = lambda device: (),
     ) -> None:
         self.session = session
         self.beside = beside
-        self.hub = hub
+        self.bus = bus
         self._driver_of = driver_of
         self.log = TrafficLog(
-            hub,
+            bus,
             session.info.id,
             lambda frame: decode(self.session.info.protocol, frame, session),
             lambda frame: self._name_of(frame),
@@ -116,27 +119,27 @@ class DeviceController:
         )
         self.runner = Runner(session, self.log)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
-        self.missing: dict[str, str] = {}  # what could not be read then, and why
+        self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
-        self.product = ""  # of the last survey, which may know more than has been heard by the way
+        self.product = ""  # of the last reading, which may know more than the stream reports
         self.serial_number = ""
         self.firmware = ""
         self.state = ""
-        self.at_rest = False  # a person sent it to the state in which settings are read: jobs leave it there
-        self.unfinished: dict[str, str] = {}  # command → what it left open that a change of state discards, in words
-        self.trial: Trial | None = None
-        self.cut_off: Mapping[str, Values] = {}  # what was being written when the device went, until it is read again
-        self.answer: asyncio.Event = asyncio.Event()  # somebody answered the question of a trial
-        self.kept = False
+        self.at_rest = False  # the user set it to the state in which settings are read: jobs leave it there
+        self.unfinished: dict[str, str] = {}  # command → text on unfinished work that a change of state discards
+        self.pending_rollback: PendingRollback | None = None
+        self.cut_off: Mapping[str, Values] = {}  # values being written when the device was cut off, until it is read
+        self.answer: asyncio.Event = asyncio.Event()  # set when the pending rollback is answered
+        self.rollback_kept = False
         self._queue: deque[QueuedJob] = deque()
         self._done: deque[Job] = deque(maxlen=DONE_KEPT)
         self._running: QueuedJob | None = None
-        self._carrier: asyncio.Task[None] | None = None
+        self._queue_task: asyncio.Task[None] | None = None
         self._next_job = 1
-        self._off = session.listen(self._hear)
+        self._off = session.listen(self._on_traffic)
         session.before_close(self.close)
 
-    # ── what is known ────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── state ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     @property
     def device(self) -> str:
@@ -144,7 +147,7 @@ class DeviceController:
 
     @property
     def driver(self) -> DeviceDriver:
-        """ControlError where nobody can configure this device."""
+        """The driver of the device; ControlError if it cannot be configured."""
         protocol = self.session.info.protocol
         driver = self._driver_of(protocol) if protocol else None
         if driver is None:
@@ -153,131 +156,131 @@ class DeviceController:
         return driver
 
     @property
-    def known(self) -> DeviceContext:
-        """Who the device is, as far as it has told."""
+    def context(self) -> DeviceContext:
+        """Identity of the device, as far as known."""
         info, address = self.session.info, address_of(self.session)
         return DeviceContext(
             product=info.product or self.product,
             serial_number=info.serial_number or self.serial_number,
             firmware=info.firmware or self.firmware,
             baud=self.session.baud,
-            device=info.serial_number if info.protocol == "idtp" else "" if address is None else str(address),
+            device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
             key=self.session.reading.key,
             at_rest=self.at_rest,
         )
 
     @property
     def present(self) -> DevicePresentState:
-        """What is known when something is looked at before it is sent."""
-        health = self.hub.health.get(self.device)
+        """Known state of the device, for a preview."""
+        health = self.bus.health_of(self.device)
         measured = health.bytes_per_s if health is not None else None
         others = [(one.session.info.name, sent) for one in self.beside(self.device) if (sent := one.sends)]
-        line = Line(self.session.baud, self.session.capacity, measured, others)
-        return DevicePresentState(self.driver, self.known, line, self.values)
+        line = SerialLine(self.session.baud, self.session.capacity, measured, others)
+        return DevicePresentState(self.driver, self.context, line, self.values)
 
     @property
     def sends(self) -> float:
-        """Bytes/s of its outputs by its settings; 0 where they were not read."""
-        alone = DevicePresentState(self.driver, self.known, Line(), self.values)
+        """Bytes/s of its outputs according to its settings; 0 if they were not read."""
+        alone = DevicePresentState(self.driver, self.context, SerialLine(), self.values)
         load = load_of(alone, self.values, None)
         return load.total if load is not None else 0.0
 
     @property
     def rows(self) -> dict[str, Setting]:
         """The device's settings by name."""
-        return {row.name: row for row in self.driver.settings(self.known)}
+        return {row.name: row for row in self.driver.settings(self.context)}
 
-    def learn(self, known: DeviceContext, values: Mapping[str, Values], missing: Mapping[str, str]) -> None:
-        """What a survey found out. Another serial number is another device: what was known is forgotten."""
+    def update(self, known: DeviceContext, values: Mapping[str, Values], missing: Mapping[str, str]) -> None:
+        """Store values read from the device. A new serial number is another device, so older values are discarded."""
         if known.serial_number != self.serial_number:
             self.values, self.missing = {}, {}
         self.product, self.serial_number, self.firmware = known.product, known.serial_number, known.firmware
         self.values = {**self.values, **values}
         self.missing = {name: why for name, why in {**self.missing, **missing}.items() if name not in values}
-        self.read_at = self.hub.now()
+        self.read_at = self.bus.now()
 
-    def doubt(self, names: Collection[str], why: str) -> None:
-        """What the device has of these settings is not known any more: nobody is shown what it had before."""
+    def invalidate(self, names: Collection[str], why: str) -> None:
+        """Mark the values of these settings as unknown, so that old values are not shown."""
         stale = [name for name in names if name in self.values]
         self.values = {name: values for name, values in self.values.items() if name not in stale}
         self.missing = {**self.missing, **dict.fromkeys(stale, why)}
 
-    def leave(self, command: str, words: str | None) -> None:
-        """What a command left unfinished: "" ends it, None says nothing."""
+    def note_unfinished(self, command: str, text: str | None) -> None:
+        """Record what a command left unfinished: "" clears it, None changes nothing."""
         kind = command.partition(".")[0]
-        if words is not None and words != self.unfinished.get(kind, ""):
-            self.unfinished = {**self.unfinished, kind: words} if words else _without(self.unfinished, kind)
-            self.tell()
+        if text is not None and text != self.unfinished.get(kind, ""):
+            self.unfinished = {**self.unfinished, kind: text} if text else _without(self.unfinished, kind)
+            self.notify()
 
     # ── queue ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def add(self, title: str, work: Callable[[QueuedJob], Awaitable[None]], *, stoppable: bool = True) -> QueuedJob:
-        """Put a job at the end of the queue; it begins when those before it are done.
+        """Append a job to the queue; it begins when the jobs before it are done.
 
         Raises:
             ControlError: the queue is full.
         """
         if len(self._queue) >= MOST_WAITING:
-            hint = "Wait, or take one out of the queue."
-            raise ControlError("full", f"{MOST_WAITING} jobs wait for this device, and that is the most.", hint)
+            hint = "Wait, or remove one from the queue."
+            raise ControlError("full", f"The queue of this device is full ({MOST_WAITING} jobs).", hint)
         job = Job(id=self._next_job, device=self.device, title=title, state="waiting")
         self._next_job += 1
         task = QueuedJob(job, work, stoppable)
         self._queue.append(task)
-        self.tell()
-        if self._carrier is None or self._carrier.done():
+        self.notify()
+        if self._queue_task is None or self._queue_task.done():
             loop = asyncio.get_running_loop()
-            self._carrier = loop.create_task(self._carry(), name=f"jobs of {self.session.info.source}")
+            self._queue_task = loop.create_task(self._run_queue(), name=f"jobs of {self.session.info.source}")
         return task
 
     async def drop(self, number: int) -> None:
-        """Take a job out of the queue, or stop it.
+        """Remove a job from the queue, or stop it.
 
         Raises:
-            ControlError: there is none of that number, or it cannot be stopped now.
+            ControlError: unknown number, or the job cannot be stopped now.
         """
         for task in self._queue:
             if task.job.id == number:
                 self._queue.remove(task)
-                self._finish(task, "stopped", "Taken out of the queue.")
+                self._finish(task, "stopped", "Removed from the queue.")
                 return
         running = self._running
         if running is None or running.job.id != number:
-            raise ControlError("not-found", f"No job {number} waits or runs.", "It may be done by now.")
+            raise ControlError("not-found", f"Job {number} is not queued or running.", "It may be done by now.")
         if not running.stoppable:
-            hint = "It ends by itself within a minute; Go back now ends a trial."
+            hint = "It ends by itself within a minute; Roll back now ends a pending change."
             raise ControlError(
                 "not-now", f"“{running.job.title}” cannot be stopped now: the line could stay cut.", hint
             )
         await self._stop()
 
     async def close(self) -> None:
-        """End: what runs is stopped, what waits is dropped."""
+        """Stop the running job and drop the queued ones."""
         self._queue.clear()
         await self._stop(for_good=True)
         self._off()
 
     async def _stop(self, *, for_good: bool = False) -> None:
-        carrier, self._carrier = self._carrier, None
-        if carrier is not None:
-            carrier.cancel()
-            await asyncio.gather(carrier, return_exceptions=True)
+        queue_task, self._queue_task = self._queue_task, None
+        if queue_task is not None:
+            queue_task.cancel()
+            await asyncio.gather(queue_task, return_exceptions=True)
         if self._queue and not for_good:
             loop = asyncio.get_running_loop()
-            self._carrier = loop.create_task(self._carry(), name=f"jobs of {self.session.info.source}")
+            self._queue_task = loop.create_task(self._run_queue(), name=f"jobs of {self.session.info.source}")
 
-    async def _carry(self) -> None:
-        """Do what is in the queue, then end."""
+    async def _run_queue(self) -> None:
+        """Run the jobs in the queue, then return."""
         while self._queue:
             async with self.session.turn:
-                if self._queue:  # it may have been taken out meanwhile
+                if self._queue:  # the job may have been removed while waiting
                     await self._do(self._queue.popleft())
 
     async def _do(self, task: QueuedJob) -> None:
         self._running = task
-        task.job.state, task.job.started = "running", self.hub.now()
-        self.session.hush(True)
-        self.tell()
+        task.job.state, task.job.started = "running", self.bus.now()
+        self.session.suppress_timeout(True)
+        self.notify()
         try:
             await task.work(task)
             self._finish(task, "done")
@@ -286,74 +289,78 @@ class DeviceController:
             raise
         except Exception as error:
             message, hint = error_text(error)
-            self.log.note(message, fault=True)
-            self.hub.event(self.device, "device", "caution", f"{task.job.title}: {message}", data={"hint": hint})
+            self.log.add_note(message, error=True)
+            self.bus.event(self.device, "device", "warning", f"{task.job.title}: {message}", data={"hint": hint})
             self._finish(task, "failed", message, hint)
         finally:
             self._running = None
-            self.session.hush(False)
-            self.tell()
+            self.session.suppress_timeout(False)
+            self.notify()
 
     def _finish(self, task: QueuedJob, state: str, message: str = "", hint: str = "") -> None:
         job = task.job
         job.state = "done" if state == "done" else "failed" if state == "failed" else "stopped"
         job.message, job.hint = message or job.message, hint or job.hint
-        job.step, job.ended = "", self.hub.now()
+        job.step, job.ended = "", self.bus.now()
         self._done.appendleft(job)
-        task.over.set()
-        self.tell()
+        task.finished.set()
+        self.notify()
 
     def decide(self, *, keep: bool) -> None:
-        """Answer the question of a trial.
+        """Answer the pending rollback.
 
         Raises:
-            ControlError: nothing is asked.
+            ControlError: no rollback is pending.
         """
-        asked = self.trial is not None and self.trial.state == "asking"
+        asked = self.pending_rollback is not None and self.pending_rollback.state == "pending"
         if not asked:
-            raise ControlError("not-now", "No settings are on trial here.", "They may have gone back already.")
-        self.kept = keep
+            raise ControlError(
+                "not-now", "No change is waiting to be confirmed.", "It may have been rolled back already."
+            )
+        self.rollback_kept = keep
         self.answer.set()
 
     # ── for jobs ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def run(self, dialogue: Transaction[T]) -> T:
-        """Carry out a dialogue; see server/configuration/transaction_runner.py."""
+        """Run a transaction; see server/configuration/transaction_runner.py."""
         return await self.runner.run(dialogue)
 
     def rest(self, on: bool) -> None:
-        """A person sent it to the state in which settings are read, or that is over; its silence is explained by it."""
+        """Note that the user set the device to the state in which settings are read, which explains its silence, or
+        that this state has ended.
+        """
         if on != self.at_rest:
             self.at_rest = on
             hint = REST_HINT.format(state=AT_REST, command=self.driver.ends_rest) if on else ""
             explain_silence(self.session, hint)
 
-    def step(self, task: QueuedJob, words: str) -> None:
-        """What a job is at."""
-        task.job.step = words
-        self.tell()
+    def step(self, task: QueuedJob, text: str) -> None:
+        """Set the current step of a job."""
+        task.job.step = text
+        self.notify()
 
-    # ── who watches ──────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── reports ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
     @property
-    def control(self) -> ControlState:
-        """The whole, as browsers are told."""
-        return ControlState(
+    def job_report(self) -> DeviceJobs:
+        """The complete state, as sent to browsers."""
+        return DeviceJobs(
             device=self.device,
             state=self.state,
             running=replace(self._running.job) if self._running is not None else None,
             queue=[replace(task.job) for task in self._queue],
             done=[replace(job) for job in self._done],
-            trial=replace(self.trial) if self.trial is not None else None,
+            pending_rollback=replace(self.pending_rollback) if self.pending_rollback is not None else None,
             unfinished=" ".join(self.unfinished.values()),
         )
 
-    def tell(self) -> None:
-        """Something changed."""
-        self.hub.set_control(self.control)
+    def notify(self) -> None:
+        """Publish the state after a change."""
+        self.bus.jobs.publish(self.job_report)
 
-    def _hear(self, event: Event) -> None:
-        self.log.hear(event)
+    def _on_traffic(self, event: Event) -> None:
+        self.log.on_received(event)
         if isinstance(event, Batch | Reply):
             try:
                 driver = self.driver
@@ -364,12 +371,12 @@ class DeviceController:
                 self.rest(False)
                 if self.unfinished:
                     self.unfinished = {}
-                    self.tell()
+                    self.notify()
             state = states.get(event.message.name, self.state)
             if state != self.state:
                 self.state = state
                 self.rest(self.at_rest and state == AT_REST)
-                self.tell()
+                self.notify()
 
     def _name_of(self, frame: bytes) -> str:
         try:
@@ -378,20 +385,20 @@ class DeviceController:
             return ""
 
 
-def _without(words: Mapping[str, str], key: str) -> dict[str, str]:
-    return {name: said for name, said in words.items() if name != key}
+def _without(texts: Mapping[str, str], key: str) -> dict[str, str]:
+    return {name: text for name, text in texts.items() if name != key}
 
 
 def error_text(error: Exception) -> tuple[str, str]:
-    """Why a job failed, in words: message and hint."""
+    """Message and hint for the error of a job."""
     match error:
         case JobError() | LinkError() | ControlError():
             return error.message, error.hint
         case DeviceRejectedError():
-            return f"The device refused {error.what}: {error.why}.", "What was there before is unchanged."
+            return f"The device refused {error.what}: {error.why}.", "The previous values are unchanged."
         case NoReplyError():
             return str(error), UNANSWERED_HINT
         case EncodeError():
             return f"{error}.", "Nothing was sent."
     log.error("a job failed", exc_info=error)
-    return "A fault in imuscope ended this job.", "The log has details."
+    return "An internal error of imuscope ended this job.", "The log has details."

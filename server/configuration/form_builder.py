@@ -1,29 +1,29 @@
-"""How does a row of a protocol's table become a form?
+"""Forms built from the rows of a protocol's tables.
 
-    Setting ──> SettingForm        Field ──> FieldForm: which editor, which range, in which unit
-    Command ──> CommandForm        Output, Stream ──> OutputChoice, StreamChoice: the lists with editors of their own
+    Setting ──> SettingForm        Field ──> FieldForm: editor, range, unit
+    Command ──> CommandForm        a family's outputs and streams: lists with their own editors
 
-Nothing is decided here that a table does not say; a new command is a new row there and needs no line here. The editor
-follows from the type:
+All information comes from the tables; a new command is a new row there and needs no code here. The editor follows from
+the type:
 
     record, several records          record, list         named numbers         choice
     opaque bytes, text               hex, text            named bits            flags
     several numbers                  vector               0 or 1                bool
     as many as the payload holds     list                 else                  integer, number
 
-64-bit limits are told as the nearest double, which is all that JSON has for a page.
+64-bit limits are given as the nearest double, the only number type of JSON in a page.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from protocols.labels import spoken
 from protocols.layouts import is_open
+from protocols.registry import PROTOCOLS
 from protocols.schema import Command, Field, Setting
 from protocols.transactions import DeviceContext, DeviceDriver, Values
 from protocols.validation import bounds, is_whole
@@ -32,15 +32,13 @@ from server.configuration.api_models import (
     Editor,
     FieldForm,
     Forms,
-    OutputChoice,
+    MeaningForm,
     SettingForm,
-    StreamChoice,
+    TextListForm,
 )
 from server.wire import BitsInfo
 
 NOTHING: Mapping[str, Values] = {}
-FORWARDS = "ForwardGnssData"  # an MTi that has this command takes RTCM; any Inertial Sense device does
-_PRECISIONS, _COORDINATES = [0, 1, 2, 3], [0, 4, 8]
 
 
 def forms_of(
@@ -49,12 +47,13 @@ def forms_of(
     """Every setting and command of a device, as forms.
 
     Args:
-        values: its settings, as far as they have been read: streams that are off are told at its own rates.
+        values: its settings, as far as read; they give the rates at which streams that are off are listed.
     """
     settings = list(driver.settings(known))
     commands = list(driver.commands(known))
     groups = dict.fromkeys([*(row.group for row in settings), *(row.group for row in commands)])
     editors = {setting.editor for setting in settings}
+    family = PROTOCOLS.get(protocol)
     return Forms(
         protocol=protocol,
         product=known.product,
@@ -63,16 +62,23 @@ def forms_of(
         groups=list(groups),
         settings=[setting_form(setting) for setting in settings],
         commands=[command_form(command, _written_by(command, settings)) for command in commands],
-        outputs=output_choices(known, values) if "outputs" in editors else [],
-        streams=stream_choices(known, values) if "streams" in editors else [],
-        corrections=protocol == "isb" or (bool(known.product) and any(row.name == FORWARDS for row in commands)),
+        outputs=family.outputs(known, values) if family is not None and "outputs" in editors else [],
+        streams=family.streams(known, values) if family is not None and "streams" in editors else [],
+        corrections=family is not None and family.corrections is not None and family.corrections.takes(known),
         factory=bool(driver.factory(known)),
         note=note,
     )
 
 
+def all_forms() -> list[Forms]:
+    """The tables of every protocol that has them, as forms: all products together."""
+    from protocols.registry import PROTOCOLS
+
+    return [forms_of(one.driver, one.name, DeviceContext()) for one in PROTOCOLS.values() if one.driver is not None]
+
+
 def setting_form(setting: Setting) -> SettingForm:
-    """One setting; `writable` where a command writes it."""
+    """Form of a setting; `writable` if a command writes it."""
     return SettingForm(
         name=setting.name,
         title=setting.title or setting.name,
@@ -84,14 +90,14 @@ def setting_form(setting: Setting) -> SettingForm:
         after=setting.after,
         caution=setting.caution,
         consequence=setting.consequence,
-        simple=setting.simple,
+        basic=setting.basic,
         doc=setting.doc,
         source=setting.source,
     )
 
 
 def command_form(command: Command, writes: str = "") -> CommandForm:
-    """One command."""
+    """Form of a command."""
     return CommandForm(
         name=command.name,
         title=command.title or command.name,
@@ -101,28 +107,28 @@ def command_form(command: Command, writes: str = "") -> CommandForm:
         reply=command.reply,
         caution=command.caution,
         consequence=command.consequence,
-        simple=command.simple,
+        basic=command.basic,
         doc=command.doc,
         source=command.source,
-        harmless={name: list(those) for name, those in command.harmless.items()},
+        harmless={name: list(those) for name, those in command.harmless_values.items()},
         writes=writes,
     )
 
 
 def _written_by(command: Command, settings: Sequence[Setting]) -> str:
-    """The setting whose fields are the arguments of a command, and that it writes; "" for none."""
+    """The setting that a command writes and whose fields are its arguments; "" for none."""
     names = {argument.name for argument in command.arguments}
     found = (row.name for row in settings if row.write == command.name and names <= {one.name for one in row.fields})
     return next(found, "") if names and command.kind == "set" else ""
 
 
 def field_forms(fields: Iterable[Field]) -> list[FieldForm]:
-    """The fields of a record, in their order."""
+    """Forms of the fields of a record, in their order."""
     return [field_form(field) for field in fields]
 
 
 def field_form(field: Field) -> FieldForm:
-    """One field."""
+    """Form of a field."""
     editor = editor_of(field)
     low, high = _range(field)
     return FieldForm(
@@ -138,22 +144,25 @@ def field_form(field: Field) -> FieldForm:
         default=field.default,
         decimals=field.decimals,
         length=_length(field),
-        most=field.most,
+        max_length=field.max_length,
         axes=list(field.axes),
         choices={str(number): spoken(meaning) for number, meaning in field.choices.items()},
         bits=_bits(field),
         fields=field_forms(field.fields),
-        simple=field.simple,
+        basic=field.basic,
         read_only=field.read_only,
         base=field.base,
         options=list(field.options),
+        listed=TextListForm(**asdict(field.listed)) if field.listed else None,
+        meaning_of=field.meaning_of,
+        meanings=[MeaningForm(**{**asdict(one), "values": list(one.values)}) for one in field.meanings],
         doc=field.doc,
         source=field.source,
     )
 
 
 def editor_of(field: Field) -> Editor:
-    """Which sort of input a field has."""
+    """Editor of a field."""
     if field.fields:
         return "list" if field.shape else "record"
     if field.dtype in ("bytes", "ascii"):
@@ -174,7 +183,7 @@ def _is_number(field: Field) -> bool:
 
 
 def _range(field: Field) -> tuple[float | None, float | None]:
-    """Allowed wire values; of a float only what the table says."""
+    """Allowed wire values; for a float only the limits of the table."""
     if not _is_number(field):
         return None, None
     if not is_whole(field):
@@ -205,71 +214,8 @@ def _bits(field: Field) -> list[BitsInfo]:
     ]
 
 
-# ── the two lists with editors of their own ──────────────────────────────────────────────────────────────────────────
-
-
-def output_choices(known: DeviceContext, values: Mapping[str, Values] = NOTHING) -> list[OutputChoice]:
-    """What an Xsens output configuration of this product can ask for.
-
-    Args:
-        values: settings as last read.
-    """
-    from protocols.xbus.output_configuration import OUTPUTS, Output, allowed, max_rate
-    from protocols.xbus.products import as_built, has, model_of
-
-    model = as_built(model_of(known.product), values.get("HardwareVersion", {}))
-    offered = [output for output in OUTPUTS.values() if has(model, output.on)]
-    titles = Counter(output.field.title or output.name for output in offered)
-
-    def title_of(output: Output) -> str:
-        """Of two with one title the rarer one is told by its name: "Status", "Status byte"."""
-        title = output.field.title or output.name
-        spread = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", output.name).capitalize()
-        return title if titles[title] == 1 or output.simple else spread
-
-    return [
-        OutputChoice(
-            data_identifier=output.identifier,
-            title=title_of(output),
-            group=output.group,
-            rates=list(allowed(max_rate(output, model))),
-            formats=list(_PRECISIONS) if output.real else [],
-            frames=list(_COORDINATES) if output.local else [],
-            size=output.size(output.identifier),
-            unit=output.field.unit,
-            simple=output.simple,
-            doc=output.field.doc,
-        )
-        for output in offered
-    ]
-
-
-def stream_choices(known: DeviceContext, values: Mapping[str, Values] = NOTHING) -> list[StreamChoice]:
-    """What an Inertial Sense device can stream."""
-    from protocols.isb.bandwidth import periods_ms
-    from protocols.isb.streams import BY_GPX_BIT, OF_GPX, STREAMS
-
-    periods = periods_ms(values)
-    gpx = known.product.startswith("GPX")
-    gpx_bits = {did: bit for bit, did in BY_GPX_BIT.items()}
-    return [
-        StreamChoice(
-            did=stream.did,
-            name=stream.name,
-            title=stream.title,
-            group=stream.group,
-            size=-1 if stream.counted else stream.size,
-            rmc_bit=gpx_bits.get(stream.did, -1) if gpx else stream.rmc_bit,
-            source_ms=periods[stream.did],
-            simple=stream.simple,
-        )
-        for stream in STREAMS.values()
-        if not gpx or stream.did in OF_GPX
-    ]
-
-
 def flat(fields: Sequence[Field], values: Any, at: str = "") -> Iterable[tuple[str, Field, Any]]:
-    """Every single value with its path and its field: records and lists of records are gone into, vectors are not."""
+    """Every single value with its path and its field. Records and lists of records are traversed, vectors are not."""
     if not isinstance(values, dict):
         return
     for field in fields:

@@ -1,11 +1,11 @@
-"""What can be done to a device? The jobs of a desk: read, apply, run, raw bytes, restore, go back after a restart.
+"""Jobs of a device controller: read, apply, run, raw bytes, restore, roll back after a restart.
 
-    apply   read everything ─> snapshot on disk ─> what is different ─> write ─> (restart) ─> read back ─> outcomes
-                                                          │ could cut the line
-                                                          └─> server/configuration/rollback.py
+    apply   read everything ─> snapshot on disk ─> differences ─> write ─> (restart) ─> read back ─> outcomes
+                                                       │ could cut the line
+                                                       └─> server/configuration/rollback.py
 
-Every job of these ends with the device measuring, also when it fails (Driver.within), unless a person has sent it to
-the config state before: it stays there then.
+Every job ends with the device measuring, even if it fails (Driver.within), unless the user had set the device to the
+config state before; then it stays there.
 """
 
 from __future__ import annotations
@@ -33,27 +33,28 @@ from server.configuration.device_controller import DeviceController, JobError, Q
 from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
 from server.configuration.snapshots import Snapshots
+from server.configuration.timings import ConfigurationTimings
 from server.configuration.transaction_runner import group
 from server.configuration.value_format import field_at, title_at, value_at, words
 from server.devices.member import address_of, name_of
 from server.links.base import LinkError
 from server.wire_codec import to_json_safe
 
-MOST_WORDS = 12  # changes that a trial lists
+MOST_WORDS = 12  # changes that a pending rollback lists
 CHANGED_HINT = (
-    "Nothing was written. Look at the edits again, which are now based on what the device has, then apply them."
+    "Nothing was written. Check the edits, which are now based on the present values of the device, then apply them."
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What is written, and to what.
+    """Values to write, and their target.
 
     Args:
-        found: what the device has before.
-        todo: settings to write, whole or in part.
-        held: those of them with values that the device has told once; they are sent unchecked.
-        restart: they take effect by a restart.
+        found: values of the device before.
+        todo: settings to write, complete or in part.
+        held: those of them with values that the device reported earlier; they are sent unchecked.
+        restart: they take effect after a restart.
     """
 
     found: settings_procedures.SettingsSnapshot
@@ -63,31 +64,39 @@ class Change:
 
 
 class Jobs:
-    """Makes the work of a desk.
+    """Creates the work of jobs.
 
     Args:
-        trial_s: how long a person has to keep settings on trial.
+        timings: how long a device and its user are waited for.
     """
 
-    def __init__(self, snapshots: Snapshots, trials: RollbackStore, trial_s: float) -> None:
-        self._reader = SettingsReader(snapshots, trials)
-        self._trials = trials
-        self._trial_s = trial_s
+    def __init__(self, snapshots: Snapshots, rollbacks: RollbackStore, timings: ConfigurationTimings) -> None:
+        self._reader = SettingsReader(snapshots, rollbacks)
+        self._rollbacks = rollbacks
+        self._timings = timings
 
     # ── read ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def read(
-        self, desk: DeviceController, names: Sequence[str] | None, reason: str, title: str = "", *, pinned: bool = False
+        self,
+        controller: DeviceController,
+        names: Sequence[str] | None,
+        reason: str,
+        title: str = "",
+        *,
+        pinned: bool = False,
     ) -> Callable[[QueuedJob], Awaitable[None]]:
         """Read settings into a snapshot."""
 
         async def work(task: QueuedJob) -> None:
-            found = await self._reader.survey(desk, task, names)
-            name = await self._reader.keep(desk, found, title or "Read from the device", reason, pinned=pinned)
+            found = await self._reader.read_settings(controller, task, names)
+            name = await self._reader.save_snapshot(
+                controller, found, title or "Read from the device", reason, pinned=pinned
+            )
             task.job.snapshot = name
             lacking = f"; {len(found.missing)} could not be read" if found.missing else ""
             task.job.message = f"{len(found.values)} settings read{lacking}."
-            desk.log.note(f"{task.job.message[:-1]}, kept as a snapshot.")
+            controller.log.add_note(f"{task.job.message[:-1]}, saved as a snapshot.")
 
         return work
 
@@ -95,148 +104,154 @@ class Jobs:
 
     def apply(
         self,
-        desk: DeviceController,
+        controller: DeviceController,
         changes: Mapping[str, Mapping[str, Any]],
         reason: str,
         base: Mapping[str, Mapping[str, Any]] | None = None,
         held: Collection[str] = (),
     ) -> Callable[[QueuedJob], Awaitable[None]]:
-        """Write settings, with a way back.
+        """Write settings, with a rollback.
 
         Args:
-            base: what the device had when the changes were made. Where it has something else by now, nothing is
-                written: somebody else's change would be undone without a word.
+            base: values of the device when the changes were made. If it has other values by now, nothing is written,
+                because another client's change would be undone silently.
             held: settings whose values the device has, or had once; they are sent unchecked.
         """
 
         async def work(task: QueuedJob) -> None:
-            found = await self._reader.survey(desk, task, None)
-            rows = desk.rows
+            found = await self._reader.read_settings(controller, task, None)
+            rows = controller.rows
             unknown = [name for name in changes if name not in rows or not rows[name].write]
             if unknown:
-                raise JobError(f"This device has no setting {', '.join(unknown)} that can be written.", "Leave it out.")
-            todo = settings_procedures.minimal_changes(desk.driver, rows, found.values, changes)
+                raise JobError(f"This device has no writable setting {', '.join(unknown)}.", "Leave it out.")
+            todo = settings_procedures.minimal_changes(controller.driver, rows, found.values, changes)
             if not todo:
-                task.job.message = "Nothing to change: the device has these settings already."
+                task.job.message = "Nothing to change: the device already has these settings."
                 return
-            changed = settings_procedures.changed_elsewhere(desk.driver, rows, found.values, base, todo)
+            changed = settings_procedures.changed_elsewhere(controller.driver, rows, found.values, base, todo)
             if changed:
-                raise JobError(f"{changed} was changed elsewhere since it was last shown.", CHANGED_HINT)
-            why = overload(replace(desk.present, values=found.values), todo)
+                raise JobError(f"{changed} was changed by another client since it was last shown.", CHANGED_HINT)
+            why = overload(replace(controller.present, values=found.values), todo)
             if why:
                 raise JobError(why, f"Nothing was written. {OVER_HINT}")
             titles = ", ".join(rows[name].title or name for name in todo)
-            task.job.snapshot = await self._reader.keep(
-                desk, found, "Before this change", reason or f"Before writing {titles}."
+            task.job.snapshot = await self._reader.save_snapshot(
+                controller, found, "Before this change", reason or f"Before writing {titles}."
             )
             restart = any(rows[name].after == "reset" for name in todo)
-            await self._write(desk, task, Change(found, todo, held, restart))
+            await self._write(controller, task, Change(found, todo, held, restart))
 
         return work
 
-    async def _write(self, desk: DeviceController, task: QueuedJob, change: Change) -> None:
-        rows, driver, old = desk.rows, desk.driver, change.found.values
-        lines = [driver.line_change(name, old.get(name), new, desk.known) for name, new in change.todo.items()]
+    async def _write(self, controller: DeviceController, task: QueuedJob, change: Change) -> None:
+        rows, driver, old = controller.rows, controller.driver, change.found.values
+        lines = [driver.line_change(name, old.get(name), new, controller.context) for name, new in change.todo.items()]
         cuts = [line for line in lines if line is not None]
         if cuts:
-            record = self._record(desk, change, cuts)
+            record = self._record(controller, change, cuts)
             record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
-                await desk.session.check_rate(baud)  # also says that a network's far end must be set by hand
-            written = await RollbackRun(desk, driver, self._trials, record, task).apply()
+                await controller.session.check_rate(baud)  # also reports a far end that must be set by hand
+            written = await RollbackRun(controller, driver, self._rollbacks, record, task, self._timings).apply()
         else:
-            written = await self._write_in_place(desk, task, change)
-        self._report(desk, task, rows, written)
+            written = await self._write_in_place(controller, task, change)
+        self._report(controller, task, rows, written)
 
-    async def _write_in_place(self, desk: DeviceController, task: QueuedJob, change: Change) -> list[WriteResult]:
-        """Write what cannot cut the line. The way back is on disk meanwhile: of a server that is killed the device
-        would stay silent, with half of the settings; the next one puts it back (server/configuration/rollback.py)."""
+    async def _write_in_place(self, controller: DeviceController, task: QueuedJob, change: Change) -> list[WriteResult]:
+        """Write settings that cannot cut the line. The rollback record is on disk during the write: if the server is
+        killed, the device would stay silent with half of the settings; the next server run restores it
+        (server/configuration/rollback.py).
+        """
         known = all(change.found.values.get(name) for name in change.todo)
-        record = self._record(desk, change, ()) if known else None
+        record = self._record(controller, change, ()) if known else None
         if record is not None:
-            await asyncio.to_thread(self._trials.keep, record)
+            await asyncio.to_thread(self._rollbacks.save, record)
         try:
             written: list[WriteResult] = []
             try:
-                written = await desk.run(desk.driver.within(_writing(desk, task, change), desk.known))
+                written = await controller.run(
+                    controller.driver.within(_writing(controller, task, change), controller.context)
+                )
                 cut = any(one.got is None and not one.refused for one in written)
             except (LinkError, NoReplyError) as error:
-                desk.log.note(str(error), fault=True)
+                controller.log.add_note(str(error), error=True)
                 cut = True
             if cut:
-                written = await self._cut_off(desk, task, change.todo, written, record)
+                written = await self._cut_off(controller, task, change.todo, written, record)
             if change.restart and not all(one.refused for one in written):
-                written = await self._restarted(desk, task, written)
+                written = await self._restarted(controller, task, written)
             return written
         finally:
-            if record is not None and desk.cut_off != record.new:
-                await asyncio.to_thread(self._trials.forget, record)
+            if record is not None and controller.cut_off != record.new:
+                await asyncio.to_thread(self._rollbacks.forget, record)
 
     async def _cut_off(
         self,
-        desk: DeviceController,
+        controller: DeviceController,
         task: QueuedJob,
         todo: dict[str, dict[str, Any]],
         written: Sequence[WriteResult],
         record: RollbackRecord | None,
     ) -> list[WriteResult]:
-        """What the device has after it was cut off in the middle.
+        """Values of the device after an interrupted write.
 
         Raises:
-            JobError: it did not take everything, or did not come back; then the way back stays on disk.
+            JobError: the device did not accept everything, or did not return; then the rollback record stays on disk.
         """
-        desk.cut_off = record.new if record is not None else {}
-        back = await cut_off.read_back(desk, task, list(todo))
-        desk.cut_off = {}
+        controller.cut_off = record.new if record is not None else {}
+        back = await cut_off.read_back(controller, task, list(todo), self._timings)
+        controller.cut_off = {}
         written = cut_off.merged(todo, written, back)
-        task.job.outcomes = settings_procedures.outcomes(desk.driver, desk.rows, written)
+        task.job.outcomes = settings_procedures.outcomes(controller.driver, controller.rows, written)
         if task.job.outcomes:
-            words = cut_off.account(desk, written)
+            words = cut_off.summary(controller, written)
             raise JobError(f"The device stopped answering while it was written. Read back: {words}", cut_off.AGAIN_HINT)
-        desk.log.note("The device stopped answering while it was written; read back, it has what was asked.")
+        controller.log.add_note(
+            "The device stopped answering while it was written; read back, it has the requested values."
+        )
         return written
 
     async def _restarted(
-        self, desk: DeviceController, task: QueuedJob, written: list[WriteResult]
+        self, controller: DeviceController, task: QueuedJob, written: list[WriteResult]
     ) -> list[WriteResult]:
-        """Restart, and what the device has then."""
-        desk.step(task, "The device restarts")
-        await desk.run(desk.driver.store_and_restart(desk.known))
-        if not await desk.run(desk.driver.alive(desk.known)):
+        """Restart the device and read the written settings back."""
+        controller.step(task, "The device restarts")
+        await controller.run(controller.driver.store_and_restart(controller.context))
+        if not await controller.run(controller.driver.is_alive(controller.context)):
             hint = "Wait a few seconds and read its settings; if it stays silent, switch it off and on."
             raise JobError("The device does not answer after its restart.", hint)
         names = [one.setting for one in written]
-        back = await self._reader.survey(
-            desk, task, [*names, *settings_procedures.altered(desk.driver, desk.known, names)]
+        found = await self._reader.read_settings(
+            controller, task, [*names, *settings_procedures.altered(controller.driver, controller.context, names)]
         )
-        return [replace(one, got=back.values.get(one.setting)) for one in written]
+        return [replace(one, got=found.values.get(one.setting)) for one in written]
 
     def _record(
         self,
-        desk: DeviceController,
+        controller: DeviceController,
         change: Change,
         cuts: Sequence[BaudChange],
     ) -> RollbackRecord:
-        """A trial as it is kept on disk."""
-        rows, found, todo = desk.rows, change.found, change.todo
+        """The rollback record of a change."""
+        rows, found, todo = controller.rows, change.found, change.todo
         lacking = [rows[name].title or name for name in todo if name not in found.values]
         if lacking:
             names = ", ".join(lacking)
             hint = "Read the device's settings again."
-            raise JobError(f"{names} could not be read, so there would be no way back.", hint)
+            raise JobError(f"{names} could not be read, so the change could not be rolled back.", hint)
         old: dict[str, dict[str, Any]] = {}
         changes: list[str] = []
         for name, new in todo.items():
             row, before = rows[name], to_json_safe(found.values[name])
-            told = {one.name for one in row.fields if one.read_only}
+            read_only = {one.name for one in row.fields if one.read_only}
             keys = new if row.partial else before
-            old[name] = {key: before[key] for key in keys if key in before and key not in told}
-            changes += changed_words(row, desk.driver.same(name, old[name], new), old[name], new)
+            old[name] = {key: before[key] for key in keys if key in before and key not in read_only}
+            changes += changed_words(row, controller.driver.same(name, old[name], new), old[name], new)
         bauds = [cut.baud for cut in cuts if cut.baud is not None]
-        baud = desk.session.baud
+        baud = controller.session.baud
         return RollbackRecord(
-            source=desk.session.info.source,
-            protocol=desk.session.info.protocol,
+            source=controller.session.info.source,
+            protocol=controller.session.info.protocol,
             product=found.known.product,
             serial_number=found.known.serial_number,
             firmware=found.known.firmware,
@@ -247,156 +262,164 @@ class Jobs:
             other_bauds=[] if baud is None else list(dict.fromkeys(rate for cut in cuts for rate in cut.others)),
             restart=change.restart,
             changes=changes[:MOST_WORDS],
-            deadline=desk.hub.now() + 60 + self._trial_s,
-            seconds=self._trial_s,
-            device=name_of(desk.session),
-            address=address_of(desk.session),
+            deadline=controller.bus.now() + 60 + self._timings.rollback_s,
+            seconds=self._timings.rollback_s,
+            device=name_of(controller.session),
+            address=address_of(controller.session),
         )
 
     def _report(
-        self, desk: DeviceController, task: QueuedJob, rows: Mapping[str, Setting], written: Sequence[WriteResult]
+        self, controller: DeviceController, task: QueuedJob, rows: Mapping[str, Setting], written: Sequence[WriteResult]
     ) -> None:
-        """Say what came of it."""
+        """Report the outcome of a write."""
         for one in written:
             if one.got is not None:
-                desk.values[one.setting] = {**desk.values.get(one.setting, {}), **one.got}
+                controller.values[one.setting] = {**controller.values.get(one.setting, {}), **one.got}
         job = task.job
-        job.outcomes = settings_procedures.outcomes(desk.driver, rows, written)
+        job.outcomes = settings_procedures.outcomes(controller.driver, rows, written)
         refused = [one for one in job.outcomes if not one.path]
         good = len(written) - len(refused)
         job.message = f"{good} of {len(written)} settings written and read back"
         if len(job.outcomes) > len(refused):
-            job.message += f"; {len(job.outcomes) - len(refused)} values came out otherwise than asked"
+            job.message += f"; {len(job.outcomes) - len(refused)} values differ from the request"
         job.message += "." if not refused else f"; {refused[0].title}: {refused[0].why}."
         for outcome in job.outcomes:
-            said = outcome.why or f"asked {outcome.asked or 'nothing'}, the device has {outcome.got or 'nothing'}"
-            desk.log.note(f"{outcome.title}: {said}.", fault=not outcome.path)
+            texts = outcome.why or f"requested {outcome.asked or 'nothing'}, the device has {outcome.got or 'nothing'}"
+            controller.log.add_note(f"{outcome.title}: {texts}.", error=not outcome.path)
         if not job.outcomes:
-            desk.log.note("Read back: equal to what was asked.")
+            controller.log.add_note("Read back: equal to the request.")
         titles = ", ".join(rows[one.setting].title or one.setting for one in written)
         data = {"settings": to_json_safe({one.setting: one.asked for one in written}), "snapshot": job.snapshot}
-        desk.hub.event(desk.device, "device", "info", f"{titles}: {job.message}", data=data)
+        controller.bus.event(controller.device, "device", "info", f"{titles}: {job.message}", data=data)
         if refused and not good:
             if any(one.got is None and not one.refused for one in written):
                 raise JobError("The device could not be read back.", cut_off.AWAY_HINT)
-            raise JobError(f"The device refused: {refused[0].why}.", "What was there before is unchanged.")
+            raise JobError(f"The device refused: {refused[0].why}.", "The previous values are unchanged.")
 
-    # ── the rest ─────────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── other jobs ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def run(
-        self, desk: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool = False
+        self, controller: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool = False
     ) -> Callable[[QueuedJob], Awaitable[None]]:
-        """One command; see server/configuration/commanding.py."""
-        return commanding.run(self._reader, desk, command, values, changes=changes, restarts=restarts)
+        """Run one command; see server/configuration/commanding.py."""
+        return commanding.run(self._reader, controller, command, values, changes=changes, restarts=restarts)
 
-    def raw(self, desk: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
-        """Bytes as they are."""
-        return commanding.raw(desk, data)
+    def raw(self, controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
+        """Send raw bytes."""
+        return commanding.raw(controller, data)
 
-    def restore(self, desk: DeviceController) -> Callable[[QueuedJob], Awaitable[None]]:
-        """The procedure for a device that answers at no rate; old settings come back where a trial was under way."""
+    def restore(self, controller: DeviceController) -> Callable[[QueuedJob], Awaitable[None]]:
+        """Restore a device that does not answer at any baud rate; an unfinished rollback is completed."""
 
         async def work(task: QueuedJob) -> None:
-            driver, known = desk.driver, desk.known
-            record = await asyncio.to_thread(self._unfinished, desk, known)
-            desk.step(task, "Switch the device off and on now")
-            before = desk.session.baud
-            if not await _called(desk, driver, known, task):
-                await desk.runner.relink(before)
-                raise JobError("The device did not answer.", "Was its power switched off and on while this ran?")
-            rate = f" at {group(desk.session.baud)} Bd" if desk.session.baud else ""
+            driver, known = controller.driver, controller.context
+            record = await asyncio.to_thread(self._unfinished, controller, known)
+            controller.step(task, "Switch the device off and on now")
+            before = controller.session.baud
+            if not await _call_device(controller, driver, task, self._timings):
+                await controller.runner.reopen(before)
+                raise JobError("The device did not answer.", "Switch its power off and on while this runs.")
+            rate = f" at {group(controller.session.baud)} Bd" if controller.session.baud else ""
             task.job.message = f"The device answers again{rate}, with the factory's communication settings."
-            if desk.trial is not None and desk.trial.state == "unreachable":
-                desk.trial = None
+            if controller.pending_rollback is not None and controller.pending_rollback.state == "unreachable":
+                controller.pending_rollback = None
             if record is not None:
-                hand = RollbackRun(desk, driver, self._trials, record, task)
+                rollback = RollbackRun(controller, driver, self._rollbacks, record, task, self._timings)
                 try:
-                    back = await hand.put_back(desk.session.baud)
+                    restored = await rollback.put_back(controller.session.baud)
                 except (NoReplyError, DeviceRejectedError) as error:
                     raise JobError(f"The device answers{rate}, but: {error}", "Read its settings.") from None
-                if not back:
-                    raise JobError(f"The device answers{rate}, but has not its old settings.", "Read its settings.")
+                if not restored:
+                    raise JobError(
+                        f"The device answers{rate}, but does not have its old settings.", "Read its settings."
+                    )
                 task.job.message = "The device answers again and has its old settings."
-            await self._refreshed(desk, task)
+            await self._refreshed(controller, task)
 
         return work
 
-    async def _refreshed(self, desk: DeviceController, task: QueuedJob) -> None:
-        """All that the device has, once it is found again: of what was read before nothing is certain. What cannot be
-        read is marked; that it was found stays true."""
-        desk.doubt(list(desk.values), commanding.NOT_SINCE.format(task.job.title))
+    async def _refreshed(self, controller: DeviceController, task: QueuedJob) -> None:
+        """Read all settings of a device that is found again, because values read before are uncertain. Settings that
+        cannot be read are marked; the job still succeeds.
+        """
+        controller.invalidate(list(controller.values), commanding.NOT_SINCE.format(task.job.title))
         try:
-            await self._reader.survey(desk, task, None)
+            await self._reader.read_settings(controller, task, None)
         except (NoReplyError, DeviceRejectedError, LinkError) as error:
-            desk.log.note(str(error), fault=True)
+            controller.log.add_note(str(error), error=True)
             task.job.hint = "Its settings could not be read; read them again."
 
-    def _unfinished(self, desk: DeviceController, known: DeviceContext) -> RollbackRecord | None:
-        source = desk.session.info.source
-        device = name_of(desk.session)
+    def _unfinished(self, controller: DeviceController, known: DeviceContext) -> RollbackRecord | None:
+        source = controller.session.info.source
+        device = name_of(controller.session)
         found = [
             one
-            for one in self._trials.all()
+            for one in self._rollbacks.all()
             if (one.source, one.device) == (source, device) and one.state == "unreachable"
         ]
         return next((one for one in found if one.serial_number == known.serial_number), found[0] if found else None)
 
-    def resume(self, desk: DeviceController, record: RollbackRecord) -> Callable[[QueuedJob], Awaitable[None]]:
-        """A trial that the server before this one did not end: go back."""
+    def resume(self, controller: DeviceController, record: RollbackRecord) -> Callable[[QueuedJob], Awaitable[None]]:
+        """Roll back a change that the previous run left unconfirmed."""
 
         async def work(task: QueuedJob) -> None:
-            session = desk.session
+            session = controller.session
             if session.info.protocol != record.protocol:
                 await session.read_as(replace(session.reading, protocol=record.protocol))
-            hand = RollbackRun(desk, desk.driver, self._trials, record, task)
+            rollback = RollbackRun(controller, controller.driver, self._rollbacks, record, task, self._timings)
             if record.state == "unreachable":
-                hand.show("unreachable", "The device could not be reached when this server last ran.")
+                rollback.show("unreachable", "The device could not be reached when this server last ran.")
                 raise JobError("The device could not be reached when this server last ran.", RESTORE_HINT)
-            await hand.go_back("The server was started again in the middle of a trial.")
+            await rollback.go_back("The server was started again while a change was unconfirmed.")
             task.job.message = "The device has its old settings again."
-            await self._refreshed(desk, task)
+            await self._refreshed(controller, task)
 
         return work
 
 
-def _writing(desk: DeviceController, task: QueuedJob, change: Change) -> Transaction[list[WriteResult]]:
-    """Write, and read what changed with it; after a restart that is read then."""
+def _writing(controller: DeviceController, task: QueuedJob, change: Change) -> Transaction[list[WriteResult]]:
+    """Write, and read the settings altered by it, unless a restart follows; then they are read after the restart."""
 
-    def tell(words: str) -> None:
-        desk.step(task, words)
+    def report_step(words: str) -> None:
+        controller.step(task, words)
 
-    written = yield from settings_procedures.write_all(desk.driver, desk.known, change.todo, tell, change.held)
-    also = [] if change.restart else settings_procedures.altered(desk.driver, desk.known, change.todo)
+    written = yield from settings_procedures.write_all(
+        controller.driver, controller.context, change.todo, report_step, change.held
+    )
+    also = [] if change.restart else settings_procedures.altered(controller.driver, controller.context, change.todo)
     if also and not all(one.refused for one in written):
-        found = yield from settings_procedures.read_settings(desk.driver, desk.known, also, tell)
-        desk.learn(found.known, found.values, found.missing)
+        found = yield from settings_procedures.read_settings(controller.driver, controller.context, also, report_step)
+        controller.update(found.known, found.values, found.missing)
     return written
 
 
-async def _called(desk: DeviceController, driver: DeviceDriver, known: DeviceContext, task: QueuedJob) -> bool:
-    """Call until it answers. The port of a device that its cable powers goes and comes with its power.
+async def _call_device(
+    controller: DeviceController, driver: DeviceDriver, task: QueuedJob, timings: ConfigurationTimings
+) -> bool:
+    """Call the device until it answers. The port of a bus-powered device disappears and returns with its power.
 
     Raises:
-        LinkError: the port went, and did not come back in time.
+        LinkError: the port disappeared, and did not return in time.
     """
-    end = time.monotonic() + cut_off.RETURN_S
+    end = time.monotonic() + timings.return_s
+    known = controller.context
     while True:
         try:
-            return await desk.run(driver.restore_communication(known))
+            return await controller.run(driver.restore_communication(known))
         except LinkError as gone:
-            desk.step(task, "Its port is gone: switch the device on again")
-            while not await cut_off.opened(desk):
+            controller.step(task, "Its port is gone: switch the device on again")
+            while not await cut_off.reopened(controller):
                 if time.monotonic() > end:
                     raise gone from None
-                await asyncio.sleep(cut_off.REOPEN_S)
+                await asyncio.sleep(timings.reopen_s)
 
 
 def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) -> list[str]:
-    """ "Baud rate 115 200 → 921 600 Bd", one for each path."""
-    said = []
+    """List the changes as text, one for each path: "Baud rate 115 200 → 921 600 Bd"."""
+    texts = []
     for path in paths:
         at = field_at(row.fields, path)
         sides = [value_at(values, path) for values in (old, new)]
         left, right = ("—" if v is None else words(at, v) if at is not None else str(v) for v in sides)
-        said.append(f"{title_at(row.fields, path)} {left} → {right}")
-    return said
+        texts.append(f"{title_at(row.fields, path)} {left} → {right}")
+    return texts

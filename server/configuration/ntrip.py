@@ -1,14 +1,14 @@
-"""How are corrections fetched from an NTRIP caster?
+"""NTRIP client: corrections from a caster.
 
     GET /MOUNT HTTP/1.1                            ──>   HTTP/1.1 200 OK, perhaps chunked, then RTCM        version 2
     Ntrip-Version: Ntrip/2.0                             ICY 200 OK, then RTCM                               version 1
-    User-Agent: NTRIP imuscope/…                         SOURCETABLE 200 OK: there is no such mount point    version 1
-    Authorization: Basic …                               200, gnss/sourcetable: likewise                     version 2
+    User-Agent: NTRIP imuscope/…                         SOURCETABLE 200 OK: unknown mount point             version 1
+    Authorization: Basic …                               200, gnss/sourcetable: unknown mount point          version 2
                                                          401, "ERROR - Bad Password": name or password
 
-A caster that closes the connection without a word, or that does not know the request, is asked once more as version 1.
-One that has no such mount point answers with the table of those it has, and the nearest of them are named. Virtual
-reference stations want to know where the receiver is: `report` sends a GGA sentence upstream.
+If a caster closes the connection without an answer, or rejects the request, it is asked again as version 1. A caster
+answers a request for an unknown mount point with its source table; the error names the nearest mount points. Virtual
+reference stations need the receiver's position: `report` sends a GGA sentence upstream.
 
 Source: RTCM 10410.1 (NTRIP 2.0); RTCM paper 200-2004/SC104-STD (NTRIP 1.0).
 """
@@ -20,9 +20,12 @@ import base64
 import contextlib
 import difflib
 import ssl
+import string
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
+
+import h11
 
 from server.links.source_url import is_host
 from server.version import VERSION
@@ -31,28 +34,29 @@ CONNECT_S = 10.0
 HEAD_S = 15.0
 MOST_HEAD = 16_384
 MOST_TABLE = 262_144
+TABLE_S = 15.0
 READ = 4096
-NAMED = 5  # mount points told
+MOST_NAMED = 5  # mount points listed in an error
 PORT, TLS_PORT = 2101, 443
-TRIED = "It is tried again and again; nothing needs to be done."
+TRIED = "imuscope keeps retrying; no action is needed."
 
 
 class CorrectionError(Exception):
-    """Why no corrections come: one sentence and what to do."""
+    """The reason why corrections are missing, and what to do."""
 
     def __init__(self, message: str, hint: str = "", *, over: bool = False) -> None:
         super().__init__(message)
         self.message, self.hint = message, hint
-        self.over = over  # nothing to be tried again: a file has been played
+        self.over = over  # no retry: a file has been played
 
 
 @dataclass(frozen=True, slots=True)
 class Caster:
-    """Where a stream is.
+    """Address of a caster and its stream.
 
     Args:
-        mount: its mount point, without a slash.
-        user, password: as they were before being quoted; "" for none.
+        mount: mount point, without a slash.
+        user, password: unquoted; "" for none.
     """
 
     host: str
@@ -64,10 +68,10 @@ class Caster:
 
     @classmethod
     def of(cls, source: str) -> Caster:
-        """ntrip://user:password@host:2101/MOUNT, or ntrips://.
+        """Parse ntrip://user:password@host:2101/MOUNT, or ntrips://.
 
         Raises:
-            CorrectionError: what is missing.
+            CorrectionError: a part is missing or invalid.
         """
         try:
             parts = urlsplit(source)
@@ -79,72 +83,98 @@ class Caster:
             missing = "a host" if not parts.hostname else "a mount point"
             raise CorrectionError(f"The caster lacks {missing}.", "A caster is ntrip://user:password@host:2101/MOUNT.")
         if not is_host(parts.hostname):
-            raise CorrectionError("No host is called like that.", "A caster is ntrip://user:password@host:2101/MOUNT.")
+            raise CorrectionError("Host name not found (DNS).", "A caster is ntrip://user:password@host:2101/MOUNT.")
         tls = parts.scheme == "ntrips"
         user, password = unquote(parts.username or ""), unquote(parts.password or "")
         return cls(parts.hostname, port or (TLS_PORT if tls else PORT), mount, user, password, tls)
 
     @property
     def place(self) -> str:
-        """Without the password."""
+        """Host, port and mount point, without the password."""
         return f"{self.host}:{self.port}/{self.mount}"
 
 
 class CasterStream:
-    """One connection, past its head.
+    """Response of a caster: HTTP, parsed by h11, or the bare bytes of version 1.
 
     Args:
-        first: bytes that came with the head.
+        http: the h11 connection that sent the request.
     """
 
-    def __init__(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, first: bytes, *, chunked: bool
-    ) -> None:
-        self._reader, self._writer, self._chunked = reader, writer, chunked
-        self._first = first
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, http: h11.Connection) -> None:
+        self._reader, self._writer = reader, writer
+        self._http: h11.Connection | None = http
+        self._first = b""  # bytes that came with the head of version 1
+        self.status = self.code = ""  # the first line, and the number in it
+        self.is_table = False  # a source table follows
 
-    async def chunks(self) -> AsyncIterator[bytes]:
-        """The corrections as they come.
+    async def head(self) -> None:
+        """Read the head of the response; in version 1 this is one line.
 
         Raises:
-            CorrectionError: the caster ended the stream.
+            CorrectionError: the response begins as HTTP but is invalid.
         """
-        if self._chunked:
-            async for data in self._dechunked():
-                yield data
-        else:
+        data = b""
+        while b"\r\n" not in data and len(data) <= MOST_HEAD and (more := await self._reader.read(READ)):
+            data += more
+        line, _, rest = data.partition(b"\r\n")
+        self.status = line.decode("latin-1")
+        self.code = "".join(self.status.split()[1:2])
+        self.is_table = self.status.startswith("SOURCETABLE")
+        if self._http is None or not line.startswith(b"HTTP/"):
+            self._http, self._first = None, rest.removeprefix(b"\r\n")
+            return
+        try:
+            self._http.receive_data(data)
+            while not isinstance(event := self._http.next_event(), h11.Response):
+                if event is h11.NEED_DATA:
+                    self._http.receive_data(await self._reader.read(READ))
+        except h11.RemoteProtocolError:
+            if self.code == "200":
+                raise CorrectionError(
+                    "The caster's response is not HTTP.", "Check that the address is that of an NTRIP caster."
+                ) from None
+            return
+        self.is_table = b"sourcetable" in dict(event.headers).get(b"content-type", b"")
+
+    async def data(self) -> AsyncIterator[bytes]:
+        """Body of the response, until the caster ends it.
+
+        Raises:
+            CorrectionError: invalid HTTP.
+        """
+        if self._http is None:
             if self._first:
                 yield self._first
             while data := await self._reader.read(READ):
                 yield data
+            return
+        while True:
+            try:
+                event = self._http.next_event()
+            except h11.RemoteProtocolError:
+                raise CorrectionError(
+                    "The caster's response is not HTTP.", "Check that the address is that of an NTRIP caster."
+                ) from None
+            if isinstance(event, h11.Data):
+                yield bytes(event.data)
+            elif event is not h11.NEED_DATA or not (data := await self._reader.read(READ)):
+                return
+            else:
+                self._http.receive_data(data)
+
+    async def chunks(self) -> AsyncIterator[bytes]:
+        """The correction stream.
+
+        Raises:
+            CorrectionError: the caster ended the stream.
+        """
+        async for data in self.data():
+            yield data
         raise CorrectionError("The caster ended the stream.", TRIED)
 
-    async def _dechunked(self) -> AsyncIterator[bytes]:
-        """What HTTP's chunks carry."""
-        kept = self._first
-        while True:
-            while b"\r\n" not in kept:
-                more = await self._reader.read(READ)
-                if not more or len(kept) > MOST_HEAD:
-                    return
-                kept += more
-            head, _, kept = kept.partition(b"\r\n")
-            try:
-                size = int(head.split(b";")[0] or b"-", 16)
-            except ValueError:
-                raise CorrectionError("The caster sent something that is no HTTP.", "Is it a caster?") from None
-            if size <= 0 or size > 1 << 24:
-                return
-            while len(kept) < size + 2:
-                more = await self._reader.read(READ)
-                if not more:
-                    return
-                kept += more
-            yield kept[:size]
-            kept = kept[size + 2 :]
-
     async def report(self, gga: bytes) -> None:
-        """Tell where the receiver is."""
+        """Send the position of the receiver."""
         self._writer.write(gga)
         with contextlib.suppress(OSError):
             await self._writer.drain()
@@ -156,19 +186,21 @@ class CasterStream:
 
 
 async def connect(caster: Caster, gga: bytes = b"") -> CasterStream:
-    """A stream of corrections.
+    """Connect to a caster.
 
     Args:
-        gga: where the receiver is, if that is known.
+        gga: position of the receiver, if known.
+
     Raises:
-        CorrectionError: why not.
+        CorrectionError: the connection or the request failed.
     """
     stream = await _attempt(caster, gga, version=2)
     if stream is None:
         stream = await _attempt(caster, gga, version=1)
     if stream is None:
         raise CorrectionError(
-            f"{caster.host}:{caster.port} closed the connection without an answer.", "Is it an NTRIP caster?"
+            f"{caster.host}:{caster.port} closed the connection without an answer.",
+            "Check that the address is that of an NTRIP caster.",
         )
     if gga:
         await stream.report(gga)
@@ -176,7 +208,7 @@ async def connect(caster: Caster, gga: bytes = b"") -> CasterStream:
 
 
 async def _attempt(caster: Caster, gga: bytes, *, version: int) -> CasterStream | None:
-    """One request; None where the caster does not understand it."""
+    """Send one request; None if the caster does not understand it."""
     where = f"{caster.host}:{caster.port}"
     context = ssl.create_default_context() if caster.tls else None
     try:
@@ -184,111 +216,92 @@ async def _attempt(caster: Caster, gga: bytes, *, version: int) -> CasterStream 
             asyncio.open_connection(caster.host, caster.port, ssl=context), CONNECT_S
         )
     except TimeoutError:
-        raise CorrectionError(f"{where} does not answer.", "Is the address right, and the network there?") from None
+        raise CorrectionError(f"{where} does not answer.", "Check the address and the network.") from None
     except ssl.SSLError as error:
         raise CorrectionError(
-            f"{where} is no trusted TLS server: {error.reason}.", "ntrip:// is without TLS."
+            f"{where} is not a trusted TLS server: {error.reason}.", "Use ntrip:// to connect without TLS."
         ) from None
     except OSError as error:
-        raise CorrectionError(
-            f"{where} cannot be reached: {error.strerror or error}.", "Is the address right?"
-        ) from None
+        raise CorrectionError(f"{where} cannot be reached: {error.strerror or error}.", "Check the address.") from None
+    http = h11.Connection(h11.CLIENT, max_incomplete_event_size=MOST_HEAD)
+    stream = CasterStream(reader, writer, http)
     try:
-        writer.write(_request(caster, version, gga))
+        writer.write(_request(caster, version, gga, http))
         await writer.drain()
-        head, first = await asyncio.wait_for(_head(reader), HEAD_S)
-        stream = await _judged(caster, version, head, first, reader, writer)
+        await asyncio.wait_for(stream.head(), HEAD_S)
+        if await _is_understood(caster, version, stream):
+            return stream
     except TimeoutError:
         writer.close()
-        raise CorrectionError(f"{where} took the request and does not answer.", TRIED) from None
+        raise CorrectionError(f"{where} accepted the request but does not answer.", TRIED) from None
     except OSError:
         writer.close()
         return None
     except BaseException:
         writer.close()
         raise
-    if stream is None:
-        writer.close()
-    return stream
+    writer.close()
+    return None
 
 
-def _request(caster: Caster, version: int, gga: bytes) -> bytes:
-    lines = [f"GET /{caster.mount} HTTP/{'1.1' if version == 2 else '1.0'}"]
-    if version == 2:
-        lines += [f"Host: {caster.host}:{caster.port}", "Ntrip-Version: Ntrip/2.0", "Connection: close"]
-    lines += [f"User-Agent: NTRIP imuscope/{VERSION}", "Accept: */*"]
+def _request(caster: Caster, version: int, gga: bytes, http: h11.Connection) -> bytes:
+    """The bytes of a request. h11 is informed in either case; it writes that of version 2, which is HTTP/1.1."""
+    headers = [("User-Agent", f"NTRIP imuscope/{VERSION}"), ("Accept", "*/*")]
     if caster.user or caster.password:
         pair = base64.b64encode(f"{caster.user}:{caster.password}".encode()).decode()
-        lines.append(f"Authorization: Basic {pair}")
-    if gga and version == 2:
-        lines.append(f"Ntrip-GGA: {gga.decode('ascii').strip()}")
-    return ("\r\n".join(lines) + "\r\n\r\n").encode()
+        headers.append(("Authorization", f"Basic {pair}"))
+    version_2_headers = [
+        ("Host", f"{caster.host}:{caster.port}"),
+        ("Ntrip-Version", "Ntrip/2.0"),
+        ("Connection", "close"),
+    ]
+    if gga:
+        version_2_headers.append(("Ntrip-GGA", gga.decode("ascii").strip()))
+    target = quote(f"/{caster.mount}", string.punctuation)
+    request = http.send(h11.Request(method="GET", target=target, headers=version_2_headers + headers)) or b""
+    http.send(h11.EndOfMessage())
+    if version == 2:
+        return request
+    return "".join(
+        [f"GET {target} HTTP/1.0\r\n", *(f"{name}: {value}\r\n" for name, value in headers), "\r\n"]
+    ).encode()
 
 
-async def _head(reader: asyncio.StreamReader) -> tuple[list[str], bytes]:
-    """The lines before the stream, and what came with them. ICY ends after its first line."""
-    data = b""
-    while True:
-        more = await reader.read(READ)
-        data += more
-        line, end, rest = data.partition(b"\r\n")
-        if line.startswith(b"ICY") and end:
-            return [line.decode("latin-1")], rest.removeprefix(b"\r\n")
-        if line.startswith(b"ERROR") and (end or not more):
-            return [line.decode("latin-1")], b""
-        if b"\r\n\r\n" in data:
-            head, _, rest = data.partition(b"\r\n\r\n")
-            return head.decode("latin-1").split("\r\n"), rest
-        if not more or len(data) > MOST_HEAD:
-            return (data.decode("latin-1").split("\r\n") if data.strip() else []), b""
+async def _is_understood(caster: Caster, version: int, stream: CasterStream) -> bool:
+    """Whether a correction stream follows; False if the caster does not understand the request.
 
-
-async def _judged(
-    caster: Caster,
-    version: int,
-    head: list[str],
-    first: bytes,
-    reader: asyncio.StreamReader,
-    writer: asyncio.StreamWriter,
-) -> CasterStream | None:
-    """What a caster's answer means."""
-    status = head[0] if head else ""
-    headers = {name.strip().lower(): value.strip() for name, _, value in (line.partition(":") for line in head[1:])}
-    words = status.split()
-    code = words[1] if len(words) > 1 else ""
-    if status.startswith("SOURCETABLE") or "sourcetable" in headers.get("content-type", ""):
-        raise _no_mount(caster, await _table(reader, first))
+    Raises:
+        CorrectionError: the caster understands the request but refuses it.
+    """
+    status, code = stream.status, stream.code
+    if stream.is_table:
+        raise _no_mount(caster, await _table(stream))
     if code == "401" or "password" in status.lower():
-        who = "The caster wants a name and a password" if not caster.user else "The caster refuses name or password"
-        raise CorrectionError(f"{who} for {caster.mount}.", "They stand before the host: ntrip://name:password@host.")
+        who = "The caster requires name and password" if not caster.user else "The caster rejects name or password"
+        raise CorrectionError(f"{who} for {caster.mount}.", "Write them before the host: ntrip://name:password@host.")
     if code == "404":
         raise _no_mount(caster, "")
-    if status.startswith("ICY") and code == "200":
-        return CasterStream(reader, writer, first, chunked=False)
-    if status.startswith("HTTP/") and code == "200":
-        chunked = "chunked" in headers.get("transfer-encoding", "").lower()
-        return CasterStream(reader, writer, first, chunked=chunked)
-    if version == 2 and (not status or code in ("400", "500", "501", "505")):
-        return None
-    if not status:
-        return None
-    raise CorrectionError(f"The caster answered {status[:80]!r}.", "Is it an NTRIP caster?")
+    if status.startswith(("ICY", "HTTP/")) and code == "200":
+        return True
+    if not status or (version == 2 and code in ("400", "500", "501", "505")):
+        return False
+    raise CorrectionError(f"The caster answered {status[:80]!r}.", "Check that the address is that of an NTRIP caster.")
 
 
-async def _table(reader: asyncio.StreamReader, first: bytes) -> str:
-    """The source table, as far as it comes."""
-    data = first
+async def _table(stream: CasterStream) -> str:
+    """The source table, as far as it is received."""
+    table = b""
     with contextlib.suppress(TimeoutError, OSError):
-        while b"ENDSOURCETABLE" not in data and len(data) < MOST_TABLE:
-            more = await asyncio.wait_for(reader.read(READ), 5)
-            if not more:
-                break
-            data += more
-    return data.decode("latin-1")
+        async with asyncio.timeout(TABLE_S):
+            async for data in stream.data():
+                table += data
+                if b"ENDSOURCETABLE" in table or len(table) >= MOST_TABLE:
+                    break
+    return table.decode("latin-1")
 
 
 def mounts(table: str) -> dict[str, str]:
-    """Mount point → what it is, of a source table: its place and its format."""
+    """Mount points of a source table, with place and format."""
     found = {}
     for line in table.splitlines():
         fields = line.split(";")
@@ -298,13 +311,17 @@ def mounts(table: str) -> dict[str, str]:
 
 
 def _no_mount(caster: Caster, table: str) -> CorrectionError:
-    """There is no such mount point: which there are."""
-    there = mounts(table)
+    """Error for an unknown mount point, with the nearest ones."""
+    available = mounts(table)
     message = f"The caster has no mount point {caster.mount!r}."
-    if not there:
-        return CorrectionError(message, "Its provider says which there are.")
-    folded = {name.casefold(): name for name in there}
-    close = [folded[one] for one in difflib.get_close_matches(caster.mount.casefold(), folded, NAMED, 0.3)]
-    named = ", ".join(f"{name} ({there[name]})" if there[name] else name for name in (close or list(there))[:NAMED])
-    more = f", and {len(there) - NAMED} more" if len(there) > NAMED else ""
+    if not available:
+        return CorrectionError(message, "Ask its provider for the mount points.")
+    by_casefold = {name.casefold(): name for name in available}
+    close = [
+        by_casefold[one] for one in difflib.get_close_matches(caster.mount.casefold(), by_casefold, MOST_NAMED, 0.3)
+    ]
+    named = ", ".join(
+        f"{name} ({available[name]})" if available[name] else name for name in (close or list(available))[:MOST_NAMED]
+    )
+    more = f", and {len(available) - MOST_NAMED} more" if len(available) > MOST_NAMED else ""
     return CorrectionError(message, f"It has {named}{more}.")

@@ -1,11 +1,11 @@
-"""What would be sent, byte by byte, what is wrong with it, and can the line carry what it asks for?
+"""Preview of a change: the frames to send, byte by byte, the problems and the load on the link.
 
     values ──> problems, each at its field            one of them: no frame
-           ──> frames, each cut into named spans
-           ──> load: bytes/s of all outputs as they would be, against the capacity at the rate that would be in effect
+           ──> frames, each divided into named spans
+           ──> load: bytes/s of all outputs after the change, against the capacity at the baud rate after the change
            ──> line: how the change could cut the line
 
-Nothing is sent. What the device has now (as far as it has been read) fills in what the change does not say.
+Nothing is sent. Present values of the device (as far as they have been read) complete the change.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ MOST_FRAMES = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """What the link of a device carries.
+class SerialLine:
+    """Load and capacity of the link of a device.
 
     Args:
-        baud: now; None where it has no rate.
-        capacity: bytes/s at that rate; None where it is not known.
-        measured: bytes/s now.
-        others: what other devices that share it send, title and bytes/s, as far as their settings have been read.
+        baud: present rate; None if the link has no rate.
+        capacity: bytes/s at that rate; None if it is not known.
+        measured: present bytes/s.
+        other_devices: title and bytes/s of other devices that share the link, as far as their settings have been read.
     """
 
     baud: int | None = None
     capacity: float | None = None
     measured: float | None = None
-    others: Sequence[tuple[str, float]] = ()
+    other_devices: Sequence[tuple[str, float]] = ()
 
-    def at(self, baud: int | None) -> float | None:
-        """Bytes/s at another rate: bits a byte stay as they are."""
+    def rate_at(self, baud: int | None) -> float | None:
+        """Bytes/s at another baud rate, with the same number of bits per byte."""
         if baud is None or self.baud is None or self.capacity is None:
             return self.capacity
         return self.capacity * baud / self.baud
@@ -59,7 +59,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class DevicePresentState:
-    """What is known of a device and its line when something is looked at before it is sent.
+    """Known state of a device and its link, for a preview.
 
     Args:
         values: its settings, as far as they have been read.
@@ -67,30 +67,30 @@ class DevicePresentState:
 
     driver: DeviceDriver
     known: DeviceContext
-    line: Line = Line()
+    line: SerialLine = SerialLine()
     values: Mapping[str, Values] = field(default_factory=dict)
 
     def setting(self, name: str) -> Setting:
-        """The row of a setting. KeyError when this device has none of that name."""
+        """The row of a setting; KeyError if the device does not have it."""
         return {row.name: row for row in self.driver.settings(self.known)}[name]
 
     def kept_by(self, command: str) -> Setting | None:
-        """The setting that a command writes, where its arguments are the setting's own fields."""
+        """The setting that a command writes, if its arguments are fields of the setting."""
         row = next((row for row in self.driver.commands(self.known) if row.name == command), None)
         names = {one.name for one in row.arguments} if row is not None else set()
-        for kept in self.driver.settings(self.known):
-            if names and kept.write == command and names <= {one.name for one in kept.fields}:
-                return kept
+        for setting in self.driver.settings(self.known):
+            if names and setting.write == command and names <= {one.name for one in setting.fields}:
+                return setting
         return None
 
 
 def preview_setting(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
-    """What writing these values would send. KeyError when there is no such setting."""
+    """Frames that would write these values; KeyError for an unknown setting."""
     row, driver, known = present.setting(name), present.driver, present.known
     values = numbers(row.fields, values)
     found = problems_of(row.fields, values, partial=row.partial)
     left = unlike(found, values, present.values.get(name, {}))
-    held, found = len(left) < len(found), left  # what the device has may stay, whatever the tables allow
+    held, found = len(left) < len(found), left  # present values may stay, whatever the tables allow
     frames: list[bytes] = []
     if not found:
         try:
@@ -111,11 +111,11 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
 
 
 def preview_command(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
-    """What a command would send. KeyError when there is no such command."""
+    """Frames that a command would send; KeyError for an unknown command."""
     row = {one.name: one for one in present.driver.commands(present.known)}[name]
     values = numbers(row.arguments, values)
-    kept = present.kept_by(name)
-    held = present.values.get(kept.name, {}) if kept is not None else {}
+    setting = present.kept_by(name)
+    held = present.values.get(setting.name, {}) if setting is not None else {}
     found = unlike(problems_of(row.arguments, values), values, held)
     if not found and (other := present.driver.instead(name, values, present.values, present.known)) and other[1]:
         now = present.values.get(other[0], {})
@@ -130,15 +130,15 @@ def preview_command(present: DevicePresentState, name: str, values: Mapping[str,
 
 
 def frame_info(driver: DeviceDriver, frame: bytes) -> FrameInfo:
-    """A frame with what each of its bytes means."""
-    spans = [SpanInfo(span.offset, span.size, span.label, span.path) for span in driver.spans(frame)]
+    """A frame with the meaning of each byte."""
+    spans = [SpanInfo(span.offset, span.size, span.label, span.path) for span in driver.annotate(frame)]
     return FrameInfo(driver.name_of(frame), frame.hex(), spans)
 
 
 def load_of(present: DevicePresentState, values: Mapping[str, Values], baud: int | None) -> LoadInfo | None:
-    """What these settings ask of the line; None where they are not known well enough to tell.
+    """Load that these settings put on the link; None if they are not known well enough.
 
-    Outputs that were not read are not none.
+    Outputs that were not read are unknown, not empty.
     """
     if any(row.editor and row.name not in values for row in present.driver.settings(present.known)):
         return None
@@ -155,8 +155,8 @@ def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud:
     """The same outputs with rates that the line can carry.
 
     Raises:
-        KeyError: there is no such setting.
-        EncodeError: the values cannot be sent at all.
+        KeyError: unknown setting.
+        EncodeError: the values are invalid.
         ValueError: the link's capacity is not known.
     """
     row = present.setting(name)
@@ -165,26 +165,26 @@ def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud:
     if found:
         raise EncodeError(found[0].message.rstrip("."), found[0].path)
     rate = baud if baud is not None else present.line.baud
-    capacity = present.line.at(rate)
+    capacity = present.line.rate_at(rate)
     if capacity is None:
-        raise ValueError("This link has no rate that could be too small.")
+        raise ValueError("This link has no baud rate to fit.")
     before = {**present.values, name: {**present.values.get(name, {}), **values}}
-    left = max(capacity - sum(sent for _, sent in present.line.others), 0.0)
-    after = {**before, **present.driver.fit(before, left, present.known)}
+    left = max(capacity - sum(sent for _, sent in present.line.other_devices), 0.0)
+    after = {**before, **present.driver.fit_rates(before, left, present.known)}
     load = present.driver.load(after, present.known)
     words = _lowered(present, row, before[name], after[name])
     return FitAnswer(to_json_safe(after[name]), _info(load, present.line, rate), words)
 
 
 def _lowered(present: DevicePresentState, row: Setting, before: Values, after: Values) -> list[str]:
-    """What a fit changed, in words: "Acceleration 400 Hz → 100 Hz"."""
+    """Rates that a fit lowered, as text: "Acceleration 400 Hz → 100 Hz"."""
     sides = SideValues("", {row.name: before}), SideValues("", {row.name: after})
     rows = compare(present.driver, present.known, *sides).rows
     return [f"{one.title} {one.left or 'off'} → {one.right or 'off'}" for one in rows]
 
 
-def _info(load: LinkLoad, line: Line, baud: int | None) -> LoadInfo:
+def _info(load: LinkLoad, line: SerialLine, baud: int | None) -> LoadInfo:
     parts = [PartInfo(part.path, part.title, part.bytes_per_s) for part in load.parts]
-    parts += [PartInfo("", title, sent) for title, sent in line.others]
-    total = load.total + sum(sent for _, sent in line.others)
-    return LoadInfo(parts, total, line.at(baud), baud, list(load.limits), line.measured)
+    parts += [PartInfo("", title, sent) for title, sent in line.other_devices]
+    total = load.total + sum(sent for _, sent in line.other_devices)
+    return LoadInfo(parts, total, line.rate_at(baud), baud, list(load.limits), line.measured)

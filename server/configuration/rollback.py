@@ -1,21 +1,21 @@
-"""How does a change that could cut the line find its way back by itself? The dead man's hand.
+"""Automatic rollback of changes that could cut the link ("commit confirmed").
 
     on disk: old and new settings, rates, deadline       forced to disk before the first byte of the change is sent
-    write ─> restart ─> link at the new rate ─> does it answer, and is what was written there?
+    write ─> restart ─> link at the new rate ─> does it answer, with the new settings?
                                     │ yes                              │ no
                              "Keep these settings?"             link at new, old, new, old … rate
-                          20 s │ keep      │ nobody, or "go back"      │ answers at one
+                          20 s │ confirmed │ no answer, or "roll back" │ answers at one
                                v           └──────────┬────────────────┘                       │ at none
-                             kept            write old, restart, link at old rate, read back    v
+                           confirmed         write old, restart, link at old rate, read back    v
                                                       v                              unreachable until
-                                                  reverted                           its power is cycled
+                                                 rolled back                         its power is cycled
 
-The server does this by itself, whoever watches: a browser that is gone cannot say "keep". A server that was killed in
-the middle finds the file when it starts again and goes back first of all. Before old settings are written the device is
-asked who it is; another one that is at the port by now is left alone.
+The server does this without any browser: one that lost its connection cannot confirm. A server that was killed in the
+middle finds the file when it starts again and rolls back first. Before old settings are written the device is
+identified; a different device at the port is left unchanged.
 
 The file stays while the device is unreachable; the procedure that restores communication (server/configuration/jobs.py)
-ends with the old settings too.
+also ends with the old settings.
 """
 
 from __future__ import annotations
@@ -32,40 +32,39 @@ from typing import Any, Literal
 from protocols.transactions import DeviceContext, DeviceDriver, DeviceRejectedError, NoReplyError, Values, WriteResult
 from recordings import atomic_write
 from recordings.mcap_writer import check_format_version
+from server import previous_names
 from server.configuration import settings_procedures
 from server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from server.configuration.timings import ConfigurationTimings
 from server.configuration.transaction_runner import group
 from server.links.base import LinkError
-from server.wire import Trial
+from server.wire import PendingRollback
 
-log = logging.getLogger("imuscope.trials")
+log = logging.getLogger("imuscope.rollbacks")
 
 FORMAT = 1  # of the file
-ROUNDS = 4  # new and old rate, in turn
-RESTART_S = 3.0  # a device that restarts answers after 2 s
-PORT_BACK_S = 60.0  # a port that vanished (USB restarts with the device) may take so long
 UNREACHABLE = (
     "The device answers neither at the new rate nor at the old one: it is unreachable until its power is cycled."
 )
-SLOWER = "Ask for less, or for a rate that its cable carries."
-NOT_TAKEN = "The device answers, but did not take its old settings back."
+SLOWER = "Request less data, or a baud rate that its cable can carry."
+NOT_TAKEN = "The device answers, but did not accept its old settings."
 NOT_TAKEN_HINT = "Read its settings; the snapshot taken before the change has the old ones."
-BROKEN = "A fault in imuscope interrupted the way back; the device may still have the new settings."
+BROKEN = "An internal error of imuscope interrupted the rollback; the device may still have the new settings."
 RESTORE_HINT = "Start “Restore communication”, then switch the device off and on while it runs."
 
 
 @dataclass(slots=True)
 class RollbackRecord:
-    """A trial as it stands on disk.
+    """The rollback record on disk.
 
     Args:
         old, new: the settings concerned, by name.
-        old_baud, new_baud: None where the rate stays or the link has none.
-        other_bauds: rates at which the device may be found as well, where it is not known which of its ports is ours.
-        restart: the change takes effect by a restart.
-        device: on a link that several share, what the stream calls it; "" for the first.
-        address: where it is addressed there; None where it has no address.
-        deadline: unix seconds, when it goes back by itself; later than anything that is still being done.
+        old_baud, new_baud: None if the rate stays or the link has none.
+        other_bauds: other possible rates of the device, if it is not known which of its ports is connected.
+        restart: the change takes effect after a restart.
+        device: on a shared link, its id in the stream; "" for the first.
+        address: its address there; None if it has none.
+        deadline: unix seconds of the automatic rollback; later than any step still in progress.
     """
 
     source: str
@@ -79,11 +78,11 @@ class RollbackRecord:
     new_baud: int | None
     restart: bool
     changes: list[str] = field(default_factory=list)
-    state: Literal["applying", "asking", "reverting", "unreachable"] = "applying"
+    state: Literal["applying", "pending", "rolling-back", "unreachable"] = "applying"
     deadline: float = 0.0
     seconds: float = 20.0
     other_bauds: list[int] = field(default_factory=list)
-    held: list[str] = field(default_factory=list)  # of the new settings those that go back to what the device had once
+    held: list[str] = field(default_factory=list)  # new settings with values that the device had before; sent unchecked
     device: str = ""
     address: int | None = None
 
@@ -94,34 +93,34 @@ class RollbackRecord:
 
 
 class RollbackStore:
-    """The folder of trials that are not over: <data>/trials. Reads and writes files: not on the event loop."""
+    """The folder of pending rollbacks: <data>/rollbacks. Reads and writes files; do not use it on the event loop."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def keep(self, record: RollbackRecord) -> None:
-        """Write it, durably.
+    def save(self, record: RollbackRecord) -> None:
+        """Write a record durably.
 
         Raises:
-            JobError: the disk does not take it, so the change must not begin.
+            JobError: it cannot be written, so the change must not begin.
         """
         try:
             atomic_write.write_atomic(
                 self._path(record), json.dumps({"imuscope": FORMAT, **asdict(record)}, indent=1) + "\n"
             )
         except OSError as error:
-            hint = f"Nothing was sent. Is there space, and may this server write to {self._folder}?"
-            raise JobError(f"The way back could not be kept on disk: {error.strerror}.", hint) from None
+            hint = f"Nothing was sent. Check free space and write permission of {self._folder}."
+            raise JobError(f"The rollback record could not be saved: {error.strerror}.", hint) from None
 
     def forget(self, record: RollbackRecord) -> None:
-        """It is over."""
+        """Delete a record."""
         try:
             atomic_write.remove(self._path(record))
         except OSError as error:
             log.error("%s could not be removed: %s", self._path(record), error)
 
     def all(self) -> list[RollbackRecord]:
-        """What was not over when the last server ended. A file that cannot be read is told in the log, and stays."""
+        """Rollback records that the previous run left. A file that cannot be read is logged, and stays."""
         found = []
         paths = sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []
         for path in paths:
@@ -130,13 +129,14 @@ class RollbackStore:
                 if why := check_format_version(path.name, body.pop("imuscope", FORMAT), FORMAT):
                     log.error("%s %s", why.message, why.hint)
                     continue
+                body["state"] = previous_names.ROLLBACK_STATES.get(body["state"], body["state"])
                 found.append(RollbackRecord(**body))
-            except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
+            except (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError) as error:
                 log.error("%s cannot be read: %s", path, error)
         return found
 
-    def of(self, protocol: str, serial_number: str) -> RollbackRecord | None:
-        """The one of a device."""
+    def record_of(self, protocol: str, serial_number: str) -> RollbackRecord | None:
+        """Rollback record of a device, or None."""
         return next((one for one in self.all() if (one.protocol, one.serial_number) == (protocol, serial_number)), None)
 
     def _path(self, record: RollbackRecord) -> Path:
@@ -145,7 +145,7 @@ class RollbackStore:
 
 
 class RollbackRun:
-    """One trial, carried out.
+    """Execution of one temporary change.
 
     Args:
         task: the job it belongs to.
@@ -153,152 +153,164 @@ class RollbackRun:
 
     def __init__(
         self,
-        desk: DeviceController,
+        controller: DeviceController,
         driver: DeviceDriver,
-        trials: RollbackStore,
+        rollbacks: RollbackStore,
         record: RollbackRecord,
         task: QueuedJob,
+        timings: ConfigurationTimings,
     ) -> None:
-        self._desk = desk
+        self._controller = controller
         self._driver = driver
-        self._trials = trials
+        self._rollbacks = rollbacks
         self.record = record
         self._task = task
+        self._timings = timings
 
-    # ── forth ────────────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── change ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def apply(self) -> list[WriteResult]:
-        """Write, see whether the device is there, ask, keep or go back; what was written.
+        """Write, check that the device answers, wait for confirmation, and keep or roll back.
+
+        Returns:
+            What was written.
 
         Raises:
-            JobError: the device went back, or is unreachable; in words.
+            JobError: the change was rolled back, or the device is unreachable.
         """
         self._task.stoppable = False
-        await self._stand("applying", "The change is being made.")
+        await self._report("applying", "The change is being made.")
         try:
             written = await self._write()
             if all(one.refused for one in written):
-                await self._end("reverted", "The device refused the change; nothing is different.")
+                await self._end("rolled-back", "The device refused the change; nothing is different.")
                 return written
-            back = await self._arrived()
+            back = await self._read_new_settings()
         except (NoReplyError, DeviceRejectedError, LinkError) as error:
-            self._desk.log.note(str(error), fault=True)
+            self._controller.log.add_note(str(error), error=True)
             back = None
         except JobError:
-            raise  # another device is at the port: nothing is put back to it
-        except Exception:  # whatever it is, the device must not be left half changed
-            log.exception("a trial could not be carried out")
-            await self.go_back("A fault in imuscope interrupted the change.")
+            raise  # another device is at the port: do not write to it
+        except Exception:  # whatever the error, the device must not be left half changed
+            log.exception("a temporary change could not be carried out")
+            await self.go_back("An internal error of imuscope interrupted the change.")
             raise
         if back is None:
             await self.go_back("The device does not answer with the new settings.")
-            raise JobError("The device did not answer with the new settings; it went back to the old ones.", SLOWER)
+            raise JobError(
+                "The device did not answer with the new settings; it was rolled back to the old ones.", SLOWER
+            )
         written = [replace(one, got=back.get(one.setting, one.got)) for one in written]
-        if await self._ask():
-            await self._end("kept", "The settings are kept.")
+        if await self._is_confirmed():
+            await self._end("confirmed", "The new settings are confirmed.")
             self._task.job.hint = self._source_hint()
             return written
-        await self.go_back("Nobody kept the settings in time." if not self._desk.answer.is_set() else "")
-        who = "as somebody asked" if self._desk.answer.is_set() else "as nobody kept the new ones in time"
-        raise JobError(f"The device went back to the old settings, {who}.", "They can be applied again.")
+        await self.go_back("The change was not confirmed in time." if not self._controller.answer.is_set() else "")
+        who = "as requested" if self._controller.answer.is_set() else "because the change was not confirmed in time"
+        raise JobError(f"The device was rolled back to the old settings, {who}.", "They can be applied again.")
 
     async def _write(self) -> list[WriteResult]:
-        tell = self._tell
+        report = self._report_state
         record = self.record
-        known = self._known(self._desk.session.baud)
-        body = settings_procedures.write_all(self._driver, known, record.new, tell, record.held)
-        return await self._desk.run(self._driver.within(body, known))
+        known = self._known_values(self._controller.session.baud)
+        body = settings_procedures.write_all(self._driver, known, record.new, report, record.held)
+        return await self._controller.run(self._driver.within(body, known))
 
-    async def _arrived(self) -> dict[str, Values] | None:
-        """What the device has at the new settings; None where it does not answer there."""
+    async def _read_new_settings(self) -> dict[str, Values] | None:
+        """Values of the device at the new settings; None if it does not answer there."""
         record = self.record
         if record.restart:
-            self._tell("The device restarts")
+            self._report_state("The device restarts")
             await self._restart()
-        if not await self._found():
+        if not await self._read_back():
             return None
-        self._tell("Reading the settings back")
+        self._report_state("Reading the settings back")
         found = await self._read(record.new)
         return found.values if found is not None and set(found.values) >= set(record.new) else None
 
-    async def _found(self) -> bool:
-        """Does it answer at the new rate, or at another that it may have?"""
+    async def _read_back(self) -> bool:
+        """Whether the device answers at the new rate, or at another possible rate."""
         record = self.record
         rates = tuple(dict.fromkeys((record.new_baud, *record.other_bauds)))
-        for baud in rates if len(rates) == 1 else rates * ROUNDS:  # one that restarts may be missed at its rate
-            if baud is not None and baud != self._desk.session.baud:
-                self._tell(f"The link is opened at {group(baud)} Bd")
-                if not await self._desk.runner.relink(baud):
+        for baud in (
+            rates if len(rates) == 1 else rates * self._timings.rounds
+        ):  # a restarting device may be missed at first
+            if baud is not None and baud != self._controller.session.baud:
+                self._report_state(f"The link is opened at {group(baud)} Bd")
+                if not await self._controller.runner.reopen(baud):
                     continue
             if await self._alive():
                 record.new_baud = baud
                 return True
         return False
 
-    async def _ask(self) -> bool:
-        """Did a person keep the settings before the time was over?"""
-        desk, record = self._desk, self.record
-        desk.answer.clear()
-        desk.kept = False
+    async def _is_confirmed(self) -> bool:
+        """Whether the user confirmed the settings in time."""
+        controller, record = self._controller, self.record
+        controller.answer.clear()
+        controller.rollback_kept = False
         rate = f" at {group(record.new_baud)} Bd" if record.new_baud else ""
         moved = record.old_baud and record.new_baud and record.new_baud != record.old_baud
-        before = f" to {group(record.old_baud)} Bd" if record.old_baud and moved else " to what was before"
-        record.deadline = desk.hub.now() + record.seconds
-        words = f"The device answers{rate}. If you say nothing, it goes back{before}."
+        before = f" to {group(record.old_baud)} Bd" if record.old_baud and moved else " to the previous settings"
+        record.deadline = controller.bus.now() + record.seconds
+        words = f"The device answers{rate}. Unless confirmed, it is rolled back{before}."
         if record.new_baud in (None, record.old_baud):
-            rows = desk.rows
+            rows = controller.rows
             titles = ", ".join(rows[name].title or name if name in rows else name for name in record.new)
-            words = f"The device answers with the new settings ({titles}). If you say nothing, the old ones come back."
-        await self._stand("asking", words)
-        desk.session.hush(False)
-        self._tell("Keep these settings?")
+            words = (
+                f"The device answers with the new settings ({titles}). Unless confirmed, the old settings are restored."
+            )
+        await self._report("pending", words)
+        controller.session.suppress_timeout(False)
+        self._report_state("Keep these settings?")
         try:
-            await asyncio.wait_for(desk.answer.wait(), record.seconds)
+            await asyncio.wait_for(controller.answer.wait(), record.seconds)
         except TimeoutError:
             return False
         finally:
-            desk.session.hush(True)
-        return desk.kept
+            controller.session.suppress_timeout(True)
+        return controller.rollback_kept
 
     def _source_hint(self) -> str:
-        """A source that names the old rate does not find the device after the next start of the server."""
+        """Hint for a source with the old rate, which would not find the device after the next start of the server."""
         record = self.record
         if record.new_baud in (None, record.old_baud) or f"baud={record.old_baud}" not in record.source:
             return ""
         source = record.source.replace(f"baud={record.old_baud}", f"baud={record.new_baud}")
         return f"Open it as {source} when this server is started again."
 
-    # ── back ─────────────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── rollback ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def go_back(self, why: str = "") -> None:
-        """Old settings, restart, old rate, read back. However it ends, it ends: nothing stays "reverting".
+        """Write the old settings, restart, set the old rate, read back. It always ends in another state than
+        "rolling-back".
 
         Raises:
-            JobError: it answers nowhere, or does not take its old settings, or another device is there.
+            JobError: the device does not answer, does not accept its old settings, or is a different one.
         """
         self._task.stoppable = False
         self.record.deadline = 0.0
         try:
-            await self._stand("reverting", f"{why} The old settings are being put back.".strip())
-            answered = await self._tried_back()
+            await self._report("rolling-back", f"{why} The old settings are being put back.".strip())
+            answered = await self._try_rollback()
         except JobError:
             raise
         except Exception:
-            await self._stand("unreachable", BROKEN)
+            await self._report("unreachable", BROKEN)
             raise
         if answered is None:
             return
         words, hint = (NOT_TAKEN, NOT_TAKEN_HINT) if answered else (UNREACHABLE, RESTORE_HINT)
-        await self._stand("unreachable", words)
+        await self._report("unreachable", words)
         raise JobError(words, hint)
 
-    async def _tried_back(self) -> bool | None:
-        """None when the device has its old settings; else whether it answered at all."""
+    async def _try_rollback(self) -> bool | None:
+        """None when the device has its old settings; otherwise whether it answered at all."""
         rates = list(dict.fromkeys((self.record.new_baud, self.record.old_baud, *self.record.other_bauds)))
         answered = False
-        for turn in range(ROUNDS):
+        for turn in range(self._timings.rounds):
             for baud in rates:
-                if not await self._link_at(baud, first=turn == 0):
+                if not await self._open_link_at(baud, first=turn == 0):
                     continue
                 try:
                     if await self._alive():
@@ -306,41 +318,43 @@ class RollbackRun:
                         if await self.put_back(baud):
                             return None
                 except (NoReplyError, DeviceRejectedError, LinkError) as error:
-                    self._desk.log.note(str(error), fault=True)
+                    self._controller.log.add_note(str(error), error=True)
         return answered
 
-    async def _link_at(self, baud: int | None, *, first: bool) -> bool:
-        """The link open at a rate; a port that is away for a moment is waited for."""
-        session = self._desk.session
+    async def _open_link_at(self, baud: int | None, *, first: bool) -> bool:
+        """Open the link at a rate; waits for a port that is temporarily missing."""
+        session = self._controller.session
         if first and baud == session.baud and session.info.status == "live":
             return True
         waited = 0.0
-        while not await self._desk.runner.relink(baud):
-            if waited >= (PORT_BACK_S if first else RESTART_S):
+        while not await self._controller.runner.reopen(baud):
+            if waited >= (self._timings.port_back_s if first else self._timings.restart_s):
                 return False
-            await asyncio.sleep(1.0)
-            waited += 1.0
+            await asyncio.sleep(self._timings.port_look_s)
+            waited += self._timings.port_look_s
         return True
 
     async def put_back(self, baud: int | None) -> bool:
-        """Write the old settings to a device that answers; False where it cannot be read back afterwards."""
+        """Write the old settings to a device that answers; False if it cannot be read back afterwards."""
         record, driver = self.record, self._driver
-        known = self._known(baud)
-        self._tell("Putting the old settings back")
+        known = self._known_values(baud)
+        self._report_state("Putting the old settings back")
 
         def body() -> Any:
-            told = yield from driver.identify(known)
-            self._is_it(told)
-            return (yield from settings_procedures.write_all(driver, known, record.old, self._tell, held=record.old))
+            identified = yield from driver.identify(known)
+            self._check_identity(identified)
+            return (
+                yield from settings_procedures.write_all(driver, known, record.old, self._report_state, held=record.old)
+            )
 
-        written: list[WriteResult] = await self._desk.run(driver.within(body(), known))
+        written: list[WriteResult] = await self._controller.run(driver.within(body(), known))
         for one in written:
             if one.refused:
-                self._desk.log.note(f"{one.setting}: {one.refused}.", fault=True)
+                self._controller.log.add_note(f"{one.setting}: {one.refused}.", error=True)
         if record.restart:
             await self._restart()
-        if record.old_baud is not None and record.old_baud != self._desk.session.baud:
-            await self._desk.runner.relink(record.old_baud)
+        if record.old_baud is not None and record.old_baud != self._controller.session.baud:
+            await self._controller.runner.reopen(record.old_baud)
         if not await self._alive():
             return False
         found = await self._read(record.old)
@@ -349,78 +363,86 @@ class RollbackRun:
             for name, values in record.old.items()
         ):
             return False
-        await self._end("reverted", "The device has its old settings again; they were read back.")
+        await self._end("rolled-back", "The device has its old settings again; they were read back.")
         return True
 
-    def _is_it(self, told: DeviceContext) -> None:
+    def _check_identity(self, identified: DeviceContext) -> None:
         ours = self.record.serial_number
-        if ours and told.serial_number and ours not in (told.serial_number, *self._driver.formerly(told.serial_number)):
-            self._trials.forget(self.record)
-            self.show("unreachable", f"Device {told.serial_number} is at the port now, not {ours}.")
+        if (
+            ours
+            and identified.serial_number
+            and ours not in (identified.serial_number, *self._driver.formerly(identified.serial_number))
+        ):
+            self._rollbacks.forget(self.record)
+            self.show("unreachable", f"Device {identified.serial_number} is at the port now, not {ours}.")
             raise JobError(
-                f"Another device is at this port: {told.serial_number}, not {ours}. It was left as it is.",
+                f"Another device is at this port: {identified.serial_number}, not {ours}. It was not changed.",
                 f"Connect {ours} and put its settings back from the snapshot taken before the change.",
             )
 
-    # ── both ways ────────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── common steps ─────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def _restart(self) -> None:
-        """Store and restart. That the answer to a reset is lost is no news."""
+        """Store and restart. A lost answer to a reset is normal."""
         try:
-            await self._desk.run(self._driver.store_and_restart(self._known(self._desk.session.baud)))
+            await self._controller.run(
+                self._driver.store_and_restart(self._known_values(self._controller.session.baud))
+            )
         except NoReplyError as error:
-            self._desk.log.note(str(error))
+            self._controller.log.add_note(str(error))
 
     async def _alive(self) -> bool:
-        return await self._desk.run(self._driver.alive(self._known(self._desk.session.baud)))
+        return await self._controller.run(self._driver.is_alive(self._known_values(self._controller.session.baud)))
 
     async def _read(self, names: Mapping[str, Any]) -> settings_procedures.SettingsSnapshot | None:
-        known = self._known(self._desk.session.baud)
-        also = settings_procedures.altered(self._driver, known, names)
-        body = settings_procedures.read_settings(self._driver, known, [*names, *also], self._tell)
+        known = self._known_values(self._controller.session.baud)
+        altered_too = settings_procedures.altered(self._driver, known, names)
+        body = settings_procedures.read_settings(self._driver, known, [*names, *altered_too], self._report_state)
         try:
-            found = await self._desk.run(self._driver.within(body, known))
+            found = await self._controller.run(self._driver.within(body, known))
         except (NoReplyError, DeviceRejectedError) as error:
-            self._desk.log.note(str(error), fault=True)
+            self._controller.log.add_note(str(error), error=True)
             return None
-        self._is_it(found.known)
-        self._desk.learn(found.known, found.values, found.missing)
+        self._check_identity(found.known)
+        self._controller.update(found.known, found.values, found.missing)
         return found
 
-    def _known(self, baud: int | None) -> DeviceContext:
-        return replace(self.record.known, baud=baud, key=self._desk.session.reading.key)
+    def _known_values(self, baud: int | None) -> DeviceContext:
+        return replace(self.record.known, baud=baud, key=self._controller.session.reading.key)
 
-    def _tell(self, words: str) -> None:
-        self._desk.step(self._task, words)
+    def _report_state(self, words: str) -> None:
+        self._controller.step(self._task, words)
 
-    async def _stand(self, state: Literal["applying", "asking", "reverting", "unreachable"], words: str) -> None:
-        """Where it stands: on disk, then to everybody.
+    async def _report(self, state: Literal["applying", "pending", "rolling-back", "unreachable"], words: str) -> None:
+        """Store the state on disk and publish it to all clients.
 
         Raises:
-            JobError: the disk does not take it, before anything was sent. Later that only shows in the log: the device
-                is on its way, and going on is all that helps.
+            JobError: it cannot be written, before anything was sent. Later that is only logged, because the device is
+                already changing and the procedure must go on.
         """
         self.record.state = state
         try:
-            await asyncio.to_thread(self._trials.keep, self.record)
+            await asyncio.to_thread(self._rollbacks.save, self.record)
         except JobError as error:
             if state == "applying":
                 raise
-            self._desk.log.note(str(error), fault=True)
+            self._controller.log.add_note(str(error), error=True)
         self.show(state, words)
 
-    async def _end(self, state: Literal["kept", "reverted"], words: str) -> None:
-        await asyncio.to_thread(self._trials.forget, self.record)
+    async def _end(self, state: Literal["confirmed", "rolled-back"], words: str) -> None:
+        await asyncio.to_thread(self._rollbacks.forget, self.record)
         self.show(state, words)
-        self._desk.log.note(words)
-        self._desk.hub.event(self._desk.device, "device", "info", words, data={"trial": state})
+        self._controller.log.add_note(words)
+        self._controller.bus.event(self._controller.device, "device", "info", words, data={"rollback": state})
 
     def show(
-        self, state: Literal["applying", "asking", "reverting", "kept", "reverted", "unreachable"], words: str
+        self,
+        state: Literal["applying", "pending", "rolling-back", "confirmed", "rolled-back", "unreachable"],
+        words: str,
     ) -> None:
-        """Where it stands, to everybody."""
-        deadline = self.record.deadline if state == "asking" else None
-        self._desk.trial = Trial(
-            self._desk.device, state, list(self.record.changes), words, deadline, self.record.seconds
+        """Publish the state to all clients."""
+        deadline = self.record.deadline if state == "pending" else None
+        self._controller.pending_rollback = PendingRollback(
+            self._controller.device, state, list(self.record.changes), words, deadline, self.record.seconds
         )
-        self._desk.tell()
+        self._controller.notify()

@@ -1,15 +1,14 @@
-"""In what do two sides differ: a device, a snapshot, a file, another device, the factory? Row by row, in words.
+"""Comparison of two sides: a device, a snapshot, a file, another device, the factory defaults.
 
-    left  ─┐   by setting: has either side not got it?  ──> missing, with the reason
-           ├─> by field: do they mean the same (Driver.same)?  ──> same, counted
+    left  ─┐   by setting: missing on a side?  ──> missing, with the reason
+           ├─> by field: same meaning (Driver.same)?  ──> same, counted
     right ─┘   no ──> a row: "Acceleration, rate   400 Hz   100 Hz"
-                    + changes: what to write to make the left side what the right one is
+                    + changes: values to write to make the left side equal to the right one
 
-What is so only now (Field.momentary: temperatures, counters, the state of a calibration) is no difference, and is not
-written back: it would begin what it tells of.
+Momentary values (Field.momentary: temperatures, counters, the state of a calibration) are not compared, and are not
+written back, because writing them could start what they report.
 
-An Xsens output configuration is a set, not a list: its entries are compared by the quantity they ask for, whatever
-their order.
+An Xsens output configuration is a set, not a list: its entries are compared by quantity, in any order.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from server.configuration.checks import problems_of
 from server.configuration.form_builder import flat
 from server.configuration.value_format import head_of, output_title, output_words, words
 
-NO_DEFAULT = "the document tells no default"
+NO_DEFAULT = "no default is documented"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +33,11 @@ class SideValues:
     """One side of a comparison.
 
     Args:
-        title: what it is, for a person.
+        title: displayed title.
         missing: setting → why this side does not have it.
-        otherwise: why it does not have a setting that is not in `missing`.
-        product: whose settings they are, where that is known.
-        told: the device that is on the left has told them itself, so they may go back whatever the tables allow.
+        otherwise: the reason for a missing setting that is not in `missing`.
+        product: product of these settings, if known.
+        from_device: the device on the left reported them itself, so they may be written whatever the tables allow.
     """
 
     title: str
@@ -46,17 +45,17 @@ class SideValues:
     missing: Mapping[str, str] = field(default_factory=dict)
     otherwise: str = "not in it"
     product: str = ""
-    told: bool = False
+    from_device: bool = False
 
     def lacks(self, name: str) -> str:
         return self.missing.get(name, self.otherwise)
 
 
 def compare(driver: DeviceDriver, known: DeviceContext, left: SideValues, right: SideValues) -> Difference:
-    """All that differs, and what to write to the left side to make it the same."""
+    """The differences, and the values to write to the left side to make it equal to the right one."""
     found = Difference(left.title, right.title, [], 0, product=right.product)
     rows = {row.name: row for row in driver.settings(known)}
-    _strangers(driver, known, rows, right, found)
+    _unknown_settings(driver, known, rows, right, found)
     for row in rows.values():
         if all(one.momentary for one in row.fields):
             continue
@@ -69,19 +68,19 @@ def compare(driver: DeviceDriver, known: DeviceContext, left: SideValues, right:
             found.missing[row.name] = f"{side.title}: {side.lacks(row.name)}"
             continue
         if (
-            not right.told
+            not right.from_device
             and row.write
             and any(left.values[row.name].get(name) != value for name, value in right.values[row.name].items())
         ):
-            _wrong(row, right.values[row.name], found)
+            _invalid_values(row, right.values[row.name], found)
         _setting(driver, row, left.values[row.name], right.values[row.name], found)
     return found
 
 
-def _strangers(
+def _unknown_settings(
     driver: DeviceDriver, known: DeviceContext, rows: Mapping[str, Setting], right: SideValues, found: Difference
 ) -> None:
-    """Settings that this device does not have: of another product, or of nobody, and then misspelt."""
+    """Report settings that this device does not have: those of another product, or misspelt ones."""
     family = {row.name for row in driver.settings(DeviceContext())}
     for name in right.values:
         if name in rows:
@@ -89,36 +88,36 @@ def _strangers(
         if name in family:
             found.missing[name] = f"{known.product or 'This device'} has no such setting"
         else:
-            meant = get_close_matches(name, list(rows), 1)
-            hint = f"Did you mean {meant[0]}?" if meant else "Leave it out."
+            similar = get_close_matches(name, list(rows), 1)
+            hint = f"Did you mean {similar[0]}?" if similar else "Leave it out."
             found.problems.append(FieldProblem(name, f"No device of this family has a setting {name!r:.80}.", hint))
 
 
-def _wrong(row: Setting, values: Values, found: Difference) -> None:
-    """Fields of the right side that are misspelt, out of range or of another type."""
-    told = {one.name for one in row.fields if one.read_only}
-    given = {name: value for name, value in values.items() if name not in told}
+def _invalid_values(row: Setting, values: Values, found: Difference) -> None:
+    """Report fields of the right side that are misspelt, out of range or of another type."""
+    read_only = {one.name for one in row.fields if one.read_only}
+    given = {name: value for name, value in values.items() if name not in read_only}
     for problem in problems_of(row.fields, given, partial=True):
-        found.problems.append(replace(problem, path=f"{row.name}.{problem.path}", hint=_meant(row, problem.path)))
+        found.problems.append(replace(problem, path=f"{row.name}.{problem.path}", hint=_suggestion(row, problem.path)))
 
 
-def _meant(row: Setting, path: str) -> str:
+def _suggestion(row: Setting, path: str) -> str:
     names = [one.name for one in row.fields]
-    meant = [] if path.partition(".")[0] in names else get_close_matches(path, names, 1)
-    return f"Did you mean {meant[0]}?" if meant else ""
+    similar = [] if path.partition(".")[0] in names else get_close_matches(path, names, 1)
+    return f"Did you mean {similar[0]}?" if similar else ""
 
 
 def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, found: Difference) -> None:
-    passing = {one.name for one in row.fields if one.momentary}
-    common = {name for name in left if name in right and name not in passing}
+    momentary = {one.name for one in row.fields if one.momentary}
+    common = {name for name in left if name in right and name not in momentary}
     left, right = ({name: side[name] for name in side if name in common} for side in (left, right))
     if any(problem.path.startswith(f"{row.name}.") for problem in found.problems):
-        return  # what cannot be written cannot be compared value by value either
+        return  # invalid values cannot be compared
     rows, same = _rows(driver, row, left, right)
     found.rows += rows
     found.same += same
-    told = {one.name for one in row.fields if one.read_only}
-    writable = {name: value for name, value in right.items() if name not in told}  # nothing momentary
+    read_only = {one.name for one in row.fields if one.read_only}
+    writable = {name: value for name, value in right.items() if name not in read_only}  # without momentary values
     if row.write and writable:
         found.profile[row.name] = writable
     if not rows or not row.write:
@@ -131,7 +130,7 @@ def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, fo
 
 
 def _rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
-    """What differs in one setting, and how many of its fields agree."""
+    """Differing fields of one setting, and the number that agree."""
     if row.editor == "outputs":
         return _output_rows(row, left, right)
     paths = driver.same(row.name, left, right)
@@ -173,13 +172,15 @@ def _output_rows(row: Setting, left: Values, right: Values) -> tuple[list[Differ
     found, same = [], 0
     for quantity in dict.fromkeys([*sides[0], *sides[1]]):
         here, there = (side.get(quantity) for side in sides)
-        said = [output_words(entry) for entry in (here, there)]
-        if said[0] == said[1]:
+        texts = [output_words(entry) for entry in (here, there)]
+        if texts[0] == texts[1]:
             same += 1
             continue
         title = output_title(quantity)
         path = f"{name}.0x{quantity:04X}"
-        found.append(DifferenceRow(row.name, path, title, "", said[0], said[1], here, there, writable=bool(row.write)))
+        found.append(
+            DifferenceRow(row.name, path, title, "", texts[0], texts[1], here, there, writable=bool(row.write))
+        )
     return found, same
 
 

@@ -1,11 +1,11 @@
-"""What is a job made of? Dialogues over several settings, as generators without I/O like those they are made of.
+"""Steps of jobs: transactions over several settings, as generators without I/O like the transactions they consist of.
 
-    survey     who is it; every setting (or those asked for), and why one could not be read
-    write_all  several settings, one after the other, each read back
-    outcomes   what of that was refused or came out otherwise than asked (devices round rates)
+    read_settings  identify; read every setting (or the given ones), with the reason if one could not be read
+    write_all      write several settings, one after the other, each read back
+    outcomes       values that were refused or differ from the request (devices round rates)
 
-A device that falls silent in the middle is not asked forty more times: after `SILENT_LIMIT` settings without an answer
-the rest is given up, and said so.
+If a device stops answering, reading ends after `SILENT_LIMIT` settings without an answer; the rest is reported as not
+read.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from server.configuration.value_format import field_at, title_at, value_at, word
 from server.wire import FieldOutcome
 
 SILENT_LIMIT = 3
-GIVEN_UP = "not asked: the device had fallen silent"
+NOT_READ = "not read: the device had stopped answering"
 Tell = Callable[[str], None]
 
 
 @dataclass(slots=True)
 class SettingsSnapshot:
-    """What a device told.
+    """Values read from a device.
 
     Args:
         missing: setting → why it could not be read.
@@ -50,16 +50,17 @@ class SettingsSnapshot:
 def read_settings(
     driver: DeviceDriver, known: DeviceContext, names: Sequence[str] | None, tell: Tell
 ) -> Transaction[SettingsSnapshot]:
-    """Ask who it is, then what it has; to be run within the state that settings are read in.
+    """Identify the device, then read its settings; to be run in the state in which settings are read.
 
     Args:
         names: settings to read; None for all.
-        tell: hears what it is at.
+        tell: receives a text for each step.
+
     Raises:
-        NoReplyError: it answers nothing at all.
+        NoReplyError: the device does not answer at all.
     """
-    tell("Who is it?")
-    with suppress(DeviceRejectedError):  # what it does not tell stays as it was known
+    tell("Identifying the device")
+    with suppress(DeviceRejectedError):  # keep what is known
         known = yield from driver.identify(known)
     found = SettingsSnapshot(known)
     silent = 0
@@ -69,7 +70,7 @@ def read_settings(
         if names is not None and row.name not in names:
             continue
         if silent >= SILENT_LIMIT:
-            found.missing[row.name] = GIVEN_UP
+            found.missing[row.name] = NOT_READ
             continue
         tell(f"Reading {row.title or row.name}")
         try:
@@ -90,10 +91,10 @@ def read_settings(
 def write_all(
     driver: DeviceDriver, known: DeviceContext, changes: Mapping[str, Values], tell: Tell, held: Collection[str] = ()
 ) -> Transaction[list[WriteResult]]:
-    """Write settings; what is refused is in the result, what is not answered or cannot be sent too.
+    """Write settings. The result also contains refused ones, those without an answer, and those that cannot be sent.
 
     Args:
-        held: settings whose values the device has told itself; they are sent unchecked (Driver.write).
+        held: settings whose values the device reported itself; they are sent unchecked (Driver.write).
     """
     done: list[WriteResult] = []
     titles = {row.name: row.title or row.name for row in driver.settings(known)}
@@ -115,19 +116,19 @@ def minimal_changes(
     present: Mapping[str, Values],
     changes: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, dict[str, Any]]:
-    """What has to be written: whole settings, single fields where one is `partial`, nothing that is so already."""
+    """Changes to write: complete settings, single fields of `partial` ones, nothing that already has the value."""
     result: dict[str, dict[str, Any]] = {}
     for name, values in changes.items():
         row, old = rows[name], present.get(name)
-        told = {one.name for one in row.fields if one.read_only}
-        new = {key: value for key, value in values.items() if key not in told}
+        read_only = {one.name for one in row.fields if one.read_only}
+        new = {key: value for key, value in values.items() if key not in read_only}
         if old is None:
             result[name] = new
             continue
         if row.partial:
             new = {key: value for key, value in new.items() if key not in old or _differ(driver, name, key, old, new)}
         else:
-            new = {key: value for key, value in old.items() if key not in told} | new
+            new = {key: value for key, value in old.items() if key not in read_only} | new
         if new and driver.same(name, {key: old.get(key) for key in new}, new):
             result[name] = new
     return result
@@ -140,17 +141,17 @@ def changed_elsewhere(
     base: Mapping[str, Mapping[str, Any]] | None,
     todo: Mapping[str, Mapping[str, Any]],
 ) -> str:
-    """The title of the first setting to write that is not any more what it was when the change was made; "" for none.
+    """The title of the first setting to write that has changed since the edit was made; "" for none.
 
     Args:
-        base: settings as they were then; those that are not in it are not compared.
+        base: settings at that time; settings not in it are not compared.
     """
     for name in todo:
         seen, now = (base or {}).get(name), present.get(name)
         if seen is None or now is None:
             continue
-        told = {one.name for one in rows[name].fields if one.read_only}
-        keys = [key for key in (todo[name] if rows[name].partial else seen) if key in seen and key not in told]
+        read_only = {one.name for one in rows[name].fields if one.read_only}
+        keys = [key for key in (todo[name] if rows[name].partial else seen) if key in seen and key not in read_only]
         if driver.same(name, {key: seen[key] for key in keys}, {key: now.get(key) for key in keys}):
             return rows[name].title or name
     return ""
@@ -161,14 +162,14 @@ def _differ(driver: DeviceDriver, setting: str, key: str, old: Values, new: Valu
 
 
 def altered(driver: DeviceDriver, known: DeviceContext, written: Collection[str]) -> list[str]:
-    """The settings that are others when these have been written, beside them."""
+    """Other settings that change when these are written."""
     rows = {row.name: row for row in driver.settings(known)}
     more = {name for one in written if one in rows for name in driver.alters(rows[one].write, {}, known)}
     return [name for name in rows if name in more and name not in written]
 
 
 def outcomes(driver: DeviceDriver, rows: Mapping[str, Setting], written: Sequence[WriteResult]) -> list[FieldOutcome]:
-    """Each field that the device did not take as asked."""
+    """Each field whose value differs from the request."""
     found: list[FieldOutcome] = []
     for one in written:
         row = rows[one.setting]

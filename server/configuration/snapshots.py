@@ -1,4 +1,5 @@
-"""What did a device have, when, and why was it kept? Its settings as files that a person can read, change and send.
+"""Snapshots of device settings: contents, time and reason. Snapshots are text files that can be read, edited and
+shared.
 
     <data>/snapshots/xbus-0080A1B2/20261121T044324Z-before-this-change.yaml
 
@@ -23,12 +24,12 @@
     missing:
       CanConfig: "message unknown"
 
-Values are wire values by field name, as `imuscope inspect` prints them; what they mean is in the comments. A file is
-complete or says under `missing` what it could not hold and why. It is written whole or not at all
+Values are wire values by field name, as `imuscope inspect` prints them; the comments explain them. Settings that a file
+lacks are listed under `missing` with the reason. A file is written completely or not at all
 (recordings/atomic_write.py).
 
-Names never become paths: a file is found among those that are there. Text from outside may have no anchors (a few lines
-of them unfold into gigabytes) and is bounded; what it holds is checked for shape here, and for meaning by the driver.
+A name never becomes a path: it is looked up among the existing files. Text from outside must not contain anchors (a few
+lines of them expand to gigabytes) and is limited in size; its structure is checked here, its meaning by the driver.
 """
 
 from __future__ import annotations
@@ -53,10 +54,10 @@ from server.configuration.api_models import SnapshotBody, SnapshotInfo
 from server.configuration.value_format import comment, entry_comment
 
 FORMAT = 1
-RECENT = 20  # that are looked through for a value of the past; reading all would take seconds
-KEPT = 200  # of one device; the oldest that nobody pinned go first
-MOST_BYTES = 1 << 18  # ten times what the largest device has; reading so much takes seconds
-MOST_DEEP = 40  # lists in lists; reading takes the square of it, and a file of 3 kB could keep a processor for seconds
+RECENT = 20  # newest snapshots that are searched for an earlier value; reading all would take seconds
+MOST_FILES = 200  # of one device; the oldest that are not pinned are deleted first
+MOST_BYTES = 1 << 18  # ten times the largest device; reading this much takes seconds
+MOST_DEEP = 40  # nesting; reading time grows with its square, so a file of 3 kB could take seconds
 MOST_TITLE = 120
 _PLAIN_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*\Z")
 _OPENING = (
@@ -70,7 +71,7 @@ _YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 
 
 class SnapshotError(ValueError):
-    """A snapshot that cannot be read or kept; `hint` says what would do."""
+    """A snapshot that cannot be read or saved; `hint` says what to do."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -84,8 +85,8 @@ class Snapshot:
     Args:
         taken: unix seconds.
         values: wire values by setting and field.
-        missing: setting → why it is not there.
-        imported: a person brought it from elsewhere; no device has told it here.
+        missing: setting → why it is missing.
+        imported: uploaded by the user; not reported by a device here.
     """
 
     protocol: str
@@ -126,7 +127,7 @@ def to_text(snapshot: Snapshot, rows: Mapping[str, Setting]) -> str:
     """A snapshot as YAML.
 
     Args:
-        rows: the settings by name, for the comments; one that is not there has none.
+        rows: the settings by name, for the comments; settings without a row have no comments.
     """
     taken = datetime.fromtimestamp(snapshot.taken, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     device = snapshot.product or "device"
@@ -157,19 +158,21 @@ def _record(values: Mapping[str, Any], fields: tuple[Field, ...], indent: str) -
         if row is not None and row.fields and isinstance(value, list) and value:
             yield f"{indent}{_key(name)}:"
             for one in value:
-                said = entry_comment(row.fields, one)
-                yield f"{indent}  - {_flow(_hexed(row.fields, one))}" + (f"  # {_line(said)}" if said else "")
+                comment_text = entry_comment(row.fields, one)
+                yield f"{indent}  - {_flow(_hexed(row.fields, one))}" + (
+                    f"  # {_line(comment_text)}" if comment_text else ""
+                )
         elif row is not None and row.fields and isinstance(value, Mapping) and value:
             yield f"{indent}{_key(name)}:"
             yield from _record(value, row.fields, indent + "  ")
         else:
-            said = comment(row, value) if row is not None else ""
+            comment_text = comment(row, value) if row is not None else ""
             shown = _Hex(value) if row is not None and _is_identifier(row) and isinstance(value, int) else value
-            yield f"{indent}{_key(name)}: {_flow(shown)}" + (f"  # {_line(said)}" if said else "")
+            yield f"{indent}{_key(name)}: {_flow(shown)}" + (f"  # {_line(comment_text)}" if comment_text else "")
 
 
 class _Hex(int):
-    """An identifier, written as the documents and labels have it; YAML reads it as the number that it is."""
+    """An identifier, written in hex as in documents and on labels; YAML reads it as a number."""
 
 
 def _is_identifier(field: Field) -> bool:
@@ -202,7 +205,7 @@ def _flow(value: Any) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Text between quotes, so that YAML never takes it for a number, a date or "no"."""
+    """Text in quotes, so that YAML never reads it as a number, a date or "no"."""
     return '"' + "".join(_character(one) for one in text) + '"'
 
 
@@ -212,7 +215,7 @@ def _character(one: str) -> str:
     if one.isprintable():
         return one
     if "\ud800" <= one <= "\udfff":
-        return "\ufffd"  # half a character is none, and could not be read again
+        return "\ufffd"  # an unpaired surrogate could not be read again
     return f"\\U{ord(one):08x}" if ord(one) > 0xFFFF else f"\\u{ord(one):04x}"
 
 
@@ -228,13 +231,15 @@ def from_text(text: str) -> Snapshot:
     """Read a snapshot.
 
     Raises:
-        SnapshotError: it is none, in words.
+        SnapshotError: the text is not a valid snapshot.
     """
     head = _mapping(_loaded(text), "A snapshot")
     if why := check_format_version("This snapshot", head.get("imuscope"), FORMAT):
         raise SnapshotError(why.message, why.hint)
     if head.get("imuscope") != FORMAT:
-        raise SnapshotError("This is no snapshot of imuscope.", f"Its first lines have `imuscope: {FORMAT}`.")
+        raise SnapshotError(
+            "This is not a snapshot of imuscope.", f"A snapshot contains `imuscope: {FORMAT}` in its first lines."
+        )
     values = {}
     for name, fields in _mapping(head.get("settings") or {}, "settings").items():
         values[str(name)] = _jsonable(_mapping(fields, f"settings.{name}"), f"settings.{name}")
@@ -256,21 +261,23 @@ def from_text(text: str) -> Snapshot:
 
 def _loaded(text: str) -> Any:
     if len(text) > MOST_BYTES:
-        raise SnapshotError("This file is too large for a snapshot.", f"It may have {MOST_BYTES} characters.")
+        raise SnapshotError("This file is too large for a snapshot.", f"The maximum is {MOST_BYTES} characters.")
     try:
         deep = 0
         for token in yaml.scan(text):
             if isinstance(token, yaml.ScalarToken) and any("\ud800" <= one <= "\udfff" for one in token.value):
-                raise SnapshotError(f"Line {token.start_mark.line + 1} holds half a character.", "Was it edited?")
+                raise SnapshotError(
+                    f"Line {token.start_mark.line + 1} contains an unpaired surrogate.", "Check whether it was edited."
+                )
             deep += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
             if deep > MOST_DEEP:
                 raise SnapshotError(
-                    f"Line {token.start_mark.line + 1}: a snapshot is not nested so deeply.",
-                    "Was it cut short or edited?",
+                    f"Line {token.start_mark.line + 1}: nested too deeply for a snapshot.",
+                    "Check whether it was truncated or edited.",
                 )
             if isinstance(token, yaml.AnchorToken | yaml.AliasToken | yaml.TagToken):
                 raise SnapshotError(
-                    f"Line {token.start_mark.line + 1}: a snapshot has no anchors and no tags.",
+                    f"Line {token.start_mark.line + 1}: anchors and tags are not allowed in a snapshot.",
                     "Write the values out.",
                 )
         return yaml.safe_load(text)
@@ -279,29 +286,33 @@ def _loaded(text: str) -> Any:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"Line {mark.line + 1}: " if mark is not None else ""
-        problem = getattr(error, "problem", None) or "it cannot be read"
-        raise SnapshotError(f"{where}this is not valid YAML: {problem}.", "Was it cut short or edited?") from None
+        problem = getattr(error, "problem", None) or "it is malformed"
+        raise SnapshotError(
+            f"{where}this is not valid YAML: {problem}.", "Check whether it was truncated or edited."
+        ) from None
     except (RecursionError, ValueError) as error:
-        raise SnapshotError(f"This is not valid YAML: {error}.", "Was it cut short or edited?") from None
+        raise SnapshotError(f"This is not valid YAML: {error}.", "Check whether it was truncated or edited.") from None
 
 
 def _mapping(value: Any, what: str) -> dict[Any, Any]:
     if not isinstance(value, dict):
-        raise SnapshotError(f"{what} must be names with values.", "Compare with a snapshot that was kept here.")
+        raise SnapshotError(f"{what} must be names with values.", "Compare with a snapshot saved here.")
     return value
 
 
 def _jsonable(value: Any, path: str) -> Any:
-    """Only what a wire value can be."""
+    """The value, restricted to the types of wire values."""
     if isinstance(value, dict):
         return {str(name): _jsonable(part, f"{path}.{name}") for name, part in value.items()}
     if isinstance(value, list):
         return [_jsonable(part, f"{path}.{place}") for place, part in enumerate(value)]
     if isinstance(value, int) and value.bit_length() > 64:
-        raise SnapshotError(f"{path} is a number of more than 64 bits, which no setting holds.", "Was it edited?")
+        raise SnapshotError(
+            f"{path} is a number of more than 64 bits, which no setting can hold.", "Check whether it was edited."
+        )
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    raise SnapshotError(f"{path} is a {type(value).__name__}, which no setting holds.", "Quote it if it is text.")
+    raise SnapshotError(f"{path} is a {type(value).__name__}, which no setting can hold.", "Quote it if it is text.")
 
 
 def _time(value: Any) -> float:
@@ -316,11 +327,11 @@ def _time(value: Any) -> float:
 
 
 class Snapshots:
-    """The folder of snapshots. Every method reads or writes files: not on the event loop.
+    """The folder of snapshots. Every method reads or writes files, so do not use them on the event loop.
 
     Args:
-        folder: <data>/snapshots; made when the first one is kept.
-        formerly: protocol and serial number → numbers under which the same device was filed before.
+        folder: <data>/snapshots; created with the first snapshot.
+        formerly: protocol and serial number → earlier numbers of the same device.
     """
 
     def __init__(self, folder: Path, formerly: Callable[[str, str], Sequence[str]] | None = None) -> None:
@@ -329,36 +340,41 @@ class Snapshots:
         self._lock = threading.Lock()
         self._known: dict[Path, tuple[tuple[int, int], SnapshotInfo]] = {}
 
-    def keep(self, snapshot: Snapshot, rows: Mapping[str, Setting]) -> SnapshotInfo:
-        """Write one.
+    def save(self, snapshot: Snapshot, rows: Mapping[str, Setting]) -> SnapshotInfo:
+        """Write a snapshot.
 
         Raises:
-            SnapshotError: the disk does not take it.
+            SnapshotError: it cannot be written.
         """
         folder = self._of(snapshot.protocol, snapshot.serial_number)
         text = to_text(snapshot, rows)
         with self._lock:
-            name = self._free(folder, snapshot)
+            name = self._unused_name(folder, snapshot)
             try:
                 atomic_write.write_atomic(folder / f"{name}.yaml", text)
             except OSError as error:
-                hint = f"Is there space, and may this server write to {self._folder}?"
-                raise SnapshotError(f"The snapshot could not be kept: {error.strerror}.", hint) from None
+                hint = f"Check free space and write permission of {self._folder}."
+                raise SnapshotError(f"The snapshot could not be saved: {error.strerror}.", hint) from None
             self._prune(folder)
         return snapshot.info(name)
 
     def all(self, protocol: str, serial_number: str) -> list[SnapshotInfo]:
-        """Those of a device, newest first; one that cannot be read says why in its `reason`."""
+        """Snapshots of a device, newest first; an unreadable one gives the cause in its `reason`."""
         paths = self._everywhere(protocol, serial_number).values()
         infos = [info for path in paths if (info := self._info(path)) is not None]
         return sorted(infos, key=lambda info: (info.taken, info.name), reverse=True)
 
     def get(self, protocol: str, serial_number: str, name: str) -> Snapshot:
-        """Read one. KeyError: there is none of that name. SnapshotError: it cannot be read."""
+        """Read a snapshot.
+
+        Raises:
+            KeyError: unknown name.
+            SnapshotError: it cannot be read.
+        """
         return from_text(self.text(protocol, serial_number, name))
 
-    def told(self, protocol: str, serial_number: str) -> Iterator[Mapping[str, Mapping[str, Any]]]:
-        """What the device had, as it told it here: values of its snapshots, the newest and the pinned ones first."""
+    def describe(self, protocol: str, serial_number: str) -> Iterator[Mapping[str, Mapping[str, Any]]]:
+        """Values that the device reported here: those of its newest snapshots, then of older pinned ones."""
         infos = self.all(protocol, serial_number)
         for info in [*infos[:RECENT], *(one for one in infos[RECENT:] if one.pinned)]:
             with suppress(SnapshotError, KeyError):
@@ -367,21 +383,21 @@ class Snapshots:
                     yield snapshot.values
 
     def text(self, protocol: str, serial_number: str, name: str) -> str:
-        """The file as it is. KeyError: there is none of that name."""
+        """The content of a file; KeyError for an unknown name."""
         path = self._everywhere(protocol, serial_number)[name]
         try:
             return path.read_text(encoding="utf-8")
         except FileNotFoundError:
             raise KeyError(name) from None
         except (OSError, UnicodeDecodeError):
-            raise SnapshotError("This file cannot be read.", "Was it changed by another program?") from None
+            raise SnapshotError("This file cannot be read.", "Check whether another program changed it.") from None
 
     def delete(self, protocol: str, serial_number: str, name: str) -> None:
-        """KeyError: there is none of that name."""
+        """Delete a snapshot; KeyError for an unknown name."""
         atomic_write.remove(self._everywhere(protocol, serial_number)[name])
 
     def _everywhere(self, protocol: str, serial_number: str) -> dict[str, Path]:
-        """The files of a device by name, also those under a number that it had before."""
+        """The files of a device by name, including those under earlier serial numbers."""
         found: dict[str, Path] = {}
         former = self._formerly(protocol, serial_number) if self._formerly is not None else ()
         for number in (*former, serial_number):
@@ -393,7 +409,7 @@ class Snapshots:
 
     @staticmethod
     def _paths(folder: Path) -> dict[str, Path]:
-        """The files that are there, by name: a name from outside only ever chooses among them."""
+        """The existing files by name; names from outside are only looked up here."""
         try:
             return {path.stem: path for path in folder.iterdir() if path.suffix == ".yaml" and path.is_file()}
         except OSError:
@@ -407,10 +423,10 @@ class Snapshots:
             if known is None or known[0] != key:
                 known = self._known[path] = (key, _info_of(path))
             return known[1]
-        except OSError:  # gone meanwhile
+        except OSError:  # deleted in the meantime
             return None
 
-    def _free(self, folder: Path, snapshot: Snapshot) -> str:
+    def _unused_name(self, folder: Path, snapshot: Snapshot) -> str:
         stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(snapshot.taken))
         slug = _safe(snapshot.title.lower().replace(" ", "-"))[:60] or "settings"
         there = self._paths(folder)
@@ -421,30 +437,30 @@ class Snapshots:
         return name
 
     def _prune(self, folder: Path) -> None:
-        """Only so many are kept that nobody asked to keep."""
+        """Delete the oldest files that are not pinned, beyond the maximum number."""
         paths = self._paths(folder)
-        if len(paths) <= KEPT:
+        if len(paths) <= MOST_FILES:
             return
-        loose = [name for name, path in sorted(paths.items()) if (info := self._info(path)) and not info.pinned]
-        for name in loose[: len(paths) - KEPT]:
+        removable = [name for name, path in sorted(paths.items()) if (info := self._info(path)) and not info.pinned]
+        for name in removable[: len(paths) - MOST_FILES]:
             atomic_write.remove(paths[name])
 
 
 def _info_of(path: Path) -> SnapshotInfo:
-    """What is told of a file. One that cannot be read is left alone: a newer imuscope may know what it says."""
+    """Snapshot information of a file. An unreadable file is left alone, as a newer imuscope may be able to read it."""
     try:
         return from_text(path.read_text(encoding="utf-8")).info(path.stem)
     except UnicodeDecodeError:
-        why = "This file is no text. Was it changed by another program?"
+        why = "This file is not text. Check whether another program changed it."
     except SnapshotError as error:
         why = f"{error} {error.hint}".strip()
     stamp, _, title = path.stem.partition("-")
     title = " ".join(title.split("-")).capitalize() or path.stem
-    return SnapshotInfo(path.stem, title, _stamped(stamp), why, "", "", "", 0, 0, pinned=True, readable=False)
+    return SnapshotInfo(path.stem, title, _time_of_stamp(stamp), why, "", "", "", 0, 0, pinned=True, readable=False)
 
 
-def _stamped(stamp: str) -> float:
-    """Unix seconds of 20261121T044324Z, with which the name of a file begins; 0 where it does not."""
+def _time_of_stamp(stamp: str) -> float:
+    """Unix seconds of the time stamp (20261121T044324Z) at the beginning of a file name; 0 if invalid."""
     try:
         return datetime.strptime(stamp, "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC).timestamp()
     except ValueError:

@@ -1,17 +1,17 @@
-"""How is a dialogue (protocols/transactions.py) carried out on a live session?
+"""Runner of transactions (protocols/transactions.py) on a live session.
 
-    dialogue ──Send──> session.send            bytes on their way, one writer at a time
-             ──Expect─> events of the session   the first of which `match` makes something, or None when time is up
-             ──Pause──> sleep
-             ──Relink─> session.relink          the link closed, opened again
-             ──Note──>  watcher.note            a sentence for who watches
+    transaction ──Send───────> session.send            write bytes, one writer at a time
+                ──WaitFor────> events of the session   the first that `match` accepts, or None at the time-out
+                ──Sleep──────> sleep
+                ──ReopenLink─> session.reopen          close the link and open it again
+                ──Note───────> watcher.add_note        a sentence for the traffic log
 
-Events are collected from the first act on, so that an answer that comes before anybody waits for it is not lost; a new
-request (a Send that follows a wait) forgets what is older, so that a late answer to the last try is not taken for one
-to this. The session decodes in stretches (server/streaming/hub.py); when time is up it decodes once more before that
-counts.
+Events are collected from the first act on, so that an answer that arrives before it is waited for is not lost. A new
+request (a Send after a wait) discards older events, so that a late answer to the previous attempt is not taken for its
+answer. The session decodes at intervals (server/devices/decode_scheduler.py); at the time-out it decodes once more
+before giving up.
 
-A runner that is cancelled writes what the dialogue must not leave undone (GoToMeasurement) before it ends.
+A cancelled runner performs the final steps of the transaction (GoToMeasurement) before it ends.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from server.links.base import LinkError
 log = logging.getLogger("imuscope.runner")
 T = TypeVar("T")
 
-KEPT = 4096  # events that wait for an WaitFor
-LAST_WORDS_S = 2.0  # for what a stopped dialogue still has to write
+MOST_EVENTS = 4096  # events stored for the next WaitFor
+FINAL_STEPS_S = 2.0  # for the final steps of a stopped transaction
 
 
 class TransactionPort(Protocol):
-    """What a runner needs of a session."""
+    """Session interface that a runner uses."""
 
     async def send(self, data: bytes) -> None: ...
 
-    async def relink(self, baud: int | None) -> None: ...
+    async def reopen(self, baud: int | None) -> None: ...
 
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]: ...
 
@@ -46,57 +46,57 @@ class TransactionPort(Protocol):
 
 
 class TrafficListener(Protocol):
-    """Who is told what goes to and fro: the log of the exchange."""
+    """Listener of the traffic with a device: the traffic log."""
 
     def sent(self, frame: bytes, what: str) -> None: ...
 
     def matched(self, event: Event) -> None: ...
 
-    def note(self, text: str, *, fault: bool = False) -> None: ...
+    def add_note(self, text: str, *, error: bool = False) -> None: ...
 
 
 class Runner:
-    """Carries out dialogues on one session, one after another.
+    """Runs transactions on one session, one after another.
 
     Args:
-        watcher: told of every frame that was sent and of every event that answered.
+        watcher: receives every sent frame and every event that answered.
     """
 
     def __init__(self, channel: TransactionPort, watcher: TrafficListener) -> None:
         self._channel = channel
         self._watcher = watcher
-        self._heard: deque[Event] = deque(maxlen=KEPT)
-        self._wanted: tuple[WaitFor, asyncio.Future[Any]] | None = None
+        self._received: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._awaited: tuple[WaitFor, asyncio.Future[Any]] | None = None
 
-    async def run(self, dialogue: Transaction[T]) -> T:
-        """The dialogue's result.
+    async def run(self, transaction: Transaction[T]) -> T:
+        """Run a transaction and return its result.
 
         Raises:
-            RefusedError, SilentError: as the dialogue says.
-            LinkError: something could not be sent.
+            DeviceRejectedError, NoReplyError: raised by the transaction.
+            LinkError: sending failed.
         """
-        self._heard.clear()
-        off = self._channel.listen(self._hear)
+        self._received.clear()
+        stop_listening = self._channel.listen(self._on_event)
         try:
-            return await self._play(dialogue)
+            return await self._play(transaction)
         except (asyncio.CancelledError, LinkError):
-            await asyncio.shield(asyncio.ensure_future(self._last_words(dialogue)))
+            await asyncio.shield(asyncio.ensure_future(self._final_steps(transaction)))
             raise
         finally:
-            off()
+            stop_listening()
 
-    async def _play(self, dialogue: Transaction[T]) -> T:
+    async def _play(self, transaction: Transaction[T]) -> T:
         answer: Any = None
-        asked = False
+        just_sent = False
         while True:
             try:
-                act = dialogue.send(answer)
+                act = transaction.send(answer)
             except StopIteration as end:
                 result: T = end.value
                 return result
-            if isinstance(act, Send) and not asked:
-                self._heard.clear()
-            asked = isinstance(act, Send)
+            if isinstance(act, Send) and not just_sent:
+                self._received.clear()
+            just_sent = isinstance(act, Send)
             answer = await self._do(act)
 
     async def _do(self, act: Act) -> Any:
@@ -106,42 +106,42 @@ class Runner:
                 await self._channel.send(frame)
                 return None
             case WaitFor():
-                return await self._expect(act)
+                return await self._wait_for(act)
             case Sleep(seconds=seconds):
                 await asyncio.sleep(seconds)
                 return None
             case ReopenLink(baud=baud):
-                return await self.relink(baud)
+                return await self.reopen(baud)
             case Note(words=words):
-                self._watcher.note(words, fault=True)
+                self._watcher.add_note(words, error=True)
                 return None
 
-    async def relink(self, baud: int | None) -> bool:
-        """Close the link and open it again; False, with a note, when it cannot be."""
+    async def reopen(self, baud: int | None) -> bool:
+        """Close the link and open it again; False, with a note, if that fails."""
         at = f" at {group(baud)} Bd" if baud else ""
         try:
-            await self._channel.relink(baud)
+            await self._channel.reopen(baud)
         except LinkError as error:
-            self._watcher.note(f"The link could not be opened{at}: {error.message}", fault=True)
+            self._watcher.add_note(f"The link could not be opened{at}: {error.message}", error=True)
             return False
-        self._heard.clear()
-        self._watcher.note(f"Link closed, opened again{at}.")
+        self._received.clear()
+        self._watcher.add_note(f"Link closed, opened again{at}.")
         return True
 
-    async def _expect(self, act: WaitFor) -> Any:
-        while self._heard:
-            found = self._try(act, self._heard.popleft())
+    async def _wait_for(self, act: WaitFor) -> Any:
+        while self._received:
+            found = self._try(act, self._received.popleft())
             if found is not None:
                 return found
         answered: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-        self._wanted = (act, answered)
+        self._awaited = (act, answered)
         try:
             done, _ = await asyncio.wait((answered,), timeout=act.timeout_s)
             if not done:
                 self._channel.decode()
             return answered.result() if answered.done() else None
         finally:
-            self._wanted = None
+            self._awaited = None
 
     def _try(self, act: WaitFor, event: Event) -> Any:
         found = act.match(event)
@@ -149,34 +149,34 @@ class Runner:
             self._watcher.matched(event)
         return found
 
-    def _hear(self, event: Event) -> None:
-        """An event of the decoder: the answer that is waited for, or kept for who asks next."""
-        if self._wanted is None:
-            self._heard.append(event)
+    def _on_event(self, event: Event) -> None:
+        """Handle an event of the decoder: the awaited answer, or stored for the next wait."""
+        if self._awaited is None:
+            self._received.append(event)
             return
-        act, answered = self._wanted
+        act, answered = self._awaited
         if answered.done():
-            self._heard.append(event)
+            self._received.append(event)
             return
         try:
             found = self._try(act, event)
-        except Exception as error:  # a fault of the dialogue: it ends the job, not the session
+        except Exception as error:  # an error of the transaction ends the job, not the session
             answered.set_exception(error)
             return
         if found is not None:
             answered.set_result(found)
 
-    async def _last_words(self, dialogue: Transaction[Any]) -> None:
-        """What must not be left undone, as far as the link still takes it."""
-        for act in cancel(dialogue):
+    async def _final_steps(self, transaction: Transaction[Any]) -> None:
+        """Run the final steps of a transaction, as far as the link still accepts them."""
+        for act in cancel(transaction):
             try:
                 self._watcher.sent(act.frame, act.what)
-                await asyncio.wait_for(self._channel.send(act.frame), LAST_WORDS_S)
+                await asyncio.wait_for(self._channel.send(act.frame), FINAL_STEPS_S)
             except (LinkError, TimeoutError) as error:
-                log.warning("a stopped dialogue could not end: %s", error)
+                log.warning("the final steps of a stopped transaction failed: %s", error)
                 return
 
 
 def group(number: int) -> str:
-    """115 200."""
+    """A number with its digits grouped: 115 200."""
     return f"{number:,}".replace(",", " ")

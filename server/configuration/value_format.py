@@ -1,4 +1,4 @@
-"""What does a wire value mean, in words? For comparisons, outcomes and the comments of a snapshot.
+"""Text form of wire values, for comparisons, outcomes and the comments of a snapshot.
 
 400, Field unit "Hz"          "400 Hz"          2, choices {2: "115 200 Bd"}    "115 200 Bd"
 0x12, named bits              "A, C"            [0.0, 0.0, 1.0], unit "m"       "0, 0, 1 m"
@@ -12,22 +12,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from protocols.labels import device_label, spoken
+from protocols.registry import entry_words
 from protocols.schema import Field
 
 LONGEST = 120
-ALWAYS = 0xFFFF  # the rate of what comes with every message
 DIGITS = 7  # of a float32
-MOST = 1e300  # of any value that a device holds; beyond it arithmetic fails, and a stranger's file may hold it
+MOST = 1e300  # larger than any device value; arithmetic fails beyond it, and an uploaded file may contain such values
 _WHOLE = re.compile(r"-?\d{1,20}\Z")
 
 
 def words(field: Field, value: Any) -> str:
-    """A value as a person reads it, in the shown unit; "" for nothing."""
+    """A value as text, in the shown unit; "" for None."""
     if value is None:
         return ""
     if isinstance(value, list | tuple):
         units = field.unit.split(",")
-        if len(units) == len(value) > 1:  # each has its own: "°,°,m"
+        if len(units) == len(value) > 1:  # one unit for each: "°,°,m"
             return _short(", ".join(f"{_one(field, item)} {unit}" for item, unit in zip(value, units, strict=True)))
         text = ", ".join(_one(field, item) for item in value) if value else "none"
         return _short(f"{text} {field.unit}" if field.unit and value else text)
@@ -60,7 +60,7 @@ def _one(field: Field, value: Any) -> str:
 
 
 def flags(field: Field, word: int) -> str:
-    """The bits of a word by name."""
+    """The names of the set bits of a word."""
     names = []
     for bits in field.bits:
         part = bits.of(word)
@@ -72,7 +72,7 @@ def flags(field: Field, word: int) -> str:
 
 
 def comment(field: Field, value: Any) -> str:
-    """What a snapshot says behind a value: its meaning where the number alone does not tell, and its unit."""
+    """Comment of a snapshot after a value: its meaning if the number alone does not show it, else its unit."""
     if isinstance(value, int | float) and (field.choices or field.base == 16 or (field.bits and value)):
         return words(field, value)
     if isinstance(value, int | float | list) and (field.scale != 1 or field.bias):
@@ -81,7 +81,7 @@ def comment(field: Field, value: Any) -> str:
 
 
 def numbers(fields: Sequence[Field], values: Any) -> Any:
-    """What a page sent, with whole numbers that JavaScript cannot hold, and so writes as text, as numbers again."""
+    """Values from a page, with large integers (sent as text) converted back to numbers."""
     if not isinstance(values, Mapping):
         return values
     known = {field.name: field for field in fields}
@@ -98,7 +98,7 @@ def _number(field: Field, value: Any) -> Any:
 
 
 def head_of(path: str, names: Iterable[str]) -> tuple[str, str]:
-    """The name that a path begins with, and what follows: names may have points of their own ("wheelConfig.radius")."""
+    """The name that a path begins with, and the rest. Names may contain dots ("wheelConfig.radius")."""
     for name in sorted(names, key=len, reverse=True):
         if path == name or path.startswith(f"{name}."):
             return name, path[len(name) + 1 :]
@@ -107,7 +107,7 @@ def head_of(path: str, names: Iterable[str]) -> tuple[str, str]:
 
 
 def field_at(fields: Sequence[Field], path: str) -> Field | None:
-    """The field of a path ("outputs.3.output_frequency"); of a place in a vector, the vector."""
+    """The field at a path ("outputs.3.output_frequency"); for an element of a vector, the vector."""
     found: Field | None = None
     inside = {field.name: field for field in fields}
     while path:
@@ -122,7 +122,7 @@ def field_at(fields: Sequence[Field], path: str) -> Field | None:
 
 
 def value_at(values: Any, path: str) -> Any:
-    """What stands at a path; None where nothing does."""
+    """Value at a path; None if there is none."""
     while path:
         name, path = head_of(path, values if isinstance(values, Mapping) else ())
         if isinstance(values, Mapping):
@@ -135,7 +135,7 @@ def value_at(values: Any, path: str) -> Any:
 
 
 def title_at(fields: Sequence[Field], path: str) -> str:
-    """A path for a person: "Outputs 4, Rate"."""
+    """Displayed title of a path: "Outputs 4, Rate"."""
     titles: list[str] = []
     inside = {field.name: field for field in fields}
     while path:
@@ -149,42 +149,33 @@ def title_at(fields: Sequence[Field], path: str) -> str:
     return ", ".join(titles)
 
 
-# ── an entry of an Xsens output configuration: two numbers that say more together ────────────────────────────────────
+# ── entries of an output configuration: two numbers with a joint meaning ─────────────────────────────────────────────
 
 
 def output_words(entry: Mapping[str, Any] | None) -> str:
-    """ "400 Hz", with precision and frame where they are not the usual ones; "off" for none."""
+    """Format an output: "400 Hz", with unusual precision and frame; "off" for none."""
     if entry is None:
         return "off"
-    from protocols.xbus.data_identifiers import COORDINATES
-
-    identifier, rate = int(entry["data_identifier"]), int(entry["output_frequency"])
-    parts = ["with every message" if rate in (0, ALWAYS) else f"{rate} Hz"]
-    if identifier & 3:
-        parts.append(("Float32", "Fp12.20", "Fp16.32", "Float64")[identifier & 3])
-    if identifier & 0xC and identifier >> 2 & 3 < len(COORDINATES):
-        parts.append(COORDINATES[identifier >> 2 & 3])
-    return ", ".join(parts)
+    parts = entry_words(entry)
+    return parts[1] if parts is not None else ""
 
 
 def output_title(identifier: int) -> str:
-    """The quantity that a data identifier asks for."""
-    from protocols.xbus.output_configuration import OUTPUTS
-
-    output = OUTPUTS.get(identifier & 0xFFF0)
-    return (output.field.title or output.name) if output is not None else f"0x{identifier:04X}"
+    """The quantity of a data identifier."""
+    parts = entry_words({"data_identifier": identifier, "output_frequency": 0})
+    return parts[0] if parts is not None else f"0x{identifier:04X}"
 
 
 def entry_comment(fields: Sequence[Field], entry: Mapping[str, Any]) -> str:
-    """What a snapshot says behind one record of a list; "" where the values speak for themselves."""
+    """Comment of a snapshot after one record of a list; "" if the values need no explanation."""
     if "data_identifier" in entry and "output_frequency" in entry:
         if not entry["data_identifier"]:
             return "nothing"
         return f"{output_title(int(entry['data_identifier']))}, {output_words(entry)}"
-    said = [(words(field, entry.get(field.name)), entry.get(field.name)) for field in fields]
-    if all(text == str(value) or not text for text, value in said):
+    parts = [(words(field, entry.get(field.name)), entry.get(field.name)) for field in fields]
+    if all(text == str(value) or not text for text, value in parts):
         return ""
-    return ", ".join(text for text, _ in said if text)
+    return ", ".join(text for text, _ in parts if text)
 
 
 def _short(text: str) -> str:

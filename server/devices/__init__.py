@@ -1,1 +1,1 @@
-"""Devices as they are now: links' bytes become channels, events and figures, and wait for the browsers."""
+"""Live devices: bytes of links are decoded to channels, events and figures for the browsers."""

@@ -1,12 +1,11 @@
-"""How should the bytes of a source be read? What a person says about it, because the bytes cannot.
+"""Options for decoding the bytes of a source: information from the user that the bytes do not contain.
 
-    --protocol idtp --key @robot.key --min-mode secure        on the command line, for all its sources
-    udp://:5000?protocol=idtp&key=00112233&min_mode=secure    in a source, for this one alone
+    --protocol idtp --key @robot.key --min-mode secure        on the command line, for all sources
+    udp://:5000?protocol=idtp&key=00112233&min_mode=secure    in a source, for this source only
     {"source": …, "protocol": "idtp", "key": "00112233"}      over HTTP
 
-What a source says of itself comes before what was said beside it. A key is a secret: it is taken out of the source
-before anything else sees that, is never printed, and no answer or event holds it; what is wrong with one is said
-without it.
+Options in a source override the others. A key is a secret: it is removed from the source before any other code sees
+it, it is never printed, and no answer, event or error message contains it.
 """
 
 from __future__ import annotations
@@ -26,22 +25,22 @@ ON, OFF = ("1", "", "true", "yes", "on"), ("0", "false", "no", "off")
 
 
 class ReadingError(ValueError):
-    """Something that cannot be used: which setting, and what is allowed. Never the key itself."""
+    """An invalid option: its name and the allowed values. Never contains the key."""
 
 
 @dataclass(frozen=True, slots=True)
 class DecodeOptions:
-    """What was said about a source.
+    """Options that determine how a source is decoded.
 
     Args:
-        protocol: "" to recognise it.
+        protocol: "" to detect it.
         key: for Secure frames of IDTP.
         min_mode: weakest mode of IDTP that is accepted, 0 to 2; None: Secure with a key, else Lite.
-        unverified: without a key, show Secure frames, marked.
-        replay_check: whether frames with an old sequence number are refused.
+        unverified: without a key, show Secure frames, marked as unverified.
+        replay_check: whether frames with an old sequence number are rejected.
         schema: rows of the vendor's own payload types (protocols/idtp/custom_payloads.py).
-        time_unit: of the timestamps of IDTP, of TIME_UNITS; "" for microseconds, unless their arrival says otherwise.
-        rotation: which way the quaternion of an IDTP device turns, of ROTATIONS; "" for body to ENU.
+        time_unit: unit of IDTP timestamps, of TIME_UNITS; "" for microseconds, unless arrival times contradict it.
+        rotation: direction of the quaternion of an IDTP device, of ROTATIONS; "" for body to ENU.
     """
 
     protocol: str = ""
@@ -54,8 +53,8 @@ class DecodeOptions:
     rotation: str = ""
 
     def settings(self, known: Collection[str]) -> dict[str, Any]:
-        """What a protocol that knows these settings is told (registry.ProtocolInfo.settings)."""
-        told = {
+        """Settings passed to a protocol that supports them (registry.ProtocolInfo.settings)."""
+        values = {
             "key": self.key,
             "min_mode": self.min_mode,
             "show_unverified": self.unverified,
@@ -64,7 +63,7 @@ class DecodeOptions:
             "time_unit": self.time_unit or None,
             "rotation": self.rotation or None,
         }
-        return {name: value for name, value in told.items() if name in known and value is not None}
+        return {name: value for name, value in values.items() if name in known and value is not None}
 
 
 def reading(
@@ -77,14 +76,15 @@ def reading(
     time_unit: str = "",
     rotation: str = "",
 ) -> DecodeOptions:
-    """A Reading of words.
+    """Decode options from texts.
 
     Args:
         key: hex, "" for none.
         min_mode: of MODES, or "".
-        schema: the text of the description, "" for none.
+        schema: text of the schema, "" for none.
+
     Raises:
-        ReadingError: one of them cannot be used.
+        ReadingError: an option is invalid.
     """
     secret = _key(key) if key else None
     units = (_one_of("time_unit", time_unit, TIME_UNITS), _one_of("rotation", rotation, ROTATIONS))
@@ -92,9 +92,9 @@ def reading(
 
 
 def changed(old: DecodeOptions, new: DecodeOptions, given: Collection[str]) -> DecodeOptions:
-    """`old` with those settings of `new` that were given: OPTIONS, and "schema_text".
+    """`old` with the options of `new` that are in `given`: names of OPTIONS, and "schema_text".
 
-    Descriptions of vendor types are added to those that there are; one of the same type takes its place.
+    Schemas of vendor types are added to the existing ones; one of the same type replaces it.
     """
     changes = {name: getattr(new, name) for name in OPTIONS if name in given}
     if "schema_text" in given:
@@ -102,59 +102,62 @@ def changed(old: DecodeOptions, new: DecodeOptions, given: Collection[str]) -> D
     return replace(old, **changes)
 
 
-def words_of(said: DecodeOptions) -> dict[str, Any]:
-    """What `reading` makes the same of: for another process. Not the protocol, which each file has for itself."""
+def to_text_options(options: DecodeOptions) -> dict[str, Any]:
+    """The inverse of `reading`, for another process; without the protocol, which each file has for itself."""
     return {
-        "key": said.key.hex() if said.key else "",
-        "min_mode": "" if said.min_mode is None else MODES[said.min_mode],
-        "unverified": said.unverified,
-        "schema": schema_words(said.schema),
-        "time_unit": said.time_unit,
-        "rotation": said.rotation,
+        "key": options.key.hex() if options.key else "",
+        "min_mode": "" if options.min_mode is None else MODES[options.min_mode],
+        "unverified": options.unverified,
+        "schema": schema_words(options.schema),
+        "time_unit": options.time_unit,
+        "rotation": options.rotation,
     }
 
 
 def schema_words(schema: Mapping[int, Any] | None) -> str:
-    """The description (TOML) of these rows, "" for none."""
+    """The schema (TOML) of these rows, "" for none."""
     if not schema:
         return ""
-    from protocols.idtp.custom_payloads import written
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
-    return written(schema)
+    write = next((write for family in PROTOCOLS.values() if (write := family.write_schema) is not None), None)
+    return write(schema) if write is not None else ""
 
 
-def recorded(said: DecodeOptions, about: Mapping[str, Any], usual: DecodeOptions) -> DecodeOptions:
-    """How a recorded device is read: as a person says of the file, else as the recording says, else as is usual here.
+def recorded(options: DecodeOptions, about: Mapping[str, Any], usual: DecodeOptions) -> DecodeOptions:
+    """Decode options of a recorded device: given for the file, else stored in the recording, else the server's own.
 
     Args:
-        about: what the recording tells of the device; what is no setting in it is left out.
-        usual: what the server was told of its own sources.
+        about: the recording's information on the device; anything but options is ignored.
+        usual: the server's options for its own sources.
     """
-    told = {name: about.get(name, "") for name in ("time_unit", "rotation", "schema")}
+    values = {name: about.get(name, "") for name in ("time_unit", "rotation", "schema")}
     try:
-        kept = reading(time_unit=str(told["time_unit"]), rotation=str(told["rotation"]), schema=str(told["schema"]))
+        stored = reading(
+            time_unit=str(values["time_unit"]), rotation=str(values["rotation"]), schema=str(values["schema"])
+        )
     except ReadingError:
-        kept = DecodeOptions()
-    schema = {**(usual.schema or {}), **(kept.schema or {}), **(said.schema or {})}
+        stored = DecodeOptions()
+    schema = {**(usual.schema or {}), **(stored.schema or {}), **(options.schema or {})}
     return replace(
-        said,
-        key=said.key or usual.key,
-        min_mode=usual.min_mode if said.min_mode is None else said.min_mode,
-        unverified=said.unverified or usual.unverified,
+        options,
+        key=options.key or usual.key,
+        min_mode=usual.min_mode if options.min_mode is None else options.min_mode,
+        unverified=options.unverified or usual.unverified,
         schema=schema or None,
-        time_unit=said.time_unit or kept.time_unit or usual.time_unit,
-        rotation=said.rotation or kept.rotation or usual.rotation,
+        time_unit=options.time_unit or stored.time_unit or usual.time_unit,
+        rotation=options.rotation or stored.rotation or usual.rotation,
     )
 
 
 def key_text(given: str) -> str:
-    """The hex digits of a key that is given as such, or as @FILE.
+    """The hex digits of a key that is given directly, or as @FILE.
 
     Raises:
-        ReadingError: nothing is given, there is no such file, or it holds no text.
+        ReadingError: the key is empty, or the file cannot be read or is empty.
     """
     if not given:
-        raise ReadingError("an empty key is no key: an even number of hex digits, or @FILE that holds them")
+        raise ReadingError("an empty key is not valid: give an even number of hex digits, or @FILE containing them")
     if not given.startswith("@"):
         return given
     try:
@@ -164,12 +167,12 @@ def key_text(given: str) -> str:
     except UnicodeDecodeError:
         text = ""
     if not text:
-        raise ReadingError(f"{given[1:]} holds no key: it must hold hex digits")
+        raise ReadingError(f"{given[1:]} contains no key: it must contain hex digits")
     return text
 
 
 def schema_text(path: str) -> str:
-    """What a file with descriptions of vendor types says.
+    """Text of a schema file.
 
     Raises:
         ReadingError: it cannot be read.
@@ -179,14 +182,14 @@ def schema_text(path: str) -> str:
     except OSError as error:
         raise ReadingError(f"the schema cannot be read from {path}: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise ReadingError(f"{path} is no text") from None
+        raise ReadingError(f"{path} is not a text file") from None
 
 
 def parse_source_options(source: str, given: DecodeOptions) -> tuple[str, DecodeOptions]:
-    """A source without what it says about its reading, and that put over `given`.
+    """A source without its decode options, and `given` overridden by these options.
 
     Raises:
-        ReadingError: a value that cannot be used.
+        ReadingError: invalid value.
     """
     if "?" not in source or os.path.exists(source):
         return source, given
@@ -208,7 +211,7 @@ def parse_source_options(source: str, given: DecodeOptions) -> tuple[str, Decode
                 given = replace(given, rotation=_one_of(name, value, ROTATIONS))
             case "unverified":
                 if value not in ON + OFF:
-                    raise ReadingError("unverified is 1 or 0")
+                    raise ReadingError("unverified must be 1 or 0")
                 given = replace(given, unverified=value in ON)
             case _:
                 rest.append(part)
@@ -221,7 +224,7 @@ def _key(text: str) -> bytes:
     except ValueError:
         key = b""
     if not key:
-        raise ReadingError("a key is an even number of hex digits, at least two")
+        raise ReadingError("a key must be an even number of hex digits, at least two")
     return key
 
 
@@ -240,9 +243,12 @@ def _one_of(name: str, text: str, known: tuple[str, ...]) -> str:
 def _schema(text: str) -> Mapping[int, Any] | None:
     if not text.strip():
         return None
-    from protocols.idtp.custom_payloads import SchemaError, parse  # when first used: its tables load what is compiled
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
+    parse = next((parse for family in PROTOCOLS.values() if (parse := family.parse_schema) is not None), None)
+    if parse is None:
+        raise ReadingError("no available protocol uses a schema")
     try:
         return parse(text)
-    except SchemaError as error:
+    except ValueError as error:
         raise ReadingError(f"the schema cannot be used: {error!s:.300}") from None

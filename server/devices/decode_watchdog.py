@@ -1,7 +1,7 @@
-"""Do bytes come in which nothing can be read any more? A device that was there, at another rate or in another protocol.
+"""Detection of a live link whose bytes no longer decode, because the device changed its rate or protocol.
 
-A wrong rate is not silence: bytes go on to come, and no frame is in them. Some are refused, most never look like one.
-So it is told by what is missing: for `DEAF_S` no frame, sentence or answer, among `LEAST_BYTES` at least.
+A wrong rate is not silence: bytes still arrive, but without frames. Some are rejected, most never look like a frame. So
+the criterion is missing frames: for `UNDECODABLE_S` no frame, sentence or answer, in at least `LEAST_BYTES`.
 """
 
 from __future__ import annotations
@@ -11,41 +11,41 @@ from collections.abc import Sequence
 from server.devices.link_stats import LinkStatistics
 from server.links.base import Link, LinkError
 
-DEAF_S = 2.0
-LEAST_BYTES = 100  # fewer may be one long frame that is still on its way
+UNDECODABLE_S = 2.0
+LEAST_BYTES = 100  # fewer may be one long frame that is still incomplete
 
 
 class DecodeWatchdog:
-    """Of one link."""
+    """Decode watchdog of one link."""
 
     def __init__(self) -> None:
-        self._read = -1  # frames so far
+        self._frames = -1  # frames so far
         self._since = 0.0  # when there was one last
         self._bytes = 0  # so far, then
 
-    def look(self, now: float, figures: Sequence[LinkStatistics], meant: bool) -> bool:
-        """Is it so now? To be asked a few times a second.
+    def update(self, now: float, figures: Sequence[LinkStatistics], configuring: bool) -> bool:
+        """Whether the link is undecodable now. Call it a few times a second.
 
         Args:
-            figures: of each device of the link: while one of them can be read, another is silent.
-            meant: one is being configured.
+            figures: of each device of the link; while one of them decodes, the link is decodable.
+            configuring: a device is being configured.
         """
-        read = sum(meter.total for one in figures for meter in one.messages.values())
-        heard = figures[0].bytes.total  # the link's
-        if read != self._read or meant:
-            self._read, self._since, self._bytes = read, now, heard
+        frames = sum(meter.total for one in figures for meter in one.messages.values())
+        received_bytes = figures[0].bytes.total  # the link's
+        if frames != self._frames or configuring:
+            self._frames, self._since, self._bytes = frames, now, received_bytes
             return False
-        return now - self._since > DEAF_S and heard - self._bytes > LEAST_BYTES
+        return now - self._since > UNDECODABLE_S and received_bytes - self._bytes > LEAST_BYTES
 
 
 def undecodable_text(link: Link) -> tuple[str, str]:
-    """What a person is told of it, message and hint; a link that finds its rate by itself looks for it again."""
-    text = f"Bytes come from {link.source}, but for {DEAF_S:g} s nothing in them could be read."
-    if link.finds_rate:
-        hint = "Has its rate changed? It is looked for again."
-        link.give_up(LinkError("gone", text, hint))
+    """Message and hint for undecodable bytes; a link that detects its rate starts a new scan."""
+    text = f"Bytes arrive from {link.source}, but none could be decoded for {UNDECODABLE_S:g} s."
+    if link.detects_baud:
+        hint = "Its baud rate may have changed; it is detected again."
+        link.fail(LinkError("gone", text, hint))
     elif link.baud is not None:
-        hint = f"Has its rate changed from {link.baud} Bd? Open it at the new one, or without one to have it found."
+        hint = f"If its rate changed from {link.baud} Bd, open it at the new rate, or without a rate to detect it."
     else:
-        hint = "Has the rate between the device and its adapter changed, or its protocol?"
+        hint = "Check the baud rate between the device and its adapter, and the protocol."
     return text, hint

@@ -1,14 +1,15 @@
-"""Who sends on a link? One link may carry several devices (IDTP, Xbus), and each is a device on the page.
+"""Demultiplexer of the devices on a link. One link may carry several devices (IDTP, Xbus), each shown separately on the
+page.
 
-    bytes ─feed─> decoder ─drain─> Batch.device "102" ──> Sender  DeviceInfo "1"      the first that was heard
-                                   Batch.device "7"   ──> Sender  DeviceInfo "1.7"    parent "1": a further one
-                                   Text, RejectedFrame       ──> the first: nobody knows who sent them
+    bytes ─feed─> decoder ─drain─> Batch.device "102" ──> LinkDevice  DeviceInfo "1"     the first received
+                                   Batch.device "7"   ──> LinkDevice  DeviceInfo "1.7"   parent "1": a further one
+                                   Text, RejectedFrame       ──> the first: their sender is unknown
 
-The first sender is the link's own device, whose life server/devices/session.py tells. A further one has channels,
-figures, clock, name and events of its own, so that it can be looked at by itself; link, bytes and state of the link it
-shares. Each may fall silent while the others go on, which is told within seconds.
+The first device is the link's own, managed by server/devices/session.py. A further device has its own channels,
+figures, clock, name and events; link, bytes and state of the link are shared. Each may fall silent while the others
+continue, which is reported within seconds.
 
-A page is told of at most `MOST_SENDERS` devices on a link: what others send is counted as messages of "other devices".
+At most `MOST_SENDERS` devices of a link are shown; messages of others are counted as "other devices".
 """
 
 from __future__ import annotations
@@ -27,92 +28,96 @@ from server.devices.link_stats import LinkStatistics
 from server.devices.silence_watchdog import SilenceWatchdog
 from server.links.base import Chunk
 from server.listeners import CallbackList
-from server.streaming.channels import Channels
-from server.streaming.hub import Hub
-from server.streaming.unknown_payloads import UnknownPayloads
+from server.streaming.channels import ChannelRegistry
+from server.streaming.sink import TelemetrySink
+from server.streaming.unknown_payloads import UnknownPayloadTracker
 
-MOST_SENDERS = 16  # on one link; more are noise, or nobody's to look at
+MOST_SENDERS = 16  # on one link; more are probably noise
 SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)
-TAIL_BYTES = 1 << 17  # of the stream, kept for who wants to see a frame as it came
-SILENT_HINT = "Is it powered and in range? It is shown again as soon as it speaks."
+TAIL_BYTES = 1 << 17  # of the stream, stored for the traffic log
+SILENT_HINT = "Check that it is powered and in range; it is shown again when it sends."
 
 
 class LinkDevice:
-    """One device on a link: what goes on over reconnections, and its intake during one.
+    """One device on a link: its state over all connections, and its ingest during one connection.
 
     Args:
-        name: in the stream (Batch.device); "" while nobody was heard, and where a stream has one device.
-        bytes_of: whose count of bytes it shares: they are the link's.
+        name: in the stream (Batch.device); "" before any data, and in a stream of one device.
+        bytes_of: statistics with the byte count of the link, which it shares.
     """
 
-    def __init__(self, hub: Hub, portrait: DeviceState, name: str = "", bytes_of: LinkStatistics | None = None) -> None:
-        device = portrait.info.id
+    def __init__(
+        self, sink: TelemetrySink, state: DeviceState, name: str = "", bytes_of: LinkStatistics | None = None
+    ) -> None:
+        device = state.info.id
         self.name = name
-        self.portrait = portrait
-        self.figures = LinkStatistics()
+        self.state = state
+        self.stats = LinkStatistics()
         if bytes_of is not None:
-            self.figures.bytes = bytes_of.bytes
-        self.channels = Channels(device, hub.advertise)
-        self.incidents = EventReporter(hub, device)
-        self.raws = UnknownPayloads(device, hub.keep_payloads if hub.keeps_clocks else None)
+            self.stats.bytes = bytes_of.bytes
+        self.channels = ChannelRegistry(device, sink.advertise)
+        self.events = EventReporter(sink, device)
+        self.unknown_payloads = UnknownPayloadTracker(
+            device, sink.archive.keep_payloads if sink.archive is not None else None
+        )
         self.intake: Ingest | None = None
         self.heard_at = 0.0  # unix s of the last sample
-        self.silence_hint = ""  # what to do about its silence, where the reason for that is known
-        self._patience = SilenceWatchdog(SILENT_S, SILENT_S)
+        self.silence_hint = ""  # remedy for its silence, if the cause is known
+        self._silence = SilenceWatchdog(SILENT_S, SILENT_S)
 
     def listen(self, samples: int, now: float) -> None:
-        """It sent so many samples."""
+        """Count samples of the device."""
         if samples:
-            self._patience.heard(now, self.heard_at or None)
+            self._silence.note_chunk(now, self.heard_at or None)
             self.heard_at = now
 
-    def hush(self, on: bool, now: float) -> None:
-        """From now on (until it is taken off) silence is meant."""
-        self._patience.hush(on, now)
+    def suppress_timeout(self, on: bool, now: float) -> None:
+        """Ignore silence while `on`."""
+        self._silence.suppress(on, now)
 
-    def quiet(self, now: float) -> float:
-        """How long nothing came of it that should have, s."""
-        return self._patience.quiet(now, self.heard_at)
+    def silence(self, now: float) -> float:
+        """Time since the last expected data, s."""
+        return self._silence.silence(now, self.heard_at)
 
     def is_silent(self, now: float) -> bool:
-        """It has been silent for longer than is usual for it."""
-        return self.quiet(now) > self._patience.limit
+        """Whether the device has been silent for longer than usual."""
+        return self.silence(now) > self._silence.limit
 
 
 class LinkDevices:
     """The devices of one link.
 
     Args:
-        own: the portrait of the link's own device.
-        title: a protocol's name for a person.
+        own: state of the link's own device.
+        title: displayed name of a protocol.
     """
 
-    def __init__(self, hub: Hub, own: DeviceState, title: Callable[[str], str]) -> None:
-        self._hub = hub
+    def __init__(self, sink: TelemetrySink, own: DeviceState, title: Callable[[str], str]) -> None:
+        self._sink = sink
         self._title = title
-        self.own = LinkDevice(hub, own)
+        self.own = LinkDevice(sink, own)
         self.others: dict[str, LinkDevice] = {}
-        self.own_is_unnamed = False  # its stream names only further devices (Xbus): no name is the own device's
-        self.addresses: dict[str, int] = {}  # of devices that share a line, over connections (events.Shared)
-        self.made: CallbackList[[LinkDevice]] = CallbackList()  # told of each further device
-        self._beyond: set[str] = set()
+        self.own_is_unnamed = False  # the stream names only further devices (Xbus); unnamed messages are the own's
+        self.addresses: dict[str, int] = {}  # of devices that share a line, over all connections (events.Shared)
+        self.created: CallbackList[[LinkDevice]] = CallbackList()  # called with each further device
+        self._rejected_names: set[str] = set()
 
     @property
     def all(self) -> list[LinkDevice]:
         return [self.own, *self.others.values()]
 
     @property
-    def figures(self) -> list[LinkStatistics]:
-        """Of every device of the link, its own first."""
-        return [sender.figures for sender in self.all]
+    def stats(self) -> list[LinkStatistics]:
+        """Figures of every device of the link, its own first."""
+        return [sender.stats for sender in self.all]
 
     @property
     def infos(self) -> list[wire.DeviceInfo]:
         """Every device of the link, its own first."""
-        return [sender.portrait.info for sender in self.all]
+        return [sender.state.info for sender in self.all]
 
     def of(self, name: str) -> LinkDevice | None:
-        """The device of that name in the stream, made when it is first heard; None for one too many."""
+        """The device with a name in the stream, created on first use; None beyond the maximum number."""
         if not (self.own.name or self.own_is_unnamed):
             self.own.name = name
         if name in ("", self.own.name):
@@ -120,31 +125,31 @@ class LinkDevices:
         sender = self.others.get(name)
         if sender is None and len(self.others) < MOST_SENDERS - 1:
             sender = self.others[name] = self._make(name)
-            self.made.tell(sender)
+            self.created.call(sender)
         elif sender is None:
-            self._turn_away(name)
+            self._reject_device(name)
         return sender
 
-    def expect(self, name: str, address: int) -> None:
-        """There is a device of that address, though nothing was heard of it on this link yet.
+    def expect_reply(self, name: str, address: int) -> None:
+        """Add a device with a known address from which nothing has been received on this link yet.
 
         Args:
-            name: "" for the link's own, else of a further one.
+            name: "" for the link's own, else the name of a further one.
         """
         self.addresses[name] = address
         self.own_is_unnamed = True
         sender = self.of(name)
         if sender is not None:
-            sender.heard_at = sender.heard_at or self._hub.now()
+            sender.heard_at = sender.heard_at or self._sink.now()
 
-    def hush(self, name: str, on: bool) -> None:
-        """The silence of a device is meant, as it is being configured."""
+    def suppress_timeout(self, name: str, on: bool) -> None:
+        """Ignore the silence of a device while it is being configured."""
         sender = self.of(name)
         if sender is not None:
-            sender.hush(on, self._hub.now())
+            sender.suppress_timeout(on, self._sink.now())
 
     def _make(self, name: str) -> LinkDevice:
-        own = self.own.portrait.info
+        own = self.own.state.info
         info = replace(
             own,
             id=f"{own.id}.{name}",
@@ -158,98 +163,114 @@ class LinkDevices:
             message="",
             hint="",
             notices=[],
-            tries=[],
+            attempts=[],
         )
-        self.own.heard_at = self.own.heard_at or self._hub.now()  # while it was alone nobody asked
-        return LinkDevice(self._hub, DeviceState(self._hub, info, self._title), name, self.own.figures)
+        self.own.heard_at = self.own.heard_at or self._sink.now()  # not tracked while it was alone
+        return LinkDevice(self._sink, DeviceState(self._sink, info, self._title), name, self.own.stats)
 
-    def _turn_away(self, name: str) -> None:
-        if not self._beyond:
-            text = f"More than {MOST_SENDERS} devices send on this link: what the others send is counted, not shown."
-            self.own.incidents.say("device", "caution", text, data={"most": MOST_SENDERS})
-        if len(self._beyond) < MOST_SENDERS:
-            self._beyond.add(name)
+    def _reject_device(self, name: str) -> None:
+        if not self._rejected_names:
+            text = f"More than {MOST_SENDERS} devices send on this link: data of the others is counted, not shown."
+            self.own.events.report("device", "warning", text, data={"most": MOST_SENDERS})
+        if len(self._rejected_names) < MOST_SENDERS:
+            self._rejected_names.add(name)
 
     def read_anew(self) -> None:
-        """The bytes are read in another way from here on."""
+        """Reset for changed decode options."""
         self.own_is_unnamed = False
         self.addresses.clear()
         for sender in self.all:
-            sender.figures.read_anew()
-            sender.portrait.set(protection="")
+            sender.stats.read_anew()
+            sender.state.set(protection="")
 
-    def tick(self, now: float, down: wire.DeviceInfo | None) -> None:
-        """Ten times a second: who fell silent, and what became of the link; sums of what happened.
+    def tick(self, now: float, down: wire.DeviceInfo | None) -> tuple[str, str] | None:
+        """Detect silent devices, pass on the state of the link, sum up events. Called ten times a second.
 
         Args:
-            down: the link's own device while the link itself is not there.
+            down: the link's own device while the link is down.
+
+        Returns:
+            Message and hint if the link's own device fell silent while its session considers it live, else None.
         """
         for sender in self.all:
-            sender.incidents.tick(now)
+            sender.events.tick(now)
         if not self.others:
-            return
+            return None
+        own_silence = None
         for sender in self.others.values():
             if down is not None:
                 state = {
                     "status": down.status,
                     "message": down.message,
                     "hint": down.hint,
-                    "next_try": down.next_try,
+                    "next_attempt": down.next_attempt,
                     "is_open": False,
                 }
-                sender.portrait.set(**state)
+                sender.state.set(**state)
         if down is None:
-            waiting = ("live",) if all(one.is_silent(now) for one in self.all) else ("live", "connecting")
+            states_before = ("live",) if all(one.is_silent(now) for one in self.all) else ("live", "connecting")
             for sender in self.all:
-                if sender.portrait.info.status in waiting and sender.is_silent(now):
-                    self._fell_silent(sender, now)
+                if sender.state.info.status in states_before and sender.is_silent(now):
+                    if sender is self.own:
+                        own_silence = self._silence_text(sender, now)
+                    else:
+                        self._fell_silent(sender, now)
+        return own_silence
+
+    def _silence_text(self, sender: LinkDevice, now: float) -> tuple[str, str]:
+        others = (
+            "the link is still open" if all(one.is_silent(now) for one in self.all) else "others on its link continue"
+        )
+        text = f"No data from {sender.state.info.name} for {sender.silence(now):.1f} s; {others}."
+        return text, sender.silence_hint or SILENT_HINT
 
     def _fell_silent(self, sender: LinkDevice, now: float) -> None:
-        others = "the link is still open" if all(one.is_silent(now) for one in self.all) else "others on its link go on"
-        text = f"Nothing from {sender.portrait.info.name} for {sender.quiet(now):.1f} s; {others}."
-        sender.incidents.say("link", "fault", text, data={"kind": "silent"})
-        last = sender.figures.last_arrival
-        hint = sender.silence_hint or SILENT_HINT
-        sender.portrait.set(status="lost", message=text, hint=hint, next_try=None, last_arrival=last)
+        text, hint = self._silence_text(sender, now)
+        sender.events.report("link", "error", text, data={"kind": "silent"})
+        last = sender.stats.last_arrival
+        sender.state.set(status="lost", message=text, hint=hint, next_attempt=None, last_arrival=last)
         if sender.intake is not None:
             sender.intake.samples = 0  # the next sample makes it live again
 
-    def healths(self, now: float, capacity: float | None) -> list[wire.DeviceHealth]:
-        """The figures of every device of the link for the page, its own first. What was refused is the link's: nobody
-        can say who sent it."""
+    def health_of_all(self, now: float, capacity: float | None) -> list[wire.DeviceHealth]:
+        """The figures of every device of the link for the page, its own first. Rejects are those of the link, because
+        their sender is unknown.
+        """
         found = []
         for sender in self.all:
             clock = sender.intake.clock if sender.intake is not None else None
-            cause = sender.intake.cause(now) if sender.intake is not None else None
-            found.append(health(sender.portrait.info.id, sender.figures, clock, capacity, now, cause))
+            cause = sender.intake.jitter_cause(now) if sender.intake is not None else None
+            found.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause))
         for one in found[1:]:
             one.rejects, one.rejects_by = found[0].rejects, found[0].rejects_by
         return found
 
-    def raws(self, now: float) -> list[wire.RawPayload]:
-        """What nobody has described, of every device of the link."""
-        return [payload for sender in self.all if sender.raws for payload in sender.raws.report(now)]
+    def unknown_payloads(self, now: float) -> list[wire.UnknownPayload]:
+        """Unknown payloads of every device of the link."""
+        return [
+            payload for sender in self.all if sender.unknown_payloads for payload in sender.unknown_payloads.report(now)
+        ]
 
-    def leave(self) -> None:
-        """The link is closed for good: all its devices go."""
+    def remove(self) -> None:
+        """Remove all devices of a link that is closed."""
         for sender in self.all:
-            self._hub.remove_device(sender.portrait.info.id)
+            self._sink.remove_device(sender.state.info.id)
 
 
-class StreamDecoder:
-    """The bytes of one connection, decoded and handed to who sent them.
+class LinkDecoder:
+    """Decodes the bytes of one connection and distributes the events to their senders.
 
-    `feed` only appends, so that the reader of a 2 kHz device costs little; `drain` decodes what has come, once per
-    flush of the hub.
+    `feed` only appends, so that reading a 2 kHz device costs little; `drain` decodes the received bytes, a slice at a
+    time.
 
     Args:
-        decoder: of the stream's protocol, fresh.
-        on_events: called with all that the decoder gave, after the hub has it.
+        decoder: a new decoder of the stream's protocol.
+        on_events: called with all decoded events, after the sink has them.
     """
 
     def __init__(
         self,
-        hub: Hub,
+        sink: TelemetrySink,
         senders: LinkDevices,
         decoder: Decoder,
         *,
@@ -257,20 +278,20 @@ class StreamDecoder:
         about: ProtocolTraits = ProtocolTraits(),  # noqa: B008 - frozen
         on_events: Callable[[Sequence[Event]], None] = lambda events: None,
     ) -> None:
-        self._hub = hub
-        self._senders = senders
+        self._sink = sink
+        self._devices = senders
         self._decoder = decoder
         if isinstance(decoder, Shared):
             decoder.addresses, senders.own_is_unnamed = senders.addresses, True
         self._line = line
-        self._about = about
+        self._traits = about
         self._on_events = on_events
         self._fed = False
         self._tail = bytearray()
         self._end = 0
-        self._pieces = ChunkBoundaries()
+        self._boundaries = ChunkBoundaries()
         for sender in senders.all:
-            sender.intake = None  # a fresh connection has fresh clocks
+            sender.intake = None  # a new connection has new clocks
         self._own = self._intake(senders.own)
 
     @property
@@ -279,12 +300,12 @@ class StreamDecoder:
 
     @property
     def identity(self) -> DeviceIdentity:
-        """Who the link's own device is."""
+        """Identity of the link's own device."""
         return self._own.identity
 
     @property
     def samples(self) -> int:
-        """Of the link's own device, since it was last silent."""
+        """Samples of the link's own device since it was last silent."""
         return self._own.samples
 
     @samples.setter
@@ -297,7 +318,7 @@ class StreamDecoder:
         self._fed = True
         self._tail += chunk.data
         self._end += len(chunk.data)
-        self._pieces.add(self._end, chunk.arrival_ns)
+        self._boundaries.add(self._end, chunk.arrival_ns)
         if len(self._tail) > 2 * TAIL_BYTES:
             del self._tail[:-TAIL_BYTES]
 
@@ -306,84 +327,84 @@ class StreamDecoder:
         self._decoder.feed_many(data, ends, arrival_ns)
         self._fed = True
         self._tail += data
-        self._pieces.add_many(ends + self._end, arrival_ns)
+        self._boundaries.add_many(ends + self._end, arrival_ns)
         self._end += len(data)
         del self._tail[:-TAIL_BYTES]
 
     def bytes_at(self, offset: int, size: int) -> bytes:
-        """Bytes of the stream, as events tell their places in it; b"" where they are gone."""
+        """Bytes of the stream at an event's offset; b"" if they are no longer stored."""
         at = offset - (self._end - len(self._tail))
         return bytes(self._tail[at : at + size]) if at >= 0 else b""
 
     def drain(self, *, stalled: bool = False) -> None:
-        """Decode all that is complete and hand it on."""
+        """Decode and pass on all complete messages."""
         if not (self._fed or stalled):
             return
         self._fed = False
         events = self._decoder.drain(stalled=stalled)
         if events:
-            self._take(events)
-        self._pieces.forget(self._end - self._decoder.buffered)
+            self._decode(events)
+        self._boundaries.forget(self._end - self._decoder.buffered)
 
-    def _take(self, events: Sequence[Event]) -> None:
-        own = self._senders.own
-        if all(sender_of(event) in ("", own.name) for event in events) and not self._senders.others:
-            self._own.take(events)
+    def _decode(self, events: Sequence[Event]) -> None:
+        own = self._devices.own
+        if all(sender_of(event) in ("", own.name) for event in events) and not self._devices.others:
+            self._own.ingest(events)
         else:
-            self._hand_out(events)
-        own.figures.handed_on(self._hub.now())
+            self._distribute(events)
+        own.stats.handed_on(self._sink.now())
         self._on_events(events)
 
-    def _hand_out(self, events: Sequence[Event]) -> None:
-        """To each sender what is its own. Rejects go to all: who lost samples is judged by them."""
+    def _distribute(self, events: Sequence[Event]) -> None:
+        """Pass events to their senders. Rejects go to all of them, to find the cause of losses."""
         parts: dict[str, list[Event]] = {}
-        refused = [event for event in events if isinstance(event, RejectedFrame)]
+        rejected = [event for event in events if isinstance(event, RejectedFrame)]
         for name in dict.fromkeys(sender_of(event) for event in events):
-            sender = self._senders.of(name)
+            sender = self._devices.of(name)
             if sender is not None:
                 parts.setdefault(sender.name, [])
         for event in events:
-            name = sender_of(event) or self._senders.own.name
+            name = sender_of(event) or self._devices.own.name
             if name in parts and not isinstance(event, RejectedFrame):
                 parts[name].append(event)
             elif not isinstance(event, RejectedFrame):
-                self._senders.own.figures.samples("other devices", 1, self._hub.now())
-        for sender in self._senders.all:
+                self._devices.own.stats.samples("other devices", 1, self._sink.now())
+        for sender in self._devices.all:
             part = parts.get(sender.name, [])
-            if part or refused:
-                self._give(sender, sorted([*part, *refused], key=_offset) if refused else part)
+            if part or rejected:
+                self._ingest(sender, sorted([*part, *rejected], key=_offset) if rejected else part)
 
-    def _give(self, sender: LinkDevice, events: list[Event]) -> None:
+    def _ingest(self, sender: LinkDevice, events: list[Event]) -> None:
         intake = sender.intake or self._intake(sender)
         before = intake.samples
-        intake.take(events)
-        now = self._hub.now()
+        intake.ingest(events)
+        now = self._sink.now()
         new = intake.samples - before
         sender.listen(new, now)
-        if sender is self._senders.own or not new:
+        if sender is self._devices.own or not new:
             return
-        sender.figures.last_arrival = now
-        if sender.portrait.info.status != "live":
-            sender.portrait.set(status="live", is_open=True, message="", hint="", next_try=None, last_arrival=now)
-            sender.incidents.say("link", "info", f"{sender.portrait.info.name} is back.", data={"kind": "back"})
+        sender.stats.last_arrival = now
+        if sender.state.info.status != "live":
+            sender.state.set(status="live", is_open=True, message="", hint="", next_attempt=None, last_arrival=now)
+            sender.events.report("link", "info", f"{sender.state.info.name} is back.", data={"kind": "back"})
 
     def _intake(self, sender: LinkDevice) -> Ingest:
         sender.intake = Ingest(
-            self._hub,
-            figures=sender.figures,
+            self._sink,
+            figures=sender.stats,
             channels=sender.channels,
-            incidents=sender.incidents,
-            raws=sender.raws,
-            identify=sender.portrait.identified,
+            incidents=sender.events,
+            unknown_payloads=sender.unknown_payloads,
+            identify=sender.state.identified,
             line=self._line,
-            pieces=self._pieces,
-            about=self._about,
-            counts_rejects=sender is self._senders.own,
+            pieces=self._boundaries,
+            about=self._traits,
+            counts_rejects=sender is self._devices.own,
         )
         return sender.intake
 
 
 def _offset(event: Event) -> int:
-    """Where an event stands in the stream."""
+    """Position of an event in the stream."""
     offset = event.offset
     return offset if isinstance(offset, int) else int(offset[0])

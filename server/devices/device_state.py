@@ -1,7 +1,7 @@
-"""What is told about a device: its state, its name, who it said it is, its figures?
+"""Published state of a device: status, name, identity and figures.
 
-One `DeviceInfo` that changes whole and only when something in it changed, so that every page is told once; and the
-health figures, put together when they are asked for.
+One `DeviceInfo` that is replaced as a whole, only if something changed, so that every page receives it once; and the
+health figures, computed on demand.
 """
 
 from __future__ import annotations
@@ -14,55 +14,56 @@ from protocols.clock_sync import ClockSync
 from server import wire
 from server.devices.ingest import DeviceIdentity
 from server.devices.link_stats import LinkStatistics
-from server.streaming.hub import Hub
+from server.streaming.sink import TelemetrySink
 
-TRIES_KEPT = 12
+ATTEMPTS_KEPT = 12
 _MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
 
 class DeviceState:
-    """A device as the page knows it.
+    """State of a device as shown on the page.
 
     Args:
-        info: how it begins.
-        title: a protocol's name for a person.
+        info: initial state.
+        title: displayed name of a protocol.
     """
 
-    def __init__(self, hub: Hub, info: wire.DeviceInfo, title: Callable[[str], str]) -> None:
+    def __init__(self, sink: TelemetrySink, info: wire.DeviceInfo, title: Callable[[str], str]) -> None:
         self.info = info = replace(info, absent=_absent(info))
-        self._hub = hub
+        self._sink = sink
         self._title = title
-        hub.set_device(info)
+        sink.set_device(info)
 
     def set(self, **changes: object) -> None:
-        """Change fields of `info`; told only when that makes a difference."""
+        """Change fields of `info`; published only if they differ."""
         new = replace(self.info, **changes)  # type: ignore[arg-type]
         if (new.protocol, new.product) != (self.info.protocol, self.info.product):
             new = replace(new, absent=_absent(new))
         if new != self.info:
             self.info = new
-            self._hub.set_device(new)
+            self._sink.set_device(new)
 
-    def tried(self, attempt: wire.Try) -> None:
-        """Keep the last tries; one that repeats takes the place of its predecessor."""
-        tries = self.info.tries
-        if tries and (tries[-1].what, tries[-1].outcome) == (attempt.what, attempt.outcome):
-            tries = tries[:-1]
-        self.set(tries=[*tries, attempt][-TRIES_KEPT:])
+    def tried(self, attempt: wire.Attempt) -> None:
+        """Store an attempt; one that repeats the previous attempt replaces it."""
+        attempts = self.info.attempts
+        if attempts and (attempts[-1].what, attempts[-1].outcome) == (attempt.what, attempt.outcome):
+            attempts = attempts[:-1]
+        self.set(attempts=[*attempts, attempt][-ATTEMPTS_KEPT:])
 
     def identified(self, identity: DeviceIdentity) -> None:
-        """The device said who it is."""
+        """Store the reported identity of the device."""
         self.set(
             product=identity.product or self.info.product,
             serial_number=identity.serial_number or self.info.serial_number,
             firmware=identity.firmware or self.info.firmware,
             protection=identity.protection or self.info.protection,
-            name=identity.name or self.name(identity.product, self.info.protocol, identity.speaks),
+            name=identity.name or self.name(identity.product, self.info.protocol, identity.fallback_name),
         )
 
     def name(self, product: str, protocol: str, heard: str = "") -> str:
-        """What people call it: the model in its product code (MTi-630 of MTi-630-8A1G6), else what is heard of it,
-        protocol or link."""
+        """Display name of a device: the model in its product code (MTi-630 of MTi-630-8A1G6), else the detected
+        messages, the protocol or the link.
+        """
         product = product or self.info.product
         model = _MODEL.match(product)
         if product:
@@ -76,15 +77,15 @@ def health(
     clock: ClockSync | None,
     capacity: float | None,
     now: float,
-    cause: wire.TimeCause | None = None,
+    cause: wire.JitterCause | None = None,
 ) -> wire.DeviceHealth:
     """The figures for the page.
 
     Args:
-        clock: of the device, mapped to the host's; None while there is none.
-        capacity: bytes/s that its link can carry, None where that is not known.
+        clock: mapping of the device clock to the host's; None if there is none yet.
+        capacity: bytes/s that its link can carry, None if unknown.
         now: unix s.
-        cause: why its times are uneven.
+        cause: why its arrival times are uneven.
     """
     messages = figures.report(now)
     known = clock is not None and clock.uncertainty_ns < float("inf")
@@ -106,12 +107,12 @@ def health(
         last_arrival=figures.last_sample or figures.last_arrival,
         drift_ppm=clock.drift_ppm if clock is not None and known else None,
         uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,
-        time_cause=cause,
+        jitter_cause=cause,
     )
 
 
 def short_source(source: str) -> str:
-    """/dev/ttyUSB0 → ttyUSB0; /dev/pts/4 → pts/4; tcp://host:1 → host:1; a file by its name."""
+    """Short name of a source: /dev/ttyUSB0 → ttyUSB0; /dev/pts/4 → pts/4; tcp://host:1 → host:1; a file's name."""
     bare = source.partition("?")[0].rstrip("/")
     device = re.search("(?:^|//)/dev/(.+)", bare)
     return (device[1] if device else bare.rsplit("/", 1)[-1]) or source
@@ -121,7 +122,7 @@ def _absent(info: wire.DeviceInfo) -> list[str]:
     """Flags of its status words that this product does not have."""
     if not info.protocol or not info.product:
         return []
-    from protocols.registry import PROTOCOLS  # when it is first of use: it loads what is compiled
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     row = PROTOCOLS.get(info.protocol)
     return list(row.absent(info.product)) if row is not None else []

@@ -1,4 +1,4 @@
-"""The question who a device is, asked once for each connection."""
+"""Identification request to a device, sent once for each connection."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from server.links.base import LinkError
 
 
 class Greeting:
-    """Of one session.
+    """Identification request of one session.
 
     Args:
         send: writes to the device.
-        source: of its link, for the task's name.
+        source: source of its link, for the task's name.
     """
 
     def __init__(self, send: Callable[[bytes], Awaitable[None]], source: str) -> None:
         self._send = send
         self._source = source
-        self._asked = False
+        self._requested = False
         self._task: asyncio.Task[None] | None = None
 
-    def anew(self) -> None:
-        """There is a new connection: whoever is there may be asked again."""
-        self._asked = False
+    def restart(self) -> None:
+        """Allow another request, on a new connection."""
+        self._requested = False
 
-    def ask(self, greeting: bytes) -> None:
-        """Send it (b"" for nothing), unless that was done on this connection."""
-        if self._asked:
+    def request(self, greeting: bytes) -> None:
+        """Send the request (b"" for none), unless it was sent on this connection."""
+        if self._requested:
             return
-        self._asked = True
+        self._requested = True
 
         async def send() -> None:
-            with contextlib.suppress(LinkError):  # no way back, or nobody there any more: reading finds that out
+            with contextlib.suppress(LinkError):  # no way to send, or the link is gone: reading will report it
                 await self._send(greeting)
 
         if greeting:
             self._task = asyncio.get_running_loop().create_task(send(), name=f"greeting {self._source}")
 
     async def close(self) -> None:
-        """Stop asking."""
+        """Cancel a pending request."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)

@@ -1,10 +1,9 @@
-"""A further device of a link, as who configures it sees it: the link's session, and of all that is heard there its own.
+"""A further device of a link for its controller: the link's session, with the device's own messages.
 
-    Session        everything about the link; of the devices on it, the first
-    Member         the same link, for another of its devices: its name, address and state, its answers
+    Session        the link and the first of its devices
+    Member         the same link, for another of its devices: its name, address, state and answers
 
-Whoever configures a device (server/configuration/device_controller.py) is given one or the other and need not know
-which.
+A device controller (server/configuration/device_controller.py) uses either through the same interface.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from server.devices.session import Session
 
 
 class Member:
-    """See above.
+    """A further device of a link.
 
     Args:
         sender: the device; not the link's own.
@@ -32,27 +31,27 @@ class Member:
 
     @property
     def info(self) -> wire.DeviceInfo:
-        """The device as the page knows it."""
-        return self._sender.portrait.info
+        """The published state of the device."""
+        return self._sender.state.info
 
     @property
     def name(self) -> str:
-        """What the stream calls it."""
+        """Name of the device in the stream."""
         return self._sender.name
 
     @property
     def reading(self) -> DecodeOptions:
-        """How the link's bytes are read."""
+        """Decode options of the link."""
         return self.session.reading
 
     @property
     def baud(self) -> int | None:
-        """The rate of the link now."""
+        """The present baud rate of the link."""
         return self.session.baud
 
     @property
     def capacity(self) -> float | None:
-        """Bytes/s that the link carries, for all of its devices together."""
+        """Bytes/s that the link can carry, for all of its devices together."""
         return self.session.capacity
 
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
@@ -60,43 +59,43 @@ class Member:
         return self.session.listen(callback, self.name)
 
     def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
-        """Call `callback(data, time)` with all that is sent on the link; returns what takes it off."""
+        """Call `callback(data, time)` with all data sent on the link; returns a function that removes it."""
         return self.session.on_sent(callback)
 
     def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
-        """Have something done before the link is closed for good."""
+        """Run a coroutine before the link is closed for good."""
         self.session.before_close(last)
 
-    def hush(self, on: bool) -> None:
-        """Its silence is meant."""
-        self.session.hush(on, self.name)
+    def suppress_timeout(self, on: bool) -> None:
+        """Ignore silence of the device while `on`."""
+        self.session.suppress_timeout(on, self.name)
 
     async def send(self, data: bytes) -> None:
         """Write to the line. LinkError: as Session.send."""
         await self.session.send(data)
 
-    async def relink(self, baud: int | None = None) -> None:
-        """Close the link and open it again. LinkError: as Session.relink."""
-        await self.session.relink(baud)
+    async def reopen(self, baud: int | None = None) -> None:
+        """Close the link and open it again. LinkError: as Session.reopen."""
+        await self.session.reopen(baud)
 
     async def check_rate(self, baud: int) -> None:
-        """Can this end of the link do that rate? As Link.check_rate."""
+        """Check that this end of the link supports a rate. As Link.check_rate."""
         await self.session.check_rate(baud)
 
     async def read_as(self, reading: DecodeOptions) -> None:
-        """Read the link's bytes in another way. As Session.read_as."""
+        """Change the decode options of the link. As Session.read_as."""
         await self.session.read_as(reading)
 
-    async def idle(self) -> None:
-        """Wait until nobody configures a device of the link."""
-        await self.session.idle()
+    async def wait_idle(self) -> None:
+        """Wait until no device of the link is being configured."""
+        await self.session.wait_idle()
 
     def decode(self) -> None:
-        """Decode what has come now instead of with the next flush."""
+        """Decode the received bytes now instead of in the next turn."""
         self.session.decode()
 
     def bytes_at(self, offset: int, size: int) -> bytes:
-        """Bytes of this connection from an offset that the decoder told; b"" where they are gone."""
+        """Bytes of this connection from an offset of the decoder; b"" if they are no longer stored."""
         return self.session.bytes_at(offset, size)
 
 
@@ -105,25 +104,25 @@ AnyDevice = Session | Member
 
 
 def name_of(device: AnyDevice) -> str:
-    """What the stream calls it; "" for the first of its link."""
+    """Name of the device in the stream; "" for the first of its link."""
     return device.name if isinstance(device, Member) else ""
 
 
 def address_of(device: AnyDevice) -> int | None:
-    """Where it is addressed on a line that devices share; None where it has no address, or told none yet."""
+    """Address of the device on a shared line; None if it has none or has not reported one."""
     session = device.session if isinstance(device, Member) else device
-    return session.senders.addresses.get(name_of(device))
+    return session.devices.addresses.get(name_of(device))
 
 
 def explain_silence(device: AnyDevice, hint: str) -> None:
-    """What a person is to do about its silence, where a reason for that is known; "" where there is none."""
+    """Set the remedy for the silence of a device if its cause is known; "" otherwise."""
     session = device.session if isinstance(device, Member) else device
-    sender = session.senders.of(name_of(device))
+    sender = session.devices.of(name_of(device))
     if sender is not None:
         sender.silence_hint = hint
 
 
 def shares(device: AnyDevice) -> bool:
-    """Are there other devices on its link?"""
+    """Whether its link carries other devices."""
     session = device.session if isinstance(device, Member) else device
-    return bool(session.senders.others)
+    return bool(session.devices.others)

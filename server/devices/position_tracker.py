@@ -1,8 +1,7 @@
-"""Where is this device? The newest place that its events tell, whatever its protocol.
+"""The newest position that a device reports, in any protocol.
 
-NMEA         GGA, with a fix          latitude, longitude, height, satellites
-Inertial Sense  DID_GPS1_POS, INS 1   lla, once the week is known
-Xsens        LatLon, AltitudeEllipsoid, GnssPvtData
+A GGA sentence with a fix has latitude, longitude, height and satellites; a protocol defines its own messages with
+positions (ProtocolInfo.position).
 """
 
 from __future__ import annotations
@@ -13,12 +12,10 @@ from typing import Any
 
 from protocols.events import Batch, Event, Text
 
-GNSS_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")
-
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """A place on the ellipsoid: degrees, north and east positive; height in m."""
+    """A position on the ellipsoid: degrees, north and east positive; height in m."""
 
     latitude: float
     longitude: float
@@ -27,39 +24,30 @@ class Position:
 
 
 class PositionTracker:
-    """Told every event of a device; `place` is None until one says where it is."""
+    """Receives every event of a device; `place` is None until the first position."""
 
     def __init__(self) -> None:
         self.place: Position | None = None
 
-    def hear(self, event: Event) -> None:
-        """Take an event; cheap for those that say nothing."""
+    def update(self, event: Event, protocol: str) -> None:
+        """Process an event; cheap for those without a position."""
         if isinstance(event, Batch):
-            self._batch(event)
+            from protocols.registry import position_of  # imported on first use, because it loads compiled code
+
+            if position := position_of(protocol, event):
+                self._set_position(position.latitude, position.longitude, position.height, position.satellites)
         elif isinstance(event, Text) and event.protocol == "nmea" and event.name.endswith("GGA"):
             fields = event.fields
             if fields.get("quality"):
-                self._at(fields.get("lat"), fields.get("lon"), fields.get("alt"), fields.get("numSV"))
+                self._set_position(fields.get("lat"), fields.get("lon"), fields.get("alt"), fields.get("numSV"))
 
-    def _batch(self, batch: Batch) -> None:
-        columns = batch.columns
-        name = batch.message.name
-        if name in GNSS_SETS and "lla" in columns and "week" in columns and columns["week"][-1] > 0:
-            latitude, longitude, height = columns["lla"][-1].tolist()
-            satellites = int(columns["satsUsed"][-1]) if "satsUsed" in columns else None
-            self._at(latitude, longitude, height, satellites)
-        elif "LatLon" in columns:
-            latitude, longitude = columns["LatLon"][-1].tolist()
-            height = float(columns["AltitudeEllipsoid"][-1]) if "AltitudeEllipsoid" in columns else None
-            self._at(latitude, longitude, height, None)
-
-    def _at(self, latitude: Any, longitude: Any, height: Any, satellites: Any) -> None:
+    def _set_position(self, latitude: Any, longitude: Any, height: Any, satellites: Any) -> None:
         if not (_is_number(latitude) and _is_number(longitude)) or not (latitude or longitude):
             return
-        here = Position(float(latitude), float(longitude))
-        old = self.place or here
-        here = replace(here, height=float(height) if _is_number(height) else old.height)
-        self.place = replace(here, satellites=int(satellites) if _is_number(satellites) else old.satellites)
+        new = Position(float(latitude), float(longitude))
+        old = self.place or new
+        new = replace(new, height=float(height) if _is_number(height) else old.height)
+        self.place = replace(new, satellites=int(satellites) if _is_number(satellites) else old.satellites)
 
 
 def _is_number(value: Any) -> bool:

@@ -1,7 +1,7 @@
-"""The protocols as a session needs them: the rows of protocols/registry.py, imported when first used.
+"""The protocols for a session: the rows of protocols/registry.py, imported on first use.
 
-Importing the registry compiles or loads machine code (protocols/jit.py), which takes from a tenth of a second to some
-seconds the first time ever; the command line does that where it can say so, before it serves.
+Importing the registry loads compiled code (protocols/jit.py) in a tenth of a second, or compiles it the first time in
+some seconds; the command line does that before it serves, and reports it.
 """
 
 from __future__ import annotations
@@ -19,6 +19,15 @@ def protocols() -> dict[str, str]:
     from protocols.registry import PROTOCOLS
 
     return {name: info.title for name, info in PROTOCOLS.items()}
+
+
+def problems() -> list[str]:
+    """A sentence for each family, exporter and link of another package that cannot be used."""
+    from protocols.registry import PROBLEMS
+    from recordings.exporters import PROBLEMS as OF_EXPORTERS
+    from server.links.registry import load_links
+
+    return [*PROBLEMS, *OF_EXPORTERS, *load_links()]
 
 
 def speech() -> ProtocolSet:

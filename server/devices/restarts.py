@@ -1,11 +1,11 @@
-"""Secure devices of one link whose sequence began anew, and the numbers that outlive a connection.
+"""Restarted sequences of Secure devices of one link, and their sequence numbers over connections.
 
-    connection ──> decoder ──remembered──> numbers ──recall──> decoder of the next connection
-                      │                       └──> server/devices/sequence_store.py, for the next start of the server
-                      └─ stale, stale, stale ──> "Sequence restarted": an operator re-arms, or somebody replays
+    connection ──> decoder ──state──> numbers ──restore──> decoder of the next connection
+                      │                  └──> server/devices/sequence_store.py, for the next start of the server
+                      └─ stale, stale, stale ──> "Sequence restarted": a restart or a replay attack; needs re-arming
 
-A Secure device that was switched off and on counts from 0 again, and looks exactly like somebody who plays captured
-frames once more. Only a person can tell the two apart, so the server says what it sees, and waits to be re-armed.
+A Secure device that was power-cycled counts from 0 again, which looks exactly like a replay of captured frames. Only
+the operator can distinguish the two, so the server reports it and waits to be re-armed.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from protocols.events import Batch, Decoder, Event, RejectedFrame, Remembers
 from server.devices.decode_options import DecodeOptions
 from server.devices.sequence_store import SequenceStore
 
-FEWEST = 3  # old frames in a row, none of them accepted between
+FEWEST_STALE = 3  # old frames in a row, without an accepted one
 
 
 @dataclass(slots=True)
 class _Stale:
-    """Old frames of a device since its last one that was accepted."""
+    """Old frames of a device since its last accepted one."""
 
     count: int = 0
     detail: str = ""
 
 
 class Restarts:
-    """Of one link.
+    """Restarts and sequence numbers of the devices of one link.
 
     Args:
-        kind: of the link: what a file holds is played again as it was, and remembered by nobody; a simulator's numbers
-            end with the server, as it does itself.
-        store: None to keep nothing beyond this process.
+        kind: kind of the link. Files are meant to be replayed, so their numbers are not stored; those of simulators are
+            not stored beyond this process.
+        store: None to store nothing beyond this process.
     """
 
     def __init__(self, kind: str, store: SequenceStore | None) -> None:
         self._plays = kind == "file"
-        self._store = store if kind not in ("file", "twin") else None
+        self._store = store if kind not in ("file", "simulator") else None
         self._decoder: Remembers | None = None
         self._key: bytes | None = None
         self._numbers: dict[int, int] = {}
@@ -47,59 +47,59 @@ class Restarts:
         self._secure = False
 
     def begin(self, decoder: Decoder, reading: DecodeOptions) -> None:
-        """A decoder takes over."""
-        self.keep()
+        """Use a new decoder, and restore its numbers."""
+        self.save()
         if reading.key != self._key:
             self._numbers = {}
         self._key, self._decoder = reading.key, None
         self._stale.clear()
         self._secure = reading.key is not None
         if isinstance(decoder, Remembers) and reading.key is not None and reading.replay_check and not self._plays:
-            kept = self._store.recall(reading.key) if self._store is not None else {}
-            self._numbers = {**kept, **self._numbers}
-            decoder.recall(self._numbers)
+            stored = self._store.restore(reading.key) if self._store is not None else {}
+            self._numbers = {**stored, **self._numbers}
+            decoder.restore(self._numbers)
             self._decoder = decoder
 
-    def keep(self) -> None:
-        """Remember how far the devices are. Cheap; to be called now and then, and before a decoder goes."""
+    def save(self) -> None:
+        """Store the present numbers. Cheap; call it regularly, and before a decoder is replaced."""
         if self._decoder is None or self._key is None:
             return
-        numbers = dict(self._decoder.remembered())
+        numbers = dict(self._decoder.state())
         if numbers != self._numbers:
             self._numbers.update(numbers)
             if self._store is not None:
-                self._store.note(self._key, numbers)
+                self._store.update(self._key, numbers)
 
-    def hear(self, events: Sequence[Event]) -> None:
-        """What the decoder gave."""
+    def on_events(self, events: Sequence[Event]) -> None:
+        """Track old and accepted frames in decoded events."""
         if not self._secure:
             return
         for event in events:
             if isinstance(event, RejectedFrame) and event.reason == "stale" and event.device:
-                held = self._stale.setdefault(event.device, _Stale())
-                held.count += 1
-                held.detail = event.detail
+                stale = self._stale.setdefault(event.device, _Stale())
+                stale.count += 1
+                stale.detail = event.detail
             elif isinstance(event, Batch) and event.verified and self._stale:
                 self._stale.pop(event.device, None)
 
     @property
     def waiting(self) -> dict[str, str]:
-        """Devices of the stream that wait to be re-armed → what is said about them."""
+        """Devices of the stream that wait to be re-armed → text about them."""
         return {
-            device: f"Sequence restarted: {device} sends old numbers ({held.detail}), which Secure mode refuses."
-            for device, held in self._stale.items()
-            if held.count >= FEWEST
+            device: f"Sequence restarted: {device} sends old numbers ({stale.detail}), which Secure mode rejects."
+            for device, stale in self._stale.items()
+            if stale.count >= FEWEST_STALE
         }
 
     def rearm(self, decoder: object, device: str = "") -> None:
-        """Accept whatever number comes next, of one device or ("") of all.
+        """Accept any next number of one device, or of all ("").
 
         Raises:
-            ValueError: no device identifier.
+            ValueError: invalid device identifier.
             OSError: the store cannot be written.
         """
         if device and not (device.isdecimal() and device.isascii() and int(device) <= 0xFFFF):
-            raise ValueError(f"a device is a number from 0 to 65535, given {device!r:.40}")
+            raise ValueError(f"the device must be a number from 0 to 65535, not {device!r:.40}")
         if isinstance(decoder, Remembers):
             decoder.rearm(device)
         for name in [device] if device else list(self._stale):

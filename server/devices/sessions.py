@@ -1,14 +1,16 @@
-"""Which devices are there? All sessions of the server: added, removed, retried, and looked after ten times a second."""
+"""Registry of all device sessions of the server: adds, removes and retries them, and checks them ten times a second."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
 
 from server import wire
 from server.devices.decode_options import OPTIONS, DecodeOptions, ReadingError, parse_source_options
+from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sequence_store import EVERY_S, SequenceStore
 from server.devices.session import Session
@@ -16,14 +18,16 @@ from server.links.base import Link, LinkError, LinkSettings
 from server.links.replay import split_devices
 from server.links.source_url import SourceUrl
 from server.listeners import CallbackList
-from server.streaming.hub import Hub
+from server.streaming.bus import TelemetryBus
+
+log = logging.getLogger("imuscope.session")
 
 TICK_S = 0.1
 HEALTH_EVERY = 5  # ticks
 SAVE_EVERY = round(EVERY_S / TICK_S)
 WALL_STEP_S = 0.05  # NTP slews at most 0.5 ms/s; more than this between two ticks is a step
 MOST_DEVICES = 64
-OPTIONS_HINT = f"A source may say {', '.join(OPTIONS)} after its question mark."
+OPTIONS_HINT = f"After its question mark a source accepts: {', '.join(OPTIONS)}."
 
 OpenLink = Callable[[str, LinkSettings], Link]
 
@@ -32,27 +36,30 @@ class Sessions:
     """All devices.
 
     Args:
-        hub: where they publish.
-        open_link: makes a (closed) link of a source; raises LinkError "bad-source".
+        bus: receives everything they publish.
+        open_link: creates a (closed) link for a source; raises LinkError "bad-source".
         speech: the protocols.
         settings: for the links; `protocol` and `key` are filled in per source.
-        wall_ns: the wall clock, which may step; a step is told as an event and moves no sample.
-        sequences: where the last numbers of Secure devices are kept; None: with this process.
+        wall_ns: the wall clock, which may step; a step is reported as an event and does not move samples.
+        sequences: store of the last numbers of Secure devices; None: in this process only.
+        sample_interval: present interval at which samples are needed, s.
     """
 
     def __init__(
         self,
-        hub: Hub,
+        bus: TelemetryBus,
         open_link: OpenLink,
         speech: ProtocolSet,
         settings: LinkSettings,
         *,
         wall_ns: Callable[[], int] = time.time_ns,
         sequences: SequenceStore | None = None,
+        sample_interval: Callable[[], float] = lambda: UNWATCHED_S,
     ) -> None:
-        self._hub = hub
+        self._bus = bus
+        self._scheduler = DecodeScheduler(sample_interval)
         self._open_link = open_link
-        self._speech = speech
+        self._protocols = speech
         self._settings = settings
         self._wall_ns = wall_ns
         self._sequences = sequences or SequenceStore(None)
@@ -65,7 +72,7 @@ class Sessions:
         self._ticks = 0
 
     def start(self) -> None:
-        """Begin to look after the sessions."""
+        """Start checking the sessions."""
         self._ticker = asyncio.get_running_loop().create_task(self._tick_forever(), name="sessions")
 
     async def close(self) -> None:
@@ -80,9 +87,10 @@ class Sessions:
         """Open a source.
 
         Args:
-            reading: what was said about it; what the source itself says comes before that, and is shown nowhere.
+            reading: decode options; those in the source override them and are not shown.
+
         Raises:
-            LinkError: kind "bad-source", "busy" when it is open already, or "full" when there are too many.
+            LinkError: kind "bad-source", "busy" if it is already open, or "full" if there are too many.
         """
         try:
             source, reading = parse_source_options(source, reading)
@@ -91,19 +99,21 @@ class Sessions:
             raise LinkError("bad-source", f"The source {place!r} cannot be used: {error}.", OPTIONS_HINT) from None
         session = self.at(source)
         if session is not None:
-            raise LinkError("busy", f"{source} is open already, as device {session.info.id}.", "Retry or remove it.")
+            raise LinkError("busy", f"{source} is already open, as device {session.info.id}.", "Retry or remove it.")
         if len(self._sessions) >= MOST_DEVICES:
-            raise LinkError("full", f"{MOST_DEVICES} devices are open, and that is the most.", "Remove one first.")
+            raise LinkError("full", f"The maximum of {MOST_DEVICES} devices is open.", "Remove one first.")
         link = self._open_link(source, replace(self._settings, protocol=reading.protocol, key=reading.key))
         device = str(self._next_id)
         self._next_id += 1
-        session = self._sessions[device] = Session(device, link, self._hub, self._speech, reading, self._sequences)
-        self._added.tell(session)
+        session = self._sessions[device] = Session(
+            device, link, self._bus, self._protocols, reading, self._sequences, self._scheduler
+        )
+        self._added.call(session)
         session.start()
         return session
 
     def at(self, source: str) -> Session | None:
-        """The session that has this source open, however it is written; simulators are never the same.
+        """The session that has this source open, in any notation; simulators are never the same.
 
         Raises:
             LinkError: kind "bad-source".
@@ -113,7 +123,7 @@ class Sessions:
         return next(found, None)
 
     def add_all(self, source: str, reading: DecodeOptions = DecodeOptions()) -> list[Session]:  # noqa: B008 - frozen
-        """Open a source; of a recording with several devices, each. As `add`; at least one."""
+        """Open a source, or each device of a recording. As `add`; returns at least one session."""
         return [self.add(one, reading) for one in split_devices(source)]
 
     def on_added(self, callback: Callable[[Session], None]) -> None:
@@ -121,11 +131,11 @@ class Sessions:
         self._added.add(callback)
 
     async def remove(self, device: str) -> None:
-        """Close a device and forget it. KeyError when there is none of that id."""
+        """Close and remove a device; KeyError for an unknown id."""
         await self._sessions.pop(device).close()
 
     def get(self, device: str) -> Session:
-        """KeyError when there is none of that id."""
+        """The session of a device; KeyError for an unknown id."""
         return self._sessions[device]
 
     @property
@@ -135,7 +145,7 @@ class Sessions:
 
     @property
     def infos(self) -> list[wire.DeviceInfo]:
-        """Every device; those on one link follow each other."""
+        """Every device; those on one link are adjacent."""
         return [info for session in self._sessions.values() for info in session.infos]
 
     async def _tick_forever(self) -> None:
@@ -144,19 +154,23 @@ class Sessions:
             self.tick()
 
     def tick(self) -> None:
-        """One look at everything."""
-        now = self._hub.now()
+        """Check all sessions once."""
+        now = self._bus.now()
         for session in self._sessions.values():
-            session.tick(now)
+            try:
+                session.tick(now)
+            except Exception:  # an error of one device must not affect the others
+                log.exception("watching %s failed", session.info.source)
         self._ticks += 1
         if self._ticks % HEALTH_EVERY == 0:
             sessions = self._sessions.values()
-            self._hub.report_health([health for session in sessions for health in session.healths(now)])
-            self._hub.report_raws([payload for session in sessions for payload in session.raws(now)])
+            health = [one for session in sessions for one in session.health_of_all(now)]
+            self._bus.health.publish({one.device: one for one in health})
+            self._bus.report_unknown_payloads([one for session in sessions for one in session.unknown_payloads(now)])
         self._watch_wall_clock()
         if self._ticks % SAVE_EVERY == 0:
             for session in self._sessions.values():
-                session.restarts.keep()
+                session.restarts.save()
             if self._saving is None or self._saving.done():
                 saving = asyncio.to_thread(self._sequences.save)
                 self._saving = asyncio.get_running_loop().create_task(saving, name="sequences")
@@ -169,4 +183,4 @@ class Sessions:
             way = "ahead" if step_s > 0 else "back"
             size = f"{abs(step_s):.3g}" if abs(step_s) < 100 else f"{abs(step_s):,.0f}".replace(",", " ")
             text = f"This host's clock was set {way} by {size} s; times on this page stay as they were."
-            self._hub.event("", "clock", "caution", text, data={"step_s": step_s})
+            self._bus.event("", "clock", "warning", text, data={"step_s": step_s})

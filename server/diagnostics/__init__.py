@@ -1,1 +1,1 @@
-"""What the machine around the server must be like: what is checked of it, and files that make it so."""
+"""Requirements on the host: checks, and configuration files that satisfy them."""

@@ -1,15 +1,15 @@
-"""Is this machine fit for sensors? One look at each thing that has ever kept samples away or made them late.
+"""Checks of the host for `imuscope doctor`: everything known to lose or delay samples.
 
-    ports      present? may this user open them? does another program hold one? does an FTDI adapter hold bytes back?
+    ports      present? permission to open them? open in another program? does an FTDI adapter hold bytes back?
     programs   ModemManager and brltty take a new port for a modem or a braille display, and write to it
-    disk       can the data folder be written, how much is free, how long does it take to force something onto it?
-    clock      is it right (NTP), does it step, is the kernel's source a fast one?
-    machine    memory, load, a governor that keeps the processor slow; is there compiled code; is the page there?
+    disk       is the data folder writable, how much is free, how long does a sync to disk take?
+    clock      synchronised (NTP)? stepping? a fast clock source of the kernel?
+    machine    memory, load, a governor that slows the processor; is there compiled code; is the page built?
 
-Each finding says what is so and, where it should be otherwise, what to do: commands that can be pasted. Nothing is
-changed, and no port is opened: a look must not disturb a device that somebody else is using.
+Each finding states a fact and, if necessary, a remedy: commands that can be pasted. Nothing is changed, and no port is
+opened, so that devices in use are not disturbed.
 
-Everything is read below `Machine.root`, so that a test can build machines of any kind.
+Everything is read below `Machine.root`, so that a test can simulate any machine.
 
 Source: Linux Documentation/ABI (sysfs-bus-usb, sysfs-devices-system-cpu), proc(5), adjtimex(2); ModemManager and brltty
 udev rules.
@@ -47,12 +47,12 @@ VOLATILE = ("tmpfs", "ramfs", "overlay")
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Args:
-        about: what: "/dev/ttyUSB0", "data folder".
+        about: subject: "/dev/ttyUSB0", "data folder".
         found: one sentence.
-        todo: what to do about it: commands, or sentences.
+        todo: remedies: commands, or sentences.
     """
 
     status: Status
@@ -63,14 +63,14 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """What is looked at.
+    """State of the host.
 
     Args:
         data: the server's data folder.
-        port: where it will listen; 0: not looked at.
-        root: what stands for /.
-        uid, groups, name: of who asks.
-        synchronised: whether the kernel says that its clock is kept right; None where it does not say.
+        port: port on which it will listen; 0: not checked.
+        root: replacement for /.
+        uid, groups, name: of the user.
+        synchronised: whether the kernel reports a synchronised clock; None if unknown.
         wall, steady: clocks, s.
     """
 
@@ -88,15 +88,15 @@ class Machine:
         return self.root / path.lstrip("/")
 
     def text(self, path: str) -> str:
-        """What a file holds; "" where there is none that can be read."""
+        """Content of a file; "" if it cannot be read."""
         try:
             return self.path(path).read_text(errors="replace").strip()
         except OSError:
             return ""
 
 
-def look(machine: Machine) -> list[Finding]:
-    """All findings, in the order of the head of this file."""
+def run_checks(machine: Machine) -> list[Finding]:
+    """All findings, in the order listed at the top of this file."""
     offset = machine.wall() - machine.steady()
     found = [*ports(machine), *programs(machine), *disk(machine)]
     return [*found, *clock(machine, offset), *memory(machine), *processor(machine), *program(machine)]
@@ -113,17 +113,17 @@ def ports(machine: Machine) -> Iterator[Finding]:
         names = []
     names = [name for name in names if machine.path(f"/dev/{name}").exists() and not _is_empty(machine, name)]
     if not names:
-        todo = ("Plug the sensor in, then look at `sudo dmesg | tail`. A sensor in a network needs no port.",)
+        todo = ("Plug the sensor in, then check `sudo dmesg | tail`. A network sensor needs no port.",)
         if machine.path("/.dockerenv").exists():
-            todo = ("Hand it into the container: --device /dev/ttyUSB0 (see the head of the Dockerfile).",)
-        yield Finding("warning", "serial ports", "There is none.", todo)
+            todo = ("Pass it to the container: --device /dev/ttyUSB0 (see the top of the Dockerfile).",)
+        yield Finding("warning", "serial ports", "None found.", todo)
     holders = _holders(machine) if names else {}
     for name in names:
         yield from _port(machine, name, holders)
 
 
 def _is_empty(machine: Machine, name: str) -> bool:
-    """A place for a port that the kernel keeps (ttyS1 … ttyS31), with no UART in it."""
+    """Whether a name reserved by the kernel (ttyS1 … ttyS31) has no UART."""
     return machine.text(f"/sys/class/tty/{name}/type") == "0"
 
 
@@ -132,7 +132,7 @@ def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Find
     try:
         about = machine.path(place).stat()
     except OSError as error:
-        yield Finding("problem", place, f"It cannot be looked at: {error.strerror}.")
+        yield Finding("problem", place, f"It cannot be checked: {error.strerror}.")
         return
     needed = stat.S_IRUSR | stat.S_IWUSR
     mode = about.st_mode
@@ -142,8 +142,8 @@ def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Find
         yield Finding("ok", place, f"{machine.name} may open it.")
     elif about.st_gid and (mode << 3) & needed == needed:
         words = f"{machine.name} may not open it: it belongs to the group {group}."
-        again = "log out and in again (a service: restart it)"
-        yield Finding("problem", place, words, (f"sudo usermod -aG {group} {machine.name}", again))
+        relogin = "log out and in again (a service: restart it)"
+        yield Finding("problem", place, words, (f"sudo usermod -aG {group} {machine.name}", relogin))
     else:
         yield Finding("problem", place, f"Only its owner may open it; its group is {group}.", (UDEV, RELOAD))
     if place in holders:
@@ -155,13 +155,13 @@ def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Find
     if timer.isdecimal() and int(timer) > 1:
         now = f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"
         words = f"Its adapter holds bytes back for up to {timer} ms: samples come in bursts."
-        yield Finding("warning", place, words, (now, f"for good: {UDEV}"))
+        yield Finding("warning", place, words, (now, f"permanently: {UDEV}"))
     elif timer.isdecimal():
         yield Finding("ok", place, f"Its adapter's latency timer is {timer} ms.")
 
 
 def _holders(machine: Machine) -> dict[str, str]:
-    """Which program has which port open, as far as this user may see."""
+    """Programs that have ports open, as far as visible to this user."""
     found = {}
     for folder in _processes(machine):
         try:
@@ -203,7 +203,7 @@ def _group(machine: Machine, number: int) -> str:
 
 
 def programs(machine: Machine) -> Iterator[Finding]:
-    """Those that open ports that are not theirs."""
+    """Programs that open ports of other programs."""
     running = set()
     for folder in _processes(machine):
         try:
@@ -214,17 +214,17 @@ def programs(machine: Machine) -> Iterator[Finding]:
         ignored = any(
             "ID_MM_" in machine.text(f"/{place}/{RULES}") for place in ("etc/udev/rules.d", "lib/udev/rules.d")
         )
-        words = "It is running, and asks a sensor that is plugged in whether it is a modem."
-        todo = (f"{UDEV} && {RELOAD}", "or, where there is no modem: sudo systemctl disable --now ModemManager")
+        words = "It is running, and probes each newly connected sensor as a modem."
+        todo = (f"{UDEV} && {RELOAD}", "or, without a modem: sudo systemctl disable --now ModemManager")
         if ignored:
-            yield Finding("ok", "ModemManager", "It is running, and is told to leave sensors alone.")
+            yield Finding("ok", "ModemManager", "It is running, and configured to ignore sensors.")
         else:
             yield Finding("warning", "ModemManager", words, todo)
     else:
         yield Finding("ok", "ModemManager", "It is not running.")
     if "brltty" in running:
         todo = ("sudo systemctl disable --now brltty-udev brltty", "or: sudo apt remove brltty")
-        yield Finding("warning", "brltty", "It is running, and takes some adapters for a braille display.", todo)
+        yield Finding("warning", "brltty", "It is running, and mistakes some adapters for a braille display.", todo)
 
 
 # ── disk ─────────────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -255,22 +255,20 @@ def disk(machine: Machine) -> Iterator[Finding]:
     words = f"{free / 1e9:.1f} GB free."
     if free < SOME_FREE:
         status: Status = "problem" if free < LITTLE_FREE else "warning"
-        todo = (
-            "Delete recordings, or let the oldest go by themselves: recordings_quota_gb in the configuration file.",
-        )
+        todo = ("Delete recordings, or have the oldest deleted: recordings_quota_gb in the configuration file.",)
         yield Finding(status, "disk", f"Only {words}", todo)
     else:
         yield Finding("ok", "disk", words)
-    words = f"To force 64 kB onto it takes {took * 1e3:.1f} ms."
+    words = f"A sync of 64 kB takes {took * 1e3:.1f} ms."
     if took > SLOW_SYNC_S:
-        todo = ("A power cut takes more of a recording then; use a faster card or disk with --data.",)
+        todo = ("A power cut would lose more of a recording; use a faster card or disk with --data.",)
         yield Finding("warning", "disk", words, todo)
     else:
         yield Finding("ok", "disk", words)
 
 
 def _sync_time(folder: Path) -> float:
-    """Of the middle one of some tries, s."""
+    """Median of several attempts, s."""
     import tempfile
 
     took = []
@@ -311,21 +309,21 @@ def clock(machine: Machine, offset: float) -> Iterator[Finding]:
     if kept:
         yield Finding("ok", "clock", "It is synchronised.")
     elif kept is not None:
-        words = "It is not synchronised: recordings of several machines will not agree about the time."
+        words = "It is not synchronised: the times of recordings of several machines will differ."
         yield Finding("warning", "clock", words, ("sudo timedatectl set-ntp true", "or: sudo apt install chrony"))
     step = now - machine.steady() - offset
     if abs(step) > STEP_S:
-        words = f"It stepped by {step:+.3f} s while this looked."
-        yield Finding("warning", "clock", words, ("Let one program keep it (timedatectl status, chronyc tracking).",))
+        words = f"It stepped by {step:+.3f} s during the check."
+        yield Finding("warning", "clock", words, ("Let one program set it (timedatectl status, chronyc tracking).",))
     source = machine.text("/sys/devices/system/clocksource/clocksource0/current_clocksource")
     if source in SLOW_CLOCKS:
         there = machine.text("/sys/devices/system/clocksource/clocksource0/available_clocksource")
-        words = f"The kernel reads it from {source}, which is slow; there are: {there}."
-        yield Finding("warning", "clock", words, ("Look at `sudo dmesg | grep -i tsc` for why.",))
+        words = f"The kernel reads it from {source}, which is slow; available: {there}."
+        yield Finding("warning", "clock", words, ("Check `sudo dmesg | grep -i tsc` for the reason.",))
 
 
 def kernel_clock() -> bool | None:
-    """Does the kernel say that somebody keeps its clock right? adjtimex(2), asked without changing anything."""
+    """Whether the kernel reports a synchronised clock; uses adjtimex(2) without changing anything."""
     if sys.platform != "linux":
         return None
     about = (ctypes.c_byte * 512)()  # struct timex, modes 0: only read
@@ -340,26 +338,26 @@ def kernel_clock() -> bool | None:
 
 
 def memory(machine: Machine) -> Iterator[Finding]:
-    """What is free of it."""
-    told = re.search(r"^MemAvailable:\s+(\d+) kB", machine.text("/proc/meminfo"), re.MULTILINE)
-    if told is None:
+    """Free memory."""
+    match = re.search(r"^MemAvailable:\s+(\d+) kB", machine.text("/proc/meminfo"), re.MULTILINE)
+    if match is None:
         return
-    free = int(told[1]) * 1024
+    free = int(match[1]) * 1024
     words = f"{free / 1e9:.1f} GB of memory available."
     if free < LITTLE_MEMORY:
-        todo = ("Let it remember less: memory_mb = 64 in the configuration file.",)
+        todo = ("Reduce the sample history: memory_mb = 64 in the configuration file.",)
         yield Finding("warning", "memory", f"Only {words}", todo)
     else:
         yield Finding("ok", "memory", words)
 
 
 def processor(machine: Machine) -> Iterator[Finding]:
-    """How busy it is, and whether it is kept slow."""
+    """Load of the processor, and whether its frequency is limited."""
     cores = os.cpu_count() or 1
     load = machine.text("/proc/loadavg").split()
     if load and float(load[0]) > cores:
-        words = f"Load {load[0]} on {cores} cores: others compute, and samples may come late."
-        yield Finding("warning", "processor", words, ("Look at `top` for who.",))
+        words = f"Load {load[0]} on {cores} cores: samples may be delayed."
+        yield Finding("warning", "processor", words, ("Find the cause with `top`.",))
     elif load:
         yield Finding("ok", "processor", f"Load {load[0]} on {cores} cores.")
     folder = machine.path("/sys/devices/system/cpu")
@@ -370,17 +368,17 @@ def processor(machine: Machine) -> Iterator[Finding]:
     driver = machine.text("/sys/devices/system/cpu/cpu0/cpufreq/scaling_driver")
     if "powersave" in governors and not re.match(r"intel_pstate|amd[-_]pstate", driver):
         todo = ("echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor",)
-        yield Finding("warning", "processor", "Its governor, powersave, keeps it at its slowest.", todo)
+        yield Finding("warning", "processor", "Its governor, powersave, keeps it at its lowest frequency.", todo)
 
 
 def program(machine: Machine) -> Iterator[Finding]:
-    """imuscope itself."""
+    """Imuscope itself."""
     from server import jit_cache
 
     if jit_cache.is_there(machine.data):
         yield Finding("ok", "compiled code", "The decoders are compiled.")
     else:
-        words = "Not there yet: the next start compiles the decoders, which takes some seconds, once."
+        words = "Not available yet: the next start compiles the decoders, which takes some seconds, once."
         yield Finding("ok", "compiled code", words)
     page = Path(jit_cache.__file__).parent / "page" / "index.html"
     if not page.is_file():
@@ -391,7 +389,7 @@ def program(machine: Machine) -> Iterator[Finding]:
 
 
 def _listener(machine: Machine) -> str:
-    """Who listens at the server's port; "" for nobody."""
+    """Program that listens on the server's port; "" for none."""
     inodes = set()
     for name in ("tcp", "tcp6"):
         for line in machine.text(f"/proc/net/{name}").splitlines()[1:]:

@@ -1,14 +1,14 @@
-"""Foxglove, Lichtblick, PlotJuggler: how do they attach to what is live? (`--foxglove`, which is off by default)
+"""Live data for Foxglove, Lichtblick and PlotJuggler (`--foxglove`, off by default).
 
     ws://127.0.0.1:8765             on this machine; it can only be read
     ws://HOST:8080/foxglove         through our own port, with its TLS
 
-The first listens on loopback only, whatever --host says; beyond this machine there is the second and nothing else. The
-same rules hold for both (server/auth.py): where the server needs a token, each needs it (?token=…), and the web
-application of Foxglove is a foreign page whose origin must be among `allowed_origins`.
+The first listens on loopback only, whatever --host is; other machines can use only the second. The same rules apply to
+both (server/auth.py): if the server needs a token, each needs it (?token=…), and the web application of Foxglove is a
+foreign page whose origin must be in `allowed_origins`.
 
-The protocol is spoken in a process of its own (server/integrations/foxglove_worker.py), which is started after the
-server serves and again when it has fallen over, later each time.
+The protocol runs in a subprocess (server/integrations/foxglove_worker.py), which is started after the server and
+restarted after a crash with growing delays.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from server.auth import Access
+from server.backoff import Backoff
 from server.integrations.proxy import ViewError
 from server.integrations.shared_secret import SecretEndpoint, new_secret
 from server.integrations.viewer_process import ViewerProcess
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 
 MODULE = "server.integrations.foxglove_worker"
 OFF = -1
-DEFAULT_PORT = 8765  # where Foxglove's own tools look first
+DEFAULT_PORT = 8765  # default of Foxglove's own tools
 START_S = 60.0
 AGAIN_S, LONGEST_S = 1.0, 60.0
-STEADY_S = 120.0  # having run for so long, the next fall counts as the first
+STEADY_S = 120.0  # after running this long, the next crash counts as the first
 
 log = logging.getLogger("imuscope.foxglove")
 
@@ -40,46 +41,48 @@ class Foxglove:
 
     Args:
         wanted: port on loopback; 0 for any free one; OFF for none.
-        access: the rules for whoever comes to that port.
+        access: the rules for clients of that port.
     """
 
-    def __init__(self, hub: Hub, wanted: int, access: Access) -> None:
-        self._hub = hub
-        self._wanted = wanted
+    def __init__(self, telemetry: Telemetry, wanted: int, access: Access) -> None:
+        self._bus, self._clients = telemetry.bus, telemetry.clients
+        self._wanted_port = wanted
         self._access = access
         self._secret = new_secret()
         self._task: asyncio.Task[None] | None = None
-        self._aside: ViewerProcess | None = None
-        self._ended = asyncio.Event()
+        self._process: ViewerProcess | None = None
+        self._has_ended = asyncio.Event()
         self._served: asyncio.Future[int] | None = None
 
     @property
     def pid(self) -> int | None:
-        """Of its process; None while there is none."""
-        return None if self._aside is None else self._aside.pid
+        """Process ID; None while it is not running."""
+        return None if self._process is None else self._process.pid
 
     def start(self) -> None:
-        """Begin, in the background, if it is wanted."""
-        if self._wanted != OFF:
+        """Start in the background, if configured."""
+        if self._wanted_port != OFF:
             self._served = asyncio.get_running_loop().create_future()
             self._task = asyncio.create_task(self._keep_running(), name="foxglove")
 
     async def door(self) -> SecretEndpoint:
-        """Where it listens, on loopback, and what to say there.
+        """Loopback address of the worker, and its secret.
 
         Raises:
-            ViewError: it is not wanted, or not there.
+            ViewError: not configured, or not running.
         """
         if self._served is None:
-            raise ViewError("This server does not speak the Foxglove protocol.", "Start it with --foxglove.")
+            raise ViewError("The Foxglove protocol is not enabled on this server.", "Start it with --foxglove.")
         try:
             async with asyncio.timeout(START_S):
                 return SecretEndpoint(await asyncio.shield(self._served), self._secret)
         except TimeoutError:
-            raise ViewError("The Foxglove bridge is not there.", "The events of the page say why.") from None
+            raise ViewError(
+                "The Foxglove bridge is not running.", "See the events on the page for the reason."
+            ) from None
 
     async def close(self) -> None:
-        """End it."""
+        """Stop the bridge."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -87,37 +90,40 @@ class Foxglove:
             self._served.cancel()
 
     async def _keep_running(self) -> None:
-        pause = AGAIN_S
+        backoff = Backoff(AGAIN_S, LONGEST_S)
         loop = asyncio.get_running_loop()
         while True:
             began = loop.time()
-            self._ended.clear()
-            self._aside = ViewerProcess(self._hub, MODULE, self._told, self._crashed)
+            self._has_ended.clear()
+            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed)
             try:
                 with contextlib.suppress(OSError):
-                    await self._aside.start()
-                    self._aside.say(op="serve", port=self._wanted, secret=self._secret, rules=self._access.rules())
-                    await self._ended.wait()
+                    await self._process.start()
+                    self._process.send(
+                        op="serve", port=self._wanted_port, secret=self._secret, rules=self._access.rules()
+                    )
+                    await self._has_ended.wait()
             finally:
-                aside, self._aside = self._aside, None
-                await aside.stop()
+                process, self._process = self._process, None
+                await process.stop()
             if self._served is None or self._served.done():
                 self._served = loop.create_future()
-            pause = AGAIN_S if loop.time() - began > STEADY_S else min(2 * pause, LONGEST_S)
-            await asyncio.sleep(pause)
+            if loop.time() - began > STEADY_S:
+                backoff.reset()
+            await asyncio.sleep(backoff.next())
 
-    def _told(self, words: Mapping[str, Any]) -> None:
+    def _on_report(self, words: Mapping[str, Any]) -> None:
         if words["op"] == "served" and self._served is not None and not self._served.done():
             self._served.set_result(int(words["port"]))
-            text = f"The Foxglove protocol is spoken on ws://127.0.0.1:{words['port']} and at /foxglove."
-            self._hub.event("", "device", "info", text)
+            text = f"The Foxglove protocol is available on ws://127.0.0.1:{words['port']} and at /foxglove."
+            self._bus.event("", "device", "info", text)
         elif words["op"] == "failed":
-            hint = f"Is port {self._wanted} in use? Give another: --foxglove PORT, or 0 for any free one."
-            text = f"The Foxglove protocol cannot be spoken: {words['why']}."
-            self._hub.event("", "device", "fault", text, data={"hint": hint})
-            self._ended.set()
+            hint = f"If port {self._wanted_port} is in use, give another: --foxglove PORT, or 0 for any free one."
+            text = f"The Foxglove protocol cannot be served: {words['why']}."
+            self._bus.event("", "device", "error", text, data={"hint": hint})
+            self._has_ended.set()
 
     def _crashed(self, words: str) -> None:
-        text = "The Foxglove bridge ended by itself and is started again."
-        self._hub.event("", "device", "caution", text, data={"said": words[-500:]})
-        self._ended.set()
+        text = "The Foxglove bridge crashed and is restarted."
+        self._bus.event("", "device", "warning", text, data={"said": words[-500:]})
+        self._has_ended.set()

@@ -1,13 +1,14 @@
-"""The Foxglove WebSocket protocol, spoken by us: who has subscribed to what, and what goes to whom.
+"""Our server of the Foxglove WebSocket protocol: channels, subscriptions and messages.
 
-    to a viewer     text: serverInfo; advertise, unadvertise; status, when it said something that is not understood
+    to a viewer     text: serverInfo; advertise, unadvertise; status, in answer to an invalid message
                     binary: u8 opcode 1 │ u32 subscription id │ u64 log time, ns │ payload          little-endian
     from a viewer   text: subscribe {subscriptions: [{id, channelId}]}, unsubscribe {subscriptionIds}
 
-No capability is told, so nobody can publish, call or set anything. Why not the server of Foxglove's own SDK? It lets in
-whoever comes to its port, each page of a browser too, and cannot be told otherwise; their SDK writes the messages.
+No capability is advertised, so clients cannot publish, call or set anything. The server of Foxglove's own SDK is not
+used because it accepts every client of its port, including any page in a browser, and cannot be configured otherwise;
+their SDK writes the messages.
 
-The network is a thread of its own. A viewer that takes nothing fills its own queue and loses what is oldest there.
+The network runs in its own thread. A stalled viewer fills its own queue and loses the oldest messages there.
 
 Source: Foxglove WebSocket protocol v1 (foxglove/ws-protocol, docs/spec.md).
 """
@@ -33,7 +34,7 @@ from websockets.typing import Subprotocol
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 DATA = struct.Struct("<BIQ")
-BACKLOG = 4096  # messages that wait for one viewer: two seconds of 2 kHz
+BACKLOG = 4096  # messages queued for one viewer: two seconds at 2 kHz
 MOST_UP = 64 * 1024  # a subscribe to all of a few thousand channels
 MOST_SUBSCRIPTIONS = 10_000  # of one viewer
 MOST_VIEWERS = 32
@@ -44,20 +45,20 @@ Admit = Callable[[ServerConnection, Request], Response | None]
 
 @dataclass(eq=False)
 class FoxgloveClient:
-    """One who is connected."""
+    """A connected client."""
 
     words: deque[str] = field(default_factory=deque)  # never dropped
     data: deque[bytes] = field(default_factory=lambda: deque(maxlen=BACKLOG))
     channels: dict[int, int] = field(default_factory=dict)  # by subscription
-    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    wake_event: asyncio.Event = field(default_factory=asyncio.Event)
 
 
 class FoxgloveServer:
-    """What is advertised, and those who listen. Its methods may be called from any thread.
+    """Advertised channels and their subscribers. Its methods may be called from any thread.
 
     Args:
-        name: what viewers show.
-        changed: called when others are subscribed to than before, from the network's thread.
+        name: name shown in viewers.
+        changed: called from the network's thread when subscriptions have changed.
     """
 
     def __init__(self, name: str, changed: Callable[[], None]) -> None:
@@ -66,7 +67,7 @@ class FoxgloveServer:
         self._lock = threading.Lock()
         self._channels: dict[int, dict[str, Any]] = {}
         self._viewers: dict[FoxgloveClient, None] = {}
-        self._listeners: dict[int, list[tuple[FoxgloveClient, int]]] = {}  # by channel: whom, under which subscription
+        self._listeners: dict[int, list[tuple[FoxgloveClient, int]]] = {}  # by channel: client and subscription
         self._next = 1
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -75,16 +76,17 @@ class FoxgloveServer:
 
         Args:
             port: 0 for any free one.
-            admit: an answer refuses whoever comes.
+            admit: returns a response to refuse a client.
+
         Raises:
-            OSError: the port cannot be had.
+            OSError: the port cannot be used.
         """
         served: Future[int] = Future()
         threading.Thread(target=lambda: asyncio.run(self._serve(port, admit, served)), daemon=True).start()
         return served.result(START_S)
 
     def advertise(self, topic: str, encoding: str, name: str, schema: bytes, schema_encoding: str) -> int:
-        """Tell of a channel; its id.
+        """Advertise a channel; returns its id.
 
         Args:
             encoding, schema_encoding: "json" and "jsonschema", or "protobuf" twice.
@@ -95,37 +97,37 @@ class FoxgloveServer:
         with self._lock:
             id, self._next = self._next, self._next + 1
             self._channels[id] = {"id": id, **about, "schemaEncoding": schema_encoding}
-            self._tell(_advertise([self._channels[id]]))
+            self._send_text(_advertise([self._channels[id]]))
         return id
 
     def withdraw(self, ids: Sequence[int]) -> None:
-        """These channels are no more."""
+        """Remove channels."""
         with self._lock:
             for id in ids:
                 del self._channels[id]
                 for viewer, subscription in self._listeners.pop(id, []):
                     del viewer.channels[subscription]
-            self._tell(json.dumps({"op": "unadvertise", "channelIds": list(ids)}))
+            self._send_text(json.dumps({"op": "unadvertise", "channelIds": list(ids)}))
 
     def is_wanted(self, id: int) -> bool:
-        """Has anybody subscribed?"""
+        """Whether a client has subscribed."""
         return id in self._listeners
 
     def send(self, id: int, time_ns: int, body: bytes) -> None:
-        """A message of a channel, to whoever has subscribed."""
+        """Send a message of a channel to its subscribers."""
         with self._lock:
             for viewer, subscription in self._listeners.get(id, ()):
                 viewer.data.append(DATA.pack(1, subscription, time_ns) + body)
-                self._wake(viewer)
+                self._wake_client(viewer)
 
-    def _tell(self, text: str) -> None:
+    def _send_text(self, text: str) -> None:
         for viewer in self._viewers:
             viewer.words.append(text)
-            self._wake(viewer)
+            self._wake_client(viewer)
 
-    def _wake(self, viewer: FoxgloveClient) -> None:
-        if not viewer.wake.is_set() and self._loop is not None:
-            self._loop.call_soon_threadsafe(viewer.wake.set)
+    def _wake_client(self, viewer: FoxgloveClient) -> None:
+        if not viewer.wake_event.is_set() and self._loop is not None:
+            self._loop.call_soon_threadsafe(viewer.wake_event.set)
 
     # ── the network ──────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -133,7 +135,7 @@ class FoxgloveServer:
         self._loop = asyncio.get_running_loop()
         try:
             server = await serve(
-                self._attend,
+                self._serve_client,
                 "127.0.0.1",
                 port,
                 process_request=admit,
@@ -147,9 +149,9 @@ class FoxgloveServer:
             served.set_exception(error)
             return
         served.set_result(next(iter(server.sockets)).getsockname()[1])
-        await asyncio.get_running_loop().create_future()  # for ever: the process ends with its standard input
+        await asyncio.get_running_loop().create_future()  # forever: the process ends with its standard input
 
-    async def _attend(self, socket: ServerConnection) -> None:
+    async def _serve_client(self, socket: ServerConnection) -> None:
         viewer = FoxgloveClient()
         with self._lock:
             is_full = len(self._viewers) >= MOST_VIEWERS
@@ -161,11 +163,11 @@ class FoxgloveServer:
         if is_full:
             await socket.close(1013, f"{MOST_VIEWERS} viewers are attached already")
             return
-        sending = asyncio.create_task(_send(socket, viewer), name="viewer is sent")
+        sending = asyncio.create_task(_send(socket, viewer), name="viewer: send")
         try:
             with contextlib.suppress(ConnectionClosed):
                 async for message in socket:
-                    self._hear(viewer, message)
+                    self._on_message(viewer, message)
         finally:
             sending.cancel()
             await asyncio.gather(sending, return_exceptions=True)
@@ -174,28 +176,28 @@ class FoxgloveServer:
                 self._unsubscribe(viewer, list(viewer.channels))
             self._changed()
 
-    def _hear(self, viewer: FoxgloveClient, message: str | bytes) -> None:
+    def _on_message(self, viewer: FoxgloveClient, message: str | bytes) -> None:
         try:
-            said = json.loads(message) if isinstance(message, str) else {}
+            request = json.loads(message) if isinstance(message, str) else {}
             with self._lock:
-                if said["op"] == "subscribe":
-                    for one in said["subscriptions"]:
+                if request["op"] == "subscribe":
+                    for one in request["subscriptions"]:
                         self._subscribe(viewer, one["id"], one["channelId"])
-                elif said["op"] == "unsubscribe":
-                    self._unsubscribe(viewer, said["subscriptionIds"])
+                elif request["op"] == "unsubscribe":
+                    self._unsubscribe(viewer, request["subscriptionIds"])
                 else:
                     raise ValueError
         except (ValueError, KeyError, TypeError, RecursionError):
-            words = "This server takes subscribe and unsubscribe, and nothing else."
+            words = "This server only accepts subscribe and unsubscribe."
             viewer.words.append(json.dumps({"op": "status", "level": 1, "message": words}))
-            viewer.wake.set()
+            viewer.wake_event.set()
             return
         self._changed()
 
     def _subscribe(self, viewer: FoxgloveClient, subscription: int, channel: int) -> None:
         if type(subscription) is not int or not 0 <= subscription < 1 << 32 or subscription in viewer.channels:
             raise ValueError
-        if channel in self._channels and len(viewer.channels) < MOST_SUBSCRIPTIONS:  # it may be gone by now
+        if channel in self._channels and len(viewer.channels) < MOST_SUBSCRIPTIONS:  # it may have been removed
             viewer.channels[subscription] = channel
             self._listeners.setdefault(channel, []).append((viewer, subscription))
 
@@ -218,9 +220,9 @@ async def _send(socket: ServerConnection, viewer: FoxgloveClient) -> None:
             if viewer.data:
                 await socket.send(viewer.data.popleft())
                 continue
-            viewer.wake.clear()
+            viewer.wake_event.clear()
             if not viewer.words and not viewer.data:
-                await viewer.wake.wait()
+                await viewer.wake_event.wait()
 
 
 def _advertise(channels: Sequence[Mapping[str, Any]]) -> str:

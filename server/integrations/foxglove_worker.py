@@ -1,14 +1,15 @@
-"""`python -m server.integrations.foxglove_worker`: the process that speaks the Foxglove WebSocket protocol.
+"""`python -m server.integrations.foxglove_worker`: the process that serves the Foxglove WebSocket protocol.
 
-    told:  {"op": "serve", "port": …,        begin, on a loopback port (0: any free one)
-            "secret": …, "rules": {…}}       who says the secret comes through our own port and was let in there; others
-                                             are judged here, by the same rules (server/auth.py): settings of Config
-    says:  {"op": "served", "port": …} or {"op": "failed", "why": …}
+    input:   {"op": "serve", "port": …,      start on a loopback port (0: any free one)
+              "secret": …, "rules": {…}}     clients with the secret come through our own port and were checked there;
+                                             others are checked here by the same rules (server/auth.py): settings of
+                                             Config
+    output:  {"op": "served", "port": …} or {"op": "failed", "why": …}
 
 Every channel becomes a topic of JSON messages (recordings/topics.py), every attitude a foxglove.FrameTransform from
-ENU to the device, every latitude and longitude a foxglove.LocationFix, and what happens a foxglove.Log
-(recordings/well_known.py). A channel is asked for and encoded only while somebody has subscribed to it. The protocol is
-spoken by server/integrations/foxglove_server.py.
+ENU to the device, every latitude and longitude a foxglove.LocationFix, and every event a foxglove.Log
+(recordings/well_known.py). A channel is requested and encoded only while it has subscribers. The protocol itself is in
+server/integrations/foxglove_server.py.
 """
 
 from __future__ import annotations
@@ -29,10 +30,11 @@ from websockets.http11 import Request, Response
 
 from recordings import well_known
 from recordings.file_names import device_names
-from recordings.rrd.entities import Attitude, Device, Position, devices_of
+from recordings.rrd.entities import Attitude, DeviceEntity, PositionEntity, devices_of
 from recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
 from server.auth import Access, RefusedError
 from server.config import Config
+from server.errors import status_of
 from server.integrations.foxglove_server import FoxgloveServer
 from server.integrations.shared_secret import has_secret
 from server.integrations.viewer_client import ViewerClient
@@ -40,20 +42,20 @@ from server.version import VERSION
 from server.wire_codec import SampleFrame
 
 LISTS = ("allowed_hosts", "allowed_origins")  # JSON has no tuples
-PATH = "/foxglove"  # of our own port: the same rules hold
+PATH = "/foxglove"  # on our own port: the same rules apply
 
 
 @dataclass(slots=True)
 class TopicRegistry:
-    """What one channel of ours goes out as."""
+    """Foxglove topics of one channel."""
 
-    device: str  # its name; a device is known by another once it has told who it is
+    device: str  # its name, which changes when the device is identified
     encoder: Encoder
-    plain: int  # ids of what is advertised; 0 for what is not
+    plain: int  # ids of advertised topics; 0 if not advertised
     transform: int = 0
     fix: int = 0
     attitude: Attitude | None = None
-    position: Position | None = None
+    position: PositionEntity | None = None
     topics: list[str] = field(default_factory=list)
 
     @property
@@ -62,37 +64,34 @@ class TopicRegistry:
 
 
 class ConnectionGuard:
-    """Who is let in.
+    """Admission of connections.
 
     Args:
-        secret: said by who was let in already, at our own port.
-        rules: settings of `Config` by which all others are judged, tokens among them.
+        secret: sent by clients that were admitted at our own port.
+        rules: settings of `Config` for checking all others, including tokens.
     """
 
     def __init__(self, secret: str, rules: Mapping[str, Any]) -> None:
         self._secret = secret
         self._access = Access(Config(**{**rules, **{name: tuple(rules[name]) for name in LISTS}}))
 
-    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """A refusal, or None."""
+    def accept(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return a refusal, or None if the connection is admitted."""
         try:
             headers = {name.lower(): request.headers[name] for name in request.headers}
         except MultipleValuesError:
-            return connection.respond(HTTPStatus.BAD_REQUEST, "A header came twice.\n")
+            return connection.respond(HTTPStatus.BAD_REQUEST, "Duplicate header.\n")
         if has_secret(headers, self._secret):
             return None
         if urlsplit(headers.get("origin", "")).scheme not in ("", "http", "https"):
-            del headers["origin"]  # a program with a page of its own (file://, app://): no page of the web can say so
+            del headers["origin"]  # a program with its own page (file://, app://); web pages cannot send this
         token = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
         client = str((connection.remote_address or ("",))[0])
         try:
             self._access.check(PATH, "GET", headers, client=client, query_token=token, websocket=True)
         except RefusedError as refused:
-            problem = refused.problem
-            answer = connection.respond(
-                HTTPStatus(refused.status),
-                json.dumps({"kind": problem.kind, "message": problem.message, "hint": problem.hint}),
-            )
+            body = {"kind": refused.kind, "message": refused.message, "hint": refused.hint}
+            answer = connection.respond(HTTPStatus(status_of(refused.kind)), json.dumps(body))
             del answer.headers["content-type"]
             answer.headers["content-type"] = "application/json"
             if refused.retry_s:
@@ -102,48 +101,48 @@ class ConnectionGuard:
 
 
 class FoxgloveBridge:
-    """Devices and channels as told, to whoever has subscribed."""
+    """Publishes devices and channels to subscribers."""
 
-    def __init__(self, told: ViewerClient) -> None:
-        self._told = told
+    def __init__(self, client: ViewerClient) -> None:
+        self._client = client
         self._lock = threading.RLock()
         self._server = FoxgloveServer(f"imuscope {VERSION}", self._subscribe)
         self._topics: dict[int, TopicRegistry] = {}
         self._taken: set[str] = set()
-        self._asked: list[int] = []
+        self._requested: list[int] = []
         self._log = self._well_known(EVENTS, well_known.Log)
         self._next_event = 0
-        self._heights: dict[int, SampleFrame | None] = {}  # of places that come without; None: not heard yet
+        self._heights: dict[int, SampleFrame | None] = {}  # of positions without height; None: not received yet
 
     def serve(self, port: int, porter: ConnectionGuard) -> None:
-        """Begin to listen, and say where."""
+        """Start listening, and report the port."""
         try:
-            served = self._server.start(port, porter.admit)
+            served = self._server.start(port, porter.accept)
         except OSError as error:
-            self._told.say(op="failed", why=(error.strerror or str(error))[:200])
+            self._client.send(op="failed", why=(error.strerror or str(error))[:200])
             return
-        self._told.say(op="served", port=served)
+        self._client.send(op="served", port=served)
 
-    def arrange(self) -> None:
-        """Advertise what is new, take back what is gone."""
+    def configure(self) -> None:
+        """Advertise new channels, remove old ones."""
         with self._lock:
-            unique = device_names(self._told.devices)
-            infos = {id: info for id, info in self._told.channels.items() if info["device"] in unique}
+            unique = device_names(self._client.devices)
+            infos = {id: info for id, info in self._client.channels.items() if info["device"] in unique}
             names = {id: unique[info["device"]] for id, info in infos.items()}
             for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
                 topics = self._topics.pop(id)
                 self._taken -= set(topics.topics)
                 self._server.withdraw(topics.all)
-            told = {device.id: device for device in devices_of(self._told.devices, list(infos.values()))}
+            entities = {device.id: device for device in devices_of(self._client.devices, list(infos.values()))}
             for id, info in infos.items():
                 if id not in self._topics:
                     self._topics[id] = self._advertise(names[id], info)
-                self._also(self._topics[id], info, told[info["device"]])
+                self._also(self._topics[id], info, entities[info["device"]])
         self._subscribe()
 
-    def hear(self, message: Sequence[SampleFrame]) -> None:
-        """Samples that came together: encode what is subscribed to."""
-        for samples in message:  # a height may come behind its place
+    def on_message(self, message: Sequence[SampleFrame]) -> None:
+        """Encode the subscribed channels of a message with samples."""
+        for samples in message:  # a height may follow its position
             if samples.channel in self._heights and samples.n:
                 self._heights[samples.channel] = samples
         for samples in message:
@@ -162,10 +161,10 @@ class FoxgloveBridge:
         if server.is_wanted(topics.fix):
             self._fixes(topics, samples)
 
-    def events(self, told: list[Mapping[str, Any]]) -> None:
-        """What happened, once each."""
-        names = device_names(self._told.devices)
-        for event in told:
+    def events(self, received: list[Mapping[str, Any]]) -> None:
+        """Publish each event once."""
+        names = device_names(self._client.devices)
+        for event in received:
             if event["seq"] < self._next_event:
                 continue
             self._next_event = event["seq"] + 1
@@ -181,8 +180,8 @@ class FoxgloveBridge:
         plain = self._server.advertise(topic, "json", schema["title"], json.dumps(schema).encode(), "jsonschema")
         return TopicRegistry(device, Encoder(info), plain, topics=[topic])
 
-    def _also(self, topics: TopicRegistry, info: Mapping[str, Any], device: Device) -> None:
-        """The well-known form of an attitude and of a position."""
+    def _also(self, topics: TopicRegistry, info: Mapping[str, Any], device: DeviceEntity) -> None:
+        """Advertise the well-known forms of an attitude and of a position."""
         topics.attitude, topics.position = device.attitude, device.position
         if device.attitude and device.attitude.channel == info["id"] and not topics.transform:
             topics.transform = self._named(topics, well_known.ATTITUDE, well_known.FrameTransform)
@@ -209,40 +208,40 @@ class FoxgloveBridge:
     def _fixes(self, topics: TopicRegistry, samples: SampleFrame) -> None:
         assert topics.position is not None
         times = stamps(samples.columns[0], samples.columns[1])
-        told = self._heights.get(topics.position.height)
+        frame = self._heights.get(topics.position.height)
         height = np.zeros(samples.n)
-        if told is not None:
-            height = well_known.heights(stamps(told.columns[0], told.columns[1]), told.columns[2], times)
+        if frame is not None:
+            height = well_known.heights(stamps(frame.columns[0], frame.columns[1]), frame.columns[2], times)
         for row, body in well_known.fixes(topics.device, topics.position, samples.columns[2:], height, times):
             self._server.send(topics.fix, int(times[row]), body)
 
     def _subscribe(self) -> None:
-        """Ask for what somebody wants, and for nothing else."""
+        """Request only the channels with subscribers."""
         with self._lock:
             asked = {id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all))}
             places = [topics.position for topics in self._topics.values() if self._server.is_wanted(topics.fix)]
             heights = {place.height for place in places if place and place.height}
             self._heights = {id: self._heights.get(id) for id in heights}
             wanted = sorted(asked | heights)
-            if wanted != self._asked:
-                self._asked = wanted
-                self._told.subscribe(wanted)
+            if wanted != self._requested:
+                self._requested = wanted
+                self._client.subscribe(wanted)
 
 
 def main() -> None:
-    """Until standard input ends."""
-    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # whoever is refused: server/auth.py's words are enough
-    told = ViewerClient()
-    bridge = FoxgloveBridge(told)
-    told.heard_events = bridge.events
-    for message in told.messages():
+    """Run until standard input ends."""
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # server/auth.py logs refusals
+    client = ViewerClient()
+    bridge = FoxgloveBridge(client)
+    client.heard_events = bridge.events
+    for message in client.messages():
         if isinstance(message, Mapping):
             bridge.serve(int(message["port"]), ConnectionGuard(str(message["secret"]), message["rules"]))
             continue
-        if told.changed:
-            told.changed = False
-            bridge.arrange()
-        bridge.hear(message)
+        if client.changed:
+            client.changed = False
+            bridge.configure()
+        bridge.on_message(message)
 
 
 if __name__ == "__main__":

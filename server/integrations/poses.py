@@ -1,10 +1,10 @@
-"""How does each device lie now, where has it been, which way do gravity and the field point? For a scene in 3D. Pure.
+"""Pose of each device: attitude, track, gravity and magnetic field. Pure; used by the 3D scene.
 
-Everything is brought into one world, ENU (x east, y north, z up), whatever frame a device speaks
+Everything is converted to one world frame, ENU (x east, y north, z up), whatever the frame of a device
 (recordings/rotations.py).
 
-Gravity is the opposite of what an accelerometer at rest feels; both it and the field are vectors in body axes. Which
-channel is the attitude and which the position is recordings/rrd/entities.py's decision, so that every view agrees.
+Gravity is the opposite of the acceleration measured at rest; gravity and field are vectors in body axes.
+recordings/rrd/entities.py chooses the channels of attitude and position, so that all views agree.
 """
 
 from __future__ import annotations
@@ -26,24 +26,25 @@ Floats = NDArray[np.float64]
 Info = Mapping[str, Any]
 
 G = 9.80665  # m/s², standard gravity (CGPM 1901)
-PACE_S = 0.1  # a track has no more points than that
+PACE_S = 0.1  # shortest interval between points of a track
 TRACK_S = 600.0
 
 
 class DeviceView:
-    """One device, as a scene shows it.
+    """One device in a scene.
 
     Args:
-        device: which of its channels say what.
+        device: assignment of its channels.
         infos: all its channels.
+
     Attributes:
-        name: what it is called where names must differ.
-        q_frame_from_body: attitude in the frame the device speaks, newest or played out; None before there is one.
+        name: unique name.
+        q_frame_from_body: attitude in the frame of the device, newest or played out; None before the first one.
         gravity: in body axes, in units of g; field: in body axes, any unit.
         place: newest position: metres east, north and up of its first one.
     """
 
-    def __init__(self, device: entities.Device, infos: Sequence[Info]) -> None:
+    def __init__(self, device: entities.DeviceEntity, infos: Sequence[Info]) -> None:
         self.id, self.title, self.name = device.id, device.title, device.name
         self.attitude, self.position = device.attitude, device.position
         self.frame = device.attitude.frame if device.attitude else "ENU"
@@ -59,12 +60,12 @@ class DeviceView:
 
     @property
     def waits(self) -> bool:
-        """There are attitudes to play out."""
+        """Whether attitudes are waiting to be played out."""
         return self._playout.waits
 
     @property
     def channels(self) -> list[int]:
-        """What it must be told of."""
+        """Channels that it needs."""
         used = [self._acceleration, self._field]
         used += [self.attitude.channel] if self.attitude else []
         used += [self.position.channel] if self.position else []
@@ -75,54 +76,54 @@ class DeviceView:
         q = self.q_frame_from_body
         return None if q is None else multiply(ENU_FROM[self.frame], q)
 
-    def hear(self, samples: SampleFrame, heard: float | None = None) -> None:
-        """Newer samples of a channel, or of a position older ones.
+    def update(self, samples: SampleFrame, received_at: float | None = None) -> None:
+        """Add newer samples of a channel, or older ones of a position.
 
         Args:
-            heard: when they came, monotonic, s: attitudes are to be played out with `play`. None: the newest is taken.
+            received_at: arrival, monotonic, s: attitudes are played out with `play`. None: use the newest.
         """
         if samples.n == 0 or samples.channel not in self.channels:
             return
         own = samples.columns[2:]
         if self.position and samples.channel == self.position.channel:
-            self._hear_place(samples)
+            self._add_positions(samples)
         if samples.history:
             return
         if self.attitude and samples.channel == self.attitude.channel:
-            if heard is None:
-                self._turn([float(column[-1]) for column in own])
+            if received_at is None:
+                self._rotation([float(column[-1]) for column in own])
             else:
-                self._playout.hear(samples, heard)
+                self._playout.add(samples, received_at)
         elif samples.channel == self._acceleration:
             self.gravity = _direction([-float(column[-1]) / G for column in own])
         elif samples.channel == self._field:
             self.field = _direction([float(column[-1]) for column in own])
 
     def play(self, now: float) -> None:
-        """Bring the attitude to what is to be shown now (monotonic, s)."""
-        values = self._playout.at(now)
+        """Set the attitude to be shown now (monotonic, s)."""
+        values = self._playout.due(now)
         if values is not None:
-            self._turn(values)
+            self._rotation(values)
 
-    def _turn(self, values: Sequence[float]) -> None:
+    def _rotation(self, values: Sequence[float]) -> None:
         assert self.attitude is not None
         self.q_frame_from_body = READ[self.attitude.kind](values) or self.q_frame_from_body
 
     def track(self, seconds: float) -> Floats:
-        """Where it was in its last so many seconds.
+        """Track of the last seconds.
 
         Returns:
-            (n, 3) float64: metres east, north and up of its first place.
+            (n, 3) float64: metres east, north and up of its first position.
         """
         if len(self._track) == 0:
             return np.zeros((0, 3))
         return self._track[self._track[:, 0] >= self._track[-1, 0] - seconds, 1:]
 
     def forget_track(self) -> None:
-        """Begin anew: what is played has jumped."""
+        """Start a new track after a jump of the playhead."""
         self._track = np.zeros((0, 4))
 
-    def _hear_place(self, samples: SampleFrame) -> None:
+    def _add_positions(self, samples: SampleFrame) -> None:
         rows = self._places(samples)
         if len(rows) == 0:
             return
@@ -138,7 +139,7 @@ class DeviceView:
         self._track = track[track[:, 0] >= track[-1, 0] - TRACK_S]
 
     def _places(self, samples: SampleFrame) -> Floats:
-        """Rows of time, east, north, up; those that are no places left out."""
+        """Rows of time, east, north, up, without invalid positions."""
         assert self.position is not None
         own = samples.columns[2:]
         a, b, c = ((own[i] if i >= 0 else np.zeros(samples.n)).astype(np.float64) for i in self.position.columns)
@@ -156,12 +157,12 @@ class DeviceView:
 
 
 def looks_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[DeviceView]:
-    """All devices that tell how they lie, in order."""
+    """All devices with an attitude, in order."""
     found = [
         DeviceView(device, [info for info in channels if info["device"] == device.id])
         for device in entities.devices_of(devices, channels)
     ]
-    return [look for look in found if look.attitude]
+    return [view for view in found if view.attitude]
 
 
 def _vector(infos: Sequence[Info], title: re.Pattern[str], unit: str | None) -> int:

@@ -1,11 +1,11 @@
-"""Between a browser and a viewer's own server on loopback: pages and WebSockets, and no more than those.
+"""Proxy between a browser and a viewer's own server on loopback, for pages and WebSockets only.
 
     browser ──our port, our rules (server/auth.py)──> here ──127.0.0.1──> the viewer's port
 
-What goes through is chosen, not copied: of a request its path and nothing of its headers, so no token and no cookie
-reaches a library; of a WebSocket the subprotocols that its viewer speaks, and of the messages those that whoever sends
-them may send. The viewer's port knows us by a secret (server/integrations/shared_secret.py). Sizes are limited both
-ways. Each side is closed with the other. A browser that takes nothing holds up only its own pipe: messages wait in the
+Only selected parts are passed on: the path of a request but none of its headers, so that no token or cookie reaches a
+library; the subprotocols of a WebSocket that the viewer supports; and the messages that the client is allowed to send.
+The viewer's port identifies us by a secret (server/integrations/shared_secret.py). Sizes are limited in both
+directions. Each side is closed with the other. A stalled browser blocks only its own connection: messages wait in the
 viewer, which keeps the newest state (viser) or drops the oldest (Foxglove), and after `STUCK_S` the browser is
 disconnected.
 """
@@ -24,22 +24,22 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from server.auth import refuse
+from server.errors import DomainError
 from server.integrations.shared_secret import SecretEndpoint
-from server.wire import Problem
 
 OPEN_S = 10.0
 STUCK_S = 20.0
 TRY_LATER, RESTARTING, FAILED = 1013, 1012, 1011  # codes of a closed WebSocket (IANA registry)
-GOING, LOST = 1001, 1006  # how a viewer that ends says so, and one that cannot say it any more
+GOING, LOST = 1001, 1006  # closed by a viewer that ends, and connection lost
 
-# A viewer's page may do what its own code needs, but talk to nobody else than this server.
+# A viewer's page may do what its own code needs, but connect to this server only.
 VIEWER_POLICY = (
     "default-src 'none'",
     "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
     "style-src 'self' 'unsafe-inline'",
     "img-src 'self' data: blob:",
     "font-src 'self' data:",
-    "connect-src 'self' data: blob:",  # its own parts are fetched from addresses that hold them: no other host
+    "connect-src 'self' data: blob:",  # data: and blob: addresses hold its own parts, no other host
     "worker-src 'self' blob:",
     "base-uri 'none'",
     "form-action 'none'",
@@ -49,7 +49,7 @@ VIEWER_POLICY = (
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """What a viewer's server answered."""
+    """Response of a viewer's server."""
 
     status: int
     kind: str  # content type
@@ -57,47 +57,36 @@ class Page:
     body: bytes
 
 
-class ViewError(Exception):
-    """A viewer that cannot be shown: a sentence and what to do.
+class ViewError(DomainError):
+    """A viewer that is not running."""
 
-    Args:
-        status: of HTTP: 404 for what is not there, 503 for a viewer that does not run.
-    """
-
-    def __init__(self, message: str, hint: str = "", status: int = 503) -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
-        self.status = status
-
-    @property
-    def kind(self) -> str:
-        """One word for programs."""
-        return "not-found" if self.status == 404 else "no-view"
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__("no-view", message, hint)
 
 
-async def fetch(door: SecretEndpoint, path: str, *, most: int, gzip: bool) -> Page:
+async def fetch(endpoint: SecretEndpoint, path: str, *, most: int, gzip: bool) -> Page:
     """A file of a viewer's server.
 
     Args:
-        most: bytes that the answer may have.
+        most: maximum size of the answer, bytes.
         gzip: whether it may be compressed.
+
     Raises:
-        ViewError: it does not answer, or with more than that.
+        ViewError: no answer, or too large.
     """
     try:
-        page = await asyncio.to_thread(_fetch, door, path, most + 1, gzip)
+        page = await asyncio.to_thread(_fetch, endpoint, path, most + 1, gzip)
     except (OSError, http.client.HTTPException):
         raise ViewError("The viewer does not answer.", "Reload in a moment.") from None
     if len(page.body) > most:
-        raise ViewError("The viewer answered with more than it should.", "Is it of the installed version?")
+        raise ViewError("The viewer's response is too long.", "Check that its version is the installed one.")
     return page
 
 
-def _fetch(door: SecretEndpoint, path: str, most: int, gzip: bool) -> Page:
-    connection = http.client.HTTPConnection("127.0.0.1", door.port, timeout=OPEN_S)
+def _fetch(endpoint: SecretEndpoint, path: str, most: int, gzip: bool) -> Page:
+    connection = http.client.HTTPConnection("127.0.0.1", endpoint.port, timeout=OPEN_S)
     try:
-        headers = {"Accept-Encoding": "gzip" if gzip else "identity", **door.headers}
+        headers = {"Accept-Encoding": "gzip" if gzip else "identity", **endpoint.headers}
         connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
         kind = answer.getheader("content-type", "application/octet-stream")
@@ -109,25 +98,25 @@ def _fetch(door: SecretEndpoint, path: str, most: int, gzip: bool) -> Page:
 
 async def relay(
     browser: WebSocket,
-    door: SecretEndpoint,
+    endpoint: SecretEndpoint,
     *,
     speaks: Callable[[str], bool],
     most_up: int,
     most_down: int,
     passes: Callable[[bytes | str], bool] = lambda message: True,
 ) -> None:
-    """Accept a browser's WebSocket and be the pipe to a viewer's until either ends.
+    """Accept a browser's WebSocket and relay it to the viewer until either side ends.
 
     Args:
-        speaks: which of the browser's subprotocols are offered to the viewer.
-        most_up, most_down: bytes in a message from the browser, and to it.
-        passes: which of the browser's messages reach the viewer; the others are dropped.
+        speaks: selects the browser's subprotocols that are offered to the viewer.
+        most_up, most_down: maximum size of a message from the browser, and to it, bytes.
+        passes: selects the browser's messages that are passed to the viewer; the others are dropped.
     """
     offered = [Subprotocol(name) for name in browser.scope.get("subprotocols", []) if speaks(name)]
     try:
         viewer = await connect(
-            f"ws://127.0.0.1:{door.port}/",
-            additional_headers=door.headers,
+            f"ws://127.0.0.1:{endpoint.port}/",
+            additional_headers=endpoint.headers,
             subprotocols=offered or None,
             compression=None,
             max_size=most_down,
@@ -147,10 +136,9 @@ async def relay(
         await viewer.close()
 
 
-async def reject(browser: WebSocket, why: ViewError) -> None:
-    """Refuse a WebSocket that was not accepted yet, in the one shape of errors."""
-    problem = Problem(why.kind, why.message, why.hint)
-    await refuse(browser.scope, browser.receive, browser.send, why.status, problem)
+async def reject(browser: WebSocket, why: DomainError) -> None:
+    """Refuse a WebSocket that was not accepted yet, in the common error shape."""
+    await refuse(browser.scope, browser.receive, browser.send, why)
 
 
 async def _pump(
@@ -182,7 +170,7 @@ async def _close(browser: WebSocket, code: int, reason: str) -> None:
 
 
 class _TooLargeError(Exception):
-    """The browser sent more in one message than it may."""
+    """The browser sent a message that is too large."""
 
 
 async def _up(browser: WebSocket, viewer: ClientConnection, most: int, passes: Callable[[bytes | str], bool]) -> None:
@@ -202,7 +190,7 @@ async def _up(browser: WebSocket, viewer: ClientConnection, most: int, passes: C
 async def _down(browser: WebSocket, viewer: ClientConnection) -> None:
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         async for message in viewer:
-            async with asyncio.timeout(STUCK_S):  # what it raises tells `_pump` that the browser is stuck
+            async with asyncio.timeout(STUCK_S):  # on TimeoutError, `_pump` disconnects the stalled browser
                 if isinstance(message, str):
                     await browser.send_text(message)
                 else:

@@ -1,11 +1,11 @@
-"""What does a scene show of a recording, in step with a page's player?
+"""Scene of a recording, synchronised with the player of a page.
 
-The page says where it reads and how fast it plays, a few times a second; in between the head moves on here by itself,
-so that the scene is smooth:
+The page sends its position and speed a few times a second; in between the playhead moves by itself, so that the scene
+is smooth:
 
-    head(now) = t + (now − heard) · rate            rate 0: paused
+    head(now) = t + (now − received) · rate         rate 0: paused
 
-Each row that is shown is the newest one at the head. A track is made anew when the head has jumped.
+The newest row at the playhead is shown. A track restarts when the playhead has jumped.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import Any
 from recordings.column_store import ColumnStore
 from server.integrations.poses import TRACK_S, looks_of
 
-JUMP_S = 2.0  # further than that between two looks, in what is played: a jump, unless it plays that fast
+JUMP_S = 2.0  # a larger step of the playhead between two updates is a jump, unless the speed explains it
 TRACK_ROWS = 2000
 
 SceneRows = dict[str, list[list[float]]]
 
 
 class ReplayFollower:
-    """One recording, read at a head that a page moves.
+    """One recording at a playhead that a page moves.
 
     Args:
         now: monotonic, s.
@@ -35,34 +35,34 @@ class ReplayFollower:
         self._now = now
         self.devices: list[Mapping[str, Any]] = store.manifest["devices"]
         self.channels: list[Mapping[str, Any]] = store.manifest["channels"]
-        looks = looks_of(self.devices, self.channels)
-        self._used = [number for look in looks for number in look.channels]
-        self._places = [look.position.channel for look in looks if look.position]
+        views = looks_of(self.devices, self.channels)
+        self._used = [number for view in views for number in view.channels]
+        self._places = [view.position.channel for view in views if view.position]
         first, last = store.span() or (0.0, 0.0)
         self._first, self._last = first, last
-        self._t, self._rate, self._heard = first, 0.0, now()
+        self._t, self._rate, self._on_state = first, 0.0, now()
         self._shown: float | None = None
 
     def move(self, t: float, rate: float) -> None:
-        """The page reads there, and goes on at that rate (recorded seconds in a second)."""
-        self._t, self._rate, self._heard = t, min(max(rate, 0.0), 1000.0), self._now()
+        """Set position and rate (recorded seconds per second) of the page."""
+        self._t, self._rate, self._on_state = t, min(max(rate, 0.0), 1000.0), self._now()
 
     @property
     def head(self) -> float:
-        """Where it is read now, unix s."""
-        t = self._t + (self._now() - self._heard) * self._rate
+        """Playhead, unix s."""
+        t = self._t + (self._now() - self._on_state) * self._rate
         return min(max(t, self._first), self._last)
 
     def begin_again(self) -> None:
-        """Whoever was shown something has forgotten it."""
+        """Start over after the viewer lost its state."""
         self._shown = None
 
-    def news(self) -> dict[str, SceneRows] | None:
-        """What is to be shown that was not, None when nothing is.
+    def changes(self) -> dict[str, SceneRows] | None:
+        """Changes to show; None if there are none.
 
         Returns:
             "rows": by channel, arrival, time and the channel's columns, newest row only; "past": the same with many
-            rows, where a track begins anew.
+            rows, if a track restarts.
         """
         head, shown = self.head, self._shown
         if shown == head:

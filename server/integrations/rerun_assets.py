@@ -1,12 +1,11 @@
-"""Where do the files of Rerun's web viewer come from? Out of the installed wheel, once, into the cache.
+"""Files of Rerun's web viewer, extracted once from the installed wheel into the cache.
 
 The viewer is compiled into Rerun's own program: 43 MB of WebAssembly and its glue. The program is started on a free
-port of the loopback, asked for the two files, and ended; they are kept compressed under <data>/cache/rerun/<version>,
-so that this happens once for each version. The viewer that matches the installed SDK is thereby the one that is served.
+loopback port, the two files are downloaded from it, and it is ended; they are stored compressed under
+<data>/cache/rerun/<version>, once for each version. So the viewer always matches the installed SDK.
 
-The program would keep settings of its own in the home folder, and report its use to its makers now and then: it is
-given an empty home folder that goes with it, in which reporting is switched off. Its own index page is not used: it
-names other hosts.
+The program would store settings in the home folder and report its use to its makers: it gets a temporary empty home
+folder with reporting switched off. Its own index page is not used, because it refers to other hosts.
 """
 
 from __future__ import annotations
@@ -22,6 +21,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
+from recordings.atomic_write import write_atomic
 from server.integrations.proxy import ViewError
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
@@ -31,12 +31,12 @@ MOST_BYTES = 200 << 20  # of one file: several times what it is today
 
 
 def folder_of(data: Path) -> Path:
-    """Where the files are kept."""
+    """Folder of the files."""
     return data / "cache" / "rerun" / version("rerun-sdk")
 
 
 def viewer_files(data: Path) -> Path:
-    """The folder with NAMES, each with `.gz` behind its name; made when it is not there. Takes seconds then.
+    """The folder with NAMES, each with the suffix `.gz`; created if missing, which takes seconds.
 
     Raises:
         ViewError: Rerun's program does not start, or the folder cannot be written.
@@ -51,7 +51,7 @@ def viewer_files(data: Path) -> Path:
                 _fetch(folder, Path(home))
         except OSError as error:
             words = (error.strerror or str(error)).lower()
-            raise ViewError(f"The files of the viewer cannot be kept: {words}.", "Free some space.") from error
+            raise ViewError(f"The files of the viewer cannot be stored: {words}.", "Free some space.") from error
     return folder
 
 
@@ -92,7 +92,7 @@ def _fetch(folder: Path, home: Path) -> None:
 
 
 def _address(process: subprocess.Popen[bytes], log: Path) -> str:
-    """Where it serves the viewer, as it says itself."""
+    """Address at which the viewer is served, as printed by the program."""
     waiting = threading.Event()
     for _ in range(int(START_S / 0.05)):
         text = re.sub(r"\x1b\[[0-9;]*m", "", log.read_text(errors="replace"))
@@ -111,6 +111,4 @@ def _keep(address: str, path: Path) -> None:
         data = answer.read(MOST_BYTES + 1)
     if len(data) > MOST_BYTES:
         raise ViewError("The viewer of the installed Rerun is too large.", "Install the version that imuscope names.")
-    aside = path.with_name(f".{path.name}.{os.getpid()}.making")
-    aside.write_bytes(gzip.compress(data, LEVEL, mtime=0))
-    os.replace(aside, path)
+    write_atomic(path, gzip.compress(data, LEVEL, mtime=0))

@@ -1,14 +1,14 @@
-"""How is a Rerun viewer on another machine (`--rerun-connect`) kept up to date, for as long as the server runs?
+"""Connection to a Rerun viewer on another machine (`--rerun-connect`), kept for as long as the server runs.
 
-    Hub ──viewer_process.py──> python -m server.integrations.rerun_worker ──gRPC, by Rerun's own SDK──> the viewer
+    Telemetry ──viewer_process.py──> python -m server.integrations.rerun_worker ──gRPC, by Rerun's own SDK──> the viewer
 
-The SDK neither bounds what waits for a viewer that takes nothing nor connects anew after a break. So the process sends
-no more before the last was taken, ends itself when nothing is for `STUCK_S`, and is begun again here, later each time.
-Whoever has just been reached gets the last half minute, newest first; what happened meanwhile is left out, because the
-present matters more. Both are told as events, once each.
+The SDK neither bounds the data queued for a stalled viewer nor reconnects. So the process sends more only when the last
+data was taken, ends itself if nothing was taken for `STUCK_S`, and is restarted here with growing delays. A viewer that
+was just reached gets the last half minute, newest first; data of the interruption is left out, because live data
+matters more. Both are reported as events, once each.
 
-    says:  {"op": "reached"}     the viewer has taken what was sent for a while
-           {"op": "stuck"}       it takes nothing; the process ends
+    output:  {"op": "reached"}   the viewer has taken the sent data for a while
+             {"op": "stuck"}     the viewer accepts no data; the process ends
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from server import wire
+from server.backoff import Backoff
 from server.integrations.viewer_process import ViewerProcess
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 
 MODULE = "server.integrations.rerun_worker"
 AGAIN_S, LONGEST_S = 2.0, 60.0
@@ -28,68 +29,67 @@ STUCK_S = 5.0
 
 
 class RemoteRerun:
-    """A stream to one viewer elsewhere. To be used in the hub's event loop.
+    """A stream to one viewer on another machine. To be used in the server's event loop.
 
     Args:
-        address: as Rerun writes it: rerun+http://HOST:PORT/proxy.
-        again_s: the first pause before it is tried again.
-        stuck_s: a viewer that has taken nothing for so long is gone.
+        address: in the form of Rerun: rerun+http://HOST:PORT/proxy.
+        again_s: first delay before a retry.
+        stuck_s: time without accepted data after which the viewer counts as gone.
     """
 
-    def __init__(self, hub: Hub, address: str, again_s: float = AGAIN_S, stuck_s: float = STUCK_S) -> None:
-        self._hub = hub
-        self._wish = {"device": "", "connect": address, "stuck_s": stuck_s}
+    def __init__(self, telemetry: Telemetry, address: str, again_s: float = AGAIN_S, stuck_s: float = STUCK_S) -> None:
+        self._bus, self._clients = telemetry.bus, telemetry.clients
+        self._requested = {"device": "", "connect": address, "stuck_s": stuck_s}
         self._address = address
-        self._first_pause = self._pause = again_s
-        self._ended = asyncio.Event()
-        self._reached: bool | None = None  # as told last
-        self._aside: ViewerProcess | None = None
+        self._backoff = Backoff(again_s, LONGEST_S)
+        self._has_ended = asyncio.Event()
+        self._reached: bool | None = None  # as last reported
+        self._process: ViewerProcess | None = None
         self._task: asyncio.Task[None] | None = None
 
     @property
     def pid(self) -> int | None:
-        """Of its process; None while there is none."""
-        return None if self._aside is None else self._aside.pid
+        """Process ID; None while it is not running."""
+        return None if self._process is None else self._process.pid
 
     def start(self) -> None:
-        """Begin, in the background."""
+        """Start in the background."""
         self._task = asyncio.create_task(self._keep_running(), name="rerun elsewhere")
 
     async def stop(self) -> None:
-        """End it, and wait until it is gone."""
+        """Stop the stream, and wait until its process has ended."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
 
     async def _keep_running(self) -> None:
         while True:
-            self._ended.clear()
-            self._aside = ViewerProcess(self._hub, MODULE, self._told, self._crashed)
+            self._has_ended.clear()
+            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed)
             try:
                 with contextlib.suppress(OSError):
-                    await self._aside.start()
-                    self._aside.say(op="open", **self._wish)
-                    await self._ended.wait()
+                    await self._process.start()
+                    self._process.send(op="open", **self._requested)
+                    await self._has_ended.wait()
             finally:
-                aside, self._aside = self._aside, None
-                await aside.stop()
-            await asyncio.sleep(self._pause)
-            self._pause = min(2 * self._pause, LONGEST_S)
+                process, self._process = self._process, None
+                await process.stop()
+            await asyncio.sleep(self._backoff.next())
 
-    def _told(self, words: Mapping[str, Any]) -> None:
+    def _on_report(self, words: Mapping[str, Any]) -> None:
         if words["op"] == "reached":
-            self._pause = self._first_pause
-            self._say(True, "info", f"The Rerun viewer at {self._address} gets what devices send.")
+            self._backoff.reset()
+            self._send(True, "info", f"The Rerun viewer at {self._address} receives live data.")
         elif words["op"] == "stuck":
-            text = f"The Rerun viewer at {self._address} does not take what devices send; it is tried again."
-            self._say(False, "caution", text)
+            text = f"The Rerun viewer at {self._address} does not accept data; retrying."
+            self._send(False, "warning", text)
 
     def _crashed(self, words: str) -> None:
-        text = f"The stream to the Rerun viewer at {self._address} ended by itself and is begun again."
-        self._say(False, "caution", text, said=words[-500:])
-        self._ended.set()
+        text = f"The stream to the Rerun viewer at {self._address} ended unexpectedly and is restarted."
+        self._send(False, "warning", text, said=words[-500:])
+        self._has_ended.set()
 
-    def _say(self, reached: bool, level: wire.Level, text: str, **more: Any) -> None:
+    def _send(self, reached: bool, level: wire.Level, text: str, **more: Any) -> None:
         if reached is not self._reached:
             self._reached = reached
-            self._hub.event("", "link", level, text, data=more)
+            self._bus.event("", "link", level, text, data=more)

@@ -1,14 +1,14 @@
 """`python -m server.integrations.rerun_worker`: live samples as batches for Rerun viewers, in a subprocess.
 
-It is told what a browser is told (server/integrations/viewer_client.py). Samples of 50 ms become one chunk of each
-quantity: a chunk has some 3 kB of its own, and a viewer handles few large ones far better than many small ones, so
-there are 20 batches a second, whatever the rates of the devices. What is said on standard output:
+It receives the messages of a browser (server/integrations/viewer_client.py). Samples of 50 ms become one chunk of each
+quantity: a chunk has some 3 kB of overhead, and a viewer handles few large ones far better than many small ones, so
+there are 20 batches a second, regardless of the rates of the devices. Messages on standard output:
 
     {"op": "batch", "still": bool, "anew": bool, "past": bool, "newest": unix s, "data": base64 of an .rrd}
 
-`still` is what never changes and the layout; `anew`: what was still before is void, because devices came or went.
-`past`: samples of before, which the server remembered; `newest`: arrival of the newest sample. With an address of a
-viewer elsewhere, everything goes there instead, no more than it takes, and what is said is in rerun_remote.py.
+`still`: static data and the layout; `anew`: earlier static data is void, because devices were added or removed.
+`past`: earlier samples, from the server's history; `newest`: arrival of the newest sample. With the address of a remote
+viewer, all data is sent there instead, at the rate it accepts; the messages are then those of rerun_remote.py.
 """
 
 from __future__ import annotations
@@ -27,60 +27,61 @@ import rerun as rr
 from recordings.rrd import chunks, static
 from recordings.rrd.blueprint import blueprint
 from recordings.rrd.chunks import Array, Times, nanoseconds
-from recordings.rrd.entities import Device, devices_of
+from recordings.rrd.entities import DeviceEntity, devices_of
 from recordings.rrd.enu import Origin, is_place
 from server.integrations.viewer_client import ViewerClient
 from server.wire_codec import SampleFrame
 
 PERIOD_S = 0.05
-PAUSE_S = 0.5  # at least, between two layouts
+PAUSE_S = 0.5  # minimum time between two layouts
 HISTORY_S = 30.0
 SHOWN_S = 30.0  # of plots
 TRACK_S, TRACK_POINTS = 1.0, 3600  # an hour
-TAKEN_S = 0.5  # waited for a viewer elsewhere to take what was sent
-STEADY_S = 5.0  # having taken everything for so long, it is there
-SAID_BYTES = 700_000  # of one batch: a line of standard output has a limit
+TAKEN_S = 0.5  # longest wait for a remote viewer to accept the sent data
+STEADY_S = 5.0  # a remote viewer that has accepted everything for so long counts as reached
+SAID_BYTES = 700_000  # maximum of one batch: lines of standard output are limited
 
 
 class RerunBatcher:
-    """The stream and what it is about."""
+    """A stream and its state."""
 
-    def __init__(self, told: ViewerClient, wish: Mapping[str, Any]) -> None:
-        self._told = told
-        self._device = str(wish["device"])
-        self._remote = str(wish["connect"])
-        self._stuck_s = float(wish.get("stuck_s", 0))
+    def __init__(self, client: ViewerClient, request: Mapping[str, Any]) -> None:
+        self._client = client
+        self._device = str(request["device"])
+        self._remote = str(request["connect"])
+        self._stuck_s = float(request.get("stuck_s", 0))
         self._stream = rr.RecordingStream("imuscope live")
         self._bytes = None if self._remote else rr.binary_stream(self._stream)
-        self._devices: dict[str, Device] = {}
+        self._devices: dict[str, DeviceEntity] = {}
         self._infos: dict[int, Mapping[str, Any]] = {}
         self._styled: set[int] = set()
         self._words: dict[tuple[int, int], int] = {}
         self._origin: Origin | None = None
         self._heights: dict[int, float] = {}
-        self._ways: dict[str, deque[tuple[Array, Array]]] = {}
+        self._paths: dict[str, deque[tuple[Array, Array]]] = {}
         self._drawn: dict[str, float] = {}
         self._live: dict[int, list[SampleFrame]] = {}
         self._past: list[SampleFrame] = []
         self._next = 0.0
         self._laid_out = 0.0
-        self._taken = self._refused = 0.0  # since when a viewer elsewhere takes everything, or nothing
+        self._taken = self._refused = 0.0  # since when a remote viewer accepts everything, or nothing
         self._is_reached = False
 
     def lay_out(self) -> None:
-        """Devices or channels are others than before: what is static, and the layout, anew. Not before there is a
-        channel, and not for each of the many that a device shows within its first second."""
-        if not self._told.channels:
+        """Send static data and layout again after a change of devices or channels. Waits for the first channel, and
+        combines the many channels that a device advertises within its first second.
+        """
+        if not self._client.channels:
             return
         time.sleep(max(0.0, self._laid_out + PAUSE_S - time.monotonic()))
         self._laid_out = time.monotonic()
-        self._told.changed = False
+        self._client.changed = False
         newest = {}
-        for info in self._told.channels.values():
+        for info in self._client.channels.values():
             if not self._device or info["device"] == self._device:
-                newest[info["device"], info["message"], info["name"]] = info  # a later one replaces its namesake
+                newest[info["device"], info["message"], info["name"]] = info  # replaces an earlier one of that name
         self._infos = {int(info["id"]): info for info in newest.values()}
-        named = [one for one in self._told.devices if not self._device or one["id"] == self._device]
+        named = [one for one in self._client.devices if not self._device or one["id"] == self._device]
         self._devices = {device.id: device for device in devices_of(named, list(self._infos.values()))}
         devices = list(self._devices.values())
         logs = [
@@ -103,11 +104,11 @@ class RerunBatcher:
                     )
         first = self._styled == set()
         self._styled = set(self._infos)
-        self._say(is_still=True, anew=not first)
-        self._told.subscribe(list(self._infos), past=list(self._infos), history=HISTORY_S if first else 0.0)
+        self._report(is_still=True, anew=not first)
+        self._client.subscribe(list(self._infos), past=list(self._infos), history=HISTORY_S if first else 0.0)
 
-    def take(self, samples: Sequence[SampleFrame]) -> None:
-        """Samples: live ones wait until a batch is due, history goes out as it comes, newest first."""
+    def add(self, samples: Sequence[SampleFrame]) -> None:
+        """Add samples: live ones are collected until a batch is due, history is sent at once, newest first."""
         for one in samples:
             if one.channel in self._infos and one.n:
                 if one.history:
@@ -121,7 +122,7 @@ class RerunBatcher:
                 return
             for one in past:
                 self._send(one.channel, [one], live=False)
-            self._say(newest=max(float(one.columns[0][-1]) for one in past), past=True)
+            self._report(newest=max(float(one.columns[0][-1]) for one in past), past=True)
         if now >= self._next and self._live:
             self._next = now + PERIOD_S
             live, self._live = self._live, {}
@@ -130,12 +131,12 @@ class RerunBatcher:
             newest = max(float(one.columns[0][-1]) for parts in live.values() for one in parts)
             for number, parts in live.items():
                 self._send(number, parts)
-            self._say(newest=newest)
+            self._report(newest=newest)
 
     def _is_taken(self) -> bool:
-        """Has a viewer elsewhere taken what was sent? More would only fill memory: the SDK keeps all of it.
+        """Whether a remote viewer has accepted the sent data. More would only fill memory, since the SDK stores it all.
 
-        Ends the process when nothing was taken for a while: the SDK does not connect anew; a new process does.
+        Ends the process if nothing was accepted for a while: the SDK does not reconnect; a new process does.
         """
         if not self._remote:
             return True
@@ -148,13 +149,13 @@ class RerunBatcher:
         if not taken:
             self._taken, self._refused = 0.0, self._refused or now
             if now - self._refused > self._stuck_s:
-                self._told.say(op="stuck")
+                self._client.send(op="stuck")
                 os._exit(1)
             return False
         self._refused, self._taken = 0.0, self._taken or now
         if not self._is_reached and now - self._taken >= STEADY_S:
             self._is_reached = True
-            self._told.say(op="reached")
+            self._client.send(op="reached")
         return True
 
     def _send(self, number: int, parts: Sequence[SampleFrame], *, live: bool = True) -> None:
@@ -164,11 +165,11 @@ class RerunBatcher:
         arrival, time_, own = columns[0], columns[1], columns[2:]
         sample = np.concatenate([np.arange(one.sequence, one.sequence + one.n) for one in parts])
         times = Times(nanoseconds(np.where(np.isnan(time_), arrival, time_)), nanoseconds(arrival), sample)
-        put = chunks.send_table if info["kind"] == "rows" else chunks.send_curve
+        put = chunks.send_table if info["kind"] == "table" else chunks.send_curve
         for curve in device.curves[number]:
             put(self._stream, curve, times, own)
             if live and info["kind"] == "status":
-                self._tell_changes(number, curve.path, curve.columns, times, own)
+                self._send_changes(number, curve.path, curve.columns, times, own)
         if device.attitude is not None and device.attitude.channel == number:
             chunks.send_attitude(self._stream, device.attitude, times, own)
         if device.position is not None:
@@ -177,7 +178,7 @@ class RerunBatcher:
             if device.position.channel == number:
                 self._place(device, times, own, live)
 
-    def _tell_changes(
+    def _send_changes(
         self, number: int, path: tuple[str, ...], which: Sequence[int], times: Times, own: Sequence[Array]
     ) -> None:
         for i in which:
@@ -187,7 +188,7 @@ class RerunBatcher:
                 self._words[number, i] = int(own[i][-1])
                 chunks.send_texts(self._stream, (*path, "changes"), times.only(at), texts, levels)
 
-    def _place(self, device: Device, times: Times, own: Sequence[Array], live: bool) -> None:
+    def _place(self, device: DeviceEntity, times: Times, own: Sequence[Array], live: bool) -> None:
         position = device.position
         assert position is not None
         lat, lon, high = position.columns
@@ -206,44 +207,44 @@ class RerunBatcher:
         if live:
             self._draw(device, enu[-1], latlon[-1])
 
-    def _draw(self, device: Device, enu: Array, latlon: Array) -> None:
-        """The way it went while this was fed, told anew each second."""
-        way = self._ways.setdefault(device.id, deque(maxlen=TRACK_POINTS))
+    def _draw(self, device: DeviceEntity, enu: Array, latlon: Array) -> None:
+        """Extend the track since the start of this stream, and send it every second."""
+        path = self._paths.setdefault(device.id, deque(maxlen=TRACK_POINTS))
         now = time.monotonic()
         if now >= self._drawn.get(device.id, 0.0):
             self._drawn[device.id] = now + TRACK_S
-            way.append((enu, latlon))
-            static.send_track(self._stream, device, *(np.array(part) for part in zip(*way, strict=True)))
+            path.append((enu, latlon))
+            static.send_track(self._stream, device, *(np.array(part) for part in zip(*path, strict=True)))
 
-    def _say(self, *, is_still: bool = False, anew: bool = False, past: bool = False, newest: float = 0.0) -> None:
+    def _report(self, *, is_still: bool = False, anew: bool = False, past: bool = False, newest: float = 0.0) -> None:
         if self._bytes is None:
             return
         data = self._bytes.read()
         if data:
             if len(data) > SAID_BYTES:
-                self._told.say(op="left-out", bytes=len(data))
+                self._client.send(op="left-out", bytes=len(data))
                 return
             text = base64.b64encode(data).decode()
-            self._told.say(op="batch", still=is_still, anew=anew, past=past, newest=newest, data=text)
+            self._client.send(op="batch", still=is_still, anew=anew, past=past, newest=newest, data=text)
 
 
 def main() -> None:
     """Feed until the server ends."""
-    told = ViewerClient()
+    client = ViewerClient()
     feed: RerunBatcher | None = None
     try:
-        for message in told.messages():
+        for message in client.messages():
             if isinstance(message, Mapping):
                 if message["op"] == "open":
-                    feed = RerunBatcher(told, message)
+                    feed = RerunBatcher(client, message)
             elif feed is not None:
-                if told.changed:
+                if client.changed:
                     feed.lay_out()
-                feed.take(message)
+                feed.add(message)
     except BaseException:
         traceback.print_exc()
         os._exit(1)
-    os._exit(0)  # a stream that is let go waits for a viewer that takes nothing, for ever
+    os._exit(0)  # closing the stream would wait for ever for a stalled viewer
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """`python -m server.integrations.rrd_stream_worker`: an opened recording as a stream of `.rrd`, in a subprocess.
 
-A wish comes on standard input, one JSON object: store, title, t0, t1, most. The file goes to standard output while it
-is made: whoever reads slowly slows the making, and who goes ends it, because writing fails then.
+The request comes on standard input, one JSON object: store, title, t0, t1, most. The file is written to standard output
+while it is made: a slow reader slows it down, and if the reader disconnects it ends, because writing fails.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from recordings.parent_death import die_with_parent
 
 
 def main() -> int:
-    """Stream what standard input asks for."""
+    """Stream the recording that standard input requests."""
     die_with_parent()
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
-    told = json.loads(sys.stdin.read())
-    columns = ColumnStore(Path(told["store"]))
+    request = json.loads(sys.stdin.read())
+    columns = ColumnStore(Path(request["store"]))
     from recordings.rrd.writer import Work, fill, stream_of
 
-    t0 = -math.inf if told["t0"] is None else told["t0"]
-    t1 = math.inf if told["t1"] is None else told["t1"]
-    stream = stream_of(told["title"])
-    work = Work(columns, t0, t1, most=told["most"])
-    fill(stream, work, told["title"], lambda layout: stream.stdout(layout))
+    t0 = -math.inf if request["t0"] is None else request["t0"]
+    t1 = math.inf if request["t1"] is None else request["t1"]
+    stream = stream_of(request["title"])
+    work = Work(columns, t0, t1, most=request["most"])
+    fill(stream, work, request["title"], lambda layout: stream.stdout(layout))
     stream.flush()
     stream.disconnect()
     return 0

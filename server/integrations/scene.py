@@ -1,20 +1,19 @@
-"""One 3D scene in viser: what stands in it, and what a person can choose in viser's own panel.
+"""3D scene in viser: its objects, and the controls in viser's own panel.
 
-    /d0                     a place of its own for each device, side by side
+    /d0                     origin of each device, side by side
     /d0/name                its name
-    /d0/frame               axes of the frame it speaks, and that frame's name
-    /d0/body                turns
+    /d0/frame               axes of the device's frame, and the frame's name
+    /d0/body                rotates
     /d0/body/mesh           a box whose lid shows forward, or an uploaded file
-    /d0/body/gravity …      arrows in body axes, turned into their direction
-    /d0/track               the way it came
+    /d0/body/gravity …      arrows in body axes
+    /d0/track               its track
 
-Only what moves is sent: orientations, and positions where something moves, of the newest sample; viser itself keeps no
-more than the newest of each for a browser that does not keep up. Arrows follow at `SLOW_PER_S`, the track at
-`TRACK_PER_S`, because nobody sees more and each costs as much as the body. With nobody looking nothing is sent at all.
+Only changes are sent: orientations, and positions if something moves, of the newest sample; viser keeps only the newest
+of each for a slow browser. Arrows are updated at `SLOW_PER_S`, the track at `TRACK_PER_S`, because more is not visible
+and each costs as much as the body. Without viewers nothing is sent.
 
-Only server/integrations/viser_worker.py imports this: viser takes seconds to import. What is private in viser and
-touched here is kept in `_closed_to_strangers` (the handlers of its wire), `_at_once` (when it sends) and `_turn` (a
-message of it).
+Only server/integrations/viser_worker.py imports this: viser takes seconds to import. Private parts of viser are used
+only in `_restrict_clients` (its message handlers), `_at_once` (its send buffer) and `_turn` (a message).
 """
 
 from __future__ import annotations
@@ -37,17 +36,17 @@ from server.integrations.shared_secret import require_secret
 
 SLOW_PER_S = 15.0
 TRACK_PER_S = 2.0
-LEAST_TURN = math.radians(0.3)  # of an arrow; less is not seen
+LEAST_TURN = math.radians(0.3)  # of an arrow; less is not visible
 APART = 2.4  # m between two devices; a body is at most 1 m
 TRAIL_S, LONGEST_TRAIL_S = 60, 600
 MOST_UPLOADS = 2  # under way at once
 BODY, LID = (66, 82, 110), (240, 178, 50)
-AXES = ((213, 94, 0), (0, 158, 115), (0, 114, 178))  # x, y, z: told apart by the colour-blind (Okabe and Ito)
+AXES = ((213, 94, 0), (0, 158, 115), (0, 114, 178))  # x, y, z: distinguishable by colour-blind users (Okabe and Ito)
 FRAME = (120, 120, 125)
 GRAVITY, FIELD, TRACK = (90, 90, 100), (170, 80, 190), (0, 114, 178)
 FRAME_LABELS = {"ENU": ("east", "north", "up"), "NED": ("north", "east", "down"), "NWU": ("north", "west", "up")}
-# A grid stands out equally little on the page's dark ground and on its light one: greys between both, thin, and gone
-# before the horizon. viser's own is made for a white one.
+# A grid that is unobtrusive on the page's dark and light backgrounds: thin, in a grey between both, fading before the
+# horizon. viser's default is made for a white background.
 GRID: dict[str, Any] = {
     "cell_size": 0.5,
     "section_size": 2.5,
@@ -70,7 +69,7 @@ class Arrow:
     to: Vector | None = None
 
     def point(self, to: Vector | None) -> None:
-        """Turn it into this direction; None hides it."""
+        """Point it in this direction; None hides it."""
         self.node.visible = to is not None
         if to is not None and (self.to is None or _angle(self.to, to) > LEAST_TURN):
             self.to = to
@@ -88,17 +87,17 @@ class SceneDevice:
     gravity: Arrow
     field: Arrow
     track: viser.LineSegmentsHandle
-    start: Vector | None = None  # where the device was when it first told; from there it moves unless followed
-    heading: float = 0.0  # rad about the frame's z axis that the display leaves out
-    shown: Quaternion | None = None  # attitude that was sent last; None: it has to be sent
+    start: Vector | None = None  # first position of the device; unless followed, it moves relative to it
+    heading: float = 0.0  # rotation about the frame's z axis, rad, removed from the display
+    shown: Quaternion | None = None  # attitude that was sent last; None: it must be sent
 
 
 class Scene:
-    """A viser server on a loopback port of its own.
+    """A viser server on its own loopback port.
 
     Args:
-        title: what the panel is called.
-        secret: what whoever comes has to say.
+        title: title of the panel.
+        secret: secret required from clients.
     """
 
     def __init__(self, title: str, secret: str) -> None:
@@ -106,32 +105,32 @@ class Scene:
             self._server = viser.ViserServer("127.0.0.1", 0, label=title, verbose=False)
         self.port = self._server.get_port()
         self._lock = threading.RLock()
-        self._looks: Sequence[DeviceView] = ()
-        self._stands: dict[str, SceneDevice] = {}
+        self._appearances: Sequence[DeviceView] = ()
+        self._device_nodes: dict[str, SceneDevice] = {}
         self._mesh: Mesh | None = None
         self._next_slow = self._next_track = 0.0
-        _closed_to_strangers(self._server)
+        _restrict_clients(self._server)
         _at_once(self._server)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="small")
         self._server.initial_camera.look_at = (0.0, 0.0, 0.0)
         self._controls()
-        self._server.on_client_connect(lambda _: self._soon())  # what stands still is not told again by itself
+        self._server.on_client_connect(lambda _: self._soon())  # objects that do not move are not sent again otherwise
 
     def close(self) -> None:
         """Stop serving it."""
         self._server.stop()
 
-    def arrange(self, looks: Sequence[DeviceView]) -> None:
-        """Show these devices; what was shown before goes."""
+    def configure(self, views: Sequence[DeviceView]) -> None:
+        """Show these devices instead of the previous ones."""
         with self._lock:
-            self._looks = looks
-            names = [ALL, *dict.fromkeys(look.title for look in looks)]
-            self._which.options = tuple(names)
-            self._which.visible = len(looks) > 1
+            self._appearances = views
+            names = [ALL, *dict.fromkeys(view.title for view in views)]
+            self._device_at.options = tuple(names)
+            self._device_at.visible = len(views) > 1
             self._build()
 
     def show(self, now: float) -> None:
-        """Bring what moves to where it is now.
+        """Update moving objects.
 
         Args:
             now: monotonic, s.
@@ -144,62 +143,64 @@ class Scene:
                 self._next_slow = now + 1 / SLOW_PER_S
             if track:
                 self._next_track = now + 1 / TRACK_PER_S
-            with self._server.atomic():  # one message for all that moves
-                for look in self._looks:
-                    stand = self._stands.get(look.id)
-                    if stand is not None:
-                        self._move(look, stand, slow=slow, track=track)
+            with self._server.atomic():  # one message for all moving objects
+                for view in self._appearances:
+                    scene_device = self._device_nodes.get(view.id)
+                    if scene_device is not None:
+                        self._move(view, scene_device, slow=slow, track=track)
 
-    # ── what moves ───────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── moving objects ───────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _move(self, look: DeviceView, stand: SceneDevice, *, slow: bool, track: bool) -> None:
-        q = look.q_frame_from_body
-        if q is not None and q != stand.shown:
-            stand.shown = q
-            _turn(stand.body, multiply(ENU_FROM[look.frame], multiply(about_z(-stand.heading), q)))
+    def _move(self, view: DeviceView, scene_device: SceneDevice, *, slow: bool, track: bool) -> None:
+        q = view.q_frame_from_body
+        if q is not None and q != scene_device.shown:
+            scene_device.shown = q
+            _turn(scene_device.body, multiply(ENU_FROM[view.frame], multiply(about_z(-scene_device.heading), q)))
         if slow:
-            stand.gravity.point(look.gravity if self._vectors.value else None)
-            stand.field.point(look.field if self._vectors.value else None)
-        if look.place is None:
+            scene_device.gravity.point(view.gravity if self._vectors.value else None)
+            scene_device.field.point(view.field if self._vectors.value else None)
+        if view.place is None:
             return
-        if stand.start is None:
-            stand.start = look.place
+        if scene_device.start is None:
+            scene_device.start = view.place
         if slow:
-            away = _minus(look.place, stand.start)
-            stand.root.position = stand.base if self._follow.value else _plus(stand.base, away)
+            away = _minus(view.place, scene_device.start)
+            scene_device.root.position = scene_device.base if self._follow.value else _plus(scene_device.base, away)
         if track:
-            _draw(stand.track, look.track(self._trail.value), look.place)
-        elif slow:  # the last point of the way stays at the body
-            stand.track.position = (0.0, 0.0, 0.0)
+            _draw(scene_device.track, view.track(self._trail.value), view.place)
+        elif slow:  # the last point of the track stays at the body
+            scene_device.track.position = (0.0, 0.0, 0.0)
 
-    # ── what stands ──────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── static objects ───────────────────────────────────────────────────────────────────────────────────────────────
 
     def _build(self) -> None:
         scene = self._server.scene
-        headings = {id: (stand.heading, stand.start) for id, stand in self._stands.items()}
+        headings = {id: (scene_device.heading, scene_device.start) for id, scene_device in self._device_nodes.items()}
         scene.reset()
         scene.set_up_direction("+z")
-        self._stands = {}
-        shown = [look for look in self._looks if self._which.value in (ALL, look.title)]
+        self._device_nodes = {}
+        shown = [view for view in self._appearances if self._device_at.value in (ALL, view.title)]
         scene.add_grid("/ground", infinite_grid=True, position=(0.0, 0.0, -0.9), **GRID)
-        for i, look in enumerate(shown):
-            stand = self._stands[look.id] = self._stand(f"/d{i}", look, (APART * (i - (len(shown) - 1) / 2), 0.0, 0.0))
-            stand.heading, stand.start = headings.get(look.id, (0.0, None))
+        for i, view in enumerate(shown):
+            scene_device = self._device_nodes[view.id] = self._device_node(
+                f"/d{i}", view, (APART * (i - (len(shown) - 1) / 2), 0.0, 0.0)
+            )
+            scene_device.heading, scene_device.start = headings.get(view.id, (0.0, None))
         far = 1.0 + 0.45 * max(0, len(shown) - 1)
         self._server.initial_camera.position = (0.8 * far, -1.7 * far, 0.9 * far)
         self._next_slow = self._next_track = 0.0
 
-    def _stand(self, path: str, look: DeviceView, base: tuple[float, float, float]) -> SceneDevice:
+    def _device_node(self, path: str, view: DeviceView, base: tuple[float, float, float]) -> SceneDevice:
         scene = self._server.scene
         root = scene.add_frame(path, show_axes=False, position=base)
-        name = f"{look.title}, {look.frame}"
+        name = f"{view.title}, {view.frame}"
         scene.add_label(f"{path}/name", name, position=(0.0, 0.0, 1.05), anchor="bottom-center")
         visible = self._frames.value
-        frame = scene.add_frame(f"{path}/frame", show_axes=False, wxyz=ENU_FROM[look.frame], visible=visible)
+        frame = scene.add_frame(f"{path}/frame", show_axes=False, wxyz=ENU_FROM[view.frame], visible=visible)
         ends = np.eye(3, dtype=np.float32) * 0.8
         lines = np.stack((np.zeros_like(ends), ends), axis=1)
         scene.add_arrows(f"{path}/frame/axes", lines, FRAME, shaft_radius=0.006, head_radius=0.018, head_length=0.05)
-        for axis, word, end in zip("xyz", FRAME_LABELS[look.frame], ends, strict=True):
+        for axis, word, end in zip("xyz", FRAME_LABELS[view.frame], ends, strict=True):
             self._small(f"{path}/frame/{axis}", f"{axis} {word}", tuple(1.08 * end))
         body = scene.add_frame(f"{path}/body", show_axes=False)
         scene.add_arrows(
@@ -210,7 +211,7 @@ class Scene:
             head_radius=0.03,
             head_length=0.08,
         )
-        self._dress(path)
+        self._style(path)
         gravity = self._arrow(f"{path}/body/gravity", "gravity", GRAVITY)
         field = self._arrow(f"{path}/body/field", "magnetic field", FIELD)
         track = scene.add_line_segments(
@@ -230,7 +231,7 @@ class Scene:
         at = (place[0], place[1], place[2])
         self._server.scene.add_label(name, words, position=at, anchor="center-center", font_screen_scale=0.75)
 
-    def _dress(self, path: str) -> None:
+    def _style(self, path: str) -> None:
         """Give a body its shape."""
         scene, mesh, name = self._server.scene, self._mesh, f"{path}/body/mesh"
         if mesh is None or self._shape.value == BOX:
@@ -243,17 +244,17 @@ class Scene:
                 name, mesh.vertices, mesh.faces, color=BODY, flat_shading=True, side="double", scale=0.8 * mesh.scale
             )
 
-    # ── what a person chooses ────────────────────────────────────────────────────────────────────────────────────────
+    # ── controls ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _controls(self) -> None:
         gui = self._server.gui
-        self._which = gui.add_dropdown("Devices", (ALL,), visible=False)
+        self._device_at = gui.add_dropdown("Devices", (ALL,), visible=False)
         self._follow = gui.add_checkbox("Follow", True, hint="The body stays here and its track passes by")
         self._trail = gui.add_slider("Trail, s", 0, LONGEST_TRAIL_S, 10, TRAIL_S)
         self._frames = gui.add_checkbox("Reference frame", True)
         self._vectors = gui.add_checkbox("Gravity and field", True)
         here = gui.add_button("Reset heading", hint="Show the present heading as 0; nothing is sent to the device")
-        true = gui.add_button("True heading", visible=False, hint="Show the heading as the device tells it")
+        true = gui.add_button("True heading", visible=False, hint="Show the heading as sent by the device")
         self._shape: viser.GuiDropdownHandle[str] = gui.add_dropdown("Body", (BOX,))
         load = gui.add_upload_button("Load a mesh", mime_type=".glb,.stl", hint=f"GLB or STL, {MOST_BYTES >> 20} MB")
 
@@ -264,16 +265,16 @@ class Scene:
 
         def turn(reset: bool) -> None:
             with self._lock:
-                for look in self._looks:
-                    stand = self._stands.get(look.id)
-                    if stand is not None:
-                        q: Quaternion | None = look.q_frame_from_body
-                        stand.heading = yaw_of(q) if reset and q is not None else 0.0
-                        stand.shown = None
+                for view in self._appearances:
+                    scene_device = self._device_nodes.get(view.id)
+                    if scene_device is not None:
+                        q: Quaternion | None = view.q_frame_from_body
+                        scene_device.heading = yaw_of(q) if reset and q is not None else 0.0
+                        scene_device.shown = None
                 true.visible = reset
             self.show(time.monotonic())
 
-        for chosen in (self._which, self._frames, self._shape):
+        for chosen in (self._device_at, self._frames, self._shape):
             chosen.on_update(settle)
         for moved in (self._follow, self._trail, self._vectors):
             moved.on_update(lambda _: self._soon())
@@ -287,7 +288,7 @@ class Scene:
         self.show(time.monotonic())
 
     def _load(self, event: Any, name: str, data: bytes) -> None:
-        """A mesh was uploaded: take it for all bodies, or say what is wrong with it."""
+        """Use an uploaded mesh for all bodies, or notify the user of its error."""
         try:
             mesh = read(name, data)
         except MeshError as error:
@@ -297,23 +298,23 @@ class Scene:
         with self._lock:
             self._mesh = mesh
             self._shape.options = (BOX, mesh.name)
-            self._shape.value = mesh.name  # type: ignore[misc] # it has a setter, for what is no button
+            self._shape.value = mesh.name  # type: ignore[misc] # it has a setter, except for buttons
             self._build()
 
 
 def _turn(node: viser.SceneNodeHandle, wxyz: Quaternion) -> None:
-    """`node.wxyz = wxyz`, without the arrays that cost twice as much as all else of it."""
+    """Same as `node.wxyz = wxyz`, without its arrays, which take two thirds of the time."""
     node._impl.api._queue_scene_message(_messages.SetOrientationMessage(node._impl.name, wxyz))
 
 
 def _angle(a: Vector, b: Vector) -> float:
-    """Between two directions, rad."""
+    """Angle between two directions, rad."""
     cosine = sum(map(float.__mul__, a, b)) / (math.hypot(*a) * math.hypot(*b))
     return math.acos(min(1.0, max(-1.0, cosine)))
 
 
 def _draw(line: viser.LineSegmentsHandle, track: np.ndarray[Any, Any], here: Vector) -> None:
-    """The way as segments, seen from where the device is now."""
+    """Draw the track as segments relative to the present position of the device."""
     points = np.asarray(np.vstack((track, here)) - here, np.float32)
     line.points = np.stack((points[:-1], points[1:]), axis=1)
 
@@ -327,13 +328,14 @@ def _plus(a: Vector, b: Vector) -> Vector:
 
 
 def _at_once(server: viser.ViserServer) -> None:
-    """Have it send what it has at once. It would gather for 17 ms before and after; ours is gathered already, by
-    `atomic`, and what one browser does not take in time is replaced by the newest."""
+    """Send buffered messages at once. viser would collect them for 17 ms before and after; ours are collected already,
+    by `atomic`, and messages that a browser does not accept in time are replaced by newer ones.
+    """
     server._websock_server._broadcast_buffer.window_duration_sec = 0.0
 
 
-def _closed_to_strangers(server: viser.ViserServer) -> None:
-    """What viser's wire would let a visitor do and we do not: share the scene through another host, fill memory."""
+def _restrict_clients(server: viser.ViserServer) -> None:
+    """Disable actions of viser's clients that share the scene through another host or fill memory."""
     wire = server._websock_server
     wire.unregister_handler(_messages.ShareUrlRequest)
     wire.unregister_handler(_messages.ShareUrlDisconnect)

@@ -1,11 +1,10 @@
-"""Who may come through a viewer's own port? We may, and nobody else.
+"""Secret that restricts a viewer's own port to our proxy.
 
     browser ──our port, our rules──> server/integrations/proxy.py ──secret──> 127.0.0.1:PORT of the viewer's process
 
-A port on loopback is open to every user of this machine and to every page in a browser on it: a page of strangers may
-not read what it is answered, but a WebSocket it may talk to. So whoever comes says a secret, in a header that no page
-can set. It is made anew for each process and told to it on its standard input: it stands in no command line, in no
-environment and in no file.
+A loopback port is open to every user of this machine and to every page in a browser on it: a foreign page cannot read
+HTTP answers, but it can use a WebSocket. So each request needs a secret in a header that no page can set. The secret is
+generated for each process and passed on its standard input: no command line, environment or file contains it.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ HEADER = "x-imuscope-door"
 
 @dataclass(frozen=True, slots=True)
 class SecretEndpoint:
-    """Where a viewer's process listens, and what to say there."""
+    """Loopback address of a viewer's process, and its secret."""
 
     port: int
     secret: str = field(repr=False)
@@ -42,23 +41,23 @@ def new_secret() -> str:
 
 
 def has_secret(headers: Mapping[str, str], secret: str) -> bool:
-    """Does this request come from us?"""
+    """Whether a request carries the secret."""
     return hmac.compare_digest(headers.get(HEADER, "").encode(), secret.encode())
 
 
 @contextmanager
 def require_secret(secret: str) -> Iterator[None]:
-    """A server of the `websockets` library that a library of others starts within the block lets nobody else in."""
+    """Restrict `websockets` servers that a third-party library starts within the block to clients with the secret."""
     serve = websockets.asyncio.server.serve
 
     def serve_us(handler: Any, host: str, port: int, *, process_request: Any = None, **options: Any) -> Any:
-        def at_the_door(connection: ServerConnection, request: Request) -> Response | None:
+        def check_secret(connection: ServerConnection, request: Request) -> Response | None:
             if not has_secret(request.headers, secret):
                 return connection.respond(HTTPStatus.FORBIDDEN, "Open it through imuscope.\n")
             answer: Response | None = process_request(connection, request) if process_request else None
             return answer
 
-        return serve(handler, host, port, process_request=at_the_door, **options)
+        return serve(handler, host, port, process_request=check_secret, **options)
 
     websockets.asyncio.server.serve = serve_us  # type: ignore[assignment,misc]
     try:

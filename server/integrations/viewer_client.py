@@ -1,6 +1,6 @@
-"""The other end of viewer_process.py: what a viewer's process knows of devices and channels, and its samples.
+"""The subprocess side of viewer_process.py: devices, channels and samples in a viewer's process.
 
-Standard output carries our words only: whatever a library prints there goes to standard error, before it can.
+Standard output is reserved for our messages: output of libraries is redirected to standard error.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from server.wire_codec import SampleFrame, WireError, decode_samples
 
 
 class ViewerClient:
-    """What has been told so far, and what is told next.
+    """Devices and channels in a viewer's process, and its subscriptions.
 
     Attributes:
         devices: as `devices` of server/wire.py has them, in order.
         channels: all channels, by id.
-        changed: devices or channels are others than when this was last set to False.
-        heard_events: called with what happened, as `events` of server/wire.py has it.
+        changed: devices or channels have changed since this was last set to False.
+        heard_events: called with events, as in `events` of server/wire.py.
     """
 
     def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None) -> None:
@@ -40,26 +40,26 @@ class ViewerClient:
         with contextlib.suppress(OSError):
             os.nice(5)  # live devices come first
 
-    def say(self, **words: Any) -> None:
-        """To our side of the view. From any thread."""
+    def send(self, **words: Any) -> None:
+        """Send a message to the server's side. Thread-safe."""
         with self._lock, contextlib.suppress(BrokenPipeError):
             print(json.dumps(words), file=self._out, flush=True)
 
     def subscribe(self, channels: Sequence[int], past: Sequence[int] = (), history: float = 0.0) -> None:
-        """Have the samples of these channels from now on; replaces the last one."""
-        self.say(op="subscribe", channels=list(channels), past=list(past), history=history)
+        """Subscribe to the samples of these channels from now on; replaces the last subscription."""
+        self.send(op="subscribe", channels=list(channels), past=list(past), history=history)
 
     def messages(self) -> Iterator[list[SampleFrame] | Mapping[str, Any]]:
-        """Samples as they come, and what our side of the view says; ends with the server."""
+        """Received samples, and messages of the server's side of the view; ends with the server."""
         for message in self.messages_until(lambda: None):
             assert message is not None
             yield message
 
     def messages_until(self, due: Callable[[], float | None]) -> Iterator[list[SampleFrame] | Mapping[str, Any] | None]:
-        """The same, and None when it is time for something else.
+        """Like `messages`, and None whenever a given time is reached.
 
         Args:
-            due: when that is, monotonic, s; None: whenever a message has come. Asked before each wait.
+            due: returns that time, monotonic, s; None: no such time. Called before each wait.
         """
         while True:
             at = due()
@@ -74,23 +74,25 @@ class ViewerClient:
             if len(body) < size:
                 return
             if sort == SAMPLES:
-                with contextlib.suppress(WireError):  # of a channel whose device has just gone
+                with contextlib.suppress(WireError):  # samples of a channel whose device was just removed
                     yield decode_samples(body, self._dtypes)
             elif sort == TEXT:
-                self._hear(json.loads(body))
+                self._on_message(json.loads(body))
                 if self.changed:
                     yield []
             else:
                 yield json.loads(body)
 
     def _exactly(self, size: int) -> bytes:
-        """So many bytes; fewer where the input ends. (A file that buffers would hide from `select` what it has.)"""
+        """Read exactly so many bytes, or fewer at the end of the input. The file is unbuffered, because `select` does
+        not see buffered bytes.
+        """
         out = self._in.read(size)
         while len(out) < size and (more := self._in.read(size - len(out))):
             out += more
         return out
 
-    def _hear(self, message: Mapping[str, Any]) -> None:
+    def _on_message(self, message: Mapping[str, Any]) -> None:
         if message["op"] == "devices":
             if [_known(one) for one in message["devices"]] != [_known(one) for one in self.devices]:
                 self.changed = True

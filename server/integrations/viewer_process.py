@@ -1,22 +1,21 @@
-"""How does a viewer get the samples without being part of the server? It is a process, and a client of the wire.
+"""Viewers in a subprocess, fed with samples: a process that is a client of the wire.
 
-    Hub ──> SendQueue ──> stdin of the process:   u32 size (little-endian) │ u8 sort │ body
+    ClientFanout ──> SendQueue ──> stdin of the process:   u32 size (little-endian) │ u8 kind │ body
                                                sort 0: a text frame of server/wire.py
                                                sort 1: sample frames of server/wire.py
-                                               sort 2: JSON from our side of the view
-    our side of the view <── stdout:           JSON lines
+                                               sort 2: JSON from the server's side of the view
+    server's side of the view <── stdout:      JSON lines
 
-So it is told what a browser is told, in the same words, and what holds for a browser holds for it: what it does not
-take waits in an outbox of its own, where the oldest samples are dropped; nothing it does slows a device. Samples go out
-at most `PER_S` times a second, whatever the device's rate: a viewer draws no more often, and one that plays out what it
-gets needs less. Nor are they decoded more often for it: what a hub does for a browser 125 times a second costs more
-than all that is done here.
+So it receives the messages of a browser, and the same rules apply: data that it does not accept waits in its own send
+queue, where the oldest samples are dropped; it cannot slow a device. Samples are sent at most `PER_S` times a second,
+regardless of the device's rate: a viewer does not draw more often, and one with playout needs less. They are not
+decoded more often either, because decoding 125 times a second, as for a browser, would cost more than all the rest.
 
-What it may say on standard output, besides what its view understands:
+Messages on its standard output, besides those of its view:
 
-    {"op": "subscribe", "channels": [ids], "past": [ids], "history": s}     past: of which channels history is wanted
+    {"op": "subscribe", "channels": [ids], "past": [ids], "history": s}     past: channels with history
 
-A process that ends before it was stopped has crashed: `on_crash` hears how. Starting it again is the view's affair.
+A process that ends before it was stopped has crashed: `on_crash` is called. Restarting it is up to the view.
 """
 
 from __future__ import annotations
@@ -26,188 +25,159 @@ import contextlib
 import json
 import logging
 import struct
-import sys
 from collections import deque
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
-from server import wire, wire_codec
-from server.streaming.hub import FLUSH_NOBODY_S, Hub
-from server.streaming.send_queue import HistoryStream, SendQueue
+from server import wire
+from server.streaming.clients import UNWATCHED_S, ClientFanout
+from server.streaming.send_queue import SendQueue
+from server.workers import Worker
 
-ROOT = Path(__file__).resolve().parents[2]
 HEAD = struct.Struct("<IB")
 TEXT, SAMPLES, OURS = 0, 1, 2
 PER_S = 60.0
-EARLY = 0.95  # of the time between two: samples are made a little sooner than sent, so that there always are some
-PATIENCE_S = 0.8  # from the end of its input to being killed: it holds nothing that could be lost
-MOST_LINE = 1024 * 1024
-LAST_WORDS = 6  # lines of its standard error that are told after a crash
+EARLY = 0.95  # share of the interval: samples are decoded a little sooner than sent, so that some are always available
+STOP_S = 0.8  # from the end of its input until it is killed; it has no data that could be lost
+LAST_LINES = 6  # lines of its standard error that are reported after a crash
 
 log = logging.getLogger("imuscope.views")
 
 
 class ViewerProcess:
-    """One process that views what the hub has.
+    """One process that receives the same data as a browser.
 
     Args:
-        module: what is run, as `python -m module`.
-        on_told: each line it says, as an object.
-        on_crash: it ended by itself; what it said last.
-        per_s: how often samples go out, at most.
+        module: module to run, as `python -m module`.
+        on_told: called with each line of its output, as an object.
+        on_crash: called with its last output if it ended by itself.
+        per_s: maximum rate at which samples are sent.
     """
 
     def __init__(
         self,
-        hub: Hub,
+        clients: ClientFanout,
         module: str,
         on_told: Callable[[Mapping[str, Any]], None],
         on_crash: Callable[[str], None],
         per_s: float = PER_S,
     ) -> None:
-        self._hub = hub
+        self._clients = clients
         self._module = module
-        self._on_told = on_told
+        self._on_message = on_told
         self._on_crash = on_crash
         self._pause_s = 1 / per_s
-        self._wake, self._spoken = asyncio.Event(), asyncio.Event()
-        self._outbox = SendQueue(self._wake.set)
-        self._outbox.interval_s = FLUSH_NOBODY_S
-        self._outbox.is_browser = False
-        self._ours: deque[bytes] = deque()
-        self._process: asyncio.subprocess.Process | None = None
+        self._wake_event, self._has_reported = asyncio.Event(), asyncio.Event()
+        self._queue = SendQueue(self._wake_event.set)
+        self._queue.interval_s = UNWATCHED_S
+        self._queue.is_browser = False
+        self._socket: deque[bytes] = deque()
+        self._worker: Worker | None = None
         self._tasks: list[asyncio.Task[None]] = []
         self._stopping = False
-        self._last_words: deque[str] = deque(maxlen=LAST_WORDS)
+        self._last_lines: deque[str] = deque(maxlen=LAST_LINES)
 
     @property
     def pid(self) -> int | None:
-        return None if self._process is None else self._process.pid
+        return None if self._worker is None else self._worker.pid
 
     async def start(self) -> None:
-        """Run it and begin to feed it.
+        """Start the process and begin to feed it.
 
         Raises:
-            OSError: the system gives no process.
+            OSError: the process cannot be started.
         """
-        self._process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", self._module),
-            cwd=ROOT,
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-            limit=MOST_LINE,
-        )
-        self._hub.attach(self._outbox)
+        worker = self._worker = await Worker.start(self._module, overheard=True)
+        self._clients.attach(self._queue)
         self._tasks = [
-            asyncio.create_task(self._feed(), name=f"{self._module} is fed"),
-            asyncio.create_task(self._listen(), name=f"{self._module} is heard"),
-            asyncio.create_task(self._overhear(), name=f"{self._module} is overheard"),
+            asyncio.create_task(self._feed(worker), name=f"{self._module}: input"),
+            asyncio.create_task(self._listen(worker), name=f"{self._module}: output"),
+            asyncio.create_task(self._watch_output(worker), name=f"{self._module}: errors"),
         ]
 
-    def say(self, **words: Any) -> None:
-        """Tell the process something of ours; before all that still waits."""
-        self._ours.append(json.dumps(words).encode())
-        self._wake.set()
-        self._spoken.set()
+    def send(self, **words: Any) -> None:
+        """Send a message to the process, before all queued data."""
+        self._socket.append(json.dumps(words).encode())
+        self._wake_event.set()
+        self._has_reported.set()
 
     async def stop(self) -> None:
-        """End it, and wait until it is gone. Idempotent."""
+        """Stop the process, and wait until it has ended. Idempotent."""
         self._stopping = True
-        self._hub.detach(self._outbox)
-        process, self._process = self._process, None
-        if process is not None:
-            if process.stdin is not None:
-                process.stdin.close()
-            try:
-                async with asyncio.timeout(PATIENCE_S):
-                    await process.wait()
-            except TimeoutError:
-                with contextlib.suppress(ProcessLookupError):
-                    process.kill()
-                await process.wait()
+        self._clients.detach(self._queue)
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.dismiss()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(STOP_S):
+                    await worker.wait()
+            await worker.end()
         me = asyncio.current_task()
         others = [task for task in self._tasks if task is not me]
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
 
-    async def _feed(self) -> None:
-        assert self._process is not None
-        assert self._process.stdin is not None
-        pipe = self._process.stdin
+    async def _feed(self, worker: Worker) -> None:
         loop = asyncio.get_running_loop()
         due = loop.time()
         with contextlib.suppress(ConnectionError):
             while True:
-                if not self._ours and loop.time() < due:
+                if not self._socket and loop.time() < due:
                     await self._rest(due)
                     continue
                 sort, body = self._next()
                 if body is None:
-                    self._wake.clear()
-                    await self._wake.wait()
+                    self._wake_event.clear()
+                    await self._wake_event.wait()
                     continue
-                pipe.write(HEAD.pack(len(body), sort) + body)
-                await pipe.drain()
+                await worker.write(HEAD.pack(len(body), sort) + body)
                 if sort == SAMPLES:
-                    due = max(due + self._pause_s, loop.time())  # evenly, however long the writing took
+                    due = max(due + self._pause_s, loop.time())  # even intervals, regardless of the time for writing
 
     async def _rest(self, until: float) -> None:
-        """Until then, or until there is something of ours."""
-        self._spoken.clear()
+        """Wait until then, or until a message of ours is queued."""
+        self._has_reported.clear()
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout_at(until):
-                await self._spoken.wait()
+                await self._has_reported.wait()
 
     def _next(self) -> tuple[int, bytes | None]:
-        if self._ours:
-            return OURS, self._ours.popleft()
-        message = self._outbox.take()
+        if self._socket:
+            return OURS, self._socket.popleft()
+        message = self._queue.pop()
         if message is None:
-            message = self._outbox.take_history(self._hub.now())
+            message = self._queue.take_history(self._clients.now())
         if isinstance(message, str):
             return TEXT, message.encode()
         return SAMPLES, message
 
-    async def _listen(self) -> None:
-        process = self._process
-        assert process is not None
-        assert process.stdout is not None
-        async for line in process.stdout:
+    async def _listen(self, worker: Worker) -> None:
+        async for line in worker.output:
             try:
-                told = json.loads(line)
-                if told["op"] == "subscribe":
-                    self._subscribe(told["channels"], set(told["past"]), float(told["history"]))
+                message = json.loads(line)
+                if message["op"] == "subscribe":
+                    self._subscribe(message["channels"], set(message["past"]), float(message["history"]))
                 else:
-                    self._on_told(told)
+                    self._on_message(message)
             except (ValueError, KeyError, TypeError) as error:
-                log.warning("%s said something that is not understood: %s", self._module, error)
-        status = await process.wait()
+                log.warning("%s sent an invalid message: %s", self._module, error)
+        status = await worker.wait()
         if not self._stopping:
-            await asyncio.sleep(0)  # its last words
-            self._hub.detach(self._outbox)
-            words = " ".join(self._last_words) or f"exit status {status}"
+            await asyncio.sleep(0)  # so that its last lines are read
+            self._clients.detach(self._queue)
+            words = " ".join(self._last_lines) or f"exit status {status}"
             log.warning("%s ended by itself: %s", self._module, words)
             self._on_crash(words)
 
     def _subscribe(self, channels: list[int], past: set[int], history: float) -> None:
-        """As Hub.subscribe, but with history of some channels only: a track needs its past, an attitude does not."""
-        since = self._hub.now() - min(history, self._hub.history_s)
-        spans = {}
-        for number in set(channels) & past & self._hub.channels.keys():
-            channel = self._hub.channels[number]
-            start = min(channel.ring.sequence_at(since), channel.flushed)
-            spans[number] = (channel.ring, start, channel.flushed)
-        self._outbox.interval_s = EARLY * self._pause_s if channels else FLUSH_NOBODY_S
-        self._outbox.subscribe(channels, HistoryStream(spans), wire_codec.encode_text(wire.Backfilled()))
+        """Subscribe, with history of some channels only: a track needs its past, an attitude does not."""
+        self._queue.interval_s = EARLY * self._pause_s if channels else UNWATCHED_S
+        self._clients.subscribe(self._queue, wire.Subscribe(history, channels), past)
 
-    async def _overhear(self) -> None:
-        assert self._process is not None
-        assert self._process.stderr is not None
-        async for line in self._process.stderr:
+    async def _watch_output(self, worker: Worker) -> None:
+        async for line in worker.errors:
             words = line.decode(errors="replace").strip()
             if words:
-                self._last_words.append(words)
+                self._last_lines.append(words)
                 log.debug("%s: %s", self._module, words)

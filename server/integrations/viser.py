@@ -1,18 +1,17 @@
-"""When does viser run? From the first look until a while after the last; again after it has fallen over.
+"""Lifecycle of the viser process: started by the first viewer, stopped some time after the last, restarted on a crash.
 
     /viser/          a scene of all devices, side by side        key ""
     /viser/ID/       a scene of one device                       key: the device's id
     /viser/replay-…/ a scene of a recording that a page plays    key: given by `begin`, gone with `end`
 
-viser runs in a process of its own (server/integrations/viser_worker.py), fed as server/integrations/viewer_process.py
-says, and is reached through server/integrations/proxy.py. Its page opens a WebSocket at its own address without the
-last slash.
+viser runs in a subprocess (server/integrations/viser_worker.py), fed by server/integrations/viewer_process.py, and is
+reached through server/integrations/proxy.py. Its page opens a WebSocket at its own address without the last slash.
 
-    nobody looked yet ──a page or a WebSocket──> starting ──port told──> running ──nobody for IDLE_S──> stopped
-                                                     ^                      │ it ended by itself: told as an event
-                                                     └──next WebSocket──────┘ (viser's page tries again by itself)
+    not started ──a page or a WebSocket──> starting ──port reported──> running ──no viewers for IDLE_S──> stopped
+                                              ^                           │ crash: reported as an event
+                                              └──────next WebSocket───────┘ (viser's page reconnects by itself)
 
-A viser that falls over again and again is not started more than `MOST_STARTS` times in `STARTS_WITHIN_S`.
+A viser that crashes repeatedly is not started more than `MOST_STARTS` times in `STARTS_WITHIN_S`.
 """
 
 from __future__ import annotations
@@ -25,12 +24,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from server.errors import DomainError
 from server.integrations.playout_buffer import MESSAGES_PER_S
 from server.integrations.proxy import ViewError
 from server.integrations.replay_sync import ReplayFollower
 from server.integrations.shared_secret import SecretEndpoint, new_secret
 from server.integrations.viewer_process import ViewerProcess
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 
 MODULE = "server.integrations.viser_worker"
 IDLE_S = 15.0
@@ -41,7 +41,7 @@ MOST_SCENES = 16
 
 @dataclass(slots=True)
 class SceneState:
-    """One scene: where it is served, and who looks."""
+    """One scene: its port and the number of its viewers."""
 
     port: asyncio.Future[int] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
     viewers: int = 0
@@ -52,13 +52,13 @@ class Viser:
     """The scenes of a server. To be used in its event loop.
 
     Args:
-        idle_s: how long a scene stays when nobody looks.
+        idle_s: how long a scene without viewers is kept.
     """
 
-    def __init__(self, hub: Hub, idle_s: float = IDLE_S) -> None:
-        self._hub = hub
+    def __init__(self, telemetry: Telemetry, idle_s: float = IDLE_S) -> None:
+        self._bus, self._clients = telemetry.bus, telemetry.clients
         self._idle_s = idle_s
-        self._aside: ViewerProcess | None = None
+        self._process: ViewerProcess | None = None
         self._secret = new_secret()
         self._scenes: dict[str, SceneState] = {}
         self._replays: dict[str, ReplayFollower] = {}
@@ -68,36 +68,37 @@ class Viser:
 
     @property
     def pid(self) -> int | None:
-        """Of viser's process; None while it does not run."""
-        return None if self._aside is None else self._aside.pid
+        """Process ID of viser; None while it is not running."""
+        return None if self._process is None else self._process.pid
 
     async def door(self, key: str) -> SecretEndpoint:
-        """Where the scene of this key is served; begins it when it is not there.
+        """Address of the scene of this key; starts it if necessary.
 
         Raises:
-            ViewError: there is no such device (404), viser does not start, or there are too many scenes.
+            DomainError: unknown device.
+            ViewError: viser does not start, or too many scenes are open.
         """
-        if key and key not in self._hub.devices and key not in self._replays:
-            raise ViewError(f"There is no device {key:.40} to show.", "Open /viser/ for all that there are.", 404)
+        if key and key not in self._bus.devices.latest and key not in self._replays:
+            raise DomainError("not-found", f"Device {key:.40} not found.", "Open /viser/ to show all devices.")
         async with self._starting:
-            if self._aside is None:
+            if self._process is None:
                 await self._start()
             scene = self._scenes.get(key)
             if scene is None:
                 if len(self._scenes) >= MOST_SCENES:
-                    raise ViewError(f"There are {MOST_SCENES} scenes already.", "Close one of their pages.")
+                    raise ViewError(f"The maximum of {MOST_SCENES} scenes is open.", "Close one of their pages.")
                 scene = self._scenes[key] = SceneState()
-                assert self._aside is not None
-                self._aside.say(op="open", key=key, secret=self._secret, **self._about(key))
+                assert self._process is not None
+                self._process.send(op="open", key=key, secret=self._secret, **self._about(key))
                 self._leave_later(key)
         try:
             async with asyncio.timeout(START_S):
                 return SecretEndpoint(await asyncio.shield(scene.port), self._secret)
         except TimeoutError:
-            raise ViewError(f"viser did not start within {START_S:g} s.", "The server's log may say why.") from None
+            raise ViewError(f"viser did not start within {START_S:g} s.", "See the server's log.") from None
 
     def looked_at(self, key: str) -> None:
-        """Someone looks at a scene; `left` when they do no more."""
+        """Count a new viewer of a scene; call `viewer_left` when it disconnects."""
         scene = self._scenes.get(key)
         if scene is not None:
             scene.viewers += 1
@@ -105,8 +106,8 @@ class Viser:
                 scene.idle.cancel()
                 scene.idle = None
 
-    def left(self, key: str) -> None:
-        """One looks no more. After a crash the scene may be another, which nobody looked at yet: that does no harm."""
+    def viewer_left(self, key: str) -> None:
+        """Remove a viewer of a scene. After a crash it may be a new scene without viewers, which is harmless."""
         scene = self._scenes.get(key)
         if scene is not None and scene.viewers:
             scene.viewers -= 1
@@ -114,64 +115,64 @@ class Viser:
                 self._leave_later(key)
 
     def begin(self, replayed: ReplayFollower) -> str:
-        """A scene of a recording; returns its key. To be ended with `end`."""
+        """Register a scene of a recording; returns its key. To be ended with `end`."""
         key = f"replay-{secrets.token_hex(8)}"
         self._replays[key] = replayed
         return key
 
     def show(self, key: str) -> None:
-        """Have a recording's scene show where it is read now; at most 60 times a second."""
+        """Move the scene of a recording to the playhead, at most 60 times a second."""
         scene, replayed = self._scenes.get(key), self._replays[key]
-        if self._aside is not None and scene is not None and scene.viewers:
-            news = replayed.news()
-            if news is not None:
-                self._aside.say(op="rows", key=key, **news)
+        if self._process is not None and scene is not None and scene.viewers:
+            changes = replayed.changes()
+            if changes is not None:
+                self._process.send(op="rows", key=key, **changes)
 
     async def end(self, key: str) -> None:
-        """The recording is no longer played."""
+        """Remove the scene of a recording."""
         self._replays.pop(key, None)
         scene = self._scenes.get(key)
         if scene is not None:
             if scene.idle is not None:
                 scene.idle.cancel()
             scene.viewers = 0
-            await self._leave(key, scene)
+            await self._stop_idle(key, scene)
 
     async def close(self) -> None:
-        """End viser, if it runs."""
+        """Stop viser if it is running."""
         async with self._starting:
             await self._stop("The server is closing.")
         for task in self._tasks:
             task.cancel()
 
     def _about(self, key: str) -> dict[str, Any]:
-        """What a scene is begun with."""
+        """Initial state of a scene."""
         replayed = self._replays.get(key)
         if replayed is not None:
             replayed.begin_again()
             return {"title": "Recording", "devices": replayed.devices, "channels": replayed.channels}
-        device = self._hub.devices.get(key)
+        device = self._bus.devices.latest.get(key)
         return {"title": device.name if device else "imuscope"}
 
     async def _start(self) -> None:
         now = time.monotonic()
         if len(self._starts) == MOST_STARTS and now - self._starts[0] < STARTS_WITHIN_S:
-            raise ViewError("viser ended by itself several times.", "Try again in a minute; the events say why.")
+            raise ViewError("viser crashed several times.", "Try again in a minute; see the events for the reason.")
         self._starts.append(now)
-        self._aside = ViewerProcess(self._hub, MODULE, self._told, self._crashed, MESSAGES_PER_S)
+        self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed, MESSAGES_PER_S)
         try:
-            await self._aside.start()
+            await self._process.start()
         except OSError as error:
-            self._aside = None
+            self._process = None
             raise ViewError(
                 f"The 3D scene cannot be started: {error.strerror or error}.", "Try again in a moment."
             ) from None
 
     async def _stop(self, why: str) -> None:
         self._forget(why)
-        aside, self._aside = self._aside, None
-        if aside is not None:
-            await aside.stop()
+        process, self._process = self._process, None
+        if process is not None:
+            await process.stop()
 
     def _forget(self, why: str) -> None:
         scenes, self._scenes = self._scenes, {}
@@ -180,37 +181,37 @@ class Viser:
                 scene.idle.cancel()
             if not scene.port.done():
                 scene.port.set_exception(ViewError(why, "Reload in a moment."))
-                scene.port.exception()  # nobody may be waiting any more
+                scene.port.exception()  # marks it as retrieved, in case there is no waiter
 
-    def _told(self, words: Mapping[str, Any]) -> None:
+    def _on_report(self, words: Mapping[str, Any]) -> None:
         scene = self._scenes.get(str(words.get("key")))
         if words["op"] == "scene" and scene is not None and not scene.port.done():
             scene.port.set_result(int(words["port"]))
 
     def _crashed(self, words: str) -> None:
-        text = "The 3D scene (viser) ended by itself and starts again when it is looked at."
-        self._hub.event("", "device", "caution", text, data={"said": words[-500:]})
-        self._run(self._after_crash(self._aside))
+        text = "The 3D scene (viser) crashed; it restarts when it is opened."
+        self._bus.event("", "device", "warning", text, data={"said": words[-500:]})
+        self._run(self._after_crash(self._process))
 
-    async def _after_crash(self, aside: ViewerProcess | None) -> None:
+    async def _after_crash(self, process: ViewerProcess | None) -> None:
         async with self._starting:
-            if aside is not None and self._aside is aside:
-                await self._stop("viser ended by itself.")
+            if process is not None and self._process is process:
+                await self._stop("viser crashed.")
 
     def _leave_later(self, key: str) -> None:
         loop = asyncio.get_running_loop()
         scene = self._scenes[key]
-        scene.idle = loop.call_later(self._idle_s, lambda: self._run(self._leave(key, scene)))
+        scene.idle = loop.call_later(self._idle_s, lambda: self._run(self._stop_idle(key, scene)))
 
-    async def _leave(self, key: str, scene: SceneState) -> None:
+    async def _stop_idle(self, key: str, scene: SceneState) -> None:
         async with self._starting:
-            if self._scenes.get(key) is not scene or scene.viewers or self._aside is None:
+            if self._scenes.get(key) is not scene or scene.viewers or self._process is None:
                 return
             if len(self._scenes) == 1:
-                await self._stop("Nobody looks.")
+                await self._stop("The scene has no viewers.")
                 return
             del self._scenes[key]
-            self._aside.say(op="close", key=key)
+            self._process.send(op="close", key=key)
 
     def _run(self, work: Any) -> None:
         task = asyncio.get_running_loop().create_task(work)

@@ -1,1 +1,1 @@
-"""Recordings: taken, kept, opened, and handed on."""
+"""Recordings: record, store, open and export."""

@@ -1,34 +1,35 @@
-"""What the Recordings page and the server say to each other: the shapes of the HTTP API under /api/recordings.
+"""HTTP API of the Recordings page: the shapes of the HTTP API under /api/recordings.
 
     GET    /api/recordings?q=                     list[RecordingInfo], newest first
     POST   /api/recordings/start   Start          RecorderState: record these devices
     POST   /api/recordings/stop    {}             RecorderState
-    POST   /api/recordings/mark    Mark           drops a marker or a note into what is being recorded
-    PUT    /api/recordings/upload?name=…          application/octet-stream, whatever can be imported: RecordingInfo
+    POST   /api/recordings/mark    Mark           adds a marker or a note to the running recording
+    PUT    /api/recordings/upload?name=…          application/octet-stream, any readable format: RecordingInfo
     GET    /api/recordings/{id}?partial=0|1       RecordingDetail; opens it: until then 202 with an OpeningState,
-                                                  with partial=1 as soon as something is decoded a RecordingDetail of it
-    GET    /api/recordings/{id}/fared?device&t0&t1  Fared (recordings/health_history.py): how a device fared, by seconds
-    GET    /api/recordings/{id}/settings?device    RecordedSettings: what a device was set to, in words
-    PATCH  /api/recordings/{id}    Edit           title, tags, notes, pinned, file: RecordingInfo, of another id then
-    DELETE /api/recordings/{id}                   into the bin: RecordingInfo
-    POST   /api/recordings/{id}/undelete {}       and back, within 7 days
-    POST   /api/recordings/{id}/markers  Mark     a marker or note put in later
+                                                  with partial=1 a RecordingDetail of the part decoded so far
+    GET    /api/recordings/{id}/health?device&t0&t1  HealthHistory (recordings/health_history.py): figures of a device,
+                                                     per second
+    GET    /api/recordings/{id}/settings?device    RecordedSettings: the settings of a device as text
+    PATCH  /api/recordings/{id}    Edit           title, tags, notes, pinned, file (changes the id): RecordingInfo
+    DELETE /api/recordings/{id}                   to the bin: RecordingInfo
+    POST   /api/recordings/{id}/undelete {}       restores it, within 7 days
+    POST   /api/recordings/{id}/markers  Mark     adds a marker or note to a finished recording
     GET    /api/recordings/{id}/window?t0&t1&width&base&channels&partial
                                                   application/octet-stream: sample frames of the wire (server/wire.py);
-                                                  where rows are summarised a bucket is two rows: least, then greatest
-                                                  (of flags: of any, of all), and the answer says X-Exact: 0
+                                                  a bucket of summarised rows is two rows: min, then max (of flags: any,
+                                                  then all), and the answer has X-Exact: 0
     GET    /api/recordings/{id}/query?channel&t0&t1&width&columns&base&format=arrow|json
-    GET    /api/devices/{id}/query?…              the same of a live device
-    GET    /api/recordings/{id}/download          the file with everything in it (application/x-mcap)
-    GET    /api/recordings/{id}/original?device   the bytes as they came, one device
+    GET    /api/devices/{id}/query?…              the same for a live device
+    GET    /api/recordings/{id}/download          one file with everything in it (application/x-mcap)
+    GET    /api/recordings/{id}/original?device   the received bytes of one device
     POST   /api/recordings/{id}/exports  Export   ExportJob, run in the background
-    POST   /api/recordings/{id}/export-sizes  ExportPart   ExportSizes, found by writing samples
+    POST   /api/recordings/{id}/export-sizes  ExportPart   ExportSizes, estimated by writing samples
     GET    /api/recordings/exports                list[ExportJob]
-    GET    /api/recordings/exports/{job}/file     what it made (a zip where it is several files)
-    DELETE /api/recordings/exports/{job}          cancels it, or forgets it
+    GET    /api/recordings/exports/{job}/file     the result (several files as a zip)
+    DELETE /api/recordings/exports/{job}          cancels or deletes it
     POST   /api/recordings/{id}/play     Play     a replay as a source: DeviceInfo of each device that appears
 
-Times are unix seconds. The ops `recorder`, `library` and `exports` of the WebSocket tell of changes.
+Times are unix seconds. The ops `recorder`, `library` and `exports` of the WebSocket report changes.
 """
 
 from __future__ import annotations
@@ -38,26 +39,24 @@ from typing import Any, Literal
 
 from server.wire import ChannelInfo, DeviceInfo, EventInfo
 
-ExportFormat = Literal["csv", "csv-aligned", "parquet", "mcap", "rrd", "mtb", "raw", "bytes"]
-
 
 @dataclass(slots=True)
 class RecordedDevice:
-    """One device in a recording, as the list tells it."""
+    """One device in a recording, in the list."""
 
     id: str
     name: str
     protocol: str
     product: str
     serial_number: str
-    messages: int | None  # frames; 0 where it sent nothing, null until they have been counted
+    messages: int | None  # frames; null until they are counted
     lost: int
     rejects: int
 
 
 @dataclass(slots=True)
 class RecordingInfo:
-    """One recording, as the list tells it."""
+    """One recording in the list."""
 
     id: str  # the file's name without suffix
     title: str
@@ -65,22 +64,22 @@ class RecordingInfo:
     format: str  # "mcap", "mtb", "raw", "dat", "bin", "csv"
     size: int  # bytes
     started: float | None
-    duration: float | None  # s; null while it is not known
+    duration: float | None  # s; null if unknown
     devices: list[RecordedDevice]
     tags: list[str] = field(default_factory=list)
     notes: str = ""
     pinned: bool = False
-    recording: bool = False  # it is being recorded now
-    opened: bool = False  # its columns are there: it opens at once
-    damaged: str = ""  # one sentence; "" when it is whole
+    recording: bool = False  # still being recorded
+    opened: bool = False  # already decoded, so it opens at once
+    damaged: str = ""  # one sentence; "" if undamaged
     markers: int = 0
-    thumbnail: list[list[float]] = field(default_factory=list)  # least and greatest of |rate of turn| or such, 0..1
-    losses: list[float] = field(default_factory=list)  # where samples were lost, 0..1 of the duration
-    deleted: float | None = None  # when, while it is in the bin
+    thumbnail: list[list[float]] = field(default_factory=list)  # min and max of |rate of turn| or similar, 0..1
+    losses: list[float] = field(default_factory=list)  # positions of lost samples, 0..1 of the duration
+    deleted: float | None = None  # time of deletion, while it is in the bin
 
 
 @dataclass(slots=True)
-class Marker:
+class MarkerInfo:
     time: float
     kind: Literal["marker", "note"]
     text: str
@@ -99,7 +98,7 @@ class OpeningState:
 
 @dataclass(slots=True)
 class RecordingDetail:
-    """Everything about an opened recording but its samples."""
+    """Details of an opened recording, without its samples."""
 
     info: RecordingInfo
     t0: float
@@ -107,21 +106,21 @@ class RecordingDetail:
     devices: list[DeviceInfo]
     channels: list[ChannelInfo]
     events: list[EventInfo]
-    markers: list[Marker]
+    markers: list[MarkerInfo]
     snapshots: dict[str, dict[str, Any]] = field(default_factory=dict)  # device → configuration
     longest_s: dict[str, float] = field(default_factory=dict)  # channel id → usual time between samples
-    progress: float = 1.0  # less while it is decoded for the first time: as much of it is there
+    progress: float = 1.0  # below 1 while it is decoded for the first time: the decoded share
 
 
 @dataclass(slots=True)
 class SettingRow:
-    title: str  # of the field; "" where a setting has but one
+    title: str  # of the field; "" if the setting has only one
     words: str  # "400 Hz", "ENU"
 
 
 @dataclass(slots=True)
 class RecordedSetting:
-    """What one setting of a device was when it was recorded."""
+    """A setting of a device at the time of recording."""
 
     name: str
     title: str
@@ -151,18 +150,18 @@ class Mark:
 
 @dataclass(slots=True)
 class Edit:
-    """What is null stays."""
+    """Changes to a recording; null leaves a value unchanged."""
 
     title: str | None = None
     tags: list[str] | None = None
     notes: str | None = None
     pinned: bool | None = None
-    file: str | None = None  # another name for its file, and so another id; the suffix stays
+    file: str | None = None  # new name of the file, which changes the id; the suffix stays
 
 
 @dataclass(slots=True, kw_only=True)
 class ExportPart:
-    """Which part of a recording is exported, or measured."""
+    """Part of a recording to export or measure."""
 
     t0: float | None = None  # null: from the beginning
     t1: float | None = None
@@ -172,16 +171,16 @@ class ExportPart:
 
 @dataclass(slots=True)
 class Export(ExportPart):
-    format: ExportFormat
-    device: str = ""  # for formats that hold one device
+    format: str  # a name of ExportCapability
+    device: str = ""  # for formats of one device
 
 
 @dataclass(slots=True)
 class ExportSizes:
-    """About how large exports would be, bytes; what could not be measured is left out."""
+    """Estimated sizes of exports, bytes, without those that could not be measured."""
 
     sizes: dict[str, int] = field(default_factory=dict)  # format → size
-    devices: dict[str, int] = field(default_factory=dict)  # device → its bytes as they came
+    devices: dict[str, int] = field(default_factory=dict)  # device → its received bytes
 
 
 @dataclass(slots=True)

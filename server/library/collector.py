@@ -1,9 +1,9 @@
-"""Where do the samples of a recording go while it is decoded? Into a store of columns, in place of a hub's browsers.
+"""Sink for the samples of a recording while it is decoded. Writes to a column store instead of live rings.
 
-channels    as a page would have them, and the angles of rotations that are not sent as such
-clocks      what the device's own clock said of each sample, and its UTC: for exports, not for plots
-payloads    bytes that nobody has described: for exports, too (recordings/payloads.py)
-events      bounded, of each device
+channels    as on a live page, and Euler angles of rotations sent in another form
+clocks      device time and UTC of each sample: for exports, not for plots
+payloads    unknown payloads, also for exports (recordings/payloads.py)
+events      a bounded number for each device
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from recordings.health_history import HealthHistoryWriter
 from recordings.payloads import BYTES, SHAPE, PayloadsWriter
 from server import wire
 from server.streaming.channels import ChannelRows, clock_alone
-from server.streaming.hub import Dated, Hub
+from server.streaming.sink import Dated
 from server.streaming.unknown_payloads import Payloads, described
 
-MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
-MOST_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not make a file of each
+MOST_EVENTS = 20_000  # of each device; beyond that only errors of the link are stored
+MOST_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not create unlimited files
 CLOCKS = {
     "utc": "UTC as the device says it, unix time.",
     "timestamp": "Timestamp of the frame's header, as sent.",
@@ -36,42 +36,51 @@ CLOCKS = {
 }
 
 
-class RecordingSink(Hub):
-    """Takes what a hub takes, and writes samples to a store."""
+class RecordingSink:
+    """A TelemetrySink (server/streaming/sink.py) that writes samples to a store, and the rest to its manifest.
 
-    tells_every_gap = True  # a plot of the whole shows each where it was, and nobody's log is flooded
-    keeps_clocks = True  # for those who export them
+    Args:
+        writer: writer of the store.
+        health_history: rates, delays and clocks per second.
+    """
 
-    def __init__(self, writer: ColumnStoreWriter, fared: HealthHistoryWriter) -> None:
-        super().__init__(self._time, history_s=0)
-        self.time = 0.0  # arrival of what is decoded now, unix s
+    reports_every_gap = True  # plots show each gap, and there is no live log to flood
+
+    def __init__(self, writer: ColumnStoreWriter, health_history: HealthHistoryWriter) -> None:
+        self.time = 0.0  # arrival of the bytes being decoded, unix s
         self.infos: dict[int, wire.ChannelInfo] = {}
         self.events: list[wire.EventInfo] = []
         self.left_out = 0
-        self.fared = fared
+        self.health_history = health_history
         self._writer = writer
         self._derived: dict[int, int] = {}  # channel of a rotation → that of its angles
-        self.clocks: dict[tuple[Any, ...], wire.ChannelInfo] = {}  # what is kept of clocks; channels, but not shown
+        self.clocks: dict[tuple[Any, ...], wire.ChannelInfo] = {}  # clock readings; channels, but not shown
         self.payloads: dict[tuple[Any, ...], dict[str, Any]] = {}  # kinds of payloads, described like channels
-        self.payloads_left_out: Counter[str] = Counter()  # of kinds that there was no room for, by device
-        self._bytes = PayloadsWriter(writer.aside)
+        self.payloads_left_out: Counter[str] = Counter()  # number of payloads above MOST_KINDS, by device
+        self._bytes = PayloadsWriter(writer.temporary)
 
-    def _time(self) -> float:
+    @property
+    def archive(self) -> RecordingSink:
+        """The sink itself, which stores the data for exports."""
+        return self
+
+    def now(self) -> float:
+        """Arrival of the bytes being decoded, unix s."""
         return self.time
 
     def flush(self) -> None:
-        """Let what was kept beside the columns be read."""
-        self.fared.flush()
+        """Flush the files beside the columns, so that they can be read."""
+        self.health_history.flush()
         self._bytes.flush()
 
     def close(self) -> None:
-        """No more comes."""
-        self.fared.close()
+        """Close the files beside the columns at the end of the data."""
+        self.health_history.close()
         self._bytes.close()
 
     @property
     def _number(self) -> int:
-        """Of the next channel, be it shown or not."""
+        """Number of the next channel, shown or not."""
         return len(self.infos) + len(self.clocks) + len(self.payloads) + 1
 
     def advertise(self, info: wire.ChannelInfo) -> int:
@@ -87,7 +96,7 @@ class RecordingSink(Hub):
             info = self.infos[piece.channel]
             self._writer.append(piece.channel, piece.columns)
             if leading.setdefault((info.device, info.message), piece.channel) == piece.channel:
-                self.fared.samples(info.device, info.message, piece.columns[0], piece.columns[1])
+                self.health_history.samples(info.device, info.message, piece.columns[0], piece.columns[1])
             if info.kind in ("quaternion", "matrix"):
                 self._angles(piece)
 
@@ -102,39 +111,39 @@ class RecordingSink(Hub):
     def _clocks_in(
         self, device: str, batch: Batch, time: NDArray[np.float64], utc: NDArray[np.float64] | None
     ) -> Iterator[tuple[int, Sequence[NDArray[Any]]]]:
-        """The number of what is kept, and its rows: offset, arrival, time, values."""
+        """Channel number and rows of each stored clock: offset, arrival, time, values."""
         message = batch.message
         sent = {name: (values, "") for name, values in batch.header.items()}
         if clock_alone(message, described(batch.columns, message.fields)) and message.time in batch.columns:
             unit = next(field.unit for field in message.fields if field.name == message.time)
             sent[message.time] = np.asarray(batch.columns[message.time]), unit
         arrival = batch.arrival_ns / 1e9
-        for kept in (sent, {} if utc is None else {"utc": (utc, "s")}):
-            if kept:
-                number = self._clock_of(device, message, batch.verified, kept)
-                yield number, [batch.offset, arrival, time, *(values for values, _ in kept.values())]
+        for stored in (sent, {} if utc is None else {"utc": (utc, "s")}):
+            if stored:
+                number = self._clock_of(device, message, batch.verified, stored)
+                yield number, [batch.offset, arrival, time, *(values for values, _ in stored.values())]
 
     def _append(self, number: int, parts: Sequence[Sequence[NDArray[Any]]]) -> None:
-        """Rows of a drain, whose layouts come as batches of their own, in the order of the stream.
+        """Append the rows of a drain, which has one batch per layout, in stream order.
 
         Args:
-            parts: of each batch offset, arrival, time, then the channel's own columns.
+            parts: offset, arrival, time, then the channel's own columns, for each batch.
         """
         offset, *columns = (np.concatenate(column) for column in zip(*parts, strict=True))
         order = np.argsort(offset, kind="stable")
         self._writer.append(number, [column[order] for column in columns])
 
     def _clock_of(
-        self, device: str, message: Message, verified: bool, kept: Mapping[str, tuple[NDArray[Any], str]]
+        self, device: str, message: Message, verified: bool, stored: Mapping[str, tuple[NDArray[Any], str]]
     ) -> int:
-        """The number of what is kept of a message's clock."""
-        dtypes = {name: values.dtype.str[1:] for name, (values, _) in kept.items()}
+        """Channel number of the stored clock of a message."""
+        dtypes = {name: values.dtype.str[1:] for name, (values, _) in stored.items()}
         key = device, message.name, verified, *dtypes.items()
         info = self.clocks.get(key)
         if info is None:
             columns = [
                 wire.ColumnInfo(name, dtypes[name], unit, label=CLOCKS.get(name, "Device clock as sent"))  # type: ignore[arg-type]
-                for name, (_, unit) in kept.items()
+                for name, (_, unit) in stored.items()
             ]
             number = self._number
             info = self.clocks[key] = wire.ChannelInfo(
@@ -155,19 +164,28 @@ class RecordingSink(Hub):
         rows = [(part.offset, part.arrival, part.time, *self._bytes.put(part.rows)) for part in parts]
         self._append(info["id"], rows)
 
-    def _described(self, kept: Payloads) -> dict[str, Any]:
-        """A kind of payloads as the manifest has it: like a channel, with one column of "bytes"."""
-        column = wire.ColumnInfo(kept.column, "u1", label="Payload", doc=kept.doc)
-        told = wire.ChannelInfo(
-            self._number, kept.device, kept.message, kept.name, kept.name, "record", "", "", [column], kept.doc
+    def _described(self, stored: Payloads) -> dict[str, Any]:
+        """A kind of payloads in the manifest: like a channel, with one column of "bytes"."""
+        column = wire.ColumnInfo(stored.column, "u1", label="Payload", doc=stored.doc)
+        described_channel = wire.ChannelInfo(
+            self._number,
+            stored.device,
+            stored.message,
+            stored.name,
+            stored.name,
+            "record",
+            "",
+            "",
+            [column],
+            stored.doc,
         )
-        told.verified = kept.verified
-        info = {**asdict(told), "kind": BYTES}
+        described_channel.verified = stored.verified
+        info = {**asdict(described_channel), "kind": BYTES}
         info["columns"][0]["dtype"] = BYTES
         return info
 
     def _angles(self, piece: ChannelRows) -> None:
-        """Euler angles of what is not sent as such (recordings/euler.py)."""
+        """Euler angles of rotations sent in another form (recordings/euler.py)."""
         number = self._derived.get(piece.channel)
         if number is None:
             number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])
@@ -175,7 +193,7 @@ class RecordingSink(Hub):
             self._writer.append(number, [*piece.columns[:2], *euler_columns(piece.columns[2:])])
 
     def _derive(self, source: wire.ChannelInfo) -> int:
-        """The channel of angles, as the page would call it; 0 where they would mean nothing: not against a level."""
+        """The channel of Euler angles; 0 if they would be meaningless, without a level frame."""
         if source.frame.startswith("ECEF") or len(source.columns) not in (4, 9):
             return 0
         turns = (("roll", "x", 360.0), ("pitch", "y", 0.0), ("yaw", "z", 360.0))
@@ -183,21 +201,36 @@ class RecordingSink(Hub):
             wire.ColumnInfo(name, "f8", unit="°", label=name, axis=axis, decimals=2, period=period)  # type: ignore[arg-type]
             for name, axis, period in turns
         ]
-        words = f"Worked out from {source.title or source.name}; yaw, then pitch, then roll."
+        words = f"Computed from {source.title or source.name}; yaw, then pitch, then roll."
         return self.advertise(
             replace(
                 source, name="EulerAngles", title="Euler angles", kind="euler", unit="°", columns=columns, doc=words
             )
         )
 
-    def event(self, device: str, kind: wire.EventKind, level: wire.Level, text: str, **more: Any) -> wire.EventInfo:
-        event = super().event(device, kind, level, text, **more)
-        self._new_events.clear()  # nobody is told
+    def event(
+        self,
+        device: str,
+        kind: wire.EventKind,
+        level: wire.Level,
+        text: str,
+        *,
+        time: float | None = None,
+        span: tuple[float, float] | None = None,
+        samples: int = 0,
+        data: dict[str, Any] | None = None,
+    ) -> wire.EventInfo:
+        t0, t1 = span or (None, None)
+        number, when = len(self.events) + self.left_out, self.time if time is None else time
+        event = wire.EventInfo(number, when, device, kind, level, text, t0, t1, samples, data or {})
         if len(self.events) < MOST_EVENTS or kind == "gap":
             self.events.append(event)
         else:
             self.left_out += 1
         return event
 
-    def request_flush(self) -> None:
-        """There is nobody to flush to."""
+    def set_device(self, info: wire.DeviceInfo) -> None:
+        """No-op; the manifest uses the state of devices at the time of writing."""
+
+    def remove_device(self, device: str) -> None:
+        """No-op; a recording keeps its devices."""

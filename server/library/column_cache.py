@@ -1,13 +1,13 @@
-"""Which recordings are open? A recording is decoded once, aside, and its columns are kept until something changes.
+"""Cache of decoded recordings. A recording is decoded once, in a subprocess, and its columns are stored until something
+changes.
 
     open(id) ── columns there? ──> ColumnStore                      milliseconds, whatever the length
-                └─ no ──> a process of its own decodes ──> progress 0..1, and what is there so far ──> ColumnStore
+                └─ no ──> a subprocess decodes ──> progress 0..1, and the part decoded so far ──> ColumnStore
 
-A process of its own, because decoding an hour takes seconds of a core: live devices must not feel it, and a decoder
-that falls over takes nothing with it. It takes a second to start; where somebody looks at the library it is started
-ahead (`prepare`) and waits for what will be opened. A store is named after everything that it follows from (the file's
-name, size and time, the decoder's sources, what a person said about how to read it): what is stale is never found, and
-is swept when the folder has grown too large.
+Decoding an hour takes seconds of a core, so it runs in a subprocess: live devices are not affected, nor is the server
+by a crash of a decoder. The process takes a second to start; while the library is viewed it is started in advance
+(`prepare`). The name of a store is derived from all of its inputs (the file's name, size and time, the decoder's
+sources, the decode options): stale stores are never found, and are deleted when the folder has grown too large.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from pathlib import Path
 
 from recordings.column_store import VERSION, ColumnStore
 from recordings.mcap_writer import RecordingError
-from server.devices.decode_options import DecodeOptions, words_of
+from server.devices.decode_options import DecodeOptions, to_text_options
 from server.library.sources import decoding_mark
-from server.library.worker import Worker
+from server.workers import Worker
 
-log = logging.getLogger("imuscope.shelf")
+log = logging.getLogger("imuscope.columns")
 
 KEPT_OPEN = 16
-AT_ONCE = 2  # decoded at a time: each may take a good part of the machine's memory (recordings/bounds.py)
+AT_ONCE = 2  # recordings decoded at a time: each may use a large part of the memory (recordings/bounds.py)
 CACHE_BYTES = 20 << 30
-TRIES = 3  # a file may be packed while it is opened: then it is another file
-SPARE_S = 120.0  # a process that was started ahead waits so long
-FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
+ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
+SPARE_S = 120.0  # lifetime of a process started in advance
+FAILED_FOR_S = 5.0  # an error is returned again for this long before another attempt
 CACHE = "cache"
 OPENER = "server.library.decode_worker"
 
 
 @dataclass(slots=True)
 class DecodeJob:
-    """A recording that is being decoded; `partial`: what is decoded so far, where that can be read."""
+    """A recording that is being decoded; `partial`: the part decoded so far, if it can be read."""
 
     progress: float = 0.0
     partial: ColumnStore | None = None
@@ -59,8 +59,8 @@ class ColumnCache:
 
     Args:
         data: the data folder.
-        path_of: file of a recording's id; KeyError when there is none.
-        usual: how recordings are read that do not say it themselves, as words for another process.
+        path_of: file of a recording's id; KeyError for an unknown id.
+        usual: decode options for recordings without their own, as texts for another process.
     """
 
     def __init__(
@@ -71,39 +71,39 @@ class ColumnCache:
     ) -> None:
         self._cache = data / CACHE / "columns"
         self._path_of = path_of
-        self._usual = words_of(usual)
+        self._usual = to_text_options(usual)
         self._open: OrderedDict[Path, ColumnStore] = OrderedDict()
         self._opening: dict[Path, DecodeJob] = {}
-        self._turns = asyncio.Semaphore(AT_ONCE)
+        self._slots = asyncio.Semaphore(AT_ONCE)
         self._spare: Worker | None = None
         self._spare_ends: asyncio.TimerHandle | None = None
         self._preparing = False
 
     def warm(self) -> None:
-        """Find out what all stores are named after."""
+        """Compute the inputs that all names of stores depend on."""
         decoding_mark()
 
     def store_of(self, recording: str) -> Path:
-        """The folder in which the columns of a recording are, or would be.
+        """The folder for the columns of a recording, which may not exist yet.
 
         Raises:
-            KeyError: there is no such recording.
+            KeyError: unknown recording.
         """
         path = self._path_of(recording)
         stamp = path.stat()
         how = json.dumps(self._usual, sort_keys=True)
-        told = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), how)
-        return self._cache / hashlib.sha256(repr(told).encode()).hexdigest()[:24]
+        key = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), how)
+        return self._cache / hashlib.sha256(repr(key).encode()).hexdigest()[:24]
 
     def peek(self, recording: str) -> ColumnStore | None:
-        """The columns, if they are there."""
+        """The columns; None if they are not stored."""
         return self._columns(self.store_of(recording))
 
     def open(self, recording: str) -> ColumnStore | DecodeJob:
-        """The columns, or how far their making is; making begins with this call.
+        """The columns, or the job that decodes them, which is started by this call.
 
         Raises:
-            KeyError: there is no such recording.
+            KeyError: unknown recording.
         """
         store = self.store_of(recording)
         found = self._columns(store)
@@ -119,13 +119,13 @@ class ColumnCache:
         return opening
 
     async def opened(self, recording: str) -> ColumnStore:
-        """The columns, waited for.
+        """The columns; waits until they are decoded.
 
         Raises:
-            KeyError: there is no such recording.
+            KeyError: unknown recording.
             RecordingError: it cannot be opened.
         """
-        for _ in range(TRIES):
+        for _ in range(ATTEMPTS):
             found = self.open(recording)
             if isinstance(found, ColumnStore):
                 return found
@@ -133,20 +133,20 @@ class ColumnCache:
                 await asyncio.shield(found.task)
             if found.error is not None:
                 raise found.error
-            made = self.peek(recording)
-            if made is not None:
-                return made
+            columns = self.peek(recording)
+            if columns is not None:
+                return columns
         raise RecordingError("The recording changed while it was opened.", "Open it again.")
 
     async def so_far(self, recording: str) -> ColumnStore:
-        """The columns, or as much of them as is decoded. Raises as `opened` does."""
+        """The columns, or the part decoded so far. Raises as `opened`."""
         found = self.open(recording)
         if isinstance(found, DecodeJob) and found.partial is not None and found.error is None:
             return found.partial
         return await self.opened(recording)
 
     async def prepare(self) -> None:
-        """Somebody may open something soon: have a process ready for it, for a while."""
+        """Start a process in advance for a recording that may be opened soon."""
         if self._spare is None and not self._preparing:
             self._preparing = True
             try:
@@ -158,13 +158,13 @@ class ColumnCache:
         self._spare_ends = asyncio.get_running_loop().call_later(SPARE_S, self._dismiss)
 
     def _dismiss(self) -> None:
-        """Let the process go that waits for nothing: it ends when there is no wish to come."""
+        """Dismiss the spare process; it ends when its input is closed."""
         if self._spare is not None:
             self._spare.dismiss()
         self._spare = None
 
-    async def _taken(self) -> Worker:
-        """A process that waits for a wish."""
+    async def _take_worker(self) -> Worker:
+        """The spare process, or a new one."""
         if self._spare_ends is not None:
             self._spare_ends.cancel()
         spare, self._spare = self._spare, None
@@ -173,7 +173,7 @@ class ColumnCache:
         return await Worker.start(OPENER)
 
     async def close(self) -> None:
-        """Stop what is being decoded."""
+        """Stop all decoding."""
         if self._spare_ends is not None:
             self._spare_ends.cancel()
         spare, self._spare = self._spare, None
@@ -194,7 +194,7 @@ class ColumnCache:
             self._open[store] = found
             self._opening.pop(store, None)
             with contextlib.suppress(OSError):
-                os.utime(store)  # when it was last used
+                os.utime(store)  # time of last use
         self._open.move_to_end(store)
         while len(self._open) > KEPT_OPEN:
             self._open.popitem(last=False)
@@ -204,28 +204,28 @@ class ColumnCache:
         try:
             self._cache.mkdir(parents=True, exist_ok=True)
             await asyncio.to_thread(_sweep, self._cache, CACHE_BYTES)
-            async with self._turns:
+            async with self._slots:
                 await self._run(recording, store, opening)
         except RecordingError as error:
             opening.error, opening.failed_at = error, time.monotonic()
         except OSError as error:
             words = (error.strerror or "it cannot be written").lower()
             hint = "Free some space, or choose another folder with --data."
-            opening.error = RecordingError(f"Its columns cannot be kept: {words}.", hint)
+            opening.error = RecordingError(f"Its columns cannot be stored: {words}.", hint)
             opening.failed_at = time.monotonic()
         opening.task = None
 
     async def _run(self, recording: str, store: Path, opening: DecodeJob) -> None:
-        wish = {"path": str(self._path_of(recording)), "store": str(store), "reading": self._usual}
-        worker = await self._taken()
+        request = {"path": str(self._path_of(recording)), "store": str(store), "reading": self._usual}
+        worker = await self._take_worker()
         try:
-            worker.ask(wish)
-            async for told in worker:
-                if "progress" in told:
-                    opening.progress = told["progress"]
-                elif "shown" in told:
+            worker.request(request)
+            async for key in worker:
+                if "progress" in key:
+                    opening.progress = key["progress"]
+                elif "shown" in key:
                     with contextlib.suppress(OSError, ValueError, KeyError):  # it may be done by now
-                        opening.partial = ColumnStore(Path(told["shown"]))
+                        opening.partial = ColumnStore(Path(key["shown"]))
             if await worker.wait() != 0:
                 raise RecordingError("Opening it failed.", "The log has details.")
         finally:
@@ -233,7 +233,7 @@ class ColumnCache:
 
 
 def _sweep(cache: Path, budget: int) -> None:
-    """Delete what was not used for longest until the rest is within the budget."""
+    """Delete the least recently used stores until the rest is within the budget."""
     stores = [(folder.stat().st_mtime, folder) for folder in cache.iterdir() if folder.is_dir()]
     sizes = {folder: sum(file.stat().st_size for file in folder.iterdir()) for _, folder in stores}
     total = sum(sizes.values())

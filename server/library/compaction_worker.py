@@ -1,8 +1,8 @@
-"""Rewriting of finished recordings (recordings/compaction.py) by a process of low priority.
+"""Compaction of finished recordings (recordings/compaction.py) in a low-priority subprocess.
 
-One recording after the other. A thread would take turns with the event loop; a process of its own does not. One process
-takes what is waiting, since it takes a second to start. What the server before this one left behind, closed or killed,
-is found at the start.
+Recordings are compacted one after the other. A thread would compete with the event loop; a subprocess does not. One
+process handles all that are waiting, since it takes a second to start. Recordings that a previous run left uncompacted
+are found at the start.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from pathlib import Path
 
 from recordings import compaction, file_lock
 from recordings.mcap_writer import SUFFIX
-from server.library.worker import Worker
+from server.workers import Worker
 
 log = logging.getLogger("imuscope.packer")
 BATCH = 32  # recordings for one process
 
 
 class CompactionWorker:
-    """Packs what it is given.
+    """Queue of recordings to compact.
 
     Args:
         packed: called with each path that has been rewritten.
@@ -36,7 +36,7 @@ class CompactionWorker:
         self._closed = False
 
     def add(self, path: Path) -> None:
-        """Pack this one when it is its turn."""
+        """Add a recording to the queue."""
         if self._closed or path in self._waiting:
             return
         self._waiting.append(path)
@@ -44,22 +44,22 @@ class CompactionWorker:
             self._task = asyncio.get_running_loop().create_task(self._work(), name="packing recordings")
 
     async def resume(self, folder: Path, spare: Path | None = None) -> None:
-        """Find what was left unpacked in a folder.
+        """Queue the uncompacted recordings of a folder.
 
         Args:
-            spare: the file that is being recorded now, on a file system without locks too.
+            spare: the file of the running recording, which is skipped even on a file system without locks.
         """
         for path in await asyncio.to_thread(left_behind, folder):
             if path != spare:
                 self.add(path)
 
     @property
-    def busy(self) -> bool:
-        """Is there something that has not been packed yet?"""
+    def is_busy(self) -> bool:
+        """Whether any recording waits for compaction."""
         return self._task is not None and not self._task.done()
 
     async def close(self) -> None:
-        """Stop; what is not packed is so at the next start."""
+        """Stop; the remaining recordings are compacted after the next start."""
         self._closed = True
         self._waiting.clear()
         if self._task is not None:
@@ -72,20 +72,20 @@ class CompactionWorker:
             try:
                 await self._pack(list(islice(self._waiting, BATCH)))
             except OSError as error:
-                log.warning("Recordings could not be packed: %s", error)
-            if self._waiting and len(self._waiting) >= before:  # the process fell over the first one, and said nothing
-                log.warning("%s could not be packed.", self._waiting.popleft().name)
+                log.warning("Recordings could not be compacted: %s", error)
+            if self._waiting and len(self._waiting) >= before:  # the process crashed on the first one
+                log.warning("%s could not be compacted.", self._waiting.popleft().name)
 
     async def _pack(self, paths: list[Path]) -> None:
-        """Have these packed, each leaving the queue when it is told of; the process may end before it has done all."""
+        """Compact recordings; each leaves the queue when it is reported, as the process may end early."""
         worker = await Worker.start("recordings.compaction", *map(str, paths))
         try:
-            async for told in worker:
-                path = Path(told["path"])
+            async for result in worker:
+                path = Path(result["path"])
                 self._waiting.remove(path)
-                if told["message"]:
-                    log.warning("%s could not be packed: %s", path.name, told["message"])
-                elif told["packed"]:
+                if result["message"]:
+                    log.warning("%s could not be compacted: %s", path.name, result["message"])
+                elif result["packed"]:
                     self._packed(path)
             await worker.wait()
         finally:
@@ -93,11 +93,11 @@ class CompactionWorker:
 
 
 def left_behind(folder: Path) -> list[Path]:
-    """Recordings of ours that are not packed; what an interrupted packing left is taken away.
+    """Recordings that are not compacted; files of an interrupted compaction are removed.
 
-    What another process writes or packs at this moment is left alone.
+    Files that another process writes or compacts are left alone.
     """
-    for aside in folder.glob(f".*{compaction.ASIDE}"):
-        if not file_lock.is_in_use(aside):
-            aside.unlink(missing_ok=True)
+    for temporary in folder.glob(f".*{compaction.ASIDE}"):
+        if not file_lock.is_in_use(temporary):
+            temporary.unlink(missing_ok=True)
     return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if compaction.is_uncompacted(path)]

@@ -1,21 +1,21 @@
-"""How does a recording become what a live device is: channels, events, figures?
+"""Decoding of a recording with the code of a live device: channels, events and figures.
 
-By the very same way. The recorded chunks, each with the time at which it arrived, go through decoder and intake as they
-did when they came, only as fast as the machine can; what would have gone to browsers goes into a store of columns:
+The recorded chunks, each with its arrival time, go through decoder and ingest as they did live, but as fast as
+possible; the results go into a column store instead of to browsers:
 
-    Source.parts() ──> StreamDecoder of each device ──> RecordingSink (in place of the hub) ──> ColumnStoreWriter ──>
+    Source.parts() ──> LinkDecoder of each device ──> RecordingSink ──> ColumnStoreWriter ──>
     ColumnStore
                                                  events, devices, channels       ──> its manifest
-                                                 rates, delays, the clock        ──> fared.bin, second by second
+                                                 rates, delays, the clock        ──> health.bin, second by second
 
-So an old file has what today's decoder makes of it, and a recording looks as it looked live. What was kept beside the
-bytes (markers, what a person did, how the link fared) is taken over; what follows from the bytes (gaps, rejects, steps
-of the clock, answers) is found anew.
+So an old file is decoded by the present decoder, and a recording looks as it did live. Information stored beside the
+bytes (markers, user actions, states of the link) is copied; information that follows from the bytes (gaps, rejects,
+clock steps, answers) is derived again.
 
-A long file is shown while it is decoded: again and again what is there so far can be read like the whole
-(`ProgressPublisher`).
+A long file is shown while it is decoded: the part decoded so far is published repeatedly and can be read like a
+complete store (`ProgressPublisher`).
 
-Memory is bounded by one part and the blocks that wait to be written.
+Memory is bounded by one part and the blocks waiting to be written.
 """
 
 from __future__ import annotations
@@ -36,25 +36,25 @@ from recordings.importers import CaptureSource
 from recordings.mcap_writer import EVENTS, NOTES, SNAPSHOT
 from recordings.sources import ChunkBlock, McapSource, Source
 from recordings.tabular import TableSource
-from server import wire, wire_codec
+from server import previous_names, wire, wire_codec
 from server.devices.decode_options import DecodeOptions, recorded
-from server.devices.device_demux import LinkDevices, StreamDecoder
+from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import DeviceState, short_source
 from server.devices.ingest import LinkTiming
 from server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
 from server.devices.stream_diagnostics import REMEDIES
 from server.library.collector import RecordingSink
 from server.library.decode_tables import decode_tables
-from server.links.base import LinkKind
+from server.links.registry import link_kind
 
-DRAIN_BYTES = 1 << 20  # decoded at once: what the decoders are measured with
-DRAIN_NS = 5_000_000_000  # and no more than this of a recording: what is known of its clock is told so often
-FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
+DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this size
+DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval
+DERIVED_AGAIN = ("gap", "reject", "clock", "reply", "text")
 GUESS_BYTES = 1 << 16
 MOST_TIME = 9e9  # unix s
-PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # looked at before it is decoded, for the unit of its timestamps
-FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # of decoding, until it is shown; then twice as long, up to this
-EVENTS_SHOWN = 2000  # while it is decoded: telling all of a very bad line again and again would take longer than it
+PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # examined before decoding, to find the unit of timestamps
+FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # time until the first partial result; doubles after each, up to the second
+EVENTS_SHOWN = 2000  # maximum in a partial result: writing all events of a very bad line would exceed decoding
 
 
 class _Device:
@@ -62,25 +62,25 @@ class _Device:
 
     def __init__(
         self,
-        hub: RecordingSink,
+        sink: RecordingSink,
         name: str,
         source: Source,
         speech: ProtocolSet,
         reading: DecodeOptions,
         usual: DecodeOptions,
     ) -> None:
-        told = source.devices.get(name)
-        about: Mapping[str, str] = told.about if told is not None else {}
-        self._hub = hub
-        self._speech = speech
+        recorded_device = source.devices.get(name)
+        about: Mapping[str, str] = recorded_device.identity if recorded_device is not None else {}
+        self._sink = sink
+        self._protocols = speech
         self._reading = reading = recorded(reading, about, usual)
-        self.protocol = reading.protocol or (told.protocol if told is not None else "")
-        link = about.get("link", "file")
+        self.protocol = reading.protocol or (recorded_device.protocol if recorded_device is not None else "")
+        link = previous_names.LINKS.get(kind := about.get("link", "file"), kind)
         info = wire.DeviceInfo(
             id=name,
             name=about.get("name") or short_source(about.get("source", "") or source.path.name),
             source=about.get("source", "") or source.path.name,
-            link=link if link in get_args(LinkKind) else "file",  # type: ignore[arg-type]
+            link=link if link_kind(link) is not None else "file",
             status="ended",
             protocol=self.protocol,
             product=about.get("product", ""),
@@ -88,29 +88,29 @@ class _Device:
             firmware=about.get("firmware", ""),
             baud=int(about["baud"]) if about.get("baud", "").isdecimal() else None,
         )
-        self.portrait = DeviceState(hub, info, speech.title)
-        self.senders = LinkDevices(hub, self.portrait, speech.title)
+        self.state = DeviceState(sink, info, speech.title)
+        self.devices = LinkDevices(sink, self.state, speech.title)
         self._link = info.link
         self._timed = source.timed
         self._baud = info.baud
-        self._reader: StreamDecoder | None = None
+        self._reader: LinkDecoder | None = None
         self._waiting: list[ChunkBlock] = []
         self._fed = 0
-        self._drained = 0  # when the last chunk arrived that is decoded, ns
+        self._drained = 0  # arrival of the last decoded chunk, ns
         self._next_tick = 0.0
 
         if self.protocol and self._probe() is None:
             self._begin()
 
     def _probe(self) -> Doubts | None:
-        """What judges the unit of timestamps by their arrival; None where there is nothing to judge."""
+        """Decoder that checks the time unit by arrival; None if no check is needed."""
         if not self._timed or self._reading.time_unit:
             return None
-        decoder: object = self._speech.decoder(self.protocol, self._reading, self._link)
+        decoder: object = self._protocols.decoder(self.protocol, self._reading, self._link)
         return decoder if isinstance(decoder, Doubts) else None
 
     def _settle_unit(self) -> None:
-        """Of timestamps, where nobody has named it: by the arrival of the first seconds."""
+        """Determine an unconfigured unit of timestamps from the arrival of the first seconds."""
         probe = self._probe()
         if probe is None:
             return
@@ -119,20 +119,20 @@ class _Device:
         probe.drain()
         if (doubt := probe.contradiction) is not None:
             self._reading = replace(self._reading, time_unit=doubt.unit)
-            text = f"Timestamps are read with time_unit={doubt.unit}: {doubt.reason}. Set time_unit to settle it."
-            self.senders.own.incidents.say("device", "caution", text, data={"reason": "unit", "unit": doubt.unit})
+            text = f"Timestamps are read with time_unit={doubt.unit}: {doubt.reason}. Set time_unit to confirm it."
+            self.devices.own.events.report("device", "warning", text, data={"reason": "unit", "unit": doubt.unit})
 
     def _begin(self) -> None:
         byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
         line = LinkTiming(byte_time_ns, self._link, capacity, timed=self._timed)
         self._settle_unit()
-        decoder = self._speech.decoder(self.protocol, self._reading, self._link)
-        about = self._speech.about(self.protocol)
-        self.portrait.set(protocol=self.protocol)
-        self._reader = StreamDecoder(self._hub, self.senders, decoder, line=line, about=about)
+        decoder = self._protocols.decoder(self.protocol, self._reading, self._link)
+        about = self._protocols.about(self.protocol)
+        self.state.set(protocol=self.protocol)
+        self._reader = LinkDecoder(self._sink, self.devices, decoder, line=line, about=about)
 
-    def take(self, part: ChunkBlock) -> None:
-        """Bytes that came from it."""
+    def feed(self, part: ChunkBlock) -> None:
+        """Decode bytes received from the device."""
         if self._reader is None:
             self._waiting.append(part)
             size = sum(len(one.data) for one in self._waiting)
@@ -144,7 +144,7 @@ class _Device:
 
     def _recognise(self) -> None:
         if not self.protocol:
-            guesses = self._speech.guess(b"".join(part.data for part in self._waiting)[: 4 * GUESS_BYTES])
+            guesses = self._protocols.guess(b"".join(part.data for part in self._waiting)[: 4 * GUESS_BYTES])
             self.protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
         if self.protocol:
             self._begin()
@@ -153,7 +153,7 @@ class _Device:
                 self._feed(self._reader, part)
             self._waiting.clear()
 
-    def _feed(self, reader: StreamDecoder, part: ChunkBlock) -> None:
+    def _feed(self, reader: LinkDecoder, part: ChunkBlock) -> None:
         first = 0
         while first < len(part.ends):
             start = int(part.ends[first - 1]) if first else 0
@@ -163,57 +163,57 @@ class _Device:
             end = int(part.ends[past - 1])
             reader.feed_many(part.data[start:end], part.ends[first:past] - start, part.times[first:past])
             self._fed += end - start
-            self._hub.time = float(part.times[past - 1]) / 1e9
+            self._sink.time = float(part.times[past - 1]) / 1e9
             last = int(part.times[past - 1])
             if self._fed >= DRAIN_BYTES or last - self._drained >= DRAIN_NS or past < len(part.ends):
                 self._drained = last
                 self._drain(reader)
             first = past
-        self.senders.own.figures.heard(len(part.data), self._hub.time)
-        self._hub.fared.heard(self.portrait.info.id, part.ends, part.times)
+        self.devices.own.stats.count_bytes(len(part.data), self._sink.time)
+        self._sink.health_history.add(self.state.info.id, part.ends, part.times)
 
-    def _drain(self, reader: StreamDecoder) -> None:
+    def _drain(self, reader: LinkDecoder) -> None:
         self._fed = 0
         reader.drain()
-        self._tell_clocks()
-        if self._hub.time >= self._next_tick:
-            self._next_tick = self._hub.time + 1.0
-            for sender in self.senders.all:
-                sender.incidents.tick(self._hub.time)
+        self._store_clocks()
+        if self._sink.time >= self._next_tick:
+            self._next_tick = self._sink.time + 1.0
+            for sender in self.devices.all:
+                sender.events.tick(self._sink.time)
 
-    def _tell_clocks(self) -> None:
-        for sender in self.senders.all:
+    def _store_clocks(self) -> None:
+        for sender in self.devices.all:
             clock = sender.intake.clock if sender.intake is not None else None
             if clock is not None and clock.uncertainty_ns < float("inf"):
-                device = sender.portrait.info.id
-                self._hub.fared.clock(device, self._hub.time, clock.drift_ppm, clock.uncertainty_ns / 1e6)
+                device = sender.state.info.id
+                self._sink.health_history.clock(device, self._sink.time, clock.drift_ppm, clock.uncertainty_ns / 1e6)
 
     def end(self) -> None:
-        """The file is over."""
+        """Finish decoding at the end of the file."""
         if self._reader is None and self._waiting:
             self._recognise()
         if self._reader is not None:
             self._reader.drain(stalled=True)
-            self._tell_clocks()
-        self._tell_refusals()
-        for sender in self.senders.all:
-            sender.incidents.tick(self._hub.time + 3600.0)
-            sender.portrait.set(status="ended", message="", hint="", next_try=None)
+            self._store_clocks()
+        self._report_refusals()
+        for sender in self.devices.all:
+            sender.events.tick(self._sink.time + 3600.0)
+            sender.state.set(status="ended", message="", hint="", next_attempt=None)
 
-    def _tell_refusals(self) -> None:
-        """Frames that a setting would let in are told: what is not there would be missed without a word."""
-        own = self.senders.own
+    def _report_refusals(self) -> None:
+        """Report frames that another option would accept, so that missing data is explained."""
+        own = self.devices.own
         for reason, (words, remedy) in REMEDIES.items():
-            if count := own.figures.rejects_by.get(reason, 0):
+            if count := own.stats.rejects_by.get(reason, 0):
                 text = f"{words} {remedy}" if reason != "no_key" else f"{words} Give the key: --key @FILE."
-                own.incidents.say("device", "caution", text, data={"reason": reason, "count": count})
+                own.events.report("device", "warning", text, data={"reason": reason, "count": count})
 
 
 class ProgressPublisher:
-    """Shows what is decoded so far, now and then: soon at first, and never so often that it takes longer.
+    """Publishes the part decoded so far: soon at first, then at growing intervals to limit the cost.
 
     Args:
-        shown: called with the folder from which it can be read.
+        shown: called with the folder that contains it.
     """
 
     def __init__(self, shown: Callable[[Path], None]) -> None:
@@ -226,7 +226,7 @@ class ProgressPublisher:
         return time.monotonic() >= self._next
 
     def show(self, folder: Path) -> None:
-        """It can be read there."""
+        """Publish the folder, and schedule the next time."""
         self._shown(folder)
         self._wait = min(2 * self._wait, LAST_SHOWN_S)
         self._next = time.monotonic() + self._wait
@@ -245,69 +245,70 @@ def decode(
 
     Args:
         folder: of the store.
-        reading: what a person said about it; a protocol named here is that of every device.
-        progress: called with 0..1, from the thread that decodes.
-        usual: what is said of sources here, where neither a person nor the recording says otherwise.
-        shown: called with a folder for ColumnStore that has what is decoded so far, until the store itself is there.
+        reading: decode options from the user; a protocol given here applies to every device.
+        progress: called with 0..1, from the decoding thread.
+        usual: default decode options, if neither the user nor the recording gives others.
+        shown: called with a ColumnStore folder of the part decoded so far, until the store itself is complete.
+
     Raises:
-        RecordingError, OSError: the file cannot be read, or the store not be written; nothing is left behind.
+        RecordingError, OSError: the file cannot be read, or the store cannot be written; nothing is left behind.
     """
     writer = ColumnStoreWriter(folder)
     try:
         if isinstance(source, TableSource):
             return decode_tables(source, writer, progress, ProgressPublisher(shown))
-        fared = HealthHistoryWriter(writer.aside)
-        hub = RecordingSink(writer, fared)
+        health_history = HealthHistoryWriter(writer.temporary)
+        sink = RecordingSink(writer, health_history)
         showing = ProgressPublisher(shown)
-        devices = {name: _Device(hub, name, source, speech, reading, usual) for name in source.devices}
+        devices = {name: _Device(sink, name, source, speech, reading, usual) for name in source.devices}
         spans: dict[str, list[int]] = {}
         for part in source.parts():
-            if part.way == "rx":
+            if part.direction == "rx":
                 if part.device not in devices:
-                    devices[part.device] = _Device(hub, part.device, source, speech, reading, usual)
-                devices[part.device].take(part)
+                    devices[part.device] = _Device(sink, part.device, source, speech, reading, usual)
+                devices[part.device].feed(part)
             span = spans.setdefault(part.device, [int(part.times[0]), int(part.times[-1])])
             span[:] = min(span[0], int(part.times[0])), max(span[1], int(part.times[-1]))
             progress(min(part.done, 0.99))
-            if showing.is_due and hub.infos:
-                hub.flush()
-                manifest = _manifest(source, hub, devices, spans, most_events=EVENTS_SHOWN)
+            if showing.is_due and sink.infos:
+                sink.flush()
+                manifest = _manifest(source, sink, devices, spans, most_events=EVENTS_SHOWN)
                 manifest |= {"progress": part.done, "ended": max(manifest["ended"], _end(source))}
                 showing.show(writer.show(wire_codec.to_json_safe(manifest)))
         for device in devices.values():
             device.end()
-        for name, count in hub.payloads_left_out.items():
-            words = f"{count} payloads of further kinds are in no export but that of the original bytes."
-            hub.event(name, "device", "caution", words, data={"reason": "payloads", "count": count})
+        for name, count in sink.payloads_left_out.items():
+            words = f"{count} payloads of further kinds are only in exports of the original bytes."
+            sink.event(name, "device", "warning", words, data={"reason": "payloads", "count": count})
         if isinstance(source, CaptureSource) and source.guessed:
-            words = f"Some of it holds no device clock: its times are guessed at {BLIND_RATE} B/s (115 200 Bd)."
+            words = f"Parts have no device clock: their times are estimated at {BLIND_RATE} B/s (115 200 Bd)."
             for name in devices:
-                hub.event(name, "clock", "caution", words, data={"kind": "guessed"})
-        hub.close()
-        return writer.finish(wire_codec.to_json_safe(_manifest(source, hub, devices, spans)))
+                sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
+        sink.close()
+        return writer.finish(wire_codec.to_json_safe(_manifest(source, sink, devices, spans)))
     except BaseException:
         writer.abandon()
         raise
 
 
 def _end(source: Source) -> float:
-    """When a recording ends, unix s, as its index says before it is read; 0 where nothing does."""
+    """End of a recording, unix s, from its index; 0 without an index."""
     return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource) else 0.0
 
 
 def _manifest(
     source: Source,
-    hub: RecordingSink,
+    sink: RecordingSink,
     devices: Mapping[str, _Device],
     spans: Mapping[str, list[int]],
     most_events: int | None = None,
 ) -> dict[str, Any]:
-    events = hub.events[:most_events]
-    found = [event for event in hub.events if event.kind == "gap"]
+    events = sink.events[:most_events]
+    found = [event for event in sink.events if event.kind == "gap"]
     markers: list[dict[str, Any]] = []
     snapshots: dict[str, Any] = {}
-    for channel, time_ns, body in source.said():
-        if channel == EVENTS and (body.get("kind") not in FOUND_ANEW or _is_outage(body)):
+    for channel, time_ns, body in source.metadata():
+        if channel == EVENTS and (body.get("kind") not in DERIVED_AGAIN or _is_outage(body)):
             event = _event(body, time_ns)
             if event.kind != "gap" or not _is_counted(event, found):
                 events.append(event)
@@ -318,33 +319,33 @@ def _manifest(
     events.sort(key=lambda event: event.time)
     for number, event in enumerate(events):
         event.seq = number
-    infos = [info for device in devices.values() for info in device.senders.infos]
-    figures = {sender.portrait.info.id: sender for device in devices.values() for sender in device.senders.all}
+    infos = [info for device in devices.values() for info in device.devices.infos]
+    figures = {sender.state.info.id: sender for device in devices.values() for sender in device.devices.all}
     starts = [first for first, _ in spans.values()]
     stops = [last for _, last in spans.values()]
     return {
         "format": source.format,
         "timed": source.timed,
-        "about": dict(source.about),
+        "about": dict(source.header),
         "started": min(starts) / 1e9 if starts else None,
         "ended": max(stops) / 1e9 if stops else None,
         "devices": [asdict(info) for info in infos],
-        "channels": [asdict(info) for info in hub.infos.values()],
-        "clocks": [asdict(info) for info in hub.clocks.values()],
-        "payloads": list(hub.payloads.values()),
+        "channels": [asdict(info) for info in sink.infos.values()],
+        "clocks": [asdict(info) for info in sink.clocks.values()],
+        "payloads": list(sink.payloads.values()),
         "events": [asdict(event) for event in events],
-        "events_left_out": hub.left_out,
+        "events_left_out": sink.left_out,
         "markers": markers,
         "snapshots": snapshots,
         "damage": [asdict(damage) for damage in source.damage],
-        "fared": hub.fared.names,
+        "health": sink.health_history.names,
         "figures": {
             device: {
-                "bytes": sender.figures.bytes.total,
-                "lost": sender.figures.lost,
-                "gaps": sender.figures.gaps,
-                "rejects": sender.figures.rejects,
-                "messages": {name: meter.total for name, meter in sender.figures.messages.items()},
+                "bytes": sender.stats.bytes.total,
+                "lost": sender.stats.lost,
+                "gaps": sender.stats.gaps,
+                "rejects": sender.stats.rejects,
+                "messages": {name: meter.total for name, meter in sender.stats.messages.items()},
             }
             for device, sender in figures.items()
         },
@@ -352,15 +353,17 @@ def _manifest(
 
 
 def _sender(device: str, body: Mapping[str, Any], devices: Mapping[str, _Device]) -> str:
-    """Whose settings they are, of those that share a line: who was heard first live may be another here."""
+    """Device that the settings belong to, among those that share a line: the first device live may not be the first
+    here.
+    """
     own = device.partition(".")[0]
-    addresses = devices[own].senders.addresses if own in devices else {}
+    addresses = devices[own].devices.addresses if own in devices else {}
     name = next((name for name, address in addresses.items() if address == body.get("address")), None)
     return device if name is None else f"{own}.{name}" if name else own
 
 
 def _is_outage(body: Mapping[str, Any]) -> bool:
-    """A link that was down, of which no counter tells: who decodes the bytes sees none that are missing."""
+    """Whether an event is a link outage. It is not derived again, since the bytes do not show that any are missing."""
     data = body.get("data")
     times = (body.get("t0"), body.get("t1"))
     numbers = all(isinstance(time, int | float) and abs(time) < MOST_TIME for time in times)  # nor NaN
@@ -368,7 +371,7 @@ def _is_outage(body: Mapping[str, Any]) -> bool:
 
 
 def _is_counted(outage: wire.EventInfo, found: Sequence[wire.EventInfo]) -> bool:
-    """Did a counter, read across the outage, tell what it lost?"""
+    """Whether a gap detected by a counter already covers the outage."""
     t0, t1 = outage.t0 or 0.0, outage.t1 or 0.0
     return any(
         gap.device == outage.device and (gap.t0 or 0.0) < t1 and (gap.t1 or 0.0) > t0 and gap.samples for gap in found
@@ -376,13 +379,14 @@ def _is_counted(outage: wire.EventInfo, found: Sequence[wire.EventInfo]) -> bool
 
 
 def _event(body: Mapping[str, Any], time_ns: int) -> wire.EventInfo:
-    kind, level = body.get("kind"), body.get("level")
+    kind, level = body.get("kind"), str(body.get("level"))
+    level = previous_names.LEVELS.get(level, level)
     return wire.EventInfo(
         0,
         float(body.get("time") or time_ns / 1e9),
         str(body.get("device", "")),
         kind if kind in get_args(wire.EventKind) else "device",  # type: ignore[arg-type]
-        level if level in ("info", "caution", "fault") else "info",
+        level if level in get_args(wire.Level) else "info",  # type: ignore[arg-type]
         str(body.get("text", "")),
         t0=float(body["t0"]) if _is_outage(body) else None,
         t1=float(body["t1"]) if _is_outage(body) else None,
@@ -399,7 +403,7 @@ def _note(body: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def usual_interval(columns: ColumnStore, channel: int) -> float:
-    """The usual time between two samples of a channel, s; 0 while it has fewer than two."""
+    """Median time between two samples of a channel, s; 0 if it has fewer than two."""
     rows = columns.exact(channel, 0, 4096, columns=[])
     steps = np.diff(np.where(np.isnan(rows.time), rows.arrival, rows.time))
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0

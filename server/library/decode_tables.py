@@ -1,7 +1,7 @@
-"""How does a file of numbers (CSV, another's MCAP) become an opened recording? Its tables are channels as they stand.
+"""Decoding of numeric files (CSV, MCAP of other tools) into an opened recording; each table becomes a channel.
 
-There are no bytes, so there is no decoder, no clock to map and nothing to lose: times are those of the file, and a
-column is shown in the unit that its heading names.
+There are no bytes, so no decoder, clock mapping or losses: times are taken from the file, and the unit of a column from
+its heading.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ AXES = ("x", "y", "z", "w")
 
 
 class _Tables:
-    """The channels of the tables that have been met."""
+    """Channels of the tables read so far."""
 
     def __init__(self, writer: ColumnStoreWriter) -> None:
         self.infos: list[wire.ChannelInfo] = []
@@ -33,8 +33,8 @@ class _Tables:
         self._writer = writer
         self._plans: dict[str, list[tuple[int, list[str]]]] = {}
 
-    def take(self, rows: TableRows) -> None:
-        """A block of rows."""
+    def add(self, rows: TableRows) -> None:
+        """Add a block of rows."""
         if not len(rows.time):
             return
         plan = self._plans.get(rows.table)
@@ -77,21 +77,21 @@ class _Tables:
 def decode_tables(
     source: TableSource, writer: ColumnStoreWriter, progress: Callable[[float], None], showing: ProgressPublisher
 ) -> ColumnStore:
-    """Write the tables of a file into a store, shown now and then while it is made.
+    """Write the tables of a file into a store, with partial results meanwhile.
 
     Raises:
-        RecordingError: there is no number in them.
+        RecordingError: the tables contain no numbers.
     """
     tables = _Tables(writer)
     last = source.last()
     for rows in source.rows():
-        tables.take(rows)
+        tables.add(rows)
         progress(min(rows.done, 0.99))
         if showing.is_due and tables.infos:
             so_far = _manifest(source, tables) | {"progress": min(rows.done, 0.99), "ended": max(tables.last, last)}
             showing.show(writer.show(wire_codec.to_json_safe(so_far)))
     if not tables.infos:
-        raise RecordingError(f"There are no numbers in {source.path.name}.", "A table needs a row at least.")
+        raise RecordingError(f"{source.path.name} contains no numbers.", "A table needs at least one row.")
     return writer.finish(wire_codec.to_json_safe(_manifest(source, tables)))
 
 

@@ -1,11 +1,12 @@
 """Exports: jobs that turn recordings into files of other formats, in the background, one after the other.
 
-    add ──> waiting ──> running: a process of its own (server/library/export_worker.py) ──> done: a file to be fetched
-                        │ cancel: the process is ended, and nothing is left
+    add ──> waiting ──> running: a subprocess (server/library/export_worker.py) ──> done: a file for download
+                        │ cancel: the process is ended, and its files are deleted
 
-A process of its own and of low priority, because live devices must not feel it. What it made lies under
-`<data>/exports/<run>-<job>/`; several files become one zip. Files are kept for a day, and at most `KEPT` of them, and
-go with the server; of one that was killed they go when a later one makes its first export after that day.
+The subprocess has low priority, so that live devices are not affected. Its result is in
+`<data>/exports/<run>-<job>/`; several files become one zip. At most `KEPT` results are stored, for a day, and they are
+deleted with the end of the server; those of a killed server are deleted at the first export of a later run after that
+day.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from pathlib import Path
 from recordings.exporters import FORMATS
 from recordings.mcap_writer import RecordingError
 from server import wire
+from server.errors import DomainError
 from server.library.api_models import Export, ExportPart, ExportSizes
 from server.library.catalogue import Catalogue
 from server.library.column_cache import ColumnCache
 from server.library.one_file import one_file
-from server.library.worker import Worker
-from server.streaming.hub import Hub
+from server.streaming.bus import TelemetryBus
+from server.workers import Worker
 
 log = logging.getLogger("imuscope.exports")
 
@@ -36,118 +38,114 @@ LAST_DATE = 253_402_300_800.0  # the year 10000
 KEPT = 50
 KEPT_S = 86_400.0
 MOST_WAITING = 20
-TELL_S = 0.25  # between two tellings of progress
-PATIENCE_S = 0.8  # from being told to end to being killed; less than a server that ends has (server/shutdown.py)
-
-
-class ExportsError(Exception):
-    """It cannot be done now; kind as in the one shape of errors."""
-
-    def __init__(self, kind: str, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.kind, self.message, self.hint = kind, message, hint
+PROGRESS_INTERVAL_S = 0.25  # between two progress reports
+STOP_S = 0.8  # from SIGTERM to SIGKILL; less than the time for a shutdown of the server (server/shutdown.py)
 
 
 @dataclass(slots=True)
 class _Job:
-    told: wire.ExportJob
-    wish: Export
+    published: wire.ExportJob
+    request: Export
     folder: Path
     file: Path | None = None
-    ended: float = 0.0
+    ended_at: float = 0.0
     task: asyncio.Task[None] | None = field(default=None, repr=False)
 
 
-class Exports:
+class ExportJobs:
     """All exports of a server."""
 
-    def __init__(self, hub: Hub, catalogue: Catalogue, shelf: ColumnCache, data: Path) -> None:
-        self._hub = hub
+    def __init__(self, bus: TelemetryBus, catalogue: Catalogue, columns: ColumnCache, data: Path) -> None:
+        self._bus = bus
         self._catalogue = catalogue
-        self._shelf = shelf
+        self._columns = columns
         self._folder = data / FOLDER
         self._jobs: dict[int, _Job] = {}
         self._next = 1
-        self._turn = asyncio.Lock()
+        self._slot = asyncio.Lock()
         self._measuring = asyncio.Lock()
-        self._told_at = 0.0
+        self._published_at = 0.0
 
     @property
     def jobs(self) -> list[wire.ExportJob]:
-        """Newest first."""
-        return [job.told for job in reversed(self._jobs.values())]
+        """All jobs, newest first."""
+        return [job.published for job in reversed(self._jobs.values())]
 
-    def add(self, recording: str, wish: Export) -> wire.ExportJob:
-        """Begin, as soon as those before it are through.
+    def add(self, recording: str, request: Export) -> wire.ExportJob:
+        """Queue an export; it starts after the earlier ones.
 
         Raises:
-            KeyError: there is no such recording.
-            ExportsError: no such format, or too many wait.
+            KeyError: unknown recording.
+            DomainError: unknown format, or too many exports are waiting.
         """
         info = self._catalogue.info(recording)
-        if wish.format not in FORMATS:
-            raise ExportsError(
-                "bad-format", f"{wish.format} cannot be written yet.", f"There are: {', '.join(FORMATS)}."
+        if request.format not in FORMATS:
+            raise DomainError(
+                "bad-format", f"Unknown format {request.format:.40}.", f"Available: {', '.join(FORMATS)}."
             )
         if info.recording:
-            raise ExportsError("busy", "It is being recorded.", "Stop the recording first.")
-        if sum(job.told.state in ("waiting", "running") for job in self._jobs.values()) >= MOST_WAITING:
-            raise ExportsError("full", f"{MOST_WAITING} exports are waiting already.", "Wait, or cancel one.")
+            raise DomainError("busy", "The recording is still running.", "Stop the recording first.")
+        if sum(job.published.state in ("waiting", "running") for job in self._jobs.values()) >= MOST_WAITING:
+            raise DomainError("full", f"The maximum of {MOST_WAITING} exports is waiting.", "Wait, or cancel one.")
         if self._next == 1:
-            self._sweep()
+            self._remove_expired()
         number = self._next
         self._next += 1
-        told = wire.ExportJob(number, recording, wish.format, _words(wish), "waiting")
-        job = self._jobs[number] = _Job(told, wish, self._folder / f"{self._hub.run[:8]}-{number}")
+        published = wire.ExportJob(number, recording, request.format, _words(request), "waiting")
+        job = self._jobs[number] = _Job(published, request, self._folder / f"{self._bus.run[:8]}-{number}")
         job.task = asyncio.get_running_loop().create_task(self._work(job, info.title), name=f"export {number}")
         self._tidy()
-        self._tell()
-        return told
+        self._publish()
+        return published
 
     def file(self, number: int) -> Path:
-        """What a job made.
+        """Result file of a job.
 
         Raises:
-            KeyError: there is no such job.
-            ExportsError: it is not done.
+            KeyError: unknown job.
+            DomainError: it is not done.
         """
         job = self._jobs[number]
         if job.file is None or not job.file.is_file():
-            raise ExportsError("not-now", "This export has no file.", job.told.message or "Wait until it is done.")
+            raise DomainError("not-now", "This export has no file.", job.published.message or "Wait until it is done.")
         return job.file
 
-    async def sizes(self, recording: str, wish: ExportPart) -> ExportSizes:
-        """About how large exports of a stretch would be: samples are written, in a process of its own.
+    async def sizes(self, recording: str, request: ExportPart) -> ExportSizes:
+        """Estimate sizes of exports by writing samples, in a subprocess.
 
         Raises:
-            KeyError: there is no such recording.
+            KeyError: unknown recording.
             RecordingError: it cannot be opened.
         """
         async with self._measuring:
-            await self._shelf.opened(recording)
+            await self._columns.opened(recording)
             self._folder.mkdir(parents=True, exist_ok=True)
-            told = {"store": str(self._shelf.store_of(recording)), "title": recording, "folder": str(self._folder)}
+            inputs = {
+                "store": str(self._columns.store_of(recording)),
+                "title": recording,
+                "folder": str(self._folder),
+            }
             worker = await Worker.start("server.library.export_sizes")
             try:
-                worker.ask({**told, **asdict(wish)})
+                worker.request({**inputs, **asdict(request)})
                 answers = [answer async for answer in worker]
                 is_done = await worker.wait() == 0
             finally:
-                await worker.end(PATIENCE_S)
+                await worker.end(STOP_S)
         return ExportSizes(**answers[0]) if is_done else ExportSizes()
 
     async def drop(self, number: int) -> None:
-        """Cancel it, or forget it and what it made. KeyError: there is no such job."""
+        """Cancel a job, or delete it and its result; KeyError for an unknown job."""
         job = self._jobs[number]
         if job.task is not None and not job.task.done():
             job.task.cancel()
             await asyncio.gather(job.task, return_exceptions=True)
         self._jobs.pop(number, None)
         await asyncio.to_thread(shutil.rmtree, job.folder, ignore_errors=True)
-        self._tell()
+        self._publish()
 
     async def close(self) -> None:
-        """End all that runs, and leave nothing."""
+        """Stop all jobs and delete their files."""
         tasks = [job.task for job in self._jobs.values() if job.task is not None]
         for task in tasks:
             task.cancel()
@@ -158,107 +156,110 @@ class Exports:
     # ── one job ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def _work(self, job: _Job, title: str) -> None:
-        told = job.told
+        published = job.published
         try:
-            async with self._turn:
-                told.state = "running"
-                self._tell()
-                await self._shelf.opened(told.recording)
+            async with self._slot:
+                published.state = "running"
+                self._publish()
+                await self._columns.opened(published.recording)
                 files = await self._run(job, title)
                 job.file = await asyncio.to_thread(
-                    one_file, files, job.folder, f"{_stem(title, job.wish)}-{told.format}"
+                    one_file, files, job.folder, f"{_stem(title, job.request)}-{published.format}"
                 )
-                told.state, told.progress, told.size = "done", 1.0, job.file.stat().st_size
-                told.file = job.file.name
+                published.state, published.progress, published.size = "done", 1.0, job.file.stat().st_size
+                published.file = job.file.name
         except asyncio.CancelledError:
-            told.state = "cancelled"
+            published.state = "cancelled"
             shutil.rmtree(job.folder, ignore_errors=True)
             raise
         except RecordingError as error:
-            told.state, told.message, told.hint = "failed", error.message, error.hint
+            published.state, published.message, published.hint = "failed", error.message, error.hint
         except KeyError:
-            told.state, told.message = "failed", "The recording is not there any more."
+            published.state, published.message = "failed", "The recording no longer exists."
         except OSError as error:
-            told.state, told.message = "failed", f"It cannot be written: {(error.strerror or 'it failed').lower()}."
-            told.hint = "Free some space, or export a shorter stretch."
+            published.state, published.message = (
+                "failed",
+                f"It cannot be written: {(error.strerror or 'it failed').lower()}.",
+            )
+            published.hint = "Free some space, or export a shorter time range."
         finally:
-            job.ended = time.monotonic()
-            if told.state == "failed":
+            job.ended_at = time.monotonic()
+            if published.state == "failed":
                 shutil.rmtree(job.folder, ignore_errors=True)
-            self._tell()
+            self._publish()
 
     async def _run(self, job: _Job, title: str) -> list[Path]:
-        """Have a process write it."""
+        """Write the export in a subprocess."""
         job.folder.mkdir(parents=True, exist_ok=True)
-        recording = job.told.recording
-        asked = {
-            **asdict(job.wish),
-            "store": str(self._shelf.store_of(recording)),
-            "source": str(self._catalogue.path(recording)),
+        recording = job.published.recording
+        worker_request = {
+            **asdict(job.request),
+            "store": str(self._columns.store_of(recording)),
+            "source": str(self._catalogue.library.known_path(recording)),
             "title": title,
-            "out": str(job.folder / f"{_stem(title, job.wish)}{FORMATS[job.wish.format].suffix}"),
+            "out": str(job.folder / f"{_stem(title, job.request)}{FORMATS[job.request.format].suffix}"),
         }
         worker = await Worker.start("server.library.export_worker")
         try:
-            worker.ask(asked)
+            worker.request(worker_request)
             return await self._follow(worker, job)
         finally:
-            await worker.end(PATIENCE_S)
+            await worker.end(STOP_S)
 
     async def _follow(self, worker: Worker, job: _Job) -> list[Path]:
         files: list[Path] | None = None
-        async for told in worker:  # to its end: then the process has ended by itself
-            files = [Path(file) for file in told["files"]] if "files" in told else files
-            job.told.progress = told.get("progress", job.told.progress)
-            if time.monotonic() >= self._told_at + TELL_S:
-                self._tell()
+        async for published in worker:  # until the end of its output, when the process has ended by itself
+            files = [Path(file) for file in published["files"]] if "files" in published else files
+            job.published.progress = published.get("progress", job.published.progress)
+            if time.monotonic() >= self._published_at + PROGRESS_INTERVAL_S:
+                self._publish()
         if files is None or await worker.wait() != 0:
             raise RecordingError("The export failed.", "The log has details.")
         return files
 
-    # ── all of them ──────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── all jobs ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _tell(self) -> None:
-        self._told_at = time.monotonic()
-        self._hub.set_exports(wire.Exports(self.jobs))
+    def _publish(self) -> None:
+        self._published_at = time.monotonic()
+        self._bus.exports.publish(wire.Exports(self.jobs))
 
-    def _sweep(self) -> None:
-        """What servers before this one left."""
+    def _remove_expired(self) -> None:
+        """Remove exports of previous runs."""
         with contextlib.suppress(OSError):
             for folder in self._folder.iterdir():
                 if time.time() - folder.stat().st_mtime > KEPT_S:
                     shutil.rmtree(folder, ignore_errors=True)
 
     def _tidy(self) -> None:
-        """Forget what is old."""
-        over = [job for job in self._jobs.values() if job.ended]
+        """Delete old results."""
+        over = [job for job in self._jobs.values() if job.ended_at]
         late = time.monotonic() - KEPT_S
-        for job in over[: max(0, len(over) - KEPT)] + [job for job in over if job.ended < late]:
-            if self._jobs.pop(job.told.id, None) is not None:
+        for job in over[: max(0, len(over) - KEPT)] + [job for job in over if job.ended_at < late]:
+            if self._jobs.pop(job.published.id, None) is not None:
                 shutil.rmtree(job.folder, ignore_errors=True)
 
 
-def _stem(title: str, wish: Export) -> str:
-    """A file's name out of a title, and where it is a part its ends: run-20260101T120000Z-20260101T120130Z."""
+def _stem(title: str, request: Export) -> str:
+    """File name from a title, and for a part its range: run-20260101T120000Z-20260101T120130Z."""
     plain = "".join(c if c.isalnum() or c in "._-" else "-" for c in title)
     stem = plain.encode()[:80].decode(errors="ignore").strip("-.") or "recording"
-    ends = [datetime.fromtimestamp(t, UTC).strftime("%Y%m%dT%H%M%SZ") if t is not None else "" for t in _ends(wish)]
+    ends = [datetime.fromtimestamp(t, UTC).strftime("%Y%m%dT%H%M%SZ") if t is not None else "" for t in _ends(request)]
     return f"{stem}-{ends[0] or 'begin'}-{ends[1] or 'end'}" if any(ends) else stem
 
 
-def _ends(wish: Export) -> tuple[float | None, float | None]:
-    """The stretch, as far as a calendar has it."""
-    t0, t1 = (t if t is not None and 0 <= t < LAST_DATE else None for t in (wish.t0, wish.t1))
+def _ends(request: Export) -> tuple[float | None, float | None]:
+    """The time range, as far as the calendar can represent it."""
+    t0, t1 = (t if t is not None and 0 <= t < LAST_DATE else None for t in (request.t0, request.t1))
     return t0, t1
 
 
-def _words(wish: Export) -> str:
-    """What it is, in words."""
-    parts = [FORMATS[wish.format].title]
-    if wish.t0 is not None and wish.t1 is not None:
-        parts.append(f"{wish.t1 - wish.t0:.3f} s")
-    elif wish.t0 is not None or wish.t1 is not None:
+def _words(request: Export) -> str:
+    """Description of an export."""
+    parts = [FORMATS[request.format].title]
+    if request.t0 is not None and request.t1 is not None:
+        parts.append(f"{request.t1 - request.t0:.3f} s")
+    elif request.t0 is not None or request.t1 is not None:
         parts.append("a part")
-    if wish.channels is not None:
-        parts.append(f"{len(wish.channels)} channel{'s' * (len(wish.channels) != 1)}")
+    if request.channels is not None:
+        parts.append(f"{len(request.channels)} channel{'s' * (len(request.channels) != 1)}")
     return ", ".join(parts)

@@ -1,13 +1,13 @@
-"""`python -m server.library.export_sizes`: how large exports will be, found by writing a sample of each.
+"""`python -m server.library.export_sizes`: estimate sizes of exports by writing a sample of each.
 
-How well numbers pack depends on the numbers: columns of a sensor at rest shrink to a tenth of those of a drive. So a
-stretch out of the middle is written, and one twice as long, exactly as an export would be, zip and all; what the second
-has more than the first is what rows cost, and the rest is there once.
+Compression depends on the data: columns of a sensor at rest shrink to a tenth of those of a drive. So a range from the
+middle and one twice as long are written exactly like an export, including the zip; their difference is the cost of
+rows, and the rest is constant.
 
     size ≈ second + (rows of all - rows of second) · (second - first) / (rows of second - rows of first)
 
-A short recording is written whole. A wish comes on standard input, one JSON object: store, title, t0, t1, channels,
-base; what goes out is a line of JSON, {"sizes": {format: bytes}, "devices": {device: bytes as they came}}.
+A short recording is written completely. The request comes on standard input, one JSON object: store, title, t0, t1,
+channels, base; the output is a line of JSON, {"sizes": {format: bytes}, "devices": {device: received bytes}}.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from recordings.bounds import TooLong, bounded
 from recordings.exporters import FORMATS, ExportRequest, export
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
-from server.library.export_worker import wish_of
+from server.library.export_worker import request_of
 from server.library.one_file import one_file
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)
-WHOLE = 12_000  # up to so many rows of channels all is written
+WHOLE = 12_000  # rows of channels up to which everything is written
 SAMPLE = 6_000  # rows of channels in the first sample
 
 
-def sizes(wish: ExportRequest, folder: Path) -> dict[str, int]:
-    """About how many bytes an export has, format by format; those that cannot be written are left out.
+def sizes(request: ExportRequest, folder: Path) -> dict[str, int]:
+    """Estimated size of an export, bytes, by format, without formats that cannot be written.
 
     Args:
-        wish: of which channels and which stretch; its device and source are of no interest.
-        folder: where samples are written; they are removed again.
+        request: channels and time range; device and source are ignored.
+        folder: folder for the samples, which are deleted again.
     """
-    total = _rows(wish)
+    total = _rows(request)
     if total == 0:
         return {}
-    samples = [wish] if total <= WHOLE else _samples(wish, total)
+    samples = [request] if total <= WHOLE else _samples(request, total)
     counts = [_rows(one) for one in samples]
     found: dict[str, int] = {}
     for format in SAMPLED:
@@ -59,49 +59,52 @@ def sizes(wish: ExportRequest, folder: Path) -> dict[str, int]:
     return found
 
 
-def came(wish: ExportRequest) -> dict[str, int]:
-    """About how many bytes came of each device in the stretch, as far as that was counted."""
-    told = wish.columns.manifest
-    whole = replace(wish, t0=-np.inf, t1=np.inf, channels=None)
-    part = replace(wish, channels=None)
+def received_bytes(request: ExportRequest) -> dict[str, int]:
+    """Estimated number of bytes received from each device in the time range, as far as counted."""
+    message = request.columns.manifest
+    whole = replace(request, t0=-np.inf, t1=np.inf, channels=None)
+    part = replace(request, channels=None)
     found: dict[str, int] = {}
-    for device, figures in told["figures"].items():
+    for device, figures in message["figures"].items():
         of_all = _rows(replace(whole, device=device))
         if figures.get("bytes") and of_all:
             found[device] = round(figures["bytes"] * _rows(replace(part, device=device)) / of_all)
     return found
 
 
-def _samples(wish: ExportRequest, total: int) -> list[ExportRequest]:
-    """Two stretches about the middle, the second twice as long as the first."""
-    first, last = wish.columns.span(base=wish.base) or (0.0, 0.0)
-    first, last = max(first, wish.t0), min(last, wish.t1)
+def _samples(request: ExportRequest, total: int) -> list[ExportRequest]:
+    """Two time ranges around the middle, the second twice as long as the first."""
+    first, last = request.columns.span(base=request.base) or (0.0, 0.0)
+    first, last = max(first, request.t0), min(last, request.t1)
     middle, half = (first + last) / 2, (last - first) / 2 * SAMPLE / total
-    return [replace(wish, t0=middle - half * times, t1=middle + half * times) for times in (1, 2)]
+    return [replace(request, t0=middle - half * times, t1=middle + half * times) for times in (1, 2)]
 
 
-def _rows(wish: ExportRequest) -> int:
-    """Rows of all chosen channels together."""
-    return sum(past - at for at, past in (wish.rows(info["id"]) for info in wish.infos))
+def _rows(request: ExportRequest) -> int:
+    """Total number of rows of all chosen channels."""
+    return sum(past - at for at, past in (request.rows(info["id"]) for info in request.infos))
 
 
-def _written(format: str, wish: ExportRequest, folder: Path) -> int:
+def _written(format: str, request: ExportRequest, folder: Path) -> int:
     with tempfile.TemporaryDirectory(dir=folder) as name:
-        files = export(format, wish, Path(name) / f"sample{FORMATS[format].suffix}")
+        files = export(format, request, Path(name) / f"sample{FORMATS[format].suffix}")
         return one_file(files, Path(name), "sample-zip").stat().st_size
 
 
 def main() -> int:
-    """Measure what standard input asks for; 0, or 1 when it could not be done."""
+    """Measure the export that standard input requests. Returns 0, or 1 on failure."""
     with contextlib.suppress(OSError):
         os.nice(10)  # live devices come first
     die_with_parent()
     bounded()
-    told = json.loads(sys.stdin.read())
-    wish = wish_of({"source": "", "device": "", **told})
+    message = json.loads(sys.stdin.read())
+    request = request_of({"source": "", "device": "", **message})
     try:
-        with tempfile.TemporaryDirectory(dir=told["folder"]) as folder:
-            answer: Mapping[str, Mapping[str, int]] = {"sizes": sizes(wish, Path(folder)), "devices": came(wish)}
+        with tempfile.TemporaryDirectory(dir=message["folder"]) as folder:
+            answer: Mapping[str, Mapping[str, int]] = {
+                "sizes": sizes(request, Path(folder)),
+                "devices": received_bytes(request),
+            }
     except (RecordingError, MemoryError, TooLong, OSError, ValueError, KeyError):
         return 1
     print(json.dumps(answer), flush=True)

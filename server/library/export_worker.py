@@ -1,8 +1,8 @@
-"""`python -m server.library.export_worker`: one export written in a process of its own, for export_jobs.py.
+"""`python -m server.library.export_worker`: write one export in a subprocess, for export_jobs.py.
 
-A wish comes on standard input, one JSON object: format, store, source, title, t0, t1, channels, device, base, out. What
-goes out are JSON lines: {"progress": 0..1} as it goes on, then {"files": […]}, or {"message", "hint"} when it cannot.
-A process that is told to end (SIGTERM) leaves nothing behind.
+The request comes on standard input, one JSON object: format, store, source, title, t0, t1, channels, device, base, out.
+The output are JSON lines: {"progress": 0..1}, then {"files": […]}, or {"message", "hint"} for an error. A process that
+is stopped (SIGTERM) leaves no files behind.
 """
 
 from __future__ import annotations
@@ -26,50 +26,50 @@ STEP = 0.005
 
 
 def main() -> int:
-    """Export what standard input asks for; 0, or 1 when it could not be done and was told."""
+    """Write the export that standard input requests. Returns 0, or 1 after a reported error."""
     with contextlib.suppress(OSError):
-        os.nice(10)  # live devices come first, and opening recordings
+        os.nice(10)  # live devices and opening of recordings come first
     signal.signal(signal.SIGTERM, _end)
     die_with_parent()
     bounded()
-    told = json.loads(sys.stdin.read())
+    message = json.loads(sys.stdin.read())
     shown = 0.0
 
     def step(share: float) -> None:
         nonlocal shown
         if share >= shown + STEP:
             shown = share
-            _say(progress=round(min(share, 1.0), 3))
+            _send(progress=round(min(share, 1.0), 3))
 
     try:
-        files = export(told["format"], wish_of(told), Path(told["out"]), step)
+        files = export(message["format"], request_of(message), Path(message["out"]), step)
     except RecordingError as error:
-        _say(message=error.message, hint=error.hint)
+        _send(message=error.message, hint=error.hint)
         return 1
     except MemoryError:
-        _say(message="Exporting it takes more memory than it may have.", hint="Export a shorter stretch.")
+        _send(message="The export exceeds the memory limit.", hint="Export a shorter time range.")
         return 1
     except TooLong:
-        _say(message="Exporting it takes more time than it may have.", hint="Export a shorter stretch.")
+        _send(message="The export exceeds the time limit.", hint="Export a shorter time range.")
         return 1
     except (OSError, ValueError, KeyError):
-        _say(message="The recording changed while it was exported.", hint="Export it again.")
+        _send(message="The recording changed while it was exported.", hint="Export it again.")
         return 1
-    _say(files=[str(file) for file in files])
+    _send(files=[str(file) for file in files])
     return 0
 
 
-def wish_of(told: dict[str, Any]) -> ExportRequest:
-    """The wish that standard input tells."""
+def request_of(message: dict[str, Any]) -> ExportRequest:
+    """The export request of a message on standard input."""
     return ExportRequest(
-        ColumnStore(Path(told["store"])),
-        Path(told["source"]),
-        told["title"],
-        -math.inf if told["t0"] is None else told["t0"],
-        math.inf if told["t1"] is None else told["t1"],
-        None if told["channels"] is None else tuple(told["channels"]),
-        told["device"],
-        told["base"],
+        ColumnStore(Path(message["store"])),
+        Path(message["source"]),
+        message["title"],
+        -math.inf if message["t0"] is None else message["t0"],
+        math.inf if message["t1"] is None else message["t1"],
+        None if message["channels"] is None else tuple(message["channels"]),
+        message["device"],
+        message["base"],
     )
 
 
@@ -77,7 +77,7 @@ def _end(number: int, frame: object) -> NoReturn:
     raise SystemExit(143)
 
 
-def _say(**words: object) -> None:
+def _send(**words: object) -> None:
     print(json.dumps(words), flush=True)
 
 

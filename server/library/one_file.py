@@ -1,4 +1,4 @@
-"""What an export hands out: its file, or of several files one zip."""
+"""Download form of an export: the file itself, or a zip of several files."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 
 
 def one_file(files: Sequence[Path], folder: Path, stem: str) -> Path:
-    """The file; of several a zip, into which they move."""
+    """The file, or a zip into which several files are moved."""
     if len(files) == 1:
         return files[0]
     path = folder / f"{stem}.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for file in files:
-            kept = file.suffix == ".parquet"  # compressed already
-            archive.write(file, file.name, zipfile.ZIP_STORED if kept else zipfile.ZIP_DEFLATED)
+            is_compressed = file.suffix == ".parquet"  # has its own compression
+            archive.write(file, file.name, zipfile.ZIP_STORED if is_compressed else zipfile.ZIP_DEFLATED)
             file.unlink()
     return path

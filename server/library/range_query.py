@@ -1,14 +1,14 @@
-"""Any stretch of any channel, live or recorded: for the page as sample frames, for programs as a table.
+"""Query of a time range of a channel, live or recorded: as sample frames for the page, as a table for programs.
 
     recorded    Columns (recordings/column_store.py), mapped from disk
-    live        the ring of a channel in the hub
+    live        the ring of a channel in the store
 
-Both answer the same question, t0 ≤ t ≤ t1 in at most so many buckets, with rows as they are (Exact) or summarised
-(Buckets), so that paused, scrolled-back and recorded data look alike. Attitudes are thinned instead of summarised, and
-of a table (satellites) that has too many rows the newest state is given.
+Both answer the same query, t0 ≤ t ≤ t1 in a maximum number of buckets, with all rows (ExactRows) or summarised
+(MinMaxBuckets), so that paused, scrolled-back and recorded data look alike. Attitudes are thinned instead of
+summarised, and a table (satellites) with too many rows gives its newest state.
 
-As sample frames of the wire a bucket is two rows at one time: least, then greatest; of flags the bits of any row, then
-of all. As a table it is one row: t, n, and NAME_min, NAME_max (NAME_any, NAME_all).
+In sample frames of the wire a bucket is two rows at one time: min, then max; for flags the bits of any row, then of
+all. In a table it is one row: t, n, and NAME_min, NAME_max (NAME_any, NAME_all).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from recordings.column_store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
 from recordings.statistics import norm_statistics, statistics
 from server import wire, wire_codec
-from server.streaming.hub import Channel
+from server.streaming.channel_store import StoredChannel
 
 Array = NDArray[Any]
 
@@ -35,12 +35,12 @@ THINNED = ("quaternion", "matrix")
 
 @dataclass(frozen=True, slots=True)
 class QueryResult:
-    """Rows of one channel and what they are.
+    """Rows of one channel, with their description.
 
     Args:
         info: the channel.
         rows: Exact or MinMaxBuckets.
-        columns: which of the channel's columns, by position.
+        columns: positions of the returned columns in the channel.
     """
 
     info: wire.ChannelInfo
@@ -62,18 +62,18 @@ def recorded(
     columns: Sequence[int] | None = None,
     base: Base = "device",
 ) -> QueryResult:
-    """A stretch of a recorded channel; `width` 0 for all rows."""
+    """A time range of a recorded channel; `width` 0 for all rows."""
     wanted = tuple(range(len(info.columns)) if columns is None else columns)
     if width and info.kind in THINNED:
         return QueryResult(info, _picked(store.thinned(info.id, t0, t1, 2 * width, base=base), wanted), wanted)
     rows = store.query(info.id, t0, t1, width, columns=wanted, base=base)
-    if isinstance(rows, MinMaxBuckets) and info.kind == "rows":
+    if isinstance(rows, MinMaxBuckets) and info.kind == "table":
         rows = _picked(_newest(store, info.id, t1, base), wanted)
     return QueryResult(info, rows, wanted)
 
 
 def ordered(answer: QueryResult) -> QueryResult:
-    """The same rows by their time, where they have one: a device sends some later than newer ones of another kind."""
+    """The same rows sorted by time, because a device may send rows later than newer ones of another kind."""
     rows = answer.rows
     if not isinstance(rows, ExactRows):
         return answer
@@ -86,14 +86,20 @@ def ordered(answer: QueryResult) -> QueryResult:
 
 
 def live(
-    channel: Channel, t0: float, t1: float, width: int, *, columns: Sequence[int] | None = None, base: Base = "device"
+    channel: StoredChannel,
+    t0: float,
+    t1: float,
+    width: int,
+    *,
+    columns: Sequence[int] | None = None,
+    base: Base = "device",
 ) -> QueryResult:
-    """The same of what the hub remembers."""
+    """A time range of a live channel in the store."""
     return held(channel.info, kept(channel, t0, base), t0, t1, width, columns=columns, base=base)
 
 
-def kept(channel: Channel, t0: float, base: Base = "device") -> list[Array]:
-    """What the hub remembers from then on: a copy, to be made where the hub is."""
+def kept(channel: StoredChannel, t0: float, base: Base = "device") -> list[Array]:
+    """Copy of the ring buffers from `t0` on; call it in the event loop."""
     ring = channel.ring
     # device time may be some seconds away from arrival; a ring is searched by arrival
     return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0))
@@ -109,7 +115,7 @@ def held(
     columns: Sequence[int] | None = None,
     base: Base = "device",
 ) -> QueryResult:
-    """A stretch of that, in any thread."""
+    """A time range of a copy made by `kept`; may run in any thread."""
     wanted = tuple(range(len(info.columns)) if columns is None else columns)
     arrival, time = whole[0], whole[1]
     t = arrival if base == "arrival" else np.maximum.accumulate(np.where(np.isnan(time), arrival, time))
@@ -140,7 +146,7 @@ def _newest(store: ColumnStore, channel: int, t1: float, base: Base) -> ExactRow
 
 @dataclass(frozen=True, slots=True)
 class ColumnStatistics:
-    """What a stretch of one column amounts to; null where there is no number, and a mean of an axis that spins."""
+    """Statistics of a range of one column; null without numbers, and for the mean of a rotating axis."""
 
     n: int
     mean: float | None
@@ -152,7 +158,7 @@ class ColumnStatistics:
 def statistics_in(
     store: ColumnStore, info: wire.ChannelInfo, t0: float, t1: float, *, base: Base = "device"
 ) -> list[ColumnStatistics]:
-    """Of every column of a recorded channel, in order, around the circle where it wraps; then of a vector's length."""
+    """Statistics of every column of a recorded channel, circular where it wraps, then of the length of a vector."""
     lo, hi = store.between(info.id, t0, t1, base)
     found = [statistics(store, info.id, at, lo, hi, column.period) for at, column in enumerate(info.columns)]
     if info.kind == "vector" and len(info.columns) == 3:
@@ -169,7 +175,7 @@ def statistics_in(
 
 
 def frame_of(answer: QueryResult) -> bytes:
-    """One sample frame of the wire, b"" where there is nothing; of an answer that has all of the channel's columns."""
+    """One sample frame of the wire, b"" without rows; the answer must have all of the channel's columns."""
     rows = answer.rows
     if not len(rows):
         return b""
@@ -213,12 +219,13 @@ def table_of(answer: QueryResult) -> dict[str, tuple[Array, str]]:
     return out
 
 
-PIECE = 4096  # rows that are spelled at once: a piece holds up the threads of live devices for a few ms
+PIECE = 4096  # rows encoded at once: a piece delays the threads of live devices by a few ms
 
 
 def arrow_of(answer: QueryResult) -> Iterator[bytes]:
     """An Arrow IPC stream of one table, piece by piece; units are in the fields' metadata, the channel's in the
-    schema's."""
+    schema's.
+    """
     import pyarrow as pa
 
     table = table_of(answer)
@@ -247,7 +254,8 @@ def _emptied(sink: io.BytesIO) -> bytes:
 
 def json_of(answer: QueryResult) -> Iterator[bytes]:
     """The table as JSON, column by column and piece by piece: {"channel", "exact", "units", "columns": {name:
-    [values]}}; NaN is null."""
+    [values]}}; NaN is null.
+    """
     table = table_of(answer)
     body: Mapping[str, Any] = {
         "channel": answer.info.name,
@@ -256,16 +264,16 @@ def json_of(answer: QueryResult) -> Iterator[bytes]:
         "exact": answer.exact,
         "units": {name: unit for name, (_, unit) in table.items() if unit},
     }
-    yield _spelled(body)[:-1] + b',"columns":{'
+    yield _json(body)[:-1] + b',"columns":{'
     for number, (name, (values, _)) in enumerate(table.items()):
-        yield (b"," if number else b"") + _spelled(name) + b":["
+        yield (b"," if number else b"") + _json(name) + b":["
         for at in range(0, len(values), PIECE):
-            yield (b"," if at else b"") + _spelled(_plain(values[at : at + PIECE]))[1:-1]
+            yield (b"," if at else b"") + _json(_plain(values[at : at + PIECE]))[1:-1]
         yield b"]"
     yield b"}}"
 
 
-def _spelled(value: object) -> bytes:
+def _json(value: object) -> bytes:
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
 

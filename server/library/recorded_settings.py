@@ -1,10 +1,10 @@
-"""What was a device set to when it was recorded, in the words in which Configure says it?
+"""Settings of a device at the time of recording, as texts of the Configure page.
 
     snapshot/<device> of the file   wire values by setting and field       {"OutputConfiguration": {"outputs": [...]}}
     the protocol's tables           titles, units, choices, named bits ──> "Acceleration: 400 Hz", "Altitude: 30 m"
 
-Settings come in the order and the groups of Configure. What the tables do not know, or what does not fit them (the file
-is another's, or of a later version), is told as it stands: nothing that was recorded is left out.
+Settings have the order and the groups of Configure. Values that are not in the tables, or do not match them (a file of
+another origin or a later version), are shown unchanged, so that no recorded value is missing.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from server.configuration.value_format import entry_comment, output_title, outpu
 from server.library.api_models import RecordedSetting, RecordedSettings, SettingRow
 
 OTHERS = "Others"
-_LISTED = 40  # elements of a list that are told one by one
+_LISTED = 40  # elements of a list that are shown one by one
 
 
 def settings_of(snapshot: Mapping[str, Any]) -> RecordedSettings:
-    """A recorded snapshot in words.
+    """A recorded snapshot as texts.
 
     Args:
-        snapshot: as server/library/recording_session.py writes it; of a file that says otherwise nothing is told.
+        snapshot: as written by server/library/recording_session.py; any other content results in no settings.
     """
     values, missing = _mapping(snapshot.get("values")), _mapping(snapshot.get("missing"))
     protocol, product, firmware = (_text(snapshot.get(name)) for name in ("protocol", "product", "firmware"))
@@ -42,18 +42,18 @@ def settings_of(snapshot: Mapping[str, Any]) -> RecordedSettings:
 
 
 def spaced(name: str) -> str:
-    """A name of a table for a person: "OutputConfiguration" is "Output configuration"."""
+    """Displayed form of a table's name: "OutputConfiguration" becomes "Output configuration"."""
     text = re.sub(r"([a-z])([A-Z])", lambda found: f"{found[1]} {found[2].lower()}", name.replace("_", " "))
     return text[:1].upper() + text[1:]
 
 
 def _setting(name: str, row: Setting | None, values: Mapping[str, Any]) -> RecordedSetting:
     if row is None:
-        return RecordedSetting(name, spaced(name), OTHERS, list(_as_they_stand(values)))
+        return RecordedSetting(name, spaced(name), OTHERS, list(_unchanged(values)))
     try:
-        rows = list(_outputs(row, values) if row.editor == "outputs" else _in_words(row, values))
-    except (TypeError, ValueError, KeyError, AttributeError, OverflowError):  # they are not what the table says
-        rows = list(_as_they_stand(values))
+        rows = list(_outputs(row, values) if row.editor == "outputs" else _as_text(row, values))
+    except (TypeError, ValueError, KeyError, AttributeError, OverflowError):  # values that do not match the table
+        rows = list(_unchanged(values))
     return RecordedSetting(name, row.title or spaced(name), row.group, rows)
 
 
@@ -64,7 +64,7 @@ def _outputs(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
             yield SettingRow(output_title(int(entry["data_identifier"])), output_words(entry))
 
 
-def _in_words(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
+def _as_text(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
     alone = len(row.fields) == 1 and not row.fields[0].fields
     for field in row.fields:
         if field.name not in values:
@@ -76,11 +76,11 @@ def _in_words(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
         for path, one, inside in flat((field,), {field.name: value}):
             yield SettingRow("" if alone else _titled(title_at(row.fields, path)), words(one, inside))
     known = {field.name for field in row.fields}
-    yield from _as_they_stand({name: value for name, value in values.items() if name not in known})
+    yield from _unchanged({name: value for name, value in values.items() if name not in known})
 
 
 def _titled(title: str) -> str:
-    """A title; where the table gives none it is a name, of which short ones ("q0") are symbols."""
+    """The title, or the displayed form of a name if the table has no title; short names ("q0") are symbols."""
     return spaced(title) if len(title) > 2 and (title[0].islower() or "_" in title) else title
 
 
@@ -89,16 +89,16 @@ def _list(field: Field, entries: list[Any]) -> Iterator[SettingRow]:
     if not entries:
         yield SettingRow(title, "none")
     for place, entry in enumerate(entries[:_LISTED]):
-        told = [
+        texts = [
             f"{_titled(title_at(field.fields, path))} {words(one, value)}"
             for path, one, value in flat(field.fields, entry)
         ]
-        yield SettingRow(f"{title} {place + 1}", entry_comment(field.fields, entry) or ", ".join(told))
+        yield SettingRow(f"{title} {place + 1}", entry_comment(field.fields, entry) or ", ".join(texts))
     if len(entries) > _LISTED:
         yield SettingRow(title, f"and {len(entries) - _LISTED} more")
 
 
-def _as_they_stand(values: Mapping[str, Any]) -> Iterator[SettingRow]:
+def _unchanged(values: Mapping[str, Any]) -> Iterator[SettingRow]:
     for name, value in values.items():
         yield SettingRow(spaced(str(name)) if len(values) > 1 else "", _plain(value))
 

@@ -1,14 +1,15 @@
-"""What is being recorded? One recording at a time, of any number of devices, and the button that begins and ends it.
+"""Recorder: start, stop and split recordings. One recording at a time, of any number of devices.
 
-    devices, hub, desks ──Taking──> RecordingWriter (its own thread) ──> <data>/recordings/20261121T044324Z-MTi-630.mcap
-                                                                    │ finished, or full and split
-                                                                    └──> CompactionWorker (a process) ──> small, indexed
+    sessions, bus ──RecordingSession──> RecordingWriter (a thread) ──> <data>/recordings/20261121T044324Z-MTi-630.mcap
+                                                                  │ finished, or full and split
+                                                                  └──> CompactionWorker (a process) ──> small, indexed
 
-Devices that appear later join a recording of all. An Xsens device is asked for its Configuration, which its own program
-wants at the head of a log; it pauses for that, once in a recording, through the queue of its desk
-(server/configuration/device_controller.py), and what it refuses is said and does no harm.
+Devices that appear later join a recording of all devices. The Configuration of an Xsens device is requested, because
+the vendor's program needs it at the head of a log; the device pauses for that once per recording, through the queue of
+its controller (server/configuration/device_controller.py). A refusal is reported and harmless.
 
-A browser that goes, a device that goes, a busy page: none ends a recording. The disk does, and then `message` says why.
+A recording continues if a browser or a device disconnects, or a page is busy. A disk error ends it, and `message`
+contains the cause.
 """
 
 from __future__ import annotations
@@ -35,38 +36,31 @@ from server.configuration.controllers import ControllerRegistry
 from server.devices.device_state import short_source
 from server.devices.session import Session
 from server.devices.sessions import Sessions
+from server.errors import DomainError
 from server.library.api_models import Mark
 from server.library.compaction_worker import CompactionWorker
 from server.library.recording_session import RecordingSession
-from server.streaming.hub import Hub
+from server.streaming.bus import TelemetryBus
 from server.version import VERSION
 
 log = logging.getLogger("imuscope.recorder")
 
 FOLDER = "recordings"  # of the data folder
-LOOK_S = 0.5  # between two looks at how it goes, told to every browser
-CULL_EVERY = 20  # looks
-SHIFT_NS = 2_000_000_000  # a wall clock that is further away was set
-
-
-class RecorderError(Exception):
-    """A wish that cannot be met: `kind` is "busy", "not-now" or "not-found"."""
-
-    def __init__(self, kind: str, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.kind, self.message, self.hint = kind, message, hint
+POLL_S = 0.5  # between two status updates to browsers
+CULL_EVERY = 20  # updates
+SHIFT_NS = 2_000_000_000  # a larger offset means that the wall clock was set
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingOptions:
-    """How recordings are made.
+    """Options for new recordings.
 
     Args:
-        folder: where they are.
-        limits: when a recording goes on in a new file.
-        quota_bytes: more than that in the folder, and the oldest unpinned go; 0 for no quota.
-        ask_head: ask an Xsens device for its Configuration.
-        follow_clock: go on in a new file when the wall clock is set.
+        folder: folder of the recordings.
+        limits: when a recording continues in a new file.
+        quota_bytes: size of the folder above which the oldest unpinned recordings are deleted; 0 for no quota.
+        ask_head: request the Configuration of an Xsens device.
+        follow_clock: continue in a new file when the wall clock is set.
     """
 
     folder: Path
@@ -77,35 +71,35 @@ class RecordingOptions:
 
 
 def plan_of(config: Config) -> RecordingOptions:
-    """What the configuration says about recordings."""
+    """Recording options from the configuration."""
     limits = Limits(round(config.split_mb * 1e6), config.split_min * 60)
     return RecordingOptions(config.data / FOLDER, limits, round(config.recordings_quota_gb * 1e9), config.record_head)
 
 
 class Recorder:
-    """Begins, watches and ends recordings.
+    """Starts, monitors and stops recordings.
 
     Args:
-        desks: for settings that are known and for asking an Xsens device; None where nobody configures.
-        packer: None: files stay as they were written.
-        wall_ns: the wall clock. A recording keeps the time that it shows: the hub's never steps, and is wrong for good
-            on a host whose clock was set after the server began.
+        controllers: for known settings and for requests to an Xsens device; None without configuration.
+        packer: None: files are not compacted.
+        wall_ns: the wall clock. Recordings use its time, because the bus clock never steps and would stay wrong if the
+            host's clock was set after the server started.
     """
 
     def __init__(
         self,
-        hub: Hub,
+        bus: TelemetryBus,
         sessions: Sessions,
-        desks: ControllerRegistry | None,
+        controllers: ControllerRegistry | None,
         plan: RecordingOptions,
         packer: CompactionWorker | None,
         wall_ns: Callable[[], int] | None = None,
     ) -> None:
         self.plan = plan
         self._wall_ns = wall_ns
-        self._hub = hub
+        self._bus = bus
         self._sessions = sessions
-        self._desks = desks
+        self._controllers = controllers
         self._packer = packer
         self._now: RecordingSession | None = None
         self._last = wire.RecorderState(running=False)
@@ -114,117 +108,120 @@ class Recorder:
         self._loop: asyncio.AbstractEventLoop | None = None
         sessions.on_added(self._appeared)
 
-    # ── the button ───────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── start and stop ───────────────────────────────────────────────────────────────────────────────────────────────
 
     async def start(
         self, devices: Sequence[str] | None = None, title: str = "", *, path: Path | None = None, words: str = ""
     ) -> wire.RecorderState:
-        """Begin.
+        """Start a recording.
 
         Args:
-            devices: ids; None for all, also those that appear later.
-            title: what a person calls it; may be empty.
-            path: of the file, where it is not to be in the folder under a name of its own.
-            words: what the file is called after; the title or the devices that were heard where they are left out.
+            devices: ids; None for all, including those that appear later.
+            title: title given by the user; may be empty.
+            path: path of the file, instead of a generated name in the folder.
+            words: text for the file name; by default the title or the names of the received devices.
+
         Raises:
-            RecorderError: something is being recorded already, or there is no such device.
-            RecordingError: the file cannot be made.
+            DomainError: a recording is running, or a device is unknown.
+            RecordingError: the file cannot be created.
         """
         async with self._starting:
             if self._now is not None:
-                raise RecorderError("busy", "A recording is running already.", "Stop it first.")
+                raise DomainError("busy", "A recording is already running.", "Stop it first.")
             chosen = self._chosen(devices)
-            heard = [session for session in chosen if session.info.last_arrival is not None] or chosen
-            words = words or title or _words([session.info.name for session in heard])
+            received = [session for session in chosen if session.info.last_arrival is not None] or chosen
+            words = words or title or _words([session.info.name for session in received])
             self._loop = asyncio.get_running_loop()
-            tape = await asyncio.to_thread(self._tape, words, title, path)
+            writer = await asyncio.to_thread(self._new_writer, words, title, path)
             every = devices is None
-            now = RecordingSession(self._hub, self._desks, tape, title, every=every, ask_head=self.plan.ask_head)
+            now = RecordingSession(
+                self._bus, self._controllers, writer, title, every=every, ask_head=self.plan.ask_head
+            )
             self._now = now
             for session in self._sessions.all if every else chosen:
                 now.join(session)
             self._watcher = asyncio.get_running_loop().create_task(self._watch(now), name="recorder")
-            self._tell()
-            self._hub.library_changed()
+            self._publish()
+            self._bus.library_changed()
             return self.state
 
     async def begin(self, sources: Sequence[str]) -> None:
-        """Record all from the start of the server, before its sources are opened; where that cannot be, say so."""
+        """Record all devices from the start of the server, before its sources are opened; errors are reported."""
         try:
             await self.start(words=_words([short_source(source) for source in sources]))
         except RecordingError as error:
             self._last = wire.RecorderState(running=False, message=error.message, hint=error.hint)
-            self._hub.set_recorder(self._last)
+            self._bus.recorder.publish(self._last)
             words = f"Nothing is recorded: {error.message}"
             log.error("%s %s", words, error.hint)
-            self._hub.event("", "device", "fault", words, data={"hint": error.hint})
+            self._bus.event("", "device", "error", words, data={"hint": error.hint})
 
     async def stop(self) -> wire.RecorderState:
-        """End it; the file is whole when this returns.
+        """Stop recording; the file is complete when this returns.
 
         Raises:
-            RecorderError: nothing is being recorded.
+            DomainError: no recording is running.
         """
         now = self._now
         if now is None:
-            raise RecorderError("not-now", "Nothing is being recorded.", "Begin a recording first.")
+            raise DomainError("not-now", "No recording is running.", "Start a recording first.")
         await self._end(now)
         return self.state
 
     def mark(self, mark: Mark) -> wire.RecorderState:
-        """Put a marker or a note into what is being recorded.
+        """Add a marker or a note to the running recording.
 
         Raises:
-            RecorderError: nothing is being recorded.
+            DomainError: no recording is running.
         """
         now = self._now
         if now is None:
-            hint = "A marker can be put into a finished recording on its page."
-            raise RecorderError("not-now", "Nothing is being recorded.", hint)
+            hint = "A marker can be added to a finished recording on its page."
+            raise DomainError("not-now", "No recording is running.", hint)
         now.mark(mark)
         return self.state
 
     def now(self) -> float:
-        """Unix s that never step."""
-        return self._hub.now()
+        """Unix time without steps, s."""
+        return self._bus.now()
 
     @property
     def state(self) -> wire.RecorderState:
-        """As browsers are told."""
+        """State as clients see it."""
         now = self._now
         if now is None:
             return self._last
-        free = _free(now.tape.path)
+        free = _free(now.writer.path)
         return wire.RecorderState(
             running=True,
-            id=now.tape.path.stem,
+            id=now.writer.path.stem,
             title=now.title,
             devices=now.devices,
             started=now.started,
-            bytes=now.tape.bytes,
-            behind_s=now.tape.behind_s,
+            bytes=now.writer.bytes,
+            behind_s=now.writer.behind_s,
             free=free,
             seconds_left=now.seconds_left(free),
         )
 
     @property
     def path(self) -> Path | None:
-        """The file that is being written, which nobody may touch; None while there is none."""
-        return self._now.tape.path if self._now is not None else None
+        """The file that is being written, which must not be touched; None if there is none."""
+        return self._now.writer.path if self._now is not None else None
 
     async def resume(self) -> None:
-        """Pack what was left behind by the server before this one."""
+        """Compact recordings that a previous run left uncompacted."""
         if self._packer is not None:
             await self._packer.resume(self.plan.folder, self.path)
 
     async def close(self) -> None:
-        """The server ends: so does the recording. Nothing is packed any more, that is for the next start."""
+        """Stop the recording at the end of the server; compaction is left to the next start."""
         if self._packer is not None:
             await self._packer.close()
         if self._now is not None:
             await self._end(self._now)
 
-    # ── begin and end ────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── start and end of a recording ─────────────────────────────────────────────────────────────────────────────────
 
     def _chosen(self, devices: Sequence[str] | None) -> list[Session]:
         if devices is None:
@@ -232,28 +229,28 @@ class Recorder:
         found: dict[str, Session] = {}
         for device in devices:
             try:
-                session = self._sessions.get(device.partition(".")[0])  # one that shares a link is on its first's
+                session = self._sessions.get(device.partition(".")[0])  # devices on one link share its first session
             except KeyError:
-                raise RecorderError(
+                raise DomainError(
                     "not-found",
-                    f"There is no device {device:.40}.",
+                    f"Device {device:.40} not found.",
                     "It may have been removed; choose one of the list.",
                 ) from None
             found[session.info.id] = session
         if not found:
-            raise RecorderError("not-found", "No device was chosen.", "Leave `devices` out to record all.")
+            raise DomainError("not-found", "No device was chosen.", "Leave `devices` out to record all.")
         return list(found.values())
 
-    def _tape(self, words: str, title: str, path: Path | None) -> RecordingWriter:
-        """In a thread: it makes a file."""
+    def _new_writer(self, words: str, title: str, path: Path | None) -> RecordingWriter:
+        """Create the writer and its file; runs in a thread."""
         folder = path.parent if path is not None else self.plan.folder
         if path is None:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                words = f"The folder {folder} cannot be made: {error.strerror}."
+                words = f"The folder {folder} cannot be created: {error.strerror}."
                 raise RecordingError(words, "Choose another with --data.") from None
-            self._cull(())
+            self._delete_oldest(())
 
         def name(part: int) -> Path:
             if path is not None and part == 1:
@@ -266,7 +263,7 @@ class Recorder:
             "host": platform.node(),
             "version": VERSION,
         }
-        now_ns = lambda: round(self._hub.now() * 1e9)  # noqa: E731
+        now_ns = lambda: round(self._bus.now() * 1e9)  # noqa: E731
         return RecordingWriter(
             name,
             about,
@@ -278,83 +275,83 @@ class Recorder:
         )
 
     def _shift_ns(self) -> int:
-        """What the wall clock is ahead of the hub's, where that is more than a slow start or a leap second."""
-        shift = self._wall_ns() - round(self._hub.now() * 1e9) if self._wall_ns is not None else 0
+        """Offset of the wall clock from the bus clock; 0 if it could be a slow start or a leap second."""
+        shift = self._wall_ns() - round(self._bus.now() * 1e9) if self._wall_ns is not None else 0
         return shift if abs(shift) > SHIFT_NS else 0
 
     def _soon(self, function: Callable[..., None], *arguments: Any) -> None:
-        """Have the event loop call it; from a thread."""
-        with contextlib.suppress(RuntimeError):  # it has ended
+        """Schedule a call on the event loop, from a thread."""
+        with contextlib.suppress(RuntimeError):  # the loop has ended
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     async def _end(self, now: RecordingSession, *, why: RecordingError | None = None) -> None:
-        """Take everything off, wait for the file."""
-        now.leave()
-        await asyncio.to_thread(now.tape.stop)
+        """Detach from all sources, and wait for the file."""
+        now.detach()
+        await asyncio.to_thread(now.writer.stop)
         if self._now is not now:
-            return  # somebody else was quicker
-        why = why or now.tape.trouble
+            return  # already ended
+        why = why or now.writer.error
         last = self.state
         self._now = None
         last.running, last.behind_s, last.seconds_left = False, 0.0, None
         last.message, last.hint = (why.message, why.hint) if why is not None else ("", "")
         self._last = last
         if why is not None:
-            self._hub.event("", "device", "fault", f"The recording has ended: {why.message}", data={"hint": why.hint})
-        self._hub.set_recorder(last)
-        self._hub.library_changed()
+            self._bus.event("", "device", "error", f"The recording has ended: {why.message}", data={"hint": why.hint})
+        self._bus.recorder.publish(last)
+        self._bus.library_changed()
         watcher, self._watcher = self._watcher, None
         if watcher is not None and watcher is not asyncio.current_task():
             watcher.cancel()
 
     def _part_done(self, path: Path) -> None:
-        """A file is finished."""
+        """Handle a finished file."""
         if self._packer is not None:
             self._packer.add(path)
-        self._hub.library_changed()
+        self._bus.library_changed()
 
     # ── while it runs ────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def _watch(self, now: RecordingSession) -> None:
-        looks, shift_ns = 0, now.tape.shift_ns
+        updates, shift_ns = 0, now.writer.shift_ns
         while self._now is now:
-            await asyncio.sleep(LOOK_S)
-            looks += 1
-            if not now.tape.running:
+            await asyncio.sleep(POLL_S)
+            updates += 1
+            if not now.writer.running:
                 await self._end(now)
                 return
-            now.look()
-            self._tell()
+            now.update()
+            self._publish()
             if abs((shift := self._shift_ns()) - shift_ns) > SHIFT_NS:
                 self._clock_was_set(now, shift - shift_ns)
                 shift_ns = shift
-            if looks % CULL_EVERY == 0 and self.plan.quota_bytes:
-                await asyncio.to_thread(self._cull, (now.tape.path,))
+            if updates % CULL_EVERY == 0 and self.plan.quota_bytes:
+                await asyncio.to_thread(self._delete_oldest, (now.writer.path,))
 
-    def _cull(self, spare: Sequence[Path]) -> None:
-        """In a thread: what has to go so that the folder stays within its quota."""
+    def _delete_oldest(self, spare: Sequence[Path]) -> None:
+        """Delete recordings above the quota; runs in a thread."""
         if not self.plan.quota_bytes:
             return
-        gone = quota.cull(self.plan.folder, self.plan.quota_bytes, spare)
-        if gone:
-            names = ", ".join(path.stem for path in gone)
+        deleted = quota.cull(self.plan.folder, self.plan.quota_bytes, spare)
+        if deleted:
+            names = ", ".join(path.stem for path in deleted)
             self._soon(self._notice, f"Over the quota, the oldest recordings were deleted: {names}.")
 
     def _clock_was_set(self, now: RecordingSession, by_ns: int) -> None:
         words = f"The host's clock was set by {by_ns / 1e9:+.1f} s"
         if self.plan.follow_clock:
-            now.tape.set_clock(now.tape.shift_ns + by_ns)
+            now.writer.set_clock(now.writer.shift_ns + by_ns)
             self._notice(f"{words}; the recording continues in a new file, with the new time.")
         else:
-            self._notice(f"{words}; the recording keeps the time that it began with.")
+            self._notice(f"{words}; the recording keeps its original time.")
 
     def _notice(self, text: str) -> None:
-        self._hub.event("", "device", "caution", text)
-        self._hub.library_changed()
+        self._bus.event("", "device", "warning", text)
+        self._bus.library_changed()
 
-    def _tell(self) -> None:
-        self._hub.set_recorder(self.state)
+    def _publish(self) -> None:
+        self._bus.recorder.publish(self.state)
 
     def _appeared(self, session: Session) -> None:
         if self._now is not None and self._now.every:
@@ -362,7 +359,7 @@ class Recorder:
 
 
 def _words(names: Sequence[str]) -> str:
-    """The first name, and how many more."""
+    """The first name, and the number of further ones."""
     more = f"-and-{len(names) - 1}-more" if len(names) > 1 else ""
     return names[0] + more if names else ""
 

@@ -1,4 +1,4 @@
-"""What the page is told of an opened recording besides its samples."""
+"""Details of an opened recording, apart from its samples."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from weakref import WeakKeyDictionary
 
 from recordings.column_store import ColumnStore
 from server import wire_codec
-from server.library.api_models import Marker, RecordedDevice, RecordingDetail, RecordingInfo
+from server.library.api_models import MarkerInfo, RecordedDevice, RecordingDetail, RecordingInfo
 from server.library.decode import usual_interval
 from server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
 
 
-def channel_info(told: Mapping[str, Any]) -> ChannelInfo:
-    """A ChannelInfo out of a manifest."""
+def channel_info(manifest: Mapping[str, Any]) -> ChannelInfo:
+    """The ChannelInfo of a channel in a manifest."""
     columns = [
-        ColumnInfo(**{**column, "bits": [BitsInfo(**bit) for bit in column["bits"]]}) for column in told["columns"]
+        ColumnInfo(**{**column, "bits": [BitsInfo(**bit) for bit in column["bits"]]}) for column in manifest["columns"]
     ]
-    return ChannelInfo(**{**told, "columns": columns})
+    return ChannelInfo(**{**manifest, "columns": columns})
 
 
 _KNOWN: WeakKeyDictionary[ColumnStore, dict[int, ChannelInfo]] = WeakKeyDictionary()
 
 
 def channels_of(store: ColumnStore) -> dict[int, ChannelInfo]:
-    """The channels of a store as the wire describes them; every window asks for them."""
+    """The channels of a store as described by the wire; cached, because every window needs them."""
     known = _KNOWN.get(store)
     if known is None:
         known = _KNOWN[store] = {info["id"]: channel_info(info) for info in store.manifest["channels"]}
@@ -33,18 +33,18 @@ def channels_of(store: ColumnStore) -> dict[int, ChannelInfo]:
 
 
 def devices_of(store: ColumnStore) -> list[RecordedDevice]:
-    """Its devices, with what was counted when it was decoded."""
+    """The devices of a store, with the counts from its decoding."""
     figures = store.manifest["figures"]
     out = []
-    for told in store.manifest["devices"]:
-        counted = figures.get(told["id"], {})
+    for manifest in store.manifest["devices"]:
+        counted = figures.get(manifest["id"], {})
         out.append(
             RecordedDevice(
-                id=told["id"],
-                name=told["name"],
-                protocol=told["protocol"],
-                product=told["product"],
-                serial_number=told["serial_number"],
+                id=manifest["id"],
+                name=manifest["name"],
+                protocol=manifest["protocol"],
+                product=manifest["product"],
+                serial_number=manifest["serial_number"],
                 messages=sum(counted.get("messages", {}).values()),
                 lost=counted.get("lost", 0),
                 rejects=counted.get("rejects", 0),
@@ -53,32 +53,32 @@ def devices_of(store: ColumnStore) -> list[RecordedDevice]:
     return out
 
 
-def detail(info: RecordingInfo, store: ColumnStore, markers: list[Marker] | None = None) -> RecordingDetail:
-    """Everything about an opened recording but its samples.
+def detail(info: RecordingInfo, store: ColumnStore, markers: list[MarkerInfo] | None = None) -> RecordingDetail:
+    """Details of an opened recording, without its samples.
 
     Args:
-        info: as the list has it.
-        markers: those that were put in later; they come after those of the file.
+        info: its information in the list.
+        markers: markers added later; they follow those of the file.
     """
-    told = store.manifest
-    span = store.span() or (told["started"] or 0.0, told["ended"] or 0.0)
-    progress = told.get("progress", 1.0)
-    last = span[1] if progress == 1.0 else max(span[1], told["ended"] or 0.0)
-    own = [Marker(**marker) for marker in told["markers"]]
+    manifest = store.manifest
+    span = store.span() or (manifest["started"] or 0.0, manifest["ended"] or 0.0)
+    progress = manifest.get("progress", 1.0)
+    last = span[1] if progress == 1.0 else max(span[1], manifest["ended"] or 0.0)
+    own = [MarkerInfo(**marker) for marker in manifest["markers"]]
     return RecordingDetail(
         info=info,
         t0=span[0],
         t1=last,
-        devices=[DeviceInfo(**device) for device in told["devices"]],
+        devices=[DeviceInfo(**device) for device in manifest["devices"]],
         channels=list(channels_of(store).values()),
-        events=[EventInfo(**event) for event in told["events"]],
+        events=[EventInfo(**event) for event in manifest["events"]],
         markers=sorted([*own, *(markers or [])], key=lambda marker: marker.time),
-        snapshots=told["snapshots"],
+        snapshots=manifest["snapshots"],
         longest_s={str(number): usual_interval(store, number) for number in store.shapes},
         progress=progress,
     )
 
 
 def as_json(found: RecordingDetail) -> Any:
-    """What JSON can hold of it."""
+    """JSON form of the details."""
     return wire_codec.to_json_safe(found)

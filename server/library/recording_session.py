@@ -1,14 +1,16 @@
-"""What goes into a recording: the bytes of its devices, what happened to them, what is known about them?
+"""Writers of one recording: bytes, events and metadata of its devices.
 
-    session.chunks            every chunk, both ways                       rx/<device>, tx/<device>
-    hub: events               of its devices and of the server             events
-    hub: exchange             the notes; frames are bytes, commands events events
-    hub: devices              who a device is, whenever more is known      metadata
-    desk: settings            as they were read, whenever they change      snapshot/<device>
-    head                      Configuration of an Xsens device             metadata, and among the bytes
+    session.chunks            every chunk, both directions                 rx/<device>, tx/<device>
+    bus: events               of its devices and of the server             events
+    bus: traffic              only notes (frames are recorded as bytes,
+                              commands as events)                          events
+    bus: devices              identity of a device, when it changes        metadata
+    controller: settings      as read, when they change                    snapshot/<device>
+    log header                Configuration of an Xsens device             metadata, and among the bytes
 
-A device that shares a link with others (id "1.102") is recorded with the link's first ("1"), as its bytes came; its
-settings are its own, with the address under which it sends, as another of them may be the first when it is opened.
+A device that shares a link with others (id "1.102") is recorded with the link's first ("1"), which has all received
+bytes; its settings are stored separately, with its address, as another device may be the first when the recording is
+opened.
 """
 
 from __future__ import annotations
@@ -25,171 +27,175 @@ from server.devices.decode_options import schema_words
 from server.devices.member import address_of
 from server.devices.session import Session
 from server.library.api_models import Mark
-from server.library.mtb_header import MtbHeader
-from server.streaming.hub import Hub
+from server.library.log_header import LogHeaderRequest
+from server.streaming.bus import TelemetryBus
 
-RATE_S = 10.0  # over which `seconds_left` takes the rate
+RATE_S = 10.0  # averaging time of the rate for `seconds_left`
 TOLD = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
-READ = ("time_unit", "rotation")  # how its bytes are read, where that was said; and the descriptions of vendor types
+READ = ("time_unit", "rotation")  # recorded decode options, besides the schema of vendor types
 
 
 class RecordingSession:
-    """One recording under way.
+    """One running recording.
 
     Args:
-        tape: takes it.
-        desks: for settings that are known, and for asking an Xsens device; None where nobody configures.
-        ask_head: whether to ask.
+        writer: writer of the file.
+        controllers: for known settings, and for requests to an Xsens device; None without configuration.
+        ask_head: whether to request the header.
     """
 
     def __init__(
         self,
-        hub: Hub,
-        desks: ControllerRegistry | None,
-        tape: RecordingWriter,
+        bus: TelemetryBus,
+        controllers: ControllerRegistry | None,
+        writer: RecordingWriter,
         title: str,
         *,
         every: bool,
         ask_head: bool,
     ) -> None:
-        self.tape = tape
+        self.writer = writer
         self.title = title
         self.every = every  # devices that appear later join
-        self.started = hub.now()
-        self._hub = hub
-        self._desks = desks
+        self.started = bus.now()
+        self._bus = bus
+        self._controllers = controllers
         self._ask_head = ask_head
-        self._off: dict[str, Callable[[], None]] = {}  # device → takes its chunks off
-        self._said: dict[str, Any] = {}  # device → the settings that were written last
-        self._heads: dict[str, MtbHeader] = {}
+        self._unsubscribe_traffic: dict[str, Callable[[], None]] = {}  # device → removes its listener
+        self._written_settings: dict[str, Any] = {}  # device → settings written last
+        self._heads: dict[str, LogHeaderRequest] = {}
         self._sessions: dict[str, Session] = {}
-        self._sizes: list[tuple[float, int]] = []  # (when, bytes) of the last looks
-        self._unhook = [
-            hub.heard_event.add(self._event),
-            hub.heard_device.add(self._device),
-            hub.heard_control.add(self._control),
-            hub.heard_exchange.add(self._exchange),
+        self._size_history: list[tuple[float, int]] = []  # (time, bytes) of the last updates
+        self._unsubscribe = [
+            bus.events.subscribe(self._event),
+            bus.devices.subscribe(self._device),
+            bus.jobs.subscribe(self._job_report),
+            bus.traffic.subscribe(self._traffic),
         ]
 
     @property
     def devices(self) -> list[str]:
-        """Those that are recorded now."""
-        return list(self._off)
+        """Devices being recorded."""
+        return list(self._unsubscribe_traffic)
 
     def join(self, session: Session) -> None:
-        """Record this one, too."""
-        device, tape = session.info.id, self.tape
+        """Also record this session."""
+        device, writer = session.info.id, self.writer
         self._sessions[device] = session
-        tape.device(device, {**about(session.info), **described(session)})
+        writer.device(device, {**about(session.info), **described(session)})
 
         def take(data: bytes, time_ns: int, way: Direction) -> None:
-            tape.chunk(device, way, data, time_ns)
+            writer.chunk(device, way, data, time_ns)
             if way == "rx":  # in the thread that reads the link
-                tape.room()
+                writer.room()
 
-        self._off[device] = session.chunks(take)
+        self._unsubscribe_traffic[device] = session.chunks(take)
 
-        async def left() -> None:
-            self._off.pop(device, lambda: None)()
+        async def removed() -> None:
+            self._unsubscribe_traffic.pop(device, lambda: None)()
 
-        session.before_close(left)
-        for one in self._desks.on_link_of(device) if self._desks is not None else ():
+        session.before_close(removed)
+        for one in self._controllers.on_link_of(device) if self._controllers is not None else ():
             self._settings(one)
-        desk = self._desk(device)
-        if desk is not None:
-            self._heads[device] = MtbHeader(desk, lambda told: tape.device(device, told))
-            self._ask(session.info)
+        controller = self._controller(device)
+        if controller is not None:
+            self._heads[device] = LogHeaderRequest(controller, lambda header: writer.device(device, header))
+            self._request_header(session.info)
 
-    def leave(self) -> None:
-        """Take nothing more."""
-        for off in (*self._unhook, *self._off.values()):
+    def detach(self) -> None:
+        """Stop recording all sessions."""
+        for off in (*self._unsubscribe, *self._unsubscribe_traffic.values()):
             off()
         for head in self._heads.values():
             head.close()
 
     def mark(self, mark: Mark) -> None:
-        """A marker or a note, now or at its time."""
-        when = self._hub.now() if mark.time is None else mark.time
-        self.tape.note(mark.kind, mark.text, round(when * 1e9), mark.device)
-        self._hub.event(mark.device, "marker", "info", mark.text or "Marker", time=when, data={"kind": mark.kind})
+        """Write a marker or a note, now or at its time."""
+        when = self._bus.now() if mark.time is None else mark.time
+        self.writer.note(mark.kind, mark.text, round(when * 1e9), mark.device)
+        self._bus.event(mark.device, "marker", "info", mark.text or "Marker", time=when, data={"kind": mark.kind})
 
-    def look(self) -> None:
-        """Once in a while: how fast does it grow?"""
-        now = self._hub.now()
-        self._sizes.append((now, self.tape.bytes))
-        self._sizes = [one for one in self._sizes if one[0] >= now - RATE_S]
+    def update(self) -> None:
+        """Update the growth rate of the file; call it regularly."""
+        now = self._bus.now()
+        self._size_history.append((now, self.writer.bytes))
+        self._size_history = [one for one in self._size_history if one[0] >= now - RATE_S]
 
     def seconds_left(self, free: int | None) -> float | None:
-        """Until so many bytes are used up, as it went in the last seconds."""
-        return seconds_left(self._sizes, free)
+        """Time until `free` bytes are used up at the recent rate, s; None if unknown."""
+        return seconds_left(self._size_history, free)
 
-    # ── what is heard ────────────────────────────────────────────────────────────────────────────────────────────────
+    # ── bus callbacks ────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _desk(self, device: str) -> DeviceController | None:
+    def _controller(self, device: str) -> DeviceController | None:
         try:
-            return self._desks.get(device) if self._desks is not None else None
+            return self._controllers.get(device) if self._controllers is not None else None
         except KeyError:
             return None
 
-    def _ask(self, info: wire.DeviceInfo) -> None:
-        """Have it asked what the head of a log wants, when it is there."""
+    def _request_header(self, info: wire.DeviceInfo) -> None:
+        """Schedule a query for the header of a log."""
         if self._ask_head and info.status == "live" and info.id in self._heads:
-            self._heads[info.id].ask()
+            self._heads[info.id].send()
 
-    def _settings(self, desk: DeviceController) -> None:
-        """The settings of a device, where they are known and were not written yet."""
-        if not desk.values or self._said.get(desk.device) == desk.values:
+    def _settings(self, controller: DeviceController) -> None:
+        """Write the settings of a device if they are known and have changed."""
+        if not controller.values or self._written_settings.get(controller.device) == controller.values:
             return
-        self._said[desk.device] = dict(desk.values)
-        known = desk.known
+        self._written_settings[controller.device] = dict(controller.values)
+        known = controller.context
         body = {
-            "values": desk.values,
-            "missing": desk.missing,
-            "reason": "as read while it was recorded" if desk.read_at >= self.started else "as read before",
-            "taken": desk.read_at,
-            "protocol": desk.session.info.protocol,
+            "values": controller.values,
+            "missing": controller.missing,
+            "reason": "as read while it was recorded" if controller.read_at >= self.started else "as read before",
+            "taken": controller.read_at,
+            "protocol": controller.session.info.protocol,
             "product": known.product,
             "serial_number": known.serial_number,
             "firmware": known.firmware,
-            "address": address_of(desk.session),
+            "address": address_of(controller.session),
         }
-        self.tape.snapshot(desk.device, wire_codec.to_json_safe(body), round(self._hub.now() * 1e9))
+        self.writer.snapshot(controller.device, wire_codec.to_json_safe(body), round(self._bus.now() * 1e9))
 
     def _event(self, event: wire.EventInfo) -> None:
-        if event.kind == "marker":  # that one is a note
+        if event.kind == "marker":  # written as a note
             return
-        if not event.device or event.device.partition(".")[0] in self._off:
-            self.tape.event(wire_codec.to_json_safe(event), round(event.time * 1e9))
+        if not event.device or event.device.partition(".")[0] in self._unsubscribe_traffic:
+            self.writer.event(wire_codec.to_json_safe(event), round(event.time * 1e9))
 
     def _device(self, info: wire.DeviceInfo) -> None:
-        if info.id in self._off:
-            self.tape.device(info.id, {**about(info), **described(self._sessions[info.id])})
-            self._ask(info)
+        if info.id in self._unsubscribe_traffic:
+            self.writer.device(info.id, {**about(info), **described(self._sessions[info.id])})
+            self._request_header(info)
 
-    def _control(self, state: wire.ControlState) -> None:
-        desk = self._desk(state.device)
-        if desk is not None and state.device.partition(".")[0] in self._off and state.running is None:
-            self._settings(desk)
+    def _job_report(self, state: wire.DeviceJobs) -> None:
+        controller = self._controller(state.device)
+        if (
+            controller is not None
+            and state.device.partition(".")[0] in self._unsubscribe_traffic
+            and state.running is None
+        ):
+            self._settings(controller)
 
-    def _exchange(self, entry: wire.ExchangeEntry) -> None:
-        if entry.way == "note" and entry.device in self._off:
+    def _traffic(self, entry: wire.TrafficEntry) -> None:
+        if entry.way == "note" and entry.device in self._unsubscribe_traffic:
             event = {"device": entry.device, "kind": "command", "level": entry.level, "text": entry.text, "data": {}}
-            self.tape.event(event, round(entry.time * 1e9))
+            self.writer.event(event, round(entry.time * 1e9))
 
 
 def about(info: wire.DeviceInfo) -> dict[str, Any]:
-    """What a recording tells of a device; what is not known is left out."""
+    """Device metadata for a recording; unknown values are omitted."""
     return {name: value for name in TOLD + READ if (value := getattr(info, name)) not in ("", None)}
 
 
 def described(session: Session) -> dict[str, str]:
-    """The descriptions of vendor types that its bytes are read with: without them a recording shows bytes."""
+    """The schema of vendor types used for decoding; without it, a recording would show only bytes."""
     words = schema_words(session.reading.schema)
     return {"schema": words} if words else {}
 
 
 def seconds_left(sizes: Sequence[tuple[float, int]], free: int | None) -> float | None:
-    """How long so many bytes last at the rate between these (unix s, bytes); None where that cannot be told."""
+    """Time until the disk is full at the rate between these points (unix s, bytes), s; None if unknown."""
     if free is None or len(sizes) < 2:
         return None
     (first, before), (last, after) = sizes[0], sizes[-1]

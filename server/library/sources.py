@@ -1,17 +1,20 @@
-"""Everything that decides what a decoded recording holds: the sources that the decoding process imports.
+"""Inputs that determine the content of a decoded recording: the source files that the decoding process imports.
 
-A cache of decoded columns is good as long as none of them changed. They are found by following imports, wherever in a
-file these stand, from the process that decodes; simulators, which decode nothing, are left out, whoever imports them.
-Tables of the protocols that are no code (`.txt`, `.json`) count as well.
+Cached columns are valid as long as none of them changed. They are found by following all imports from the decoding
+process; simulators are excluded, because they do not decode. Data tables of the protocols (`.txt`, `.json`) are
+included.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
+import importlib.util
 import re
 from collections.abc import Iterator
 from pathlib import Path
+
+from protocols.plugins import protocol_plugins
 
 ROOT = Path(__file__).parents[2]
 HOUSES = ("protocols", "recordings", "server")
@@ -22,19 +25,34 @@ _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n]+)|import 
 
 @functools.cache
 def decoding_mark() -> str:
-    """Names the state of all these sources."""
+    """Hash of the state of all these sources."""
     digest = hashlib.sha256()
     data = (path for path in (ROOT / "protocols").rglob("*") if path.suffix in DATA)
     for path in (*decoding_sources(), *sorted(data)):
         digest.update(str(path.relative_to(ROOT)).encode())
         digest.update(path.read_bytes())
+    for path in _sources_of_others():
+        digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
+def _sources_of_others() -> Iterator[Path]:
+    """Files of packages with further protocol families."""
+    for plugin in protocol_plugins():
+        if not plugin.package:
+            continue
+        try:
+            found = importlib.util.find_spec(plugin.module.partition(".")[0])
+        except (ImportError, ValueError):
+            continue
+        for folder in (found.submodule_search_locations or ()) if found is not None else ():
+            yield from sorted(path for path in Path(folder).rglob("*") if path.suffix in (".py", *DATA))
+
+
 def decoding_sources() -> list[Path]:
-    """The files, in order."""
+    """Source files imported by the decoding process, sorted."""
     found: dict[str, Path] = {}
-    waiting = [BEGIN]
+    waiting = [BEGIN, *(plugin.module for plugin in protocol_plugins())]
     while waiting:
         module = waiting.pop()
         path = _path(module)
@@ -47,9 +65,9 @@ def decoding_sources() -> list[Path]:
 
 
 def is_simulator(module: str) -> bool:
-    """True for a part of a simulated device, and for the module that makes these."""
+    """Whether a module is part of a simulated device."""
     house, *inside = module.split(".")
-    return module == "server.links.simulated_device" or (house == "protocols" and "simulator" in inside)
+    return house == "protocols" and "simulator" in inside
 
 
 def _path(module: str) -> Path | None:
@@ -60,8 +78,9 @@ def _path(module: str) -> Path | None:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    """Names of modules that a file imports, and of what it imports from them, which may be modules. All imports here
-    are absolute; parsing the files would take a second of the start."""
+    """Names of modules that a file imports, and of objects that it imports from them, which may be modules. All imports
+    here are absolute; parsing the files instead would take a second at the start.
+    """
     for base, names, modules in _IMPORT.findall(path.read_text(encoding="utf-8")):
         yield from re.findall(r"[\w.]+", modules)
         if base:

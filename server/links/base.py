@@ -1,28 +1,27 @@
-"""What is a link? A place that bytes come from and go to, and nothing else.
+"""Interface of a link, which receives and sends bytes.
 
     device ══ wire ══> Link ── Chunk(data, arrival_ns) ──> session ── decoder …
                         ^────────── write(bytes) ─────────────┘
 
-A link does not know frames. It promises three things: every byte is delivered once and in order, each chunk carries the
-host time at which it arrived, taken right after the read returned and before anything else could run, and a link that
-is dead says so at once with a `LinkError` that a person can act on.
+A link is independent of frames. It guarantees three things: every byte is delivered once and in order; each chunk has
+the host time of its arrival, taken right after the read returned and before anything else could run; and a link that
+fails raises a `LinkError` with cause and remedy at once.
 
-## Life of a link
+## Lifecycle
 
-    open()   connects; with `progress` every attempt is reported in words
+    open()   connects; with `progress` every attempt is reported as text
     read()   waits, then returns everything that has arrived; raises LinkError once the link is dead and drained
     write()  sends
     close()  idempotent, also from within a failed open(); frees threads and file descriptors
 
 A closed link may be opened again. One task reads; any task of the same event loop may write or close.
 
-## When bytes come faster than they are read
+## When bytes arrive faster than they are read
 
-`read` gives out about `Flow.at_once` bytes, so that whoever decodes them does a bounded piece of work and then lets
-others go on. What waits is bounded by `MOST_HELD`. Beyond that a link whose sender can be held back is not read from
-(`waits`: TCP, a file); of any other the oldest bytes are dropped and counted in `Flow.left_out`. `Flow.arrivals` hears
-every chunk before that, in the thread that read it: a recording misses nothing that is dropped, and does not wait for
-the event loop.
+`read` returns about `Flow.at_once` bytes, which bounds the work of one decoding step. At most `MOST_HELD` bytes are
+queued. Beyond that, a link whose sender can be held back is not read (`waits`: TCP, a file); for any other the oldest
+bytes are dropped and counted in `Flow.dropped`. `Flow.arrivals` receives every chunk before that, in the reading
+thread: a recording also has the dropped bytes, and does not wait for the event loop.
 
 ## Arrival time
 
@@ -39,68 +38,70 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from server.errors import DomainError
 from server.listeners import CallbackList
-from server.wire import Try
+from server.wire import Attempt
 
-__all__ = ["Chunk", "ErrorKind", "Link", "LinkError", "LinkKind", "LinkSettings", "Progress", "Try", "steady_clock"]
+__all__ = ["Attempt", "Chunk", "ErrorKind", "Link", "LinkError", "LinkSettings", "Progress", "steady_clock"]
 
 AT_ONCE = 1 << 16
-MOST_HELD = 8 << 20  # bytes that wait to be decoded: some ten seconds of the fastest serial line
-CHUNK_COST = 128  # what a chunk takes in memory and in work beside its bytes
+MOST_HELD = 8 << 20  # bytes queued for decoding: some ten seconds of the fastest serial line
+CHUNK_COST = 128  # overhead of a chunk in memory and work, in bytes
 
-LinkKind = Literal["serial", "tcp", "tcp-listen", "udp", "file", "twin"]
 ErrorKind = Literal["gone", "denied", "busy", "full", "refused", "not-found", "bad-source", "ended"]
-Progress = Callable[[Try], None]
+Progress = Callable[[Attempt], None]
 
 
 def steady_clock() -> Callable[[], int]:
-    """A clock that never steps: ns since the Unix epoch, as the wall clock stood when this was called."""
+    """A clock that never steps: ns since the Unix epoch, set by the wall clock when this was called."""
     offset = time.time_ns() - time.monotonic_ns()
     return lambda: time.monotonic_ns() + offset
 
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes as the link gave them, and the host time (ns since the Unix epoch) at which they arrived.
+    """Received bytes, and the host time (ns since the Unix epoch) at which they arrived.
 
-    `anew`: what is played begins again with them, so that nothing before belongs with them: no clock, no counter.
+    `restart`: a played file starts again with them, so that clocks and counters before do not continue.
     """
 
     data: bytes
     arrival_ns: int
-    anew: bool = False
+    restart: bool = False
 
 
-class LinkError(Exception):
-    """The world did not cooperate.
+class LinkError(DomainError):
+    """Error of a link.
 
     Args:
-        kind: "gone" it was there and is not any more · "denied" no permission · "busy" another has it · "full" as many
-            as there may be · "refused" nobody answers at that address · "not-found" there is no such port, host or
-            file · "bad-source" the source is written wrongly (retrying cannot help) · "ended" a file has been played.
-        message: one sentence, for a person.
-        hint: what to do next, "" only where there is nothing to do.
+        kind: "gone" no longer available · "denied" no permission · "busy" in use · "full" maximum number reached ·
+            "refused" no answer at that address · "not-found" no such port, host or file · "bad-source" invalid source
+            (retrying does not help) · "ended" a file has finished.
+        message: one sentence for the user.
+        hint: what to do next; "" only if there is nothing to do.
     """
 
+    kind: ErrorKind
+
     def __init__(self, kind: ErrorKind, message: str, hint: str = "") -> None:
-        super().__init__(f"{message} {hint}".rstrip())
-        self.kind = kind
-        self.message = message
-        self.hint = hint
+        super().__init__(kind, message, hint)
+
+    def __str__(self) -> str:
+        return f"{self.message} {self.hint}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)
 class LinkSettings:
-    """What all links of a server share.
+    """Settings that all links of a server share.
 
     Args:
         now_ns: clock for arrival stamps, see the module docstring.
-        connect_timeout_s: how long a TCP connection may take to be answered. 5 s: a host that is up answers in
-            milliseconds, and the session retries anyway.
-        sys_root: where sysfs is mounted, for the latency timer of USB adapters.
-        by_id: where udev keeps the lasting names of USB adapters.
-        protocol: the protocol that the user named for this source, "" for automatic; a file is played by its clock.
-        key: of a twin that sends Secure frames; None for one that nobody knows.
+        connect_timeout_s: time-out of a TCP connection. 5 s: a running host answers in milliseconds, and the session
+            retries anyway.
+        sys_root: mount point of sysfs, for the latency timer of USB adapters.
+        by_id: folder with udev's persistent names of USB adapters.
+        protocol: the protocol given by the user, "" for automatic; its clock determines the timing of a file.
+        key: key of a simulator that sends Secure frames; None for a random one.
     """
 
     now_ns: Callable[[], int]
@@ -113,37 +114,37 @@ class LinkSettings:
 
 @dataclass(slots=True)
 class Flow:
-    """How the bytes of a link are handed on, over all its connections.
+    """Byte flow of a link over all its connections.
 
     Args:
-        at_once: about how many bytes `read` and `read_now` give out; whoever reads sets it.
-        whole: a datagram is given out whole, however large: what it holds is framed by its end.
-        arrivals: told of every chunk, in the thread that read it.
-        left_out: bytes so far that were dropped because they were not read in time.
+        at_once: approximate number of bytes that `read` and `read_now` return; set by the reader.
+        keep_datagrams: a datagram is returned whole, whatever its size, because its end delimits its content.
+        arrivals: called with every chunk, in the reading thread.
+        dropped: bytes dropped so far because they were not read in time.
     """
 
     at_once: int = AT_ONCE
-    whole: bool = True
+    keep_datagrams: bool = True
     arrivals: CallbackList[[Chunk]] = field(default_factory=CallbackList)
-    left_out: int = 0
+    dropped: int = 0
 
 
 class Link(ABC):
     """One link.
 
     Attributes:
-        source: as the user gave it: "/dev/ttyUSB0", "twin:xbus".
-        kind: what it is, for the page.
-        capacity: bytes/s that the link can carry, None where that is not known (a network, a file).
-        baud: the rate in use, None where there is none.
-        notices: standing remarks for the page, each a sentence with its fix.
-        flow: how its bytes are handed on.
-        speed: how many times faster than by the device's clock they come: of a file that is played.
-        finds_rate: `open` listens at each rate until something is understood.
+        source: as the user gave it: "/dev/ttyUSB0", "sim:xbus".
+        kind: name of its LinkDefinition (server/links/registry.py).
+        capacity: bytes/s that the link can carry, None if unknown (a network, a file).
+        baud: the rate in use, None if there is none.
+        notices: permanent remarks for the page, each a sentence with its fix.
+        flow: the byte flow of the link.
+        speed: speed of a played file relative to the device's clock.
+        detects_baud: `open` tries each rate until a protocol is detected.
     """
 
-    kind: LinkKind
-    datagrams = False  # a chunk is one: not cut where that matters (Flow.whole)
+    kind: str
+    datagrams = False  # each chunk is a datagram, not divided with Flow.keep_datagrams
 
     def __init__(self, source: str, settings: LinkSettings) -> None:
         self.source = source
@@ -156,20 +157,20 @@ class Link(ABC):
 
     @property
     def waits(self) -> bool:
-        """Its sender can be held back without losing bytes, and nobody minds."""
+        """Whether its sender can be held back without losing bytes or disturbing others."""
         return False
 
     @property
-    def held(self) -> int:
-        """Bytes that have arrived and were not read."""
+    def backlog(self) -> int:
+        """Number of bytes that have arrived and were not read."""
         return 0
 
     @property
-    def finds_rate(self) -> bool:
+    def detects_baud(self) -> bool:
         return False
 
-    def give_up(self, error: LinkError) -> None:
-        """Have `read` end with this error, as if the link had died, where the link can: it is opened again then."""
+    def fail(self, error: LinkError) -> None:
+        """Make `read` end with this error, as after a lost connection, if the link supports it; it is then reopened."""
         return
 
     @abstractmethod
@@ -180,11 +181,11 @@ class Link(ABC):
             LinkError: it cannot be opened; nothing is left open behind it.
         """
 
-    async def relink(self, baud: int | None = None) -> None:
-        """Close and open again, at another rate where one is given and the link has one.
+    async def reopen(self, baud: int | None = None) -> None:
+        """Close and open again, at another rate if given and supported.
 
         Raises:
-            LinkError: it cannot be opened, or "refused": it has no rate that could be set at this end.
+            LinkError: it cannot be opened, or "refused": its rate cannot be set at this end.
         """
         if baud is not None:
             await self.check_rate(baud)
@@ -192,35 +193,35 @@ class Link(ABC):
         await self.open()
 
     async def check_rate(self, baud: int) -> None:
-        """Could this end of the link do that rate? Sets it for a moment, so bytes that arrive meanwhile may be lost.
+        """Check that this end of the link supports a rate. Sets it briefly, so bytes that arrive then may be lost.
 
         Raises:
-            LinkError: "refused": no, in words.
+            LinkError: "refused": not supported.
         """
         hint = "Set it at the port that the device is connected to, then here as part of the source."
         raise LinkError("refused", f"The rate of {self.source} cannot be set from here.", hint)
 
     @abstractmethod
     async def read(self) -> list[Chunk]:
-        """Wait for bytes; then what has arrived, oldest first, at least one chunk and about `flow.at_once` bytes.
+        """Wait for bytes and return them, oldest first, at least one chunk and about `flow.at_once` bytes.
 
         Raises:
-            LinkError: the link is dead; everything that came before has been returned.
+            LinkError: the link has failed; all bytes received before have been returned.
         """
 
     def read_now(self) -> list[Chunk]:
-        """The same of what has arrived by now, without waiting; may be nothing."""
+        """Return the bytes that have arrived, without waiting; may be empty."""
         return []
 
-    def expect(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do
-        """Something was sent, and an answer may come: it must not wait."""
+    def expect_reply(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do
+        """Note that an answer is expected, which must be delivered without delay."""
 
     @abstractmethod
     async def write(self, data: bytes) -> None:
-        """Send `data` whole.
+        """Send all of `data`.
 
         Raises:
-            LinkError: it could not be sent, or the link has no way back (a file).
+            LinkError: it could not be sent, or the link is read-only (a file).
         """
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""At which rate does the device on this port speak, and what?
+"""Baud rate scan of a port.
 
 The port is opened once and listened to at one rate after another, most likely first. At a wrong rate a stream arrives
 as noise; at the right one a protocol is recognised by its checksums, so the answer is certain and nothing needs to be
@@ -8,9 +8,10 @@ sent (a query at a wrong rate is noise to the device, and some devices take nois
                              ├─ bytes, not recognised ──> a little longer, then the next rate
                              └─ nothing ────────────────> the next rate
 
-A slow device (1 Hz) may keep silent for a whole window; when the first round heard nothing, or little, a second one
-listens longer. Every try is reported in words. A pseudo-terminal has no rate: its device is recognised at the first
-try.
+A slow device (1 Hz) may be silent for a whole window, so if the first round received nothing, or little, a second one
+listens longer. If some rate received many bytes, the second round covers only the silent rates: a device that starts
+when its port is opened sends nothing for a second. Every attempt is reported. A pseudo-terminal has no rate: its device
+is recognised at the first attempt.
 """
 
 from __future__ import annotations
@@ -24,49 +25,60 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from server.links.base import LinkError, Progress, Try
+from server.links.base import Attempt, LinkError, Progress
 from server.links.detection_text import DetectionResult, describe_bytes
 from server.links.reader_thread import hung_up
 from server.links.text import grouped
 
-# Most likely first: the delivered settings of the three families (Xsens 115 200, Inertial Sense 921 600), then the
-# rates that users choose for kHz streams, then what old and small devices speak.
-RATES = (115_200, 921_600, 460_800, 2_000_000, 230_400, 57_600, 38_400, 19_200, 9_600, 1_000_000, 3_000_000, 4_800)
+# Tried after the factory rates: rates that users choose for kHz streams, then rates of old and small devices.
+OTHER_RATES = (
+    *(115_200, 921_600, 460_800, 2_000_000, 230_400, 57_600, 38_400, 19_200, 9_600, 1_000_000, 3_000_000, 4_800),
+)
 WINDOW_S = 0.35
 LONG_WINDOW_S = 1.6  # second round: longer than the period of a 1 Hz device
-ENOUGH_BYTES = 4096  # so much, and nothing recognised: it will not get better by listening longer
+ENOUGH_BYTES = 4096  # if nothing is recognised in so many bytes, listening longer does not help
 POLL_S = 0.02
+
+
+def likely_rates() -> tuple[int, ...]:
+    """Rates to listen at, most likely first: factory rates of the families, then others."""
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+    delivered = (baud for family in PROTOCOLS.values() for baud in family.bauds)
+    return tuple(dict.fromkeys((*delivered, *OTHER_RATES)))
 
 
 @dataclass(frozen=True, slots=True)
 class RateProbe:
-    """What one rate sounded like."""
+    """Observation of one baud rate."""
 
     baud: int
-    heard: DetectionResult
+    result: DetectionResult
 
     @property
-    def attempt(self) -> Try:
-        """In words, for the page."""
-        return Try(what=f"{grouped(self.baud)} Bd", outcome=self.heard.words, time=time.time())
+    def attempt(self) -> Attempt:
+        """The observation as text, for the page."""
+        return Attempt(what=f"{grouped(self.baud)} Bd", outcome=self.result.words, time=time.time())
 
 
 async def find_baud(port: Any, place: str, progress: Progress | None = None) -> int:
-    """The rate of the device on an open port, which is left set to it.
+    """Detect the rate of the device on an open port, and leave the port at that rate.
 
     Args:
         port: serial.Serial, non-blocking.
-        progress: told of each try.
+        progress: called with each attempt.
+
     Raises:
-        LinkError: "refused" when nothing, or nothing known, was heard at any rate.
-        OSError: the port went away.
+        LinkError: "refused" if no bytes, or no known protocol, were received at any rate.
+        OSError: the port is gone.
     """
-    found = await scan(port, progress=progress)
-    best = found[-1]
-    if best.heard.recognised:
+    rates = likely_rates()
+    probes = await scan(port, rates, progress)
+    best = probes[-1]
+    if best.result.recognised:
         return best.baud
-    loudest = max(found, key=lambda one: one.heard.size)
-    if loudest.heard.size == 0:
+    loudest = max(probes, key=lambda one: one.result.size)
+    if loudest.result.size == 0:
         raise LinkError(
             "refused",
             f"{place}: 0 B at every rate: is the device powered?",
@@ -74,69 +86,75 @@ async def find_baud(port: Any, place: str, progress: Progress | None = None) -> 
         )
     raise LinkError(
         "refused",
-        f"{place} sends bytes ({grouped(loudest.heard.size)} B at {grouped(loudest.baud)} Bd), but no known message at "
-        f"any of {len(RATES)} rates.",
+        f"{place} sends bytes ({grouped(loudest.result.size)} B at {grouped(loudest.baud)} Bd), but no known message "
+        f"at any of {len(rates)} rates.",
         "If you know the rate, give it with ?baud= (and bits, parity, stop if they are not 8, none, 1).",
     )
 
 
-async def scan(port: Any, rates: Sequence[int] = RATES, progress: Progress | None = None) -> list[RateProbe]:
+async def scan(port: Any, rates: Sequence[int] | None = None, progress: Progress | None = None) -> list[RateProbe]:
     """Listen at each rate until a protocol is recognised.
 
+    Args:
+        rates: None for `likely_rates`.
+
     Returns:
-        Every try in order; the last one is the recognised one if any was. The port is left at that rate.
+        Every attempt in order; if a protocol was recognised, the last one is that. The port is left at that rate.
+
     Raises:
-        OSError: the port went away.
+        OSError: the port is gone.
     """
-    found: list[RateProbe] = []
+    rates = rates or likely_rates()
+    probes: list[RateProbe] = []
 
-    async def at(baud: int, window_s: float) -> RateProbe:
-        found.append(await listen_at(port, baud, window_s))
+    async def probe(baud: int, window_s: float) -> RateProbe:
+        probes.append(await listen_at(port, baud, window_s))
         if progress is not None:
-            progress(found[-1].attempt)
-        return found[-1]
+            progress(probes[-1].attempt)
+        return probes[-1]
 
     for baud in rates:
-        if (await at(baud, WINDOW_S)).heard.recognised:
-            return found
-    loudest = max(one.heard.size for one in found)
-    if loudest >= ENOUGH_BYTES:
-        return found  # it talks all the time: a second round would hear the same noise
-    for baud in rates:
-        one = await at(baud, LONG_WINDOW_S)
-        # A wrong rate makes noise, not silence: nothing at one rate for so long means nothing at any.
-        if one.heard.recognised or (loudest == 0 and one.heard.size == 0):
+        if (await probe(baud, WINDOW_S)).result.recognised:
+            return probes
+    loudest = max(one.result.size for one in probes)
+    silent = [one.baud for one in probes if one.result.size == 0]
+    # At a rate with many bytes, listening longer receives the same noise. The right rate may have been silent, because
+    # a device that starts when its port is opened sends nothing for a second.
+    for baud in rates if loudest < ENOUGH_BYTES else silent:
+        one = await probe(baud, LONG_WINDOW_S)
+        # A wrong rate gives noise, not silence: no bytes at one rate for so long means no bytes at any.
+        if one.result.recognised or (loudest == 0 and one.result.size == 0):
             break
-    return found
+    return probes
 
 
 async def listen_at(
     port: Any, baud: int, window_s: float, *, sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
 ) -> RateProbe:
-    """Set a rate and listen until a protocol is recognised or the window is over (half as long again if bytes came)."""
+    """Set a rate and listen until a protocol is recognised or the window ends (50 % longer if bytes arrive)."""
     if port.baudrate != baud:
         try:
             port.baudrate = baud
-            port.reset_input_buffer()  # what is still there was received at the last rate
+            port.reset_input_buffer()  # its bytes were received at the previous rate
         except (ValueError, OSError, termios.error) as error:
             _check_there(port.fd)
-            # An adapter that cannot do a rate is no reason to give up the others.
+            # The adapter may still support other rates.
             return RateProbe(baud, DetectionResult(note=f"not possible on this port ({error})"))
     data = bytearray()
-    heard = DetectionResult()
+    result = DetectionResult()
     start = time.monotonic()
     while True:
         await sleep(POLL_S)
         fresh = _read(port.fd)
         if fresh:
             data += fresh
-            heard = describe_bytes(bytes(data))
-            if heard.certain:
+            result = describe_bytes(bytes(data))
+            if result.certain:
                 break
         elapsed = time.monotonic() - start
         if elapsed > window_s * (1.5 if data else 1.0) or len(data) >= ENOUGH_BYTES:
             break
-    return RateProbe(baud, heard)
+    return RateProbe(baud, result)
 
 
 def _read(fd: int) -> bytes:
@@ -150,6 +168,6 @@ def _read(fd: int) -> bytes:
 
 
 def _check_there(fd: int) -> None:
-    """OSError when the port has gone away."""
+    """Raise OSError if the port is gone."""
     if hung_up(fd):
         raise OSError(errno.EIO, os.strerror(errno.EIO))

@@ -1,8 +1,8 @@
-"""A capture (raw bytes of any protocol we know) played as if the device were there.
+"""Playback of a capture (raw bytes of any known protocol) as if the device were connected.
 
-The pace comes from the device's own clock, see recordings/capture_timing.py. `speed=4` plays four times as fast;
-`loop=1` begins again at the end, and says so with the first bytes of each turn (`Chunk.anew`): clocks and counters
-begin again by our doing, and a jump of the device's clock or a loss it is not.
+The timing comes from the device's own clock, see recordings/capture_timing.py. `speed=4` plays four times as fast;
+`loop=1` starts again at the end, and marks the first bytes of each pass (`Chunk.restart`), so that the restart of
+clocks and counters is not reported as a clock jump or a loss.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from server.links.detection_text import describe_bytes
 from server.links.reader_thread import ChunkQueue, closed
 from server.links.text import progress_line
 
-FULL_BYTES = 1 << 20  # so much waiting in the inbox: the session is slower than the pace, and the file waits
+FULL_BYTES = 1 << 20  # queued bytes at which playing waits, because the session is too slow
 EXAMINED_BYTES = 1 << 18
-AT_ONCE_BYTES = 1 << 24  # a tenth of a second; a larger file is examined while it plays
+AT_ONCE_BYTES = 1 << 24  # examined within a tenth of a second; a larger file is examined while it plays
 SPEEDS = (0.01, 1000.0)
-TURN_S = 0.1  # between two turns of a loop: the lines of a plot break there, and must not run into each other
+TURN_S = 0.1  # between two passes of a loop, so that plotted lines break there
 
 
 class FileLink(Link):
     """A file of raw bytes.
 
     Args:
-        speed: factor on the device's own pace.
-        loop: begin again at the end; else reading ends with LinkError "ended".
+        speed: factor on the device's own timing.
+        loop: start again at the end; otherwise reading ends with LinkError "ended".
     """
 
     kind = "file"
@@ -45,39 +45,38 @@ class FileLink(Link):
         self.speed = speed
         self.loop = loop
         self._protocol = ""
-        self._inbox: ChunkQueue | None = None
+        self._queue: ChunkQueue | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self._examiner: threading.Thread | None = None
-        self._said: list[str] = []  # notices
-        self._mixed: list[str] = []
+        self._playback_notices: list[str] = []  # notices
+        self._mixed_notices: list[str] = []
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         head = self._head()
-        heard = describe_bytes(head)
-        self._protocol = self.settings.protocol or (heard.protocol if heard.recognised else "")
-        progress_line(progress, self.path.name, heard.words)
+        detected = describe_bytes(head)
+        self._protocol = self.settings.protocol or (detected.protocol if detected.recognised else "")
+        progress_line(progress, self.path.name, detected.words)
         self._stop.clear()
-        self._mixed = []
-        self._remark([] if self._protocol else [f"{self.path.name}: {_blind_words()}"])
+        self._mixed_notices = []
+        self._notice([] if self._protocol else [f"{self.path.name}: {_blind_words()}"])
         if self._protocol and self.path.stat().st_size <= AT_ONCE_BYTES:
             await asyncio.to_thread(self._examine)
         elif self._protocol:
             self._examiner = threading.Thread(target=self._examine, name=f"examining {self.source}", daemon=True)
             self._examiner.start()
-        self._inbox = ChunkQueue(self)
-        self._thread = threading.Thread(target=self._run, args=(self._inbox,), name=f"link {self.source}", daemon=True)
+        self._queue = ChunkQueue(self)
+        self._thread = threading.Thread(target=self._run, args=(self._queue,), name=f"link {self.source}", daemon=True)
         self._thread.start()
 
     def _head(self) -> bytes:
-        """The first block, to judge the protocol by."""
+        """The first block, for protocol detection."""
         try:
             mode = self.path.stat().st_mode
-            if not stat.S_ISREG(mode) and not stat.S_ISDIR(
-                mode
-            ):  # opening a pipe waits for its writer, reading for ever
-                hint = "Give a capture, or hand what the pipe gives to a tcp-listen:// or udp:// source."
+            # Opening a pipe would wait for its writer, and reading it for ever.
+            if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+                hint = "Give a capture, or send the output of the pipe to a tcp-listen:// or udp:// source."
                 raise LinkError("bad-source", f"{self.path} is a pipe or a device, not a file.", hint)
             with self.path.open("rb") as file:
                 head = file.read(BLOCK_BYTES)
@@ -91,39 +90,39 @@ class FileLink(Link):
             hint = f"`chmod a+r {self.path}`, or start the server as a user who may read it."
             raise LinkError("denied", f"No permission to read {self.path}.", hint) from None
         except OSError as error:
-            raise LinkError("refused", f"{self.path} cannot be read: {error.strerror}.", "Is the disk there?") from None
+            raise LinkError("refused", f"{self.path} cannot be read: {error.strerror}.", "Check the disk.") from None
         if not head:
-            raise LinkError("ended", f"{self.path} is empty.", "Give a capture with something in it.")
+            raise LinkError("ended", f"{self.path} is empty.", "Give a capture that contains data.")
         return head
 
     def _examine(self) -> None:
-        """Say so where the file holds frames of another protocol, of which playing it may show nothing."""
+        """Add a notice if the file contains frames of another protocol, which playback may not show."""
         from protocols.mixed_protocols import MixedProtocolDetector
         from protocols.registry import PROTOCOLS
 
         mixture = MixedProtocolDetector(self._protocol)
-        with contextlib.suppress(OSError), self.path.open("rb") as file:  # playing it finds that out, and says so
+        with contextlib.suppress(OSError), self.path.open("rb") as file:  # playback reports such an error
             while (block := file.read(EXAMINED_BYTES)) and not self._stop.is_set():
                 mixture.feed(block)
             mixture.feed(b"", final=True)
         if others := [PROTOCOLS[name].title for name in mixture.others]:
             here = PROTOCOLS[self._protocol].title
             words = f"{self.path.name} holds messages of {' and '.join(others)} too; it is read as {here}."
-            self._mixed = [f"{words} Choose the other protocol to see them."]
-            self._remark(self._said)
+            self._mixed_notices = [f"{words} Choose the other protocol to see them."]
+            self._notice(self._playback_notices)
 
-    def _remark(self, said: list[str]) -> None:
-        """What playing the file has to say, and what examining it found."""
-        self._said = said
-        self.notices = [*said, *self._mixed]
+    def _notice(self, notices: list[str]) -> None:
+        """Set the notices about playback; those of the examination are added."""
+        self._playback_notices = notices
+        self.notices = [*notices, *self._mixed_notices]
 
     def _run(self, inbox: ChunkQueue) -> None:
-        """The thread: play, as often as asked."""
-        turns = 0
+        """Body of the thread: play once, or repeatedly with `loop`."""
+        passes = 0
         try:
             while not self._stop.is_set():
-                self._play_once(inbox, anew=turns > 0)
-                turns += 1
+                self._play_once(inbox, restart=passes > 0)
+                passes += 1
                 if self.loop and self._stop.wait(TURN_S):
                     return
                 if not self.loop:
@@ -131,35 +130,33 @@ class FileLink(Link):
                     inbox.fail(LinkError("ended", ended, "Play again, or add ?loop=1 to repeat."))
                     return
         except OSError as error:
-            inbox.fail(
-                LinkError("gone", f"{self.path} cannot be read any more: {error.strerror}.", "Is the disk there?")
-            )
+            inbox.fail(LinkError("gone", f"{self.path} cannot be read any more: {error.strerror}.", "Check the disk."))
 
-    def _play_once(self, inbox: ChunkQueue, *, anew: bool) -> None:
+    def _play_once(self, inbox: ChunkQueue, *, restart: bool) -> None:
         from protocols import registry
 
         decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
         with self.path.open("rb") as file:
-            pace = CaptureTiming(file, decoder, LONGEST_PAUSE_NS)
-            for piece in play(self._told(pace), self.settings.now_ns, self._wait_for(inbox), self.speed):
-                inbox.put(Chunk(piece.data, self.settings.now_ns(), anew))
-                anew = False
+            timing = CaptureTiming(file, decoder, LONGEST_PAUSE_NS)
+            for piece in play(self._with_notices(timing), self.settings.now_ns, self._wait_for(inbox), self.speed):
+                inbox.put(Chunk(piece.data, self.settings.now_ns(), restart))
+                restart = False
                 inbox.flush()
                 inbox.wait(FULL_BYTES, self._stop.wait)
         inbox.flush()
 
-    def _told(self, pace: CaptureTiming) -> Iterator[TimedBytes]:
-        """The pieces; what is not as in the capture is said in a notice."""
-        for piece in pace:
-            if piece.blind or pace.skipped_ns:
+    def _with_notices(self, timing: CaptureTiming) -> Iterator[TimedBytes]:
+        """The pieces; deviations from the timing of the capture are reported in a notice."""
+        for piece in timing:
+            if piece.blind or timing.skipped_ns:
                 notices = [f"{self.path.name}: {_blind_words()}"] if piece.blind else []
-                if pace.skipped_ns:
-                    notices.append(f"Pauses of {pace.skipped_ns / 1e9:.0f} s in {self.path.name} are skipped.")
-                self._remark(notices)
+                if timing.skipped_ns:
+                    notices.append(f"Pauses of {timing.skipped_ns / 1e9:.0f} s in {self.path.name} are skipped.")
+                self._notice(notices)
             yield piece
 
     def _wait_for(self, inbox: ChunkQueue) -> Callable[[float], bool]:
-        """Sleep until a piece is due, waking the loop on the way for what has been put already."""
+        """Function that sleeps until a piece is due and meanwhile wakes the loop for queued chunks."""
 
         def wait(seconds: float) -> bool:
             flush_s = inbox.flush()
@@ -173,23 +170,25 @@ class FileLink(Link):
         return wait
 
     async def read(self) -> list[Chunk]:
-        if self._inbox is None:
+        if self._queue is None:
             raise closed(self.source)
-        return await self._inbox.take()
+        return await self._queue.take()
 
     def read_now(self) -> list[Chunk]:
-        return [] if self._inbox is None else self._inbox.take_now()
+        return [] if self._queue is None else self._queue.take_now()
 
     @property
     def waits(self) -> bool:
         return True
 
     @property
-    def held(self) -> int:
-        return 0 if self._inbox is None else self._inbox.held
+    def backlog(self) -> int:
+        return 0 if self._queue is None else self._queue.backlog
 
     async def write(self, data: bytes) -> None:
-        raise LinkError("refused", "A file cannot be written to as a device.", "Connect the device itself, or a twin.")
+        raise LinkError(
+            "refused", "A file cannot be written to as a device.", "Connect the device itself, or a simulator."
+        )
 
     async def close(self) -> None:
         self._stop.set()
@@ -199,9 +198,9 @@ class FileLink(Link):
         if self._thread is not None:
             self._thread.join()
             self._thread = None
-        if self._inbox is not None:
-            self._inbox.fail(closed(self.source))
-            self._inbox = None
+        if self._queue is not None:
+            self._queue.fail(closed(self.source))
+            self._queue = None
 
 
 def _blind_words() -> str:

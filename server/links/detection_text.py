@@ -1,7 +1,7 @@
-"""What do these bytes look like? The words in which a listened-to port is described.
+"""Description of received bytes as one short line.
 
-The judgement is `protocols.registry.guess`, which ranks every protocol by the frames it finds; here it becomes one
-short line: "812 B, 11 Xbus frames (MTData2)", "2 304 B, no frame in them", "0 B".
+`protocols.registry.detect` ranks every protocol by the frames it finds; the result is described here as
+"812 B, 11 Xbus frames (MTData2)", "2 304 B, no frame in them" or "0 B".
 """
 
 from __future__ import annotations
@@ -10,28 +10,28 @@ from dataclasses import dataclass
 
 from server.links.text import grouped
 
-# Frames check out by chance about once in 10^7 bytes of noise, so a third of the bytes in frames is beyond doubt; it is
-# not more because text (NMEA) counts half, and the first and the last frame of what was heard are cut.
+# A checksum matches by chance about once in 10^7 bytes of noise, so a third of the bytes in frames is certain. The
+# limit is not higher because text (NMEA) counts half, and the first and last received frames may be incomplete.
 RECOGNISED = 0.3
-CERTAIN = 0.8  # from which on listening longer would add nothing
+CERTAIN = 0.8  # listening longer would not improve the result
 
 
 @dataclass(frozen=True, slots=True)
 class DetectionResult:
-    """What was heard on a link for a while.
+    """Result of listening to a link for a while.
 
     Attributes:
         size: bytes.
-        protocol: name of the likeliest protocol in `protocols.registry`, "" for none.
-        score: its likeness, 0..1.
-        why: its own words: "11 Xbus frames (MTData2) in 798 of 812 B".
-        note: said instead of all that when listening was not possible.
+        protocol: name of the most likely protocol in `protocols.registry`, "" for none.
+        score: its likelihood, 0..1.
+        reason: its explanation: "11 Xbus frames (MTData2) in 798 of 812 B".
+        note: text used instead if listening was not possible.
     """
 
     size: int = 0
     protocol: str = ""
     score: float = 0.0
-    why: str = ""
+    reason: str = ""
     note: str = ""
 
     @property
@@ -44,18 +44,18 @@ class DetectionResult:
 
     @property
     def words(self) -> str:
-        """One short line for a person."""
+        """One short line for display."""
         if self.note or self.size == 0:
             return self.note or "0 B"
-        what = self.why.partition(" in ")[0] if self.recognised else "no frame in them"
+        what = self.reason.partition(" in ")[0] if self.recognised else "no frame in them"
         return f"{grouped(self.size)} B, {what}"
 
 
 def describe_bytes(data: bytes) -> DetectionResult:
-    """Judge `data`; never raises."""
+    """Detect the protocol of `data`; never raises."""
     if not data:
         return DetectionResult()
-    from protocols.registry import detect  # when first used: it compiles the decoders, or loads them
+    from protocols.registry import detect  # imported on first use, because it compiles or loads the decoders
 
     best = detect(data)[0]
-    return DetectionResult(len(data), best.protocol, best.score, best.why)
+    return DetectionResult(len(data), best.protocol, best.score, best.reason)

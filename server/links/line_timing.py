@@ -1,9 +1,10 @@
-"""What does a link do to the time at which bytes arrive?
+"""Timing of a link: delays between the line and the host.
 
-Two things can be known before a byte has come: how long one takes on the line, and for how long an adapter may keep it
-back, which Linux tells of some (attribute latency_timer) and which any USB adapter does for a frame of the bus.
+Two delays are known before the first byte: its duration on the line, and the longest time for which an adapter may
+hold it back. Linux reports the latter for some adapters (attribute latency_timer); any USB adapter holds bytes back
+for one frame of the bus.
 
-A port that is USB itself (ttyACM) has no line: the rate that is set there means nothing.
+A native USB port (ttyACM) has no line: its baud rate has no effect.
 """
 
 from __future__ import annotations
@@ -13,18 +14,18 @@ from pathlib import Path
 
 from server.links.base import Link
 
-BUS_NS = 1e6  # a frame of the bus: what a full-speed adapter without a timer of its own may wait
+BUS_NS = 1e6  # frame of the bus: longest delay of a full-speed adapter without a timer
 
 
 def byte_time_ns(link: Link) -> float:
-    """How long one byte takes on an open link's line, 0 where there is none or its rate is not known."""
+    """Duration of one byte on an open link's line; 0 if there is no line or its rate is unknown."""
     if not link.baud or not link.capacity or port_of(link).startswith("ttyACM"):
         return 0.0
     return 1e9 / link.capacity
 
 
 def holds_ns(link: Link) -> float:
-    """For how long the adapter of a link may keep a byte back, 0 where there is none."""
+    """Longest time for which the adapter of a link may hold a byte back; 0 without an adapter."""
     name = port_of(link)
     if not name:
         return 0.0
@@ -36,6 +37,6 @@ def holds_ns(link: Link) -> float:
 
 
 def port_of(link: Link) -> str:
-    """What the kernel calls the port of a serial link; "" of any other."""
+    """Kernel name of the port of a serial link; "" for any other link."""
     place = getattr(link, "place", "")
     return os.path.basename(os.path.realpath(place)) if link.kind == "serial" and place else ""

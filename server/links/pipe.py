@@ -1,11 +1,11 @@
-"""A pipe, or standard input, read as it comes: `ssh robot cat /dev/ttyUSB0 | imuscope serve -`, `zcat a.bin.gz | …`.
+"""Pipe or standard input as a stream: `ssh robot cat /dev/ttyUSB0 | imuscope serve -`, `zcat a.bin.gz | …`.
 
-    nothing waits behind it    it is given out at once: a device is at the other end
-    more waits behind it       a capture comes faster than it was made: it is played by the device's own clock
+    no more data waiting       live: a device is at the other end, bytes are passed on at once
+    more data waiting          a capture arrives faster than recorded: it is played by the device's own clock
 
-So a live stream is never held back, and a file that is poured in looks as if its device were there (see
-recordings/capture_timing.py). A recording does not come through a pipe: its index is at its end, and each
-of its devices is a source.
+So a live stream is never delayed, and a capture is played as if its device were connected (see
+recordings/capture_timing.py). A recording cannot be read from a pipe: its index is at its end, and each of its devices
+is a separate source.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from server.links.reader_thread import ChunkQueue
 from server.links.text import progress_line
 
 STDIN = "/dev/stdin"
-HEAD_BYTES, HEAD_S = 1024, 0.4  # what the protocol is judged by; so long after the first byte with fewer
-LOOK_MS = 100  # how soon a reader that waits notices that the link is closed
+HEAD_BYTES, HEAD_S = 1024, 0.4  # bytes for protocol detection; longest wait for them after the first byte
+LOOK_MS = 100  # period at which a waiting reader checks whether the link is closed
 
 
 def is_pipe(place: str) -> bool:
-    """Is this a pipe (or a terminal that standard input is), and no file or port?"""
+    """Whether this is a pipe (or a terminal as standard input) instead of a file or port."""
     try:
         mode = os.stat(place).st_mode
     except (OSError, ValueError):
@@ -46,7 +46,8 @@ class _Pipe:
     """The reading end. Reading waits for bytes, and ends when `stop` is set.
 
     Args:
-        flush: of the inbox: has the loop woken for what was put; called while reading waits.
+        flush: `ChunkQueue.flush`, called while reading waits.
+
     Raises:
         OSError: it cannot be opened or read.
     """
@@ -64,11 +65,11 @@ class _Pipe:
 
     @property
     def is_ready(self) -> bool:
-        """Would reading not wait? Also at its end."""
+        """Whether reading would not block. Also true at its end."""
         return bool(self._first) or bool(self._poll.poll(0))
 
     def read(self, most: int) -> bytes:
-        """Some bytes; b"" at its end."""
+        """Read up to `most` bytes; b"" at its end."""
         if self._first:
             data, self._first = self._first[:most], self._first[most:]
             return data
@@ -79,7 +80,7 @@ class _Pipe:
         return b""
 
     def head(self) -> bytes:
-        """Its first bytes, which are read again."""
+        """The first bytes; `read` returns them again."""
         head = self.read(HEAD_BYTES)
         until = time.monotonic() + HEAD_S
         while head and len(head) < HEAD_BYTES and (left := until - time.monotonic()) > 0:
@@ -98,40 +99,40 @@ class PipeLink(FileLink):
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         self._stop.clear()
-        self._remark([])
-        self._inbox = ChunkQueue(self)
+        self._notice([])
+        self._queue = ChunkQueue(self)
         progress_line(progress, self.path.name, "open")
-        self._thread = threading.Thread(target=self._run, args=(self._inbox,), name=f"link {self.source}", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(self._queue,), name=f"link {self.source}", daemon=True)
         self._thread.start()
 
     def _run(self, inbox: ChunkQueue) -> None:
-        """The thread."""
+        """Body of the thread."""
         try:
             with contextlib.closing(_Pipe(str(self.path), self._stop, inbox.flush)) as pipe:
                 head = pipe.head()
                 if head.startswith(MAGIC):
-                    refusal = f"{self.path.name} gives a recording, which is not served from a pipe."
-                    inbox.fail(LinkError("bad-source", refusal, "Write it into a file, and name that."))
+                    refusal = f"{self.path.name} is a recording, which cannot be read from a pipe."
+                    inbox.fail(LinkError("bad-source", refusal, "Write it to a file and open that."))
                     return
-                heard = describe_bytes(head)
-                self._protocol = self.settings.protocol or (heard.protocol if heard.recognised else "")
+                detected = describe_bytes(head)
+                self._protocol = self.settings.protocol or (detected.protocol if detected.recognised else "")
                 self._play(pipe, inbox)
         except OSError as error:
             words = f"{self.path} cannot be read any more: {error.strerror}."
-            inbox.fail(LinkError("gone", words, "Is its writer there?"))
+            inbox.fail(LinkError("gone", words, "Check that its writer is running."))
             return
         hint = "Start the server again to read more." if str(self.path) == STDIN else "Play again waits for a writer."
         inbox.fail(LinkError("ended", f"{self.path.name} has ended.", hint))
 
     def _play(self, pipe: _Pipe, inbox: ChunkQueue) -> None:
-        """Give out what comes, at once or when it is due."""
+        """Queue the received bytes, at once or when they are due."""
         from protocols import registry
 
         decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
-        reader = _Reader(pipe, lambda data: self._give(inbox, data))
+        reader = _PipeReader(pipe, lambda data: self._give(inbox, data))
         wait = self._wait_for(inbox)
         now_ns = self.settings.now_ns
-        start_ns = 0  # when the first byte was due; moved as long as nothing waits
+        start_ns = 0  # when the first byte was due; moved while no more data is waiting
         for piece in CaptureTiming(cast(BinaryIO, reader), decoder, LONGEST_PAUSE_NS):
             given = reader.take(len(piece.data))
             now = now_ns()
@@ -148,15 +149,16 @@ class PipeLink(FileLink):
         inbox.wait(FULL_BYTES, self._stop.wait)
 
 
-class _Reader:
-    """Input of a CaptureTiming. While nothing comes, what it holds back is released: a frame does not wait for the
-    next one to begin."""
+class _PipeReader:
+    """Input of a CaptureTiming. Bytes that it holds back are released if no more data is waiting, so that a frame does
+    not wait for the beginning of the next one.
+    """
 
     def __init__(self, pipe: _Pipe, give: Callable[[bytes], None]) -> None:
         self._pipe = pipe
         self._give = give
-        self._held = bytearray()  # read, and neither given out nor taken
-        self._ahead = 0  # given out before the pace told when they were due
+        self._held = bytearray()  # read, but neither released nor taken
+        self._ahead = 0  # number of bytes released before their due time was known
 
     def read(self, most: int) -> bytes:
         if self._held and not self._pipe.is_ready:
@@ -168,7 +170,7 @@ class _Reader:
         return data
 
     def take(self, size: int) -> int:
-        """The next `size` bytes are due; how many of them have been given out."""
+        """Take the next `size` bytes, which are due; return how many of them were released before."""
         given = min(self._ahead, size)
         self._ahead -= given
         del self._held[: size - given]

@@ -1,9 +1,9 @@
-"""Which serial ports does this host have, and what is on them?
+"""Serial ports of this host, and the traffic on them.
 
-`list_ports` looks without touching: the operating system's list, described by USB maker and product, with the reason
-why a port cannot be opened (in use, no permission). `scan` also listens: it opens each free port at one rate after
-another and says what was heard, in the words of `server.links.baud_scan`. A port that a session has, or another
-program, is left alone.
+`list_ports` opens nothing: it returns the operating system's list, described by USB maker and product, with the reason
+if a port cannot be opened (in use, no permission). `scan` also listens: it opens each free port at one rate after
+another and reports the received data, as `server.links.baud_scan` describes it. A port in use by a session or by
+another program is not opened.
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ from typing import TextIO
 from serial import SerialException
 from serial.tools import list_ports as system_ports
 
-from server.links.base import LinkError, Try
+from server.links.base import Attempt, LinkError
 from server.links.baud_scan import scan as scan_rates
 from server.links.serial import SerialSettings, gone, holder, lock_of, open_port
 from server.printable import printable
 
-# USB vendor → maker. The list of the USB Implementers Forum, as far as inertial sensors and their adapters go.
+# USB vendor → maker of adapters and boards; sensor makers are in their families. Source: USB Implementers Forum.
 MAKERS = {
-    0x2639: "Xsens",
     0x0403: "FTDI",
     0x10C4: "Silicon Labs",
     0x067B: "Prolific",
@@ -41,20 +40,6 @@ MAKERS = {
     0x303A: "Espressif",
     0x2E8A: "Raspberry Pi",
 }
-# (vendor, product) → what it is. Source: Linux drivers/usb/serial/ftdi_sio_ids.h.
-PRODUCTS = {
-    (0x2639, 0x0101): "Xsens Awinda station",
-    (0x2639, 0x0102): "Xsens Awinda dongle",
-    (0x2639, 0x0200): "Xsens MTw",
-    (0x2639, 0x0300): "Xsens MTi development board",
-    (0x2639, 0x0301): "Xsens USB converter",
-    (0x2639, 0xD00D): "Xsens USB converter",
-    (0x0403, 0xD388): "Xsens USB converter",
-    (0x0403, 0xD389): "Xsens wireless receiver",
-    (0x0403, 0xD38B): "Xsens USB converter",
-    (0x0403, 0xD38C): "Xsens wireless receiver",
-    (0x0403, 0xD38D): "Xsens Awinda station",
-}
 # Serial ports of boards that pyserial does not list: Jetson, i.MX, OMAP, SC16IS7xx, Qualcomm, Zynq, LPUART.
 SYS_TTY = "/sys/class/tty"
 BOARD_PORTS = ("ttyTHS*", "ttymxc*", "ttyO[0-9]*", "ttySC*", "ttyHS*", "ttyPS*", "ttyLP*")
@@ -66,9 +51,9 @@ class PortInfo:
 
     Attributes:
         device: path, which is also a source.
-        description: for a person: "Xsens USB converter, serial DB1ABC".
-        busy: who has it: "this session" or a program's name; "" when it is free.
-        denied: "" or one sentence with the group to join.
+        description: for display: "Xsens USB converter, serial DB1ABC".
+        busy: its user, "a session of this server" or the name of a program; "" if it is free.
+        denied: one sentence with the group to join; "" if access is allowed.
         heard: every rate that was tried, in order.
     """
 
@@ -76,14 +61,14 @@ class PortInfo:
     description: str
     busy: str = ""
     denied: str = ""
-    heard: list[Try] = field(default_factory=list)
+    heard: list[Attempt] = field(default_factory=list)
 
 
 def list_ports(in_use: Collection[str] = ()) -> list[PortInfo]:
-    """Every serial port, untouched.
+    """All serial ports; none is opened.
 
     Args:
-        in_use: paths that sessions have open.
+        in_use: paths in use by sessions.
     """
     found = {port.device: _describe(port) for port in system_ports.comports() if not _is_empty(port.device)}
     for pattern in BOARD_PORTS:
@@ -94,7 +79,7 @@ def list_ports(in_use: Collection[str] = ()) -> list[PortInfo]:
 
 
 def _is_empty(device: str) -> bool:
-    """A place for a port that the kernel keeps (ttyS1 … ttyS31), with no UART in it."""
+    """Whether the kernel lists a port without a UART (ttyS1 … ttyS31)."""
     try:
         return Path(SYS_TTY, os.path.basename(device), "type").read_text().strip() == "0"
     except OSError:
@@ -114,14 +99,18 @@ def _info(device: str, description: str, taken: Collection[str]) -> PortInfo:
 
 
 def _describe(port: object) -> str:
-    """What a port is, as far as USB tells: the product where it is known, else maker and product text."""
+    """Description of a port, as far as USB provides one: the product if it is known, else maker and product text."""
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
     vendor, product = getattr(port, "vid", None), getattr(port, "pid", None)
     if vendor is None:
         text = str(getattr(port, "description", "") or "")
         return text if text and text != "n/a" else "serial port"
-    name = PRODUCTS.get((vendor, product or 0), "")
+    families = PROTOCOLS.values()
+    name = next((label for one in families if (label := one.usb_products.get((vendor, product or 0)))), "")
     if not name:
-        maker = MAKERS.get(vendor) or getattr(port, "manufacturer", None) or f"USB {vendor:04x}:{product or 0:04x}"
+        known = next((label for one in families if (label := one.usb_vendors.get(vendor))), "") or MAKERS.get(vendor)
+        maker = known or getattr(port, "manufacturer", None) or f"USB {vendor:04x}:{product or 0:04x}"
         text = str(getattr(port, "product", None) or "USB serial port")
         name = text if text.lower().startswith(str(maker).lower()) else f"{maker} {text}"
     number = getattr(port, "serial_number", None)
@@ -129,51 +118,51 @@ def _describe(port: object) -> str:
 
 
 def _natural(path: str) -> tuple[str, int]:
-    """ttyUSB2 before ttyUSB10."""
+    """Sort key that puts ttyUSB2 before ttyUSB10."""
     stem = path.rstrip("0123456789")
     return stem, int(path[len(stem) :] or -1)
 
 
-async def listen(port: str, progress: Callable[[Try], None] | None = None) -> list[Try]:
-    """Listen to one free port at each rate until something is recognised.
+async def listen(port: str, progress: Callable[[Attempt], None] | None = None) -> list[Attempt]:
+    """Listen to one free port at each rate until a protocol is recognised.
 
     Returns:
-        Every try in words; a port that cannot be opened is one try that says why.
+        Every attempt as text; a port that cannot be opened is one attempt with the reason.
     """
-    heard: list[Try] = []
+    attempts: list[Attempt] = []
 
-    def tell(one: Try) -> None:
-        heard.append(one)
+    def report(one: Attempt) -> None:
+        attempts.append(one)
         if progress is not None:
             progress(one)
 
     try:
         opened = await asyncio.to_thread(open_port, port, SerialSettings())
     except LinkError as error:
-        tell(Try("open", str(error), time.time()))
-        return heard
+        report(Attempt("open", str(error), time.time()))
+        return attempts
     try:
-        found = await scan_rates(opened, progress=tell)
-        if not any(one.heard.size for one in found):
-            tell(Try("all rates", "0 B at every rate: is it powered, and set to send?", time.time()))
+        found = await scan_rates(opened, progress=report)
+        if not any(one.result.size for one in found):
+            report(Attempt("all rates", "0 B at every rate: is it powered, and set to send?", time.time()))
     except (OSError, SerialException) as failure:
-        tell(Try("read", str(gone(port, failure)), time.time()))
+        report(Attempt("read", str(gone(port, failure)), time.time()))
     finally:
         await asyncio.to_thread(opened.close)
-    return heard
+    return attempts
 
 
 async def scan(
     ports: Sequence[str] | None = None,
     in_use: Collection[str] = (),
-    progress: Callable[[str, Try], None] | None = None,
+    progress: Callable[[str, Attempt], None] | None = None,
 ) -> list[PortInfo]:
     """Listen on every free port, all at the same time.
 
     Args:
-        ports: only these; None: all that `list_ports` finds. A path that is not in that list is listened to as well.
-        in_use: paths that sessions have open; they are listed and left alone.
-        progress: told of each try, with the port's path.
+        ports: only these; None: all from `list_ports`. A path that is not in that list is scanned as well.
+        in_use: paths in use by sessions; they are listed and not opened.
+        progress: called with the port's path and each attempt.
     """
     infos = await asyncio.to_thread(list_ports, in_use)
     if ports is not None:
@@ -182,23 +171,23 @@ async def scan(
         infos = [known.get(path) or _info(path, "as named", taken) for path in ports]
 
     async def one(info: PortInfo) -> None:
-        tell = (lambda attempt: progress(info.device, attempt)) if progress is not None else None
+        report = (lambda attempt: progress(info.device, attempt)) if progress is not None else None
         if info.busy:
-            info.heard = [Try("not opened", f"In use by {info.busy}.", time.time())]
+            info.heard = [Attempt("not opened", f"In use by {info.busy}.", time.time())]
         elif info.denied:
-            info.heard = [Try("not opened", info.denied, time.time())]
+            info.heard = [Attempt("not opened", info.denied, time.time())]
         else:
-            info.heard = await listen(info.device, tell)
+            info.heard = await listen(info.device, report)
             return
-        if tell is not None:
-            tell(info.heard[0])
+        if report is not None:
+            report(info.heard[0])
 
     await asyncio.gather(*(one(info) for info in infos))
     return infos
 
 
 def print_ports(out: TextIO) -> None:
-    """`imuscope ports`: list every port and print what is heard while it is heard."""
+    """`imuscope ports`: list every port and print each attempt as it is made."""
     infos = list_ports()
     if not infos:
         print("No serial port is present. Is the sensor plugged in? (`lsusb`, `dmesg | tail`)", file=out)
@@ -208,8 +197,8 @@ def print_ports(out: TextIO) -> None:
     out.flush()
     width = max(len(info.device) for info in infos)
 
-    def tell(device: str, attempt: Try) -> None:
+    def report(device: str, attempt: Attempt) -> None:
         print(printable(f"{device:<{width}}  {attempt.what}: {attempt.outcome}"), file=out, flush=True)
 
     print("Listening…", file=out, flush=True)
-    asyncio.run(scan(progress=tell))
+    asyncio.run(scan(progress=report))

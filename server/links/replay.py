@@ -1,12 +1,12 @@
-"""A recording played as if its devices were there: the same bytes, at the pace at which they came.
+"""Replay of a recording as if its devices were connected: the same bytes with their original timing.
 
-    drive.mcap                                    the one device of a recording
-    drive.mcap?device=2&speed=4&loop=1            one of several, four times as fast, for ever
-    drive.mcap?from=12.5&to=20                    a stretch, seconds from its beginning
+    drive.mcap                                    the only device of a recording
+    drive.mcap?device=2&speed=4&loop=1            one of several, four times as fast, repeated
+    drive.mcap?from=12.5&to=20                    a time range, seconds from its beginning
 
-Each device of a file is a link of its own (`split_devices`); those that are opened together keep step, because they
-begin at the same moment of the same clock. Any file that can be imported is played so when a stretch or device is asked
-for; a capture without times otherwise goes by its device's own clock (server/links/capture_file.py).
+Each device of a file is a separate link (`split_devices`); links opened together stay synchronised, because they start
+at the same time of the same clock. Any importable file is played this way if a time range or device is given;
+otherwise a capture without times is played by its device's own clock (server/links/capture_file.py).
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from server.links.reader_thread import ChunkQueue
 from server.links.source_url import SourceUrl, bad
 from server.links.text import progress_line
 
-TOGETHER_NS = 1_000_000_000  # links of one file that are opened within begin together
+TOGETHER_NS = 1_000_000_000  # links of one file opened within this time start together
 LONGEST_S = 1e7
 OPTIONS = ("speed", "loop", "device", "from", "to")
 
-_began: dict[tuple[str, float, bool, float, float], int] = {}  # what is played → when that began
+_began: dict[tuple[str, float, bool, float, float], int] = {}  # file and options → start time
 
 
 def is_recording(place: str) -> bool:
-    """Is this an MCAP file?"""
+    """Whether this is an MCAP file."""
     try:
         if not stat.S_ISREG(os.stat(place).st_mode):
             return False  # opening a pipe waits for its writer
@@ -48,7 +48,7 @@ def is_recording(place: str) -> bool:
 
 
 def split_devices(text: str) -> list[str]:
-    """A source for each device of a recording; any other source as it is."""
+    """One source for each device of a recording; any other source unchanged."""
     try:
         source = SourceUrl.parse(text)
     except LinkError:
@@ -76,7 +76,7 @@ class ReplayLink(FileLink):
 
     Args:
         device: of the file; "" for the only one.
-        begin_s, end_s: the stretch, seconds from the beginning of the file.
+        begin_s, end_s: time range, seconds from the beginning of the file.
     """
 
     def __init__(self, source: str, settings: LinkSettings, parsed: SourceUrl) -> None:
@@ -90,9 +90,9 @@ class ReplayLink(FileLink):
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
-        self._head()  # says in words why it cannot be read
+        self._head()  # raises a LinkError with the reason if it cannot be read
         try:
-            file, span = await asyncio.to_thread(self._look)
+            file, span = await asyncio.to_thread(self._peek)
         except RecordingError as error:
             raise LinkError("refused", error.message, error.hint or "Give another recording.") from None
         if span is None:
@@ -101,7 +101,7 @@ class ReplayLink(FileLink):
         progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")
         self.notices = [damage.words for damage in file.damage[:1]]
         self._stop.clear()
-        self._inbox = ChunkQueue(self)
+        self._queue = ChunkQueue(self)
         replay = ReplayClock(
             file,
             self.settings.now_ns,
@@ -112,42 +112,42 @@ class ReplayLink(FileLink):
             devices=[device],
             began_ns=self._together(),
         )
-        arguments = (self._inbox, replay)
+        arguments = (self._queue, replay)
         self._thread = threading.Thread(target=self._play, args=arguments, name=f"link {self.source}", daemon=True)
         self._thread.start()
 
-    def _look(self) -> tuple[File, tuple[int, int] | None]:
+    def _peek(self) -> tuple[File, tuple[int, int] | None]:
         file = open_file(self.path, self.settings.protocol)
         return file, extent(file)
 
     def _chosen(self, file: File) -> str:
-        """Of which device the bytes are wanted."""
+        """Device whose bytes are replayed."""
         known = list(file.devices)
         if not self.device and len(known) > 1:
-            hint = f"Say which with ?device=; there are: {', '.join(known)}."
+            hint = f"Choose one with ?device=; available: {', '.join(known)}."
             raise LinkError("bad-source", f"{self.path.name} holds {len(known)} devices.", hint)
         if self.device and known and self.device not in known:
             raise LinkError("bad-source", f"{self.path.name} holds no device {self.device!r}.", f"It has: {known}.")
         return self.device or (known[0] if known else "1")
 
     def _together(self) -> int:
-        """When it begins: with others of the same file that have just begun."""
+        """Start time, shared with other replays of the same file that have just started."""
         what = (str(self.path), self.speed, self.loop, self.begin_s, self.end_s)
         now = self.settings.now_ns()
         began = _began.get(what, 0)
         if not 0 <= now - began < TOGETHER_NS:
             began = now
-        _began.clear()  # only what begins now matters
+        _began.clear()  # older entries are not needed
         _began[what] = began
         return began
 
     def _play(self, inbox: ChunkQueue, replay: ReplayClock) -> None:
-        """The thread."""
+        """Body of the thread."""
         wait_for = self._wait_for(inbox)
         try:
             while not self._stop.is_set():
-                for one in replay.take():
-                    inbox.put(Chunk(one.data, self.settings.now_ns(), one.anew))
+                for one in replay.due_chunks():
+                    inbox.put(Chunk(one.data, self.settings.now_ns(), one.restart))
                 inbox.flush()
                 inbox.wait(FULL_BYTES, self._stop.wait)
                 wait_ns = replay.wait_ns()
@@ -159,4 +159,4 @@ class ReplayLink(FileLink):
                     return
         except OSError as error:
             words = f"{self.path} cannot be read any more: {error.strerror}."
-            inbox.fail(LinkError("gone", words, "Is the disk there?"))
+            inbox.fail(LinkError("gone", words, "Check the disk."))

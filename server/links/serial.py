@@ -1,21 +1,21 @@
-"""How does a serial port become a link?
+"""Serial port link.
 
-pyserial opens and configures the port, and that is all it does here: its own read costs twice the processor time of
-`os.read` in a waiting thread (`server.links.reader_thread`), and its exceptions hide the reason that a person needs.
+pyserial only opens and configures the port: its own read costs twice the processor time of `os.read` in a waiting
+thread (`server.links.reader_thread`), and its exceptions hide the cause.
 
     baud, bits, parity, stop ──> capacity = baud / (1 start + bits + parity + stop)   bytes/s
 
-## A port that is gone
+## Unplugged ports
 
-A pulled plug shows in three ways, by driver: `read` fails with EIO or ENODEV, poll reports a hang-up, or `read` returns
-nothing although the port was reported readable. The last one also happens once in a while to a healthy port (somebody
-else flushed it in between), so it counts only when a hang-up goes with it or when it repeats at once.
+An unplugged port shows in three ways, depending on the driver: `read` fails with EIO or ENODEV, poll reports a hang-up,
+or `read` returns nothing although the port was reported readable. The last also happens occasionally on a healthy port
+(flushed by another program in between), so it counts only with a hang-up or if it repeats at once.
 
 ## The latency timer
 
-An FTDI adapter holds bytes back until 62 have gathered or its latency timer (16 ms as delivered) has run out, which
-turns a 400 Hz stream into bursts and blurs every arrival time. Linux shows the timer in sysfs and root may set it; a
-value over 1 ms is reported as a notice with both fixes, for now and for good.
+An FTDI adapter holds bytes back until it has 62 or its latency timer (default 16 ms) expires, which turns a 400 Hz
+stream into bursts and blurs every arrival time. Linux shows the timer in sysfs, and root can set it; a value over 1 ms
+is reported as a notice with a temporary and a permanent fix.
 
 Sources: termios(3), tty_ioctl(4); Linux drivers/usb/serial/ftdi_sio.c (attribute latency_timer); the measurements of
 xsenssupport/Xsens_MTi_ROS_Driver_and_Ntrip_Client issue 53.
@@ -34,21 +34,22 @@ from typing import Any
 
 import serial
 
-from server.links.base import Chunk, LinkError, LinkSettings, Progress
+from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.baud_scan import find_baud
 from server.links.reader_thread import GONE, READ_BYTES, ThreadedLink, closed, hung_up, write_all
+from server.links.registry import LinkDefinition, register_link
 from server.links.source_url import SourceUrl
 from server.links.usb_adapters import adapter_at, moved, port_now
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")
 MAX_BAUD = 12_000_000  # the fastest USB adapters (FT2232H)
-EMPTY_READS = 3  # reads of nothing, one right after another, that mean the port is gone
+EMPTY_READS = 3  # consecutive empty reads after which the port counts as gone
 
 
 @dataclass(frozen=True, slots=True)
 class SerialSettings:
-    """How bits travel on the line. `baud` None: find out by listening."""
+    """Line settings. `baud` None: detect it."""
 
     baud: int | None = None
     bits: int = 8
@@ -82,7 +83,7 @@ class SerialLink(ThreadedLink):
 
     Args:
         place: path of the port.
-        line: how bits travel; without a baud `open` listens at each rate until a protocol is recognised.
+        line: line settings; without a baud rate `open` tries each rate until a protocol is detected.
     """
 
     kind = "serial"
@@ -93,12 +94,12 @@ class SerialLink(ThreadedLink):
         self.line = line
         self._port: Any = None  # serial.Serial, which has no types
         self._empty_reads = 0
-        self._adapter = ""  # the lasting name of the one that was found there first
+        self._adapter = ""  # persistent name of the adapter found there first
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         where = port_now(self.place, self._adapter, self.settings.by_id)
-        # Opening asks the adapter over USB, which may take its time: not on the loop.
+        # Opening queries the adapter over USB, which may take long, so not on the loop.
         self._port = await asyncio.to_thread(open_port, where, self.line)
         try:
             self.baud = self.line.baud or await find_baud(self._port, self.place, progress)
@@ -118,17 +119,17 @@ class SerialLink(ThreadedLink):
         self._start(self._port.fileno(), self._on_readable)
 
     @property
-    def finds_rate(self) -> bool:
+    def detects_baud(self) -> bool:
         return self.line.baud is None
 
-    async def relink(self, baud: int | None = None) -> None:
+    async def reopen(self, baud: int | None = None) -> None:
         before = self.line
         self.line = replace(self.line, baud=baud or self.baud or self.line.baud)
         await self.close()
         try:
             await self.open()
         except LinkError as error:
-            if error.kind == "refused":  # this port does not do that rate; for anything else it is tried again at it
+            if error.kind == "refused":  # the port does not support that rate; other errors are retried with it
                 self.line = before
             raise
 
@@ -138,7 +139,7 @@ class SerialLink(ThreadedLink):
         await asyncio.to_thread(try_rate, self._port, self.place, baud)
 
     def _on_readable(self) -> None:
-        assert self._inbox is not None
+        assert self._queue is not None
         fd = self._port.fd
         try:
             data = os.read(fd, READ_BYTES)
@@ -149,7 +150,7 @@ class SerialLink(ThreadedLink):
         arrival_ns = self.settings.now_ns()
         if data:
             self._empty_reads = 0
-            self._inbox.put(Chunk(data, arrival_ns))
+            self._queue.put(Chunk(data, arrival_ns))
             return
         self._empty_reads += 1
         if self._empty_reads >= EMPTY_READS or hung_up(fd):
@@ -162,23 +163,24 @@ class SerialLink(ThreadedLink):
             await write_all(self._port.fd, data)
         except TimeoutError:
             hint = "Check the flow control: the other side holds the line, or its wires are not connected."
-            raise LinkError("refused", f"{self.place} took no bytes for 5 s.", hint) from None
+            raise LinkError("refused", f"{self.place} accepted no bytes for 5 s.", hint) from None
         except OSError as error:
             raise gone(self.place, error) from None
 
-    async def _free(self) -> None:
+    async def _release(self) -> None:
         port, self._port = self._port, None
         if port is not None:
             await asyncio.to_thread(port.close)  # waits until the last bytes are out
 
 
 def open_port(place: str, line: SerialSettings) -> Any:
-    """Open and configure a port, for this program alone.
+    """Open and configure a port for exclusive use.
 
     Returns:
-        serial.Serial, non-blocking; at 115 200 Bd when the line names no rate.
+        serial.Serial, non-blocking; at 115 200 Bd if `line` has no rate.
+
     Raises:
-        LinkError: in words that a person can act on.
+        LinkError: with cause and remedy.
     """
     try:
         return serial.Serial(
@@ -198,7 +200,7 @@ def open_port(place: str, line: SerialSettings) -> Any:
 
 
 def try_rate(port: Any, place: str, baud: int) -> None:
-    """Set a rate, see that it is set, and go back to the one before.
+    """Set a rate, check that it is set, and restore the previous one.
 
     Raises:
         LinkError: "refused".
@@ -208,16 +210,16 @@ def try_rate(port: Any, place: str, baud: int) -> None:
         port.baudrate = baud
         code = getattr(termios, f"B{baud}", None)
         if code is not None and termios.tcgetattr(port.fd)[5] != code:
-            raise ValueError("the driver chose another")
+            raise ValueError("the driver set another rate")
     except (OSError, ValueError, termios.error, serial.SerialException) as error:
-        hint = "Choose a rate that the adapter has, or use another adapter."
+        hint = "Choose a rate that the adapter supports, or use another adapter."
         raise LinkError("refused", f"{place} cannot be set to {baud} Bd: {error}.", hint) from None
     finally:
         port.baudrate = before
 
 
 def cannot_open(place: str, line: SerialSettings, error: Exception) -> LinkError:
-    """Why a port could not be opened, and what to do about it."""
+    """Error for a port that could not be opened, with cause and remedy."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
         return denied(place)
@@ -230,12 +232,12 @@ def cannot_open(place: str, line: SerialSettings, error: Exception) -> LinkError
     if number == errno.ENOTTY or (number is None and "onfigure" in str(error)):
         return LinkError("refused", f"{place} is not a serial port.", present_ports())
     rate = f" at {line.baud} Bd" if line.baud else ""
-    hint = "Does the adapter support this rate, and these data bits, parity and stop bits?"
+    hint = "Check that the adapter supports this rate, data bits, parity and stop bits."
     return LinkError("refused", f"{place} could not be opened{rate}: {error}.", hint)
 
 
 def denied(place: str) -> LinkError:
-    """The refusal that every new Linux user meets, with the group to join by name."""
+    """Error for missing permission, with the name of the group to join."""
     who, hint, group = lock_of(place)
     if group:
         hint += f" In a container, add the group when it is started (`--group-add {group}`)."
@@ -243,9 +245,9 @@ def denied(place: str) -> LinkError:
 
 
 def lock_of(place: str) -> tuple[str, str, str]:
-    """Who may open a port, how to become one of them, and the group to join, "" where joining one would not help.
+    """Group that owns a port, and how to join it; "" if joining would not help.
 
-    Debian's group of ports, dialout, is named where nothing can be found out.
+    If the group cannot be determined, Debian's group of ports, dialout, is named.
     """
     try:
         import grp  # not on Windows
@@ -257,7 +259,7 @@ def lock_of(place: str) -> tuple[str, str, str]:
             now = f"`sudo chgrp dialout {place} && sudo chmod g+rw {place}`"
             return (
                 f"only its owner, {owner}, may",
-                f"Let the group of port users in: {now}; for good, with a udev rule.",
+                f"Give the group of port users access: {now}; permanently, with a udev rule.",
                 "",
             )
         group = grp.getgrgid(about.st_gid).gr_name
@@ -268,7 +270,7 @@ def lock_of(place: str) -> tuple[str, str, str]:
 
 
 def holder(place: str) -> str:
-    """The program that has `place` open, as "minicom (process 1234)"; "" when it cannot be seen."""
+    """The program that has `place` open, as "minicom (process 1234)"; "" if it is not visible."""
     try:
         target = os.path.realpath(place)
         for link in glob.iglob("/proc/[0-9]*/fd/*"):
@@ -287,23 +289,23 @@ def holder(place: str) -> str:
 
 
 def present_ports() -> str:
-    """What is plugged in, as a hint."""
+    """Ports present, as a hint."""
     from serial.tools import list_ports
 
     names = sorted(port.device for port in list_ports.comports())
     there = f"Present now: {', '.join(names)}." if names else "No serial port is present now."
-    return f"Is it plugged in? {there}"
+    return f"Check that it is plugged in. {there}"
 
 
 def gone(place: str, error: Exception | None = None) -> LinkError:
-    """The port was there and is not any more."""
+    """Error for a port that is no longer present."""
     number = getattr(error, "errno", None)
     why = f" ({os.strerror(number)})" if number is not None and number not in GONE else ""
-    return LinkError("gone", f"{place} is gone{why}.", "Was it unplugged? It is opened again as soon as it is back.")
+    return LinkError("gone", f"{place} is gone{why}.", "Plug it in again; it is opened as soon as it is back.")
 
 
 def latency_notices(place: str, sys_root: Path = Path("/sys")) -> list[str]:
-    """A notice with its fix when a USB adapter's latency timer is over 1 ms, else nothing."""
+    """A notice with its fix if a USB adapter's latency timer is over 1 ms, else nothing."""
     tty = os.path.basename(os.path.realpath(place))
     timer = sys_root / "bus/usb-serial/devices" / tty / "latency_timer"
     try:
@@ -314,6 +316,32 @@ def latency_notices(place: str, sys_root: Path = Path("/sys")) -> list[str]:
         return []
     return [
         f"The USB adapter of {place} delivers in bursts of up to {milliseconds} ms: its latency timer is "
-        f"{milliseconds} ms. For now: `echo 1 | sudo tee {timer}`. For good, a file /etc/udev/rules.d/99-latency.rules "
-        'with `ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"`.'
+        f"{milliseconds} ms. Temporarily: `echo 1 | sudo tee {timer}`. Permanently: a file "
+        '/etc/udev/rules.d/99-latency.rules with `ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", '
+        'ATTR{latency_timer}="1"`.'
     ]
+
+
+def _open(source: str, settings: LinkSettings, parsed: SourceUrl) -> Link:
+    return SerialLink(source, settings, parsed.place, SerialSettings.of(parsed))
+
+
+register_link(
+    LinkDefinition(
+        "serial",
+        "Serial port",
+        _open,
+        "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600",
+        usage=(
+            (
+                "/dev/ttyUSB0?baud=921600&bits=8&parity=none|even|odd&stop=1|2&flow=none|hardware",
+                "a serial port; without baud its rate is detected",
+            ),
+        ),
+        examples=lambda: [
+            ("/dev/ttyUSB0", "a serial port with automatic baud rate detection"),
+            ("serial:///dev/ttyUSB0?baud=921600", "a serial port at a given rate"),
+        ],
+        order=0,
+    )
+)

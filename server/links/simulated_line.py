@@ -1,10 +1,10 @@
-"""What happens to bytes between a simulated device and the host's port: everything that a real cable does to them.
+"""Simulated line between a simulated device and the host's port: the effects of a real cable.
 
     device ─> [drop] ─> [corrupt] ─> [line at baud] ─> [adapter's bursts]  ─> [wrong rate] ─> host
                a frame   one bit      takes its time     62 bytes or a timer    other bytes
 
-Pure: time is passed in, chance comes from a seed, so that a fault found once is found again. What a device sends is cut
-into frames, by the lengths in their headers (`SIZES`), only in order to lose or harm whole ones.
+No I/O: time is passed in and randomness comes from a seed, so that faults are reproducible. Bytes from the device are
+split into frames, by the lengths in their headers, only to drop or corrupt whole frames.
 """
 
 from __future__ import annotations
@@ -12,27 +12,26 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from server.links.baud_mismatch import misread_at
 from server.links.ftdi_packets import PACKET, FtdiPacketizer
 
 WORN = 0.77  # edges so late that every byte is read as at another rate
-FULL_NS = 500_000_000  # a device whose line is so far behind drops what it cannot send, as a real output buffer does
+FULL_NS = 500_000_000  # a device drops frames if its line is this far behind, like a full output buffer
 
 
 @dataclass(frozen=True, slots=True)
 class LineFaults:
-    """What goes wrong on the way.
+    """Faults of the line.
 
     Args:
         drop: share of frames that are lost, 0..1.
-        corrupt: share of frames of which one bit is flipped, 0..1.
-        burst_ms: latency timer of a USB adapter (ftdi_packets.py); 0: none, bytes are there at once.
-        packet: bytes that the adapter hands over before that; 0: it waits for its timer.
-        baud: the line's rate; a receiver set to another one hears noise. None: no line, bytes are there at once.
-        dead_baud: a rate that the line cannot carry (too long, too slow a driver): all of it is noise. None: no such.
+        corrupt: share of frames with one bit flipped, 0..1.
+        burst_ms: latency timer of a USB adapter (ftdi_packets.py); 0: none, bytes arrive at once.
+        packet: number of bytes that the adapter sends before that; 0: it waits for its timer.
+        baud: the line's rate; a receiver at another one gets noise. None: no line, bytes arrive at once.
+        dead_baud: a rate that the line cannot carry (cable too long, driver too slow): only noise arrives. None: none.
     """
 
     drop: float = 0.0
@@ -47,33 +46,34 @@ class SimulatedLine:
     """One direction of a cable.
 
     Args:
-        protocol: whose frames are lost or harmed, a key of SIZES.
+        protocol: protocol of the frames that are dropped or corrupted.
+
     Attributes:
-        baud: rate at which the device at one end speaks now; what is under way keeps the rate at which it was sent.
-        overflowed: bytes that the line had no time for.
+        baud: present rate of the sending device; bytes under way keep the rate at which they were sent.
+        overflowed: number of bytes dropped because the line was too slow.
     """
 
-    def __init__(self, faults: LineFaults, seed: int = 0, protocol: str = "xbus") -> None:
+    def __init__(self, faults: LineFaults, seed: int, protocol: str) -> None:
         self.faults = faults
         self._protocol = protocol
         self.baud = faults.baud
         self.overflowed = 0
         self._chance = random.Random(seed)
-        self._under_way: deque[tuple[int, bytes, int | None]] = deque()  # when it arrives, what, at which rate
+        self._under_way: deque[tuple[int, bytes, int | None]] = deque()  # arrival time, bytes, rate
         self._packets = FtdiPacketizer(faults.burst_ms * 1e6, faults.packet) if faults.burst_ms else None
-        self._free_ns = 0  # when the line has sent everything before
-        self._kept = b""  # the beginning of a frame whose end has not been sent yet
+        self._free_ns = 0  # when the line has sent all earlier bytes
+        self._partial = b""  # beginning of an incomplete frame
 
     def send(self, data: bytes, now_ns: int) -> None:
-        """The sender puts bytes on the line."""
-        frames, self._kept = frames_of(self._kept + data, self._protocol)
+        """Put bytes on the line."""
+        frames, self._partial = frames_of(self._partial + data, self._protocol)
         for frame in frames:
             if self._chance.random() < self.faults.drop:
                 continue
             if self._chance.random() < self.faults.corrupt:
-                harmed = bytearray(frame)
-                harmed[self._chance.randrange(len(harmed))] ^= 1 << self._chance.randrange(8)
-                frame = bytes(harmed)
+                corrupted = bytearray(frame)
+                corrupted[self._chance.randrange(len(corrupted))] ^= 1 << self._chance.randrange(8)
+                frame = bytes(corrupted)
             self._queue(frame, now_ns)
 
     def _queue(self, frame: bytes, now_ns: int) -> None:
@@ -91,13 +91,13 @@ class SimulatedLine:
 
     @property
     def next_ns(self) -> int | None:
-        """When the next bytes arrive, None when nothing is under way."""
+        """Arrival of the next bytes; None when nothing is under way."""
         if self._under_way:
             return self._under_way[0][0]
         return self._packets.next_ns if self._packets is not None else None
 
     def arrived(self, now_ns: int, receiver_baud: int | None = None) -> bytes:
-        """What has arrived by now at a receiver that is set to `receiver_baud`."""
+        """Bytes received until `now_ns` at `receiver_baud`."""
         packet = self._packets.expired(now_ns) if self._packets is not None else None
         if packet is not None:
             self._under_way.append((*packet, self.baud))
@@ -107,10 +107,10 @@ class SimulatedLine:
             data = bytearray()
             while self._under_way and self._under_way[0][0] <= now_ns and self._under_way[0][2] == rate:
                 data += self._under_way.popleft()[1]
-            out += self._as_heard(bytes(data), rate, receiver_baud)
+            out += self._as_received(bytes(data), rate, receiver_baud)
         return out
 
-    def _as_heard(self, data: bytes, rate: int | None, receiver_baud: int | None) -> bytes:
+    def _as_received(self, data: bytes, rate: int | None, receiver_baud: int | None) -> bytes:
         if rate and rate == self.faults.dead_baud:
             return misread_at(data, rate, round(rate * WORN))
         if rate and receiver_baud and receiver_baud != rate:
@@ -121,47 +121,26 @@ class SimulatedLine:
 # -- frames ------------------------------------------------------------------------------------------------------------
 
 
-def _xbus(head: bytes) -> int:
-    """FA BID MID LEN, payload, checksum; LEN 255 is followed by two bytes of length."""
-    if len(head) < 4 or (head[3] == 255 and len(head) < 6):
-        return 0
-    return 5 + head[3] if head[3] != 255 else 7 + (head[4] << 8 | head[5])
-
-
-def _isb(head: bytes) -> int:
-    """EF 49 FLAGS ID SIZE (2), payload, two sums."""
-    return 8 + (head[4] | head[5] << 8) if len(head) >= 6 else 0
-
-
-def _idtp(head: bytes) -> int:
-    """A header of 20 bytes with SIZE at 14 and MODE at 17, payload, a trailer that depends on the mode."""
-    if len(head) < 20:
-        return 0
-    return 20 + (head[14] | head[15] << 8) + {1: 4, 2: 32}.get(head[17], 0)
-
-
-SIZES: Mapping[str, tuple[bytes, Callable[[bytes], int]]] = {
-    "xbus": (b"\xfa", _xbus),
-    "isb": (b"\xef\x49", _isb),
-    "idtp": (b"IDTP", _idtp),
-}
-"""Protocol → preamble, and the size of a frame by its first bytes (0: they are too few to tell)."""
 _HEAD = 20
 
 
-def frames_of(data: bytes, protocol: str = "xbus") -> tuple[list[bytes], bytes]:
-    """Cut at frames.
+def frames_of(data: bytes, protocol: str) -> tuple[list[bytes], bytes]:
+    """Split bytes into frames.
 
     Returns:
-        The pieces (whole frames, and whatever stands between them), and the rest that is not a whole frame yet.
+        The pieces (whole frames, and bytes between them), and the incomplete frame at the end.
     """
-    preamble, size_of = SIZES[protocol]
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+    simulator = PROTOCOLS[protocol].simulator
+    assert simulator is not None
+    preamble, size_of = simulator.preamble, simulator.frame_size
     pieces: list[bytes] = []
     at = 0
     while at < len(data):
         start = data.find(preamble, at)
         if start < 0:
-            start = len(data) - _begun(data[at:], preamble)
+            start = len(data) - _preamble_start(data[at:], preamble)
             pieces.append(data[at:start])
             at = start
             break
@@ -175,6 +154,6 @@ def frames_of(data: bytes, protocol: str = "xbus") -> tuple[list[bytes], bytes]:
     return [piece for piece in pieces if piece], data[at:]
 
 
-def _begun(data: bytes, preamble: bytes) -> int:
-    """How many bytes at the end of `data` may be the beginning of a preamble."""
+def _preamble_start(data: bytes, preamble: bytes) -> int:
+    """Number of bytes at the end of `data` that could be the beginning of a preamble."""
     return next((n for n in range(len(preamble) - 1, 0, -1) if data.endswith(preamble[:n])), 0)

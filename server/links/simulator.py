@@ -1,41 +1,42 @@
-"""A device that is not there: simulated bytes behind a real pseudo-terminal, opened by the serial link like any other.
+"""Simulator link: a simulated device behind a real pseudo-terminal, opened by the serial link like any port.
 
     device ──> SimulatedLine ──> master ═══ pseudo-terminal ═══ slave <── SerialLink ──> session
        ^                   │
-       └────── Cable <─────┘            all of the left side is one thread, the bench
+       └────── Cable <─────┘            the whole left side is one thread, SimulatorThread
 
-So what is tested with a twin is what runs with a sensor: the port, the reading thread, the rate, an unplugged cable.
+So a test with a simulator covers the same code as a sensor: the port, the reading thread, the rate, an unplugged cable.
 
-    twin:xbus                       an MTi-630 at 100 Hz on a line of 115 200 Bd; ?product=MTi-680G another product
-    twin:isb                        an IMX-5 at 100 Hz on 921 600 Bd; ?imu_source=nav|imu what times DID_IMU
-    twin:idtp                       an IDTP device in Safety mode, Imu10 and ImuQuat at 100 Hz; ?mode=lite|safety|secure
-                                    (Secure frames are made with the source's key; without one, with one nobody knows)
+    sim:xbus                       an MTi-630 at 100 Hz on a line of 115 200 Bd; ?product=MTi-680G another product
+    sim:isb                        an IMX-5 at 100 Hz on 921 600 Bd; ?imu_source=nav|imu clock of DID_IMU
+    sim:idtp                       an IDTP device in Safety mode, Imu10 and ImuQuat at 100 Hz; ?mode=lite|safety|secure
+                                    (Secure frames use the key of the source, or a random one)
     ?rate=400                       samples/s
-    ?bus_ids=1,2                    several MTi on one line, each under its bus identifier and answering to it alone
-    ?port=uart                      an MTi of the 600-series whose UART, not its RS-232, is where the host listens
-    ?baud=921600                    rate of the line (else the slowest that carries the samples); bytes take their time
-                                    on it, and a port at another rate hears noise
-    ?dead_baud=921600               a rate that the line cannot carry: at it, both sides hear noise
-    ?stubborn=1                     an MTi that does not hear GoToConfig until it has been reset
-    ?mute=0.1 ?wrong=0.1            share of its answers that never come, or are answers to something else
+    ?bus_ids=1,2                    several MTi on one line, each answering only to its own bus identifier
+    ?port=uart                      an MTi of the 600-series, connected by its UART instead of its RS-232
+    ?baud=921600                    rate of the line (default: the slowest that carries the samples); bytes take their
+                                    time on it, and a port at another rate receives noise
+    ?dead_baud=921600               a rate that the line cannot carry: both sides then receive noise
+    ?stubborn=1                     an MTi that ignores GoToConfig until it has been reset
+    ?mute=0.1 ?wrong=0.1            share of answers that are missing, or belong to another request
     ?late_ms=700                    every answer is late
-    ?cut=3                          its power fails between the third setting it takes and storing it
+    ?cut=3                          power fails after the third accepted setting, before it is stored
     ?drop=0.01 ?corrupt=0.01        share of frames lost, or with one bit flipped
-    ?burst_ms=16                    a USB adapter with its latency timer at 16 ms, or when 62 bytes have gathered;
-    ?packet=0                       ... however many have gathered
+    ?burst_ms=16                    a USB adapter that sends every 16 ms (its latency timer), or at 62 bytes;
+    ?packet=0                       ... by its timer only
     ?clock=ms                       an IDTP device whose timestamps count milliseconds; also ns, us, s
-    ?drift_ppm=50                   the device clock runs fast by so much
+    ?drift_ppm=50                   the device clock runs 50 ppm fast
     ?jump_s=20                      after 20 s the device clock jumps ahead by 10 s
-    ?reset_s=30                     every 30 s the device resets: its clock begins anew, and so does the sequence of an
+    ?reset_s=30                     every 30 s the device resets: its clock restarts, and so does the sequence of an
                                     IDTP device
-    ?unplug_s=30 ?away_s=5          after 30 s it is unplugged, and back, freshly powered, 5 s later
-    ?seed=1                         another noise, another sequence of faults
+    ?unplug_s=30 ?away_s=5          unplugged after 30 s, plugged in again, freshly powered, 5 s later
+    ?seed=1                         different noise, different sequence of faults
 """
 
 from __future__ import annotations
 
 import asyncio
 import errno
+import fcntl
 import logging
 import os
 import select
@@ -45,40 +46,46 @@ import time
 import tty
 from collections.abc import Callable
 
+from protocols.plugins import protocol_names
+from protocols.simulator.family import SimulatedDevice
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.reader_thread import closed
+from server.links.registry import LinkDefinition, register_link
 from server.links.serial import SerialLink, SerialSettings
-from server.links.simulated_device import Device, SimulatorOptions, make_device, members_of, power_cycled
+from server.links.simulated_device import SimulatorOptions, make_device, members_of, power_cycled, simulators
 from server.links.simulated_line import LineFaults, SimulatedLine
+from server.links.source_url import SourceUrl
 
 log = logging.getLogger(__name__)
 
-TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
-IDLE_NS = 10_000_000  # ... or at most, where the device tells that nothing is due before
-LATE_NS = 10_000_000  # a bench that was held up makes up for it in such steps, so that its line is not full for that
-HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIMIT: what a port holds for a late reader
+TICK_NS = 1_000_000  # polling period of the device if the cable has nothing due earlier
+IDLE_NS = 10_000_000  # longest period, if the device reports that nothing is due earlier
+LATE_NS = 10_000_000  # a delayed thread catches up in steps of this size, so that its line does not overflow
+TIOCGPTPEER = 0x5441  # Linux, asm-generic/ioctls.h: open the other end of a terminal, regardless of its name
+HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIMIT: buffer of a port for a late reader
 
 
 class SimulatorThread(threading.Thread):
     """The left side of the drawing: a device, both directions of its cable, and the master of a pseudo-terminal.
 
     Args:
-        make: a freshly powered device; it is given the time, on `now_ns`, at which power comes.
+        make: creates a freshly powered device; called with the power-on time on `now_ns`.
         now_ns: a clock that does not step.
-        before: the device that was here before its power was off; None for a new one.
+        before: the device before its power was switched off; None for a new one.
+
     Attributes:
-        slave: path of the port at which the device is found.
-        device: what is at the other end.
+        slave: path of the device's port.
+        device: the device at the other end.
     """
 
     def __init__(
         self,
-        make: Callable[[int], Device],
+        make: Callable[[int], SimulatedDevice],
         options: SimulatorOptions,
         now_ns: Callable[[], int] = time.monotonic_ns,
-        before: Device | None = None,
+        before: SimulatedDevice | None = None,
     ) -> None:
-        super().__init__(name=f"twin {options.protocol}", daemon=True)
+        super().__init__(name=f"simulator {options.protocol}", daemon=True)
         self._make = make
         self._options = options
         self._now_ns = now_ns
@@ -87,34 +94,35 @@ class SimulatorThread(threading.Thread):
         self._to_device: list[SimulatedLine] = []  # one for each device on the line
         self._stop_read, self._stop_write = os.pipe()
         self._master, self._slave_fd = os.openpty()
-        # Without this the terminal would echo what the device says back to the device until the port is opened.
+        # Otherwise the terminal would echo the device's output back to the device until the port is opened.
         tty.setraw(self._slave_fd)
         os.set_blocking(self._master, False)
         self.slave = os.ttyname(self._slave_fd)
-        self._held = b""  # bytes that the pseudo-terminal, which has room for 4 kB, did not take yet
+        self._master_lock = threading.Lock()  # held while the master is closed or its other end is opened
+        self._backlog = b""  # bytes not accepted yet by the pseudo-terminal, which holds 4 kB
         self._stopped = False
         self._cycled = False
 
     def cycle(self) -> None:
-        """Switch the device's power off and on; its port stays."""
+        """Switch the device's power off and on; its port remains."""
         self._cycled = True
 
     def unplug(self) -> None:
-        """Pull the plug: its port goes, and with it the power."""
+        """Remove the port and the power."""
         self._stopped = True
 
     def run(self) -> None:
         try:
-            self._live()
-        except Exception:  # the thread's top: a fault here looks like a pulled plug, and is not silent
-            log.exception("The twin at %s failed.", self.slave)
+            self._simulate()
+        except Exception:  # top of the thread: a failure looks like an unplugged device, and is logged
+            log.exception("The simulator at %s failed.", self.slave)
         finally:
             self._unplug()
 
-    def _live(self) -> None:
-        """Until it is stopped or unplugged."""
+    def _simulate(self) -> None:
+        """Run until stopped or unplugged."""
         options = self._options
-        born_ns = powered_ns = told_ns = self._now_ns()
+        started_ns = powered_ns = advanced_ns = self._now_ns()
         device = power_cycled(self.device, powered_ns, self._make)
         self.device = device
         line = LineFaults(baud=options.faults.baud, dead_baud=options.faults.dead_baud)
@@ -125,80 +133,89 @@ class SimulatorThread(threading.Thread):
         poll.register(self._stop_read, select.POLLIN)
         while not self._stopped:
             now_ns = self._now_ns()
-            if options.unplug_s and now_ns - born_ns >= options.unplug_s * 1e9:
+            if options.unplug_s and now_ns - started_ns >= options.unplug_s * 1e9:
                 break
             if self._cycled or (options.reset_s and now_ns - powered_ns >= options.reset_s * 1e9):
                 self._cycled = False
                 powered_ns, device = now_ns, power_cycled(device, now_ns, self._make)
                 self.device = device
-            for at_ns in (*range(max(told_ns, powered_ns) + LATE_NS, now_ns, LATE_NS), now_ns):
-                for one, way in zip(members_of(device), self._to_device, strict=True):
-                    self._to_host.baud = way.baud
+            for at_ns in (*range(max(advanced_ns, powered_ns) + LATE_NS, now_ns, LATE_NS), now_ns):
+                for one, direction in zip(members_of(device), self._to_device, strict=True):
+                    self._to_host.baud = direction.baud
                     self._to_host.send(one.advance(at_ns), at_ns)
-            told_ns = now_ns
-            for place, (one, way) in enumerate(zip(members_of(device), self._to_device, strict=True)):
-                self._to_host.baud = way.baud
-                if heard := way.arrived(now_ns, self._host_baud()):
-                    self._to_host.send(one.receive(heard, now_ns), now_ns)
-                if one.baud != bauds[place]:  # a command changed it; until then the line is as the source says
-                    bauds[place] = way.baud = one.baud
+            advanced_ns = now_ns
+            for place, (one, direction) in enumerate(zip(members_of(device), self._to_device, strict=True)):
+                self._to_host.baud = direction.baud
+                if received := direction.arrived(now_ns, self._host_baud()):
+                    self._to_host.send(one.receive(received, now_ns), now_ns)
+                if one.baud != bauds[place]:  # changed by a command; until then the source determines the rate
+                    bauds[place] = direction.baud = one.baud
             self._put(self._to_host.arrived(now_ns, self._host_baud()))
             silent_until_ns = device.next_ns
-            self._take(poll, now_ns, min(max(now_ns + TICK_NS, silent_until_ns), now_ns + IDLE_NS))
+            self._wait(poll, now_ns, min(max(now_ns + TICK_NS, silent_until_ns), now_ns + IDLE_NS))
 
-    def _take(self, poll: select.poll, now_ns: int, until_ns: int) -> None:
-        """Wait until something is due, `until_ns` at the latest, taking what the host sends meanwhile."""
-        due = [at for way in (self._to_host, *self._to_device) if (at := way.next_ns) is not None]
+    def _wait(self, poll: select.poll, now_ns: int, until_ns: int) -> None:
+        """Wait until something is due, `until_ns` at the latest; bytes from the host are put on the line."""
+        due = [at for direction in (self._to_host, *self._to_device) if (at := direction.next_ns) is not None]
         wait_ns = min([until_ns, *due]) - self._now_ns()
         for fd, event in poll.poll(max(wait_ns, 0) / 1e6):
             if fd == self._master and event & select.POLLIN:
                 try:
                     data = os.read(self._master, 4096)
-                    for way in self._to_device:
-                        way.send(data, now_ns)
+                    for direction in self._to_device:
+                        direction.send(data, now_ns)
                 except OSError as error:
-                    if error.errno not in (errno.EIO, errno.EAGAIN):  # EIO: nobody has the port open
+                    if error.errno not in (errno.EIO, errno.EAGAIN):  # EIO: the port is not open
                         raise
             elif fd == self._master:
-                time.sleep(TICK_NS / 1e9)  # nobody has the port open, which poll reports without waiting
+                time.sleep(TICK_NS / 1e9)  # the port is not open, which poll reports without waiting
 
     def _put(self, data: bytes) -> None:
-        """Hand bytes to the port. What it cannot hold is lost, as at a real port that nobody reads.
+        """Write bytes to the port. Bytes beyond its buffer are lost, as at a real port that is not read.
 
-        A pseudo-terminal holds far less than a real port does, and its reader shares a process with this thread: both
-        are held up together when something is compiled. So the rest of what a real port would hold is held here.
+        A pseudo-terminal buffers far less than a real port, and its reader shares a process with this thread: both
+        are delayed together during a compilation. So the remainder of a real port's buffer is kept here.
         """
-        self._held += data
-        if not self._held:
+        self._backlog += data
+        if not self._backlog:
             return
         try:
-            taken = os.write(self._master, self._held)
+            taken = os.write(self._master, self._backlog)
         except BlockingIOError:
             taken = 0
         is_open = self._slave_fd < 0
-        most = HELD_BYTES if is_open else 0  # nobody waits for what came before the port was open
-        rest = self._held[taken:]
+        most = HELD_BYTES if is_open else 0  # bytes from before the port was opened are not needed
+        rest = self._backlog[taken:]
         self._to_host.overflowed += max(0, len(rest) - most)
-        self._held = rest[:most]
+        self._backlog = rest[:most]
 
     def _host_baud(self) -> int | None:
-        """The rate that the host has set, as the terminal knows it."""
+        """Rate set by the host, read from the terminal; None if unknown."""
         try:
             return _RATES.get(termios.tcgetattr(self._master)[4])
         except termios.error:
             return None
 
     def _unplug(self) -> None:
-        os.close(self._master)
-        self._master = -1
+        with self._master_lock:
+            os.close(self._master)
+            self._master = -1
 
-    def hold(self) -> None:
-        """The host is about to close the port and open it again: keep the terminal, and how it is set, alive."""
+    def hold_open(self) -> None:
+        """Keep the terminal and its settings while the host closes and reopens the port.
+
+        Raises:
+            OSError: the device is unplugged. The terminal's name may already belong to another terminal: the system
+                reuses the name of a closed terminal first, for any process.
+        """
         if self._slave_fd < 0:
-            self._slave_fd = os.open(self.slave, os.O_RDWR | os.O_NOCTTY)
+            with self._master_lock:
+                if self._master < 0:
+                    raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
+                self._slave_fd = fcntl.ioctl(self._master, TIOCGPTPEER, os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
 
     def release(self) -> None:
-        """The host has the port open: let go of our own handle on it, so that the cable can be pulled."""
+        """Close our own handle on the port once the host has it open, so that the device can be unplugged."""
         if self._slave_fd >= 0:
             os.close(self._slave_fd)
             self._slave_fd = -1
@@ -220,65 +237,78 @@ _RATES = {value: int(name[1:]) for name, value in vars(termios).items() if name[
 
 
 class SimulatorLink(Link):
-    """A twin with its cable and port.
+    """A simulator with its cable and port.
 
     Args:
-        make: makes the device; tests give their own.
-        baud: how the host opens the port; None: as the twin's line is, 0: by listening.
+        make: creates the device; tests pass their own.
+        baud: rate at which the host opens the port; None: the rate of the simulator's line, 0: detect it.
     """
 
-    kind = "twin"
+    kind = "simulator"
 
     def __init__(
         self,
         source: str,
         settings: LinkSettings,
         options: SimulatorOptions,
-        make: Callable[[int], Device] | None = None,
+        make: Callable[[int], SimulatedDevice] | None = None,
         baud: int | None = None,
     ) -> None:
         super().__init__(source, settings)
         self.options = options
         self._make = make or (lambda start_ns: make_device(options, start_ns, self.settings.key))
         self._open_baud = options.faults.baud if baud is None else baud or None
-        self._bench: SimulatorThread | None = None
+        self._simulator: SimulatorThread | None = None
         self._serial: SerialLink | None = None
-        self._device: Device | None = None  # as it was when the link was last open: it keeps what it stores
+        self._device: SimulatedDevice | None = None  # from the last connection, with its stored settings
         self._away_until_s = 0.0
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         if time.monotonic() < self._away_until_s:
             raise LinkError("not-found", f"{self.source} is unplugged.", "It comes back by itself in a few seconds.")
-        # The first device loads what is compiled: not on the loop, and before the port exists.
+        # The first device loads compiled modules: not on the event loop, and before the port exists.
         await asyncio.to_thread(self._make, 0)
         try:
-            self._bench = SimulatorThread(self._make, self.options, before=self._device)
+            self._simulator = SimulatorThread(self._make, self.options, before=self._device)
         except OSError as error:
-            hint = "A twin needs pseudo-terminals (/dev/ptmx): in a container, mount devpts."
-            raise LinkError("refused", f"No pseudo-terminal for a twin: {error.strerror}.", hint) from None
-        self._serial = SerialLink(self.source, self.settings, self._bench.slave, SerialSettings(baud=self._open_baud))
+            hint = "A simulator needs pseudo-terminals (/dev/ptmx): in a container, mount devpts."
+            raise LinkError("refused", f"No pseudo-terminal for a simulator: {error.strerror}.", hint) from None
+        self._serial = SerialLink(
+            self.source, self.settings, self._simulator.slave, SerialSettings(baud=self._open_baud)
+        )
         self._serial.flow = self.flow
         try:
             if self._open_baud is None:
-                self._bench.start()  # there must be something to listen to
+                self._simulator.start()  # baud detection needs data
                 await self._serial.open(progress)
             else:
-                await self._serial.open(progress)  # opening clears the port: its first frames would be lost, or cut
-                self._bench.start()
+                await self._serial.open(progress)  # opening clears the port, which would lose or cut the first frames
+                self._simulator.start()
         except BaseException:
             await self.close()
             raise
-        self._bench.release()
+        self._simulator.release()
         self.baud, self.capacity, self.notices = self._serial.baud, self._serial.capacity, self._serial.notices
 
     @property
-    def finds_rate(self) -> bool:
+    def detects_baud(self) -> bool:
         return self._open_baud is None
 
-    def give_up(self, error: LinkError) -> None:
+    @property
+    def backlog(self) -> int:
+        return 0 if self._serial is None else self._serial.backlog
+
+    def fail(self, error: LinkError) -> None:
         if self._serial is not None:
-            self._serial.give_up(error)
+            self._serial.fail(error)
+
+    def read_now(self) -> list[Chunk]:
+        return [] if self._serial is None else self._serial.read_now()
+
+    def expect_reply(self) -> None:
+        if self._serial is not None:
+            self._serial.expect_reply()
 
     async def read(self) -> list[Chunk]:
         if self._serial is None:
@@ -295,19 +325,22 @@ class SimulatorLink(Link):
             raise closed(self.source)
         await self._serial.write(data)
 
-    async def relink(self, baud: int | None = None) -> None:
-        """The port is closed and opened; the device at its other end stays as it is."""
+    async def reopen(self, baud: int | None = None) -> None:
+        """Close and open the port; the device at its other end is not affected."""
         self._open_baud = baud or self._open_baud
-        if self._serial is None or self._bench is None or not os.path.exists(self._bench.slave):
-            if self._bench is not None:  # unplugged just now
-                self._away_until_s = max(self._away_until_s, time.monotonic() + self.options.away_s)
+        if self._serial is None or self._simulator is None:
             await self.open()
             return
-        self._bench.hold()
         try:
-            await self._serial.relink(baud)
+            self._simulator.hold_open()
+        except OSError:  # unplugged just now
+            self._away_until_s = max(self._away_until_s, time.monotonic() + self.options.away_s)
+            await self.open()
+            return
+        try:
+            await self._serial.reopen(baud)
         finally:
-            self._bench.release()
+            self._simulator.release()
         self.baud, self.capacity = self._serial.baud, self._serial.capacity
 
     async def check_rate(self, baud: int) -> None:
@@ -319,7 +352,45 @@ class SimulatorLink(Link):
         if self._serial is not None:
             await self._serial.close()
             self._serial = None
-        if self._bench is not None:
-            self._bench.stop()
-            self._device = self._bench.device
-            self._bench = None
+        if self._simulator is not None:
+            self._simulator.stop()
+            self._device = self._simulator.device
+            self._simulator = None
+
+
+def _open(source: str, settings: LinkSettings, parsed: SourceUrl) -> Link:
+    return SimulatorLink(source, settings, SimulatorOptions.of(parsed))
+
+
+def _examples() -> list[tuple[str, str]]:
+    """One example with the simulated devices of all families: "a simulated MTi; sim:isb an IMX-5"."""
+    devices = {f"sim:{name}": one.device or f"a device of {name}" for name, one in simulators().items()}
+    if not devices:
+        return []
+    (first, device), *others = devices.items()
+    simulated = f"a simulated {device.removeprefix('an ').removeprefix('a ')}"
+    rest = ", ".join(f"{source} {words}" for source, words in others)
+    return [(first, f"{simulated}; {rest}" if rest else simulated)]
+
+
+NAMES = "|".join(protocol_names())
+register_link(
+    LinkDefinition(
+        "simulator",
+        "Simulator",
+        _open,
+        "sim:NAME, a simulated device",
+        scheme="sim",
+        short_form=f"sim:{NAMES}",
+        usage=(
+            (
+                "sim:NAME?rate=400",
+                f"a simulated device ({NAMES}); also product=, mode=, clock=, baud=, drop=,\n"
+                "corrupt=, drift_ppm=, jump_s=, reset_s=, unplug_s=, away_s=, burst_ms=, seed=,\n"
+                "port=; bus_ids=1,2: several devices on one line (server/links/simulator.py)",
+            ),
+        ),
+        examples=_examples,
+        order=50,
+    )
+)

@@ -1,4 +1,4 @@
-"""Words that links share: how numbers and addresses are written, an attempt reported, a refusal explained."""
+"""Texts shared by links: formats of numbers and addresses, progress lines, errors of listening."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ import os
 import time
 from pathlib import Path
 
-from server.links.base import LinkError, Progress, Try
+from server.links.base import Attempt, LinkError, Progress
 
 
 def grouped(number: float) -> str:
-    """921600 → "921 600", as SI groups digits; 0.01 → "0.01"."""
+    """Format a number with digits grouped as in SI: 921600 → "921 600"; 0.01 → "0.01"."""
     return f"{number:,.10g}".replace(",", " ")
 
 
 def place_of(host: str, port: int) -> str:
-    """ "192.168.1.5:4001", "[fe80::1]:4001"."""
+    """Format an address: "192.168.1.5:4001", "[fe80::1]:4001"."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def heading(host: str, port: int) -> str:
-    """Where a listener listens, for a person: an empty address means every one of this machine."""
+    """Listening address for display; an empty host stands for all addresses of this machine."""
     return f"port {port}" if host in ("", "0.0.0.0", "::") else place_of(host, port)
 
 
 def progress_line(progress: Progress | None, what: str, outcome: str) -> None:
-    """Report one attempt, if anyone listens."""
+    """Report one attempt if `progress` is given."""
     if progress is not None:
-        progress(Try(what=what, outcome=outcome, time=time.time()))
+        progress(Attempt(what=what, outcome=outcome, time=time.time()))
 
 
 def is_ours(port: int) -> bool:
-    """Does this very process listen there, by TCP or UDP?"""
+    """Whether this process itself listens on that port, by TCP or UDP."""
     own = set()
     for one in glob.iglob("/proc/self/fd/*"):
-        with contextlib.suppress(OSError):  # that of the list itself has gone
+        with contextlib.suppress(OSError):  # the descriptor of the listing itself is closed already
             own.add(os.readlink(one))
     for name in ("tcp", "tcp6", "udp", "udp6"):
         with contextlib.suppress(OSError):
@@ -49,11 +49,11 @@ def is_ours(port: int) -> bool:
 
 
 def listen_error(kind: str, host: str, port: int, error: OSError) -> LinkError:
-    """Why a port cannot be listened on."""
+    """Error for a port that cannot be listened on."""
     where = heading(host, port)
     if error.errno == errno.EADDRINUSE:
         if is_ours(port):
-            hint = "One source can have a port: remove the other, or choose another port."
+            hint = "A port can have only one source: remove the other, or choose another port."
             return LinkError("busy", f"{where.capitalize()} is in use by this server itself.", hint)
         hint = "Choose another port, or stop the program that has this one (`ss -lnptu` shows it)."
         return LinkError("busy", f"{where.capitalize()} is in use by another program.", hint)

@@ -1,11 +1,10 @@
-"""UDP: datagrams that come to a port of ours.
+"""UDP link: datagrams received on a local port.
 
-Each datagram is one chunk, so a protocol that frames by datagram (IDTP) sees its boundaries. Answers go to whoever sent
-last, since UDP has no connection. Two senders on one port would be one scrambled stream: that is said in a notice.
+Each datagram is one chunk, so a protocol that frames by datagram (IDTP) sees its boundaries. Answers go to the last
+sender, since UDP has no connection. Two senders on one port would mix into one stream, which a notice reports.
 
-Linux counts the datagrams that found the receive buffer full (SO_RXQ_OVFL); they are lost before any program could see
-them, and the count is shown. The buffer asked for holds seconds of a 2 kHz stream; the kernel grants up to
-net.core.rmem_max.
+Linux counts the datagrams dropped because the receive buffer was full (SO_RXQ_OVFL); the count is shown. The requested
+buffer holds seconds of a 2 kHz stream; the kernel grants up to net.core.rmem_max.
 """
 
 from __future__ import annotations
@@ -14,16 +13,18 @@ import contextlib
 import socket
 import struct
 
-from server.links.base import Chunk, LinkError, LinkSettings, Progress
+from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.reader_thread import ThreadedLink
+from server.links.registry import LinkDefinition, register_link
+from server.links.source_url import SourceUrl
 from server.links.text import heading, listen_error, place_of, progress_line
 
 BUFFER_BYTES = 4 << 20
 MAX_DATAGRAM = 65_535
-AT_ONCE = 64  # datagrams read per wake-up of the thread: a burst costs one wait, and stopping stays prompt
-SO_RXQ_OVFL = 40  # Linux, asm-generic/socket.h; the socket module does not name it
-MOST_SENDERS = 64  # remembered: who sends from thousands of ports makes a new one for each datagram
-NAMED = 4  # of them, in a notice
+AT_ONCE = 64  # datagrams read per wake-up of the thread: a burst costs one wait, and the thread still stops promptly
+SO_RXQ_OVFL = 40  # Linux, asm-generic/socket.h; not in the socket module
+MOST_SENDERS = 64  # senders stored; bounded because a device may use a new port for each datagram
+NAMED = 4  # senders listed in a notice
 OTHER_SENDER_NS = 2_000_000_000  # two senders within this time are two devices, not one that changed its address
 _ANCILLARY = socket.CMSG_SPACE(4)
 
@@ -32,8 +33,8 @@ class UdpLink(ThreadedLink):
     """A UDP port.
 
     Attributes:
-        address: where it really listens, once open.
-        lost: datagrams that the kernel dropped because its buffer was full.
+        address: address in use once open.
+        lost: number of datagrams dropped by the kernel because its buffer was full.
     """
 
     kind = "udp"
@@ -46,7 +47,7 @@ class UdpLink(ThreadedLink):
         self.lost = 0
         self._socket: socket.socket | None = None
         self._peer: tuple[str, int] | None = None
-        self._heard_ns: dict[tuple[str, int], int] = {}
+        self._sender_ns: dict[tuple[str, int], int] = {}
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
@@ -62,7 +63,7 @@ class UdpLink(ThreadedLink):
         with contextlib.suppress(OSError):  # not Linux: such losses then show only as counter gaps
             receiver.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
         self._socket, self._peer, self.lost = receiver, None, 0
-        self._heard_ns.clear()
+        self._sender_ns.clear()
         self.address = receiver.getsockname()[:2]
         self.notices = [f"Waiting for datagrams on {heading(*self.address)}."]
         progress_line(progress, place_of(*self.address), "waiting for datagrams")
@@ -70,7 +71,7 @@ class UdpLink(ThreadedLink):
 
     def _on_readable(self) -> None:
         assert self._socket is not None
-        assert self._inbox is not None
+        assert self._queue is not None
         for _ in range(AT_ONCE):
             try:
                 data, extra, _, sender = self._socket.recvmsg(MAX_DATAGRAM, _ANCILLARY)
@@ -83,32 +84,32 @@ class UdpLink(ThreadedLink):
             arrival_ns = self.settings.now_ns()
             self._notice(sender, extra, arrival_ns)
             if data:
-                self._inbox.put(Chunk(data, arrival_ns))
+                self._queue.put(Chunk(data, arrival_ns))
 
     def _notice(self, sender: tuple[str, int], extra: list[tuple[int, int, bytes]], now_ns: int) -> None:
-        """Keep track of who sends and what was lost: for every datagram, so cheap."""
+        """Update senders and losses; called for every datagram, so it must be cheap."""
         for level, kind, value in extra:
             if level == socket.SOL_SOCKET and kind == SO_RXQ_OVFL:
                 self.lost = struct.unpack("=I", value[:4])[0]
-        heard = self._heard_ns
-        heard.pop(sender, None)
-        heard[sender] = now_ns  # who sent last is the last in it
+        senders = self._sender_ns
+        senders.pop(sender, None)
+        senders[sender] = now_ns  # the latest sender is the last entry
         self._peer = sender
-        if len(heard) > MOST_SENDERS:
-            del heard[next(iter(heard))]
+        if len(senders) > MOST_SENDERS:
+            del senders[next(iter(senders))]
 
     @property
     def notices(self) -> list[str]:
-        """Who sends, and what was lost; put together when somebody looks."""
-        heard = list(self._heard_ns.items())
-        if not heard:
+        """Senders and losses, created on request."""
+        senders = list(self._sender_ns.items())
+        if not senders:
             return self._waiting
-        newest = heard[-1][1]
-        names = sorted(place_of(*who[:2]) for who, at in heard if newest - at < OTHER_SENDER_NS)
+        newest = senders[-1][1]
+        names = sorted(place_of(*who[:2]) for who, at in senders if newest - at < OTHER_SENDER_NS)
         places = " and ".join(names) if len(names) <= NAMED else f"{len(names)} places"
         notices = [f"Datagrams come from {places if len(names) < MOST_SENDERS else f'{places} or more'}."]
         if len(names) > 1:
-            notices.append("Their bytes are mixed into one stream: give each device a port of its own.")
+            notices.append("Their bytes are mixed into one stream: give each device its own port.")
         if self.lost:
             notices.append(
                 f"{self.lost} datagrams were lost in this host's receive buffer: it was busy, or the buffer is small "
@@ -122,15 +123,34 @@ class UdpLink(ThreadedLink):
 
     async def write(self, data: bytes) -> None:
         if self._socket is None or self._peer is None:
-            hint = "UDP answers go to whoever sent last: start the device first."
-            raise LinkError("refused", "No device has sent anything yet, so there is nobody to answer.", hint)
+            hint = "UDP answers go to the last sender: start the device first."
+            raise LinkError("refused", "No address to answer: no device has sent a datagram yet.", hint)
         try:
             self._socket.sendto(data, self._peer)
         except OSError as error:
             where = place_of(*self._peer[:2])
-            raise LinkError("refused", f"Cannot send to {where}: {error.strerror}.", "Is the network up?") from None
+            raise LinkError("refused", f"Cannot send to {where}: {error.strerror}.", "Check the network.") from None
 
-    async def _free(self) -> None:
+    async def _release(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+def _open(source: str, settings: LinkSettings, parsed: SourceUrl) -> Link:
+    parsed.allow(())
+    return UdpLink(source, settings, *parsed.address(listening=True))
+
+
+register_link(
+    LinkDefinition(
+        "udp",
+        "UDP",
+        _open,
+        "udp://:port",
+        usage=(("udp://[host]:port", "receive datagrams"),),
+        examples=lambda: [("udp://:34555", "datagrams to a port")],
+        order=30,
+        network=True,
+    )
+)

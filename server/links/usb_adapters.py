@@ -1,11 +1,11 @@
-"""Which adapter is at a port, and where is it now?
+"""USB adapters: identity and current port.
 
-Linux numbers USB ports in the order in which they are plugged in: what was /dev/ttyUSB0 may come back as /dev/ttyUSB1,
-and another adapter may have its name by then. udev knows each by maker, product and serial number:
+Linux numbers USB ports in the order in which they are plugged in: /dev/ttyUSB0 may come back as /dev/ttyUSB1, and
+another adapter may have its old name. udev identifies each by maker, product and serial number:
 
     /dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0 -> ../../ttyUSB0
 
-So a link remembers which adapter it found at its port, and looks for that one when it opens again.
+So a link stores the name of the adapter at its port, and searches for that adapter when it is reopened.
 
 Source: systemd, rules.d/60-serial.rules.
 """
@@ -21,7 +21,7 @@ BY_ID = Path("/dev/serial/by-id")
 
 
 def adapter_at(place: str, root: Path = BY_ID) -> str:
-    """The lasting name (a path) of the adapter at a port; "" where it has none, or there is no such port."""
+    """Persistent name (a path) of the adapter at a port; "" if it has none, or the port does not exist."""
     target = os.path.realpath(place)
     try:
         names = sorted(os.listdir(root))
@@ -31,15 +31,17 @@ def adapter_at(place: str, root: Path = BY_ID) -> str:
 
 
 def port_now(place: str, adapter: str, root: Path = BY_ID) -> str:
-    """The port at which an adapter is now.
+    """Present port of an adapter.
 
     Args:
         place: the port at which it was found.
-        adapter: its lasting name, "" where it had none.
+        adapter: its persistent name, "" if it had none.
+
     Returns:
-        `place`, or another port where the adapter is there now.
+        `place`, or another port if the adapter is there now.
+
     Raises:
-        LinkError: another adapter has the port's name, and the one that is looked for is nowhere.
+        LinkError: another adapter has the port's name, and the expected one is not present.
     """
     if not adapter:
         return place
@@ -48,17 +50,17 @@ def port_now(place: str, adapter: str, root: Path = BY_ID) -> str:
         return place if now == os.path.realpath(place) else now
     other = adapter_at(place, root)
     if other:
-        hint = "Plug the one before in again; to use this one instead, remove the device here and open the port anew."
-        words = f"Another adapter is {place} now: {Path(other).name}, and before it was {Path(adapter).name}."
+        hint = "Plug in the previous adapter again; to use this one, remove the device here and open the port again."
+        words = f"Another adapter is {place} now: {Path(other).name}; before, it was {Path(adapter).name}."
         raise LinkError("not-found", words, hint)
     return place
 
 
 def moved(place: str, now: str, adapter: str) -> list[str]:
-    """A notice where the adapter is at another port than the source says."""
+    """A notice if the adapter is at another port than in the source, else nothing."""
     if now == place:
         return []
     return [
-        f"The adapter of {place} came back as {now}. Open it as {adapter} to have it found under any number, "
-        "also when this server is started again."
+        f"The adapter of {place} came back as {now}. Open it as {adapter} to find it under any number, "
+        "also after a restart of this server."
     ]

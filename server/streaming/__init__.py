@@ -1,1 +1,1 @@
-"""Live samples and states on their way to browsers: channels, the hub, ring buffers, send queues."""
+"""Live samples and states on their way to browsers: channel store, bus, fan-out, send queues."""

@@ -1,4 +1,4 @@
-"""How does a batch become channels? One quantity, one channel; one number, one column.
+"""Conversion of batches into channels: one channel for each quantity, one column for each number.
 
     Batch MTData2  PacketCounter (n,)      ─> channel PacketCounter   value
                    Quaternion    (n, 4)    ─> channel Quaternion      q0 q1 q2 q3
@@ -6,19 +6,19 @@
                    GnssPvtData   (n,) rec  ─> channel GnssPvtData     itow year month … (one column per element)
                    GnssSatInfo   (n,) rec  ─> channel GnssSatInfo     one *row* per satellite, all at one time
 
-A message whose fields are quantities of their own (`split`) gives a channel per field; any other message is one channel
-with a column per element, and a channel of its own for each field that stands apart (`apart`: message.field).
-What a column is called, coloured and explained comes from the rows of the protocol's table
-(protocols/schema.py); its dtype is that of the array itself. How to cut a batch is worked out once per message layout
-and kept as a plan, because the same layouts come thousands of times.
+A message whose fields are separate quantities (`channel_per_field`) gives a channel per field; any other message is one
+channel with a column per element, plus a channel for each separate field (`separate_channels`: message.field). Names,
+colours and descriptions of columns come from the rows of the protocol's table (protocols/schema.py); the dtype is that
+of the array. The division of a batch is computed once per message layout and stored as a plan, because the same layouts
+occur thousands of times.
 
-People read °/s where devices send rad/s, and metres where they send millimetres: `SHOWN` is the one place where a unit
-of the wire becomes the unit of the page, for every family alike. Files and `inspect` keep the wire's.
+The page shows °/s for rad/s and metres for millimetres: `SHOWN` is the only place where wire units are converted to
+page units, for every family. Files and `inspect` use wire units.
 
-Bytes that nobody has described are no numbers: they are shown as they are (server/streaming/unknown_payloads.py).
+Unknown payloads are not numbers; they are shown as bytes (server/streaming/unknown_payloads.py).
 
-A device whose outputs run at different rates sends frames of several layouts, and one drain then holds several batches
-that share channels. `split` puts the pieces of each channel back into the order of the stream.
+A device with outputs at different rates sends frames of several layouts, and one drain then has several batches that
+share channels. `channel_per_field` restores the stream order of the pieces of each channel.
 """
 
 from __future__ import annotations
@@ -37,26 +37,27 @@ from server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
 
 Array = NDArray[Any]
 Advertise = Callable[[ChannelInfo], int]
-Kind = Literal["vector", "quaternion", "matrix", "euler", "status", "scalar", "record", "rows", "counter"]
+Kind = Literal["vector", "quaternion", "matrix", "euler", "status", "scalar", "record", "table", "counter"]
 Axis = Literal["", "x", "y", "z", "w"]
 
 _XYZ: tuple[Axis, ...] = ("x", "y", "z")
 # Labels of three-vectors whose elements lie along axes, lower case; their colours follow the position.
 _AXIS_LABELS = {"xyz", "rollpitchyaw", "enu", "ned", "nwu", "eastnorthup", "northeastdown", "northwestup"}
-# Unit of a protocol's table → unit on the page, factor, how many digits fewer after the point.
+# Unit of a protocol's table → unit on the page, factor, number of decimals less.
 SHOWN: Mapping[str, tuple[str, float, int]] = {
     "rad/s": ("°/s", 180 / np.pi, 2),
     "mm": ("m", 1e-3, -3),
     "mm/s": ("m/s", 1e-3, -3),
 }
 _MOST_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
-MOST_CHANNELS = 1000  # of one device; the most that a vendor's tables give is some 300
+MOST_CHANNELS = 1000  # of one device; a vendor's tables give at most some 300
 
 
 @dataclass(frozen=True, slots=True)
 class _Cut:
-    """How one channel is cut from a batch: its id, the columns it is made of, rows per sample (a table's k), and the
-    factor of each column that is shown in another unit (0 where it is not; empty when none is)."""
+    """Layout of one channel within a batch: its id, its columns, rows per sample (a table's k), and the factor of each
+    column shown in another unit (0 for an unchanged unit; empty if all are unchanged).
+    """
 
     channel: int
     names: tuple[str, ...]
@@ -72,14 +73,15 @@ class ChannelRows:
     columns: list[Array]
 
 
-class Channels:
+class ChannelRegistry:
     """The channels of one device.
 
     Args:
         device: DeviceInfo.id.
         advertise: called once for each new channel with its description (id 0); returns the id.
+
     Attributes:
-        full: there are `MOST_CHANNELS`; what would be a further one is left out.
+        is_full: `MOST_CHANNELS` is reached; further channels are not created.
     """
 
     def __init__(self, device: str, advertise: Advertise) -> None:
@@ -87,7 +89,7 @@ class Channels:
         self._advertise = advertise
         self._plans: dict[tuple[int, bool], tuple[Message, list[_Cut]]] = {}
         self._ids: dict[str, int] = {}
-        self.full = False
+        self.is_full = False
 
     def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[ChannelRows]:
         """The samples of one drain by channel.
@@ -123,11 +125,11 @@ class Channels:
         last = described(batch.columns, message.fields)  # the others go to server/streaming/unknown_payloads.py
         if not last:
             return []
-        if message.split:
+        if message.channel_per_field:
             groups = [(field.name, [field]) for field in last.values()]
         else:
-            groups = [(f"{message.name}.{name}", [last[name]]) for name in message.apart if name in last]
-            rest = [field for field in last.values() if field.name not in message.apart]
+            groups = [(f"{message.name}.{name}", [last[name]]) for name in message.separate_channels if name in last]
+            rest = [field for field in last.values() if field.name not in message.separate_channels]
             if not clock_alone(message, last):
                 groups.append((_name_beside_bytes(message, rest) or message.name, rest))
         cuts = []
@@ -136,8 +138,8 @@ class Channels:
             if info is not None:
                 used = tuple(field.name for field in fields)
                 factors = _in_shown_units(info)
-                if not batch.verified:  # never what is verified and what is not in one trace
-                    info.name = f"{info.name}?"  # a name of its own; its title is the same, and `verified` marks it
+                if not batch.verified:  # verified and unverified samples must not share a trace
+                    info.name = f"{info.name}?"  # separate name; the title is the same, and `verified` marks it
                     info.verified = False
                 number = self._identify(info)
                 if number:
@@ -145,29 +147,29 @@ class Channels:
         return cuts
 
     def _identify(self, info: ChannelInfo) -> int:
-        """The id of this very description; a changed unit, frame or dtype is a new channel. 0 for one too many."""
+        """The id of this description; a changed unit, frame or dtype is a new channel. 0 above the maximum number."""
         key = repr(info)
         if key not in self._ids:
             if len(self._ids) >= MOST_CHANNELS:
-                self.full = True
+                self.is_full = True
                 return 0
             self._ids[key] = self._advertise(info)
         return self._ids[key]
 
 
 def clock_alone(message: Message, fields: Mapping[str, Field]) -> bool:
-    """Is the clock of a message all that its other quantities leave of it? Then it is the time axis, and no quantity.
+    """Whether the clock of a message is its only remaining quantity; then it is the time axis, not a quantity.
 
     Args:
-        fields: those of the message that are described, by name.
+        fields: described fields of the message, by name.
     """
-    if message.split or not any(name in fields for name in message.apart):
+    if message.channel_per_field or not any(name in fields for name in message.separate_channels):
         return False
-    return all(name in message.apart or name == message.time for name in fields)
+    return all(name in message.separate_channels or name == message.time for name in fields)
 
 
 def _name_beside_bytes(message: Message, rest: Sequence[Field]) -> str:
-    """A field that is all that is described of a payload has its own name: the message's is its bytes'. Else ""."""
+    """Name of the only described field of a payload, since the message's name is used for its bytes; "" otherwise."""
     if len(rest) != 1 or not any(map(is_opaque, message.fields)):
         return ""
     name = rest[0].name
@@ -192,18 +194,18 @@ def _values(batch: Batch, cut: _Cut) -> list[Array]:
         out.extend(_rows(array) if cut.per_sample != 1 or _is_table(array) else _flat(array))
     if not cut.factors:
         return out
-    # A Python number keeps float32 what it is; integers become float64. The largest float32 in °/s is infinite.
+    # A Python number preserves float32; integers become float64. The largest float32 in °/s is infinite.
     with np.errstate(over="ignore"):
         return [_scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
 
 
 def _scaled(column: Array, factor: float) -> Array:
-    """A column in another unit. 99 990 mm are 99.99 m: times 0.001 they would be 99.99000000000001."""
+    """A column in another unit. Divides where exact: 99 990 mm are 99.99 m, times 0.001 it is 99.99000000000001."""
     return column / round(1 / factor) if factor < 1 and (1 / factor).is_integer() else column * factor
 
 
 def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:
-    """Change `info` to the page's units; the factor of each column, 0 where it stays, () when all do."""
+    """Change `info` to the page's units; returns the factor of each column, 0 if unchanged, () if all are unchanged."""
     factors = []
     for column in info.columns:
         unit, factor, fewer = SHOWN.get(column.unit, ("", 0.0, 0))
@@ -251,7 +253,7 @@ def _rows_per_sample(column: Array) -> int:
 
 
 def _rows(array: Array) -> list[Array]:
-    """A table as columns: what stands once per sample is repeated on each of its rows."""
+    """A table as columns: values per sample are repeated on each of its rows."""
     table = _table_of(array)
     assert table is not None
     name, records = table
@@ -266,7 +268,7 @@ def _rows(array: Array) -> list[Array]:
 def _describe(
     device: str, message: Message, name: str, fields: list[Field], columns: Mapping[str, Array]
 ) -> ChannelInfo | None:
-    """The channel (id 0) of these fields, None when nothing of them is a number."""
+    """The channel (id 0) of these fields, None if none of them is a number."""
     alone = fields[0] if len(fields) == 1 else None
     found: list[ColumnInfo] = []
     for field in fields:
@@ -292,13 +294,13 @@ def _describe(
         columns=_unique(found),
         doc=words.doc,
         source=words.source,
-        group="" if message.split else message.title or message.name,
+        group="" if message.channel_per_field else message.title or message.name,
     )
 
 
 def _kind(field: Field, array: Array, message: Message) -> Kind:
     if array.dtype.names:
-        return "rows" if _is_table(array) else "record"
+        return "table" if _is_table(array) else "record"
     if array.dtype.kind in "SV":
         return "record"
     shape = array.shape[1:]
@@ -321,7 +323,7 @@ def _joined(axes: Sequence[str]) -> str:
 
 
 def _column_infos(field: Field, array: Array, prefix: str) -> list[ColumnInfo]:
-    """One ColumnInfo per array that `_flat` gives, in the same order."""
+    """One ColumnInfo per array of `_flat`, in the same order."""
     if array.dtype.names:
         rows = {sub.name: sub for sub in field.fields}
         subs = [(rows.get(name, Field(name)), array[name]) for name in array.dtype.names]
@@ -342,7 +344,7 @@ def _column_infos(field: Field, array: Array, prefix: str) -> list[ColumnInfo]:
 
 
 def _table_infos(field: Field, array: Array, table: tuple[str, Array]) -> list[ColumnInfo]:
-    """One ColumnInfo per array that `_rows` gives."""
+    """One ColumnInfo per array of `_rows`, in the same order."""
     name, records = table
     rows = {sub.name: sub for sub in field.fields}
     out: list[ColumnInfo] = []
@@ -373,7 +375,7 @@ def _axis_colours(field: Field, count: int) -> list[Axis]:
 
 
 def _suffix_axis(name: str) -> Axis:
-    """accX, accY, accZ of a record keep their axis' colour."""
+    """Axis of a record's element (accX, accY, accZ), for its colour."""
     if len(name) > 1 and name[-1] in "XYZ" and name[-2].islower():
         return cast(Axis, name[-1].lower())
     return name if name in _XYZ else ""
@@ -409,7 +411,7 @@ def _dtype(array: Array) -> Dtype:
 
 
 def _unique(columns: list[ColumnInfo]) -> list[ColumnInfo]:
-    """Names are what a page finds a column by: a second one of the same name gets a number."""
+    """Unique column names, by which a page finds them: repeated names get a number."""
     seen: dict[str, int] = {}
     for column in columns:
         seen[column.name] = seen.get(column.name, 0) + 1

@@ -1,11 +1,11 @@
-"""What happened, kept for browsers that connect later.
+"""Event log for clients that connect later.
 
-Two kinds are kept in two ways. What is drawn over time (a gap is a hatch through every plot, a step of a clock breaks
-every line, a marker is a line) belongs to the samples and is kept as long as they are, of each device by itself: an
-outage of ten minutes ago is as much part of the picture as its samples. The rest is news, of which the newest are kept.
+There are two kinds. Events that are drawn in plots (a gap is a hatch, a clock step breaks every line, a marker is a
+line) are stored for each device as long as its samples, because plots show both. All others are news, of which the
+newest are stored.
 
-    marks   gap, clock, marker    history_s long, at most MARKS_KEPT of each device
-    news    everything else       the newest NEWS_KEPT; a browser that connects is told NEWS_TO_LATE of them
+    marks   gap, clock, marker    for history_s, at most MARKS_KEPT of each device
+    news    everything else       the newest NEWS_KEPT; a new browser gets NEWS_TO_LATE of them
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MARKS: frozenset[EventKind] = frozenset({"gap", "clock", "marker"})
 MARKS_KEPT = 8000
 NEWS_KEPT = 5000
 NEWS_TO_LATE = 1000
-AT_ONCE = 500  # in one message: samples wait behind it
+AT_ONCE = 500  # events in one message, which delays the samples behind it
 
 
 class EventLog:
@@ -33,41 +33,41 @@ class EventLog:
     def __init__(self, history_s: float) -> None:
         self._history_s = history_s
         self._marks: dict[str, deque[EventInfo]] = {}
-        self._news: deque[EventInfo] = deque(maxlen=NEWS_KEPT)
+        self._changed: deque[EventInfo] = deque(maxlen=NEWS_KEPT)
 
     def append(self, event: EventInfo) -> None:
-        """Keep one; the oldest of its kind goes when there are too many."""
+        """Store an event; above the maximum, the oldest of its kind is dropped."""
         if event.kind not in MARKS:
-            self._news.append(event)
+            self._changed.append(event)
             return
         marks = self._marks.setdefault(event.device, deque(maxlen=MARKS_KEPT))
         marks.append(event)
 
     def forget(self, device: str) -> None:
-        """The device was removed: its samples have gone."""
+        """Remove the marks of a removed device."""
         self._marks.pop(device, None)
 
     def trim(self, now: float) -> None:
-        """Forget the marks of samples that are no longer kept."""
+        """Remove the marks of samples that are no longer stored."""
         for marks in self._marks.values():
             while marks and _end(marks[0]) < now - self._history_s:
                 marks.popleft()
 
     def for_late(self) -> Iterator[list[EventInfo]]:
-        """What a browser is told that connects now, in its order, in pieces."""
-        kept = [event for marks in self._marks.values() for event in marks]
-        kept += list(self._news)[-NEWS_TO_LATE:]
-        kept.sort(key=lambda event: event.seq)
-        for at in range(0, max(len(kept), 1), AT_ONCE):
-            yield kept[at : at + AT_ONCE]
+        """Events for a client that connects now, in order, in blocks."""
+        events = [event for marks in self._marks.values() for event in marks]
+        events += list(self._changed)[-NEWS_TO_LATE:]
+        events.sort(key=lambda event: event.seq)
+        for at in range(0, max(len(events), 1), AT_ONCE):
+            yield events[at : at + AT_ONCE]
 
     def __len__(self) -> int:
-        return len(self._news) + sum(len(marks) for marks in self._marks.values())
+        return len(self._changed) + sum(len(marks) for marks in self._marks.values())
 
     def __iter__(self) -> Iterator[EventInfo]:
-        """All that are kept, in their order."""
-        kept = [event for marks in self._marks.values() for event in marks]
-        return iter(sorted([*kept, *self._news], key=lambda event: event.seq))
+        """All stored events, in order."""
+        events = [event for marks in self._marks.values() for event in marks]
+        return iter(sorted([*events, *self._changed], key=lambda event: event.seq))
 
 
 def _end(event: EventInfo) -> float:

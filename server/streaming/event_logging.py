@@ -1,12 +1,12 @@
-"""Which of what happens in a server is worth a line in its log?
+"""Log lines for events.
 
-    hub: events        link lost and back, gaps, refused frames, clocks, what was written to a device
-    hub: devices       a device is there; it said who it is
-    hub: control       a job on a device began, and how it ended
-    hub: recorder      a recording began, ended, failed
+    bus: events        link lost and restored, gaps, rejected frames, clocks, writes to a device
+    bus: devices       new devices, and their identity
+    bus: jobs          start and result of a job on a device
+    bus: recorder      a recording started, ended, failed
 
-Frames one by one (commands, answers, lines of text) are for --log-level debug. Browsers and refused requests
-are told where they are met (server/api/websocket.py, server/auth.py), in the same form (server/logging_setup.py).
+Single frames (commands, answers, lines of text) are logged with --log-level debug only. Browsers and refused requests
+are logged in server/api/websocket.py and server/auth.py, in the same form (server/logging_setup.py).
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ import logging
 from typing import Any
 
 from server import wire
-from server.streaming.hub import Hub
+from server.streaming.bus import TelemetryBus
 
 log = logging.getLogger("imuscope.journal")
 
-LEVELS = {"info": logging.INFO, "caution": logging.WARNING, "fault": logging.ERROR}
-CHATTER = ("reply", "text", "command")  # what a command was for is told by its job
-OFTEN = ("gap", "reject", "clock")  # a bad cable brings many a second
+LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+CHATTER = ("reply", "text", "command")  # the purpose of a command is in the log of its job
+OFTEN = ("gap", "reject", "clock")  # a bad cable causes many per second
 _ENDED = {"done": logging.INFO, "stopped": logging.INFO, "failed": logging.WARNING}
 
 
 class EventLogger:
-    """Listens to a hub for as long as that lives."""
+    """Logs events of a bus, for as long as the server runs."""
 
-    def __init__(self, hub: Hub) -> None:
+    def __init__(self, bus: TelemetryBus) -> None:
         self._devices: dict[str, tuple[str, ...]] = {}
         self._jobs: dict[str, dict[int, str]] = {}
         self._recorder = wire.RecorderState(running=False)
-        hub.heard_event.add(self.event)
-        hub.heard_device.add(self.device)
-        hub.heard_control.add(self.control)
-        hub.heard_recorder.add(self.recorder)
+        bus.events.subscribe(self.event)
+        bus.devices.subscribe(self.device)
+        bus.jobs.subscribe(self.job_report)
+        bus.recorder.subscribe(self.recorder)
 
     def event(self, event: wire.EventInfo) -> None:
-        """An entry of the event log."""
+        """Log an entry of the event log."""
         level = LEVELS[event.level]
         if event.kind in CHATTER:
             level = logging.DEBUG
@@ -50,7 +50,7 @@ class EventLogger:
         _write(level, event.kind, event.device, text, data, often=event.kind in OFTEN)
 
     def device(self, info: wire.DeviceInfo) -> None:
-        """Something about a device changed; of interest is who it is."""
+        """Log a change of a device's identity."""
         who = (info.product, info.serial_number, info.firmware)
         before = self._devices.get(info.id)
         self._devices[info.id] = who
@@ -64,8 +64,8 @@ class EventLogger:
             named = zip(("product", "serial_number", "firmware"), who, strict=True)
             _write(logging.INFO, "identified", info.id, f"This is {', '.join(parts)}.", dict(named))
 
-    def control(self, state: wire.ControlState) -> None:
-        """What is done to a device changed."""
+    def job_report(self, state: wire.DeviceJobs) -> None:
+        """Log a change of a device's jobs."""
         known = self._jobs.get(state.device, {})
         now: dict[int, str] = {}
         for job in (*reversed(state.done), *([state.running] if state.running is not None else [])):
@@ -82,12 +82,12 @@ class EventLogger:
         self._jobs[state.device] = now
 
     def recorder(self, state: wire.RecorderState) -> None:
-        """What is recorded changed; told twice a second while something is."""
+        """Log a change of the recorder; called twice a second while it runs."""
         before, self._recorder = self._recorder, state
         data = {"recording": state.id, "devices": state.devices, "bytes": state.bytes}
         if state.running and (not before.running or before.started != state.started):
             _write(logging.INFO, "recording", "", f"Recording {state.id} began: {len(state.devices)} devices.", data)
-        elif before.running and not state.running and not state.message:  # why it failed is an event
+        elif before.running and not state.running and not state.message:  # a failure is logged as an event
             _write(logging.INFO, "recording", "", f"Recording {state.id} ended: {state.bytes / 1e6:.1f} MB.", data)
 
 

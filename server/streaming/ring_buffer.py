@@ -1,21 +1,21 @@
-"""Where are the last minutes of a channel, and how do they become sample frames?
+"""Ring buffer of a channel, read as sample frames.
 
-A ring is a row of blocks. A block is memory for a fixed number of samples, filled from left to right and never moved;
-when the channel has more history than it may keep, whole blocks are dropped from the left. Samples have sequence
-numbers, counted from 0 since the channel exists, so that history and live data can be told apart exactly:
+A ring is a sequence of blocks. A block is memory for a fixed number of samples, filled from left to right and never
+moved; when the channel has more history than allowed, whole blocks are dropped from the left. Samples have sequence
+numbers, counted from 0 since the creation of the channel, so that history and live data are separated exactly:
 
     block 0        block 1        block 2
     [seq 0 ..255]  [256 ..767]    [768 .. 912 ......]
      ^first                             ^total (the next sequence number)
 
-Within a block, neighbouring columns of one dtype share one two-dimensional array, because then a stretch of samples of
-all of them becomes bytes in one call:
+Within a block, neighbouring columns of one dtype share one two-dimensional array, so that a range of samples of all of
+them is converted to bytes in one call:
 
     group f8: arrival, time        group f4: x, y, z, …      group u4: flags
     rows = columns, each row `capacity` samples long and then some slack
 
-Each column of a frame is padded to 8 bytes (server/wire.py). A stretch is therefore read rounded up to whole groups of
-8 bytes; what is read beyond its end is later samples or slack, and has no meaning. That rounding is why a frame never
+Each column of a frame is padded to 8 bytes (server/wire.py). A range is therefore read rounded up to whole groups of
+8 bytes; the bytes beyond its end are later samples or slack, without meaning. Because of that rounding a frame never
 crosses a block.
 """
 
@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 from server.wire import HEADER
 from server.wire_codec import sample_header
 
-# Small enough that dropping one is unnoticed and a frame of a whole block goes out in one piece (64 KiB is what a
-# socket takes at once), large enough that Python's cost per block vanishes. The first block is small: many channels
-# are slow.
+# Small enough that dropping a block is not noticeable and a frame of a whole block is sent in one piece (a socket
+# accepts 64 KiB at once), large enough that Python's cost per block is negligible. The first block is small because
+# many channels are slow.
 FIRST_BLOCK = 64
 BLOCK_BYTES = 64 * 1024
 _SLACK = 8
@@ -73,7 +73,7 @@ class RingBuffer:
 
     @property
     def first(self) -> int:
-        """Sequence number of the oldest sample kept."""
+        """Sequence number of the oldest stored sample."""
         return self._blocks[0].first if self._blocks else self.total
 
     def __len__(self) -> int:
@@ -81,7 +81,7 @@ class RingBuffer:
 
     @property
     def oldest_end(self) -> float:
-        """Arrival of the newest sample in the oldest block: what is lost by `drop_oldest` is no newer than this."""
+        """Arrival of the newest sample in the oldest block; `drop_oldest` drops only samples up to this time."""
         return self._blocks[0].last_arrival if self._blocks else float("inf")
 
     @property
@@ -89,7 +89,7 @@ class RingBuffer:
         return len(self._blocks)
 
     def append(self, columns: Sequence[NDArray[Any]]) -> None:
-        """Samples: `arrival`, `time`, then the channel's columns; 1-d, equal length, converted to the ring's dtypes."""
+        """Add samples: `arrival`, `time`, then the channel's columns; 1-d, equal length, converted to our dtypes."""
         n, at = len(columns[0]), 0
         while at < n:
             block = self._blocks[-1] if self._blocks else self._grow()
@@ -114,17 +114,17 @@ class RingBuffer:
         return block
 
     def drop_oldest(self) -> None:
-        """Forget the oldest block; the newest one always stays."""
+        """Drop the oldest block; the newest one is never dropped."""
         if len(self._blocks) > 1:
             self.nbytes -= self._blocks.popleft().nbytes
 
     def drop_before(self, arrival: float) -> None:
-        """Forget the blocks that hold nothing newer than `arrival` (unix seconds)."""
+        """Drop the blocks without samples newer than `arrival` (unix seconds)."""
         while len(self._blocks) > 1 and self._blocks[0].last_arrival < arrival:
             self.drop_oldest()
 
     def sequence_at(self, arrival: float) -> int:
-        """Sequence number of the first sample that arrived at or after `arrival`; `total` when there is none."""
+        """Sequence number of the first sample that arrived at or after `arrival`; `total` if there is none."""
         for block in self._blocks:
             if block.last_arrival >= arrival:
                 return block.first + int(np.searchsorted(block.arrays[0][0, : block.n], arrival))
@@ -132,7 +132,7 @@ class RingBuffer:
 
     def frames(self, channel: int, start: int, stop: int, now: float) -> Iterator[tuple[int, bytes]]:
         """Sample frames of the sequence numbers `start` ≤ s < `stop`, oldest first, as (samples, bytes)."""
-        if self._blocks and start >= self._blocks[-1].first:  # the usual case: what came since the last flush
+        if self._blocks and start >= self._blocks[-1].first:  # the usual case: samples since the last flush
             yield stop - start, self._encode(self._blocks[-1], channel, start, stop, now, history=False)
             return
         for block in self._blocks:
@@ -141,10 +141,10 @@ class RingBuffer:
                 yield b - a, self._encode(block, channel, a, b, now, history=False)
 
     def history_frame(self, channel: int, start: int, stop: int, now: float) -> tuple[int, float, bytes] | None:
-        """The newest stretch of `start` ≤ s < `stop` that one frame can hold.
+        """The newest part of `start` ≤ s < `stop` that fits in one frame.
 
         Returns:
-            its first sequence number, the arrival of its first sample, the frame; None when nothing of it is kept.
+            Its first sequence number, the arrival of its first sample, the frame; None if nothing of it is stored.
         """
         for block in reversed(self._blocks):
             a, b = max(start, block.first), min(stop, block.first + block.n)

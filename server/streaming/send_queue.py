@@ -1,22 +1,22 @@
-"""What waits to be sent to one browser, and what is given up when the browser does not keep up?
+"""Send queue of one client; drops the oldest samples when the client is slow.
 
     text       events, replies, channels, hello       never dropped, always first
-    latest     devices, health                        only the newest of each kind waits
+    latest     devices, health                        only the newest of each kind is queued
     live       packets shared by all browsers         bounded: the oldest are dropped, counted per channel
-    history    what a `subscribe` asked for           made when there is nothing else to send, newest first
+    history    requested by `subscribe`               made when there is nothing else to send, newest first
 
 Order matters twice. Text goes before samples, so that a channel is described before its first sample arrives. History
 goes last, so that filling the past never delays the present.
 
-Dropped samples are told exactly: the next frame of the channel that does go out carries how many were dropped just
-before it (`dropped` in its header), and `dropped_of` keeps the sums for the health report. A packet is one bytes object
-for all browsers; only a frame whose count must be written is copied.
+Dropped samples are counted exactly: the next sent frame of the channel has the number dropped just before it (`dropped`
+in its header), and `dropped_of` has the sums for the health report. A packet is one bytes object for all browsers; only
+a frame whose count must be written is copied.
 
-Where nothing waits and the socket takes it at once, a packet goes out as it is offered, as a WebSocket frame that was
-made once for all browsers: waking a task per browser and flush, and what lies between it and the socket, would cost
-more than all else that a server with fifty browsers does.
+If nothing is queued and the socket accepts it at once, a packet is sent when it is offered, as a WebSocket frame made
+once for all browsers: waking a task per browser and flush would cost more than everything else in a server with fifty
+browsers.
 
-This file holds no task and no clock: server/api/websocket.py takes and sends.
+This file has no task and no clock: server/api/websocket.py sends the messages.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from websockets.frames import Opcode
 from server.streaming.ring_buffer import RingBuffer
 from server.wire_codec import with_dropped
 
-# A second of 2 kHz × 10 values is 120 kB. What waits longer than a few seconds is not live any more, so more memory
-# would only make a slow browser later, not more complete.
+# A second of 2 kHz × 10 values is 120 kB. Data queued for longer than a few seconds is no longer live, so more memory
+# would only delay a slow browser further.
 LIVE_BYTES = 512 * 1024
 # One WebSocket message; large enough for few calls, small enough that a browser's worker stays responsive.
 MESSAGE_BYTES = 128 * 1024
@@ -59,8 +59,8 @@ class Packet:
 
     @staticmethod
     def of(frames: Iterable[Frame], at: float = 0.0) -> Packet:
-        kept = tuple(frames)
-        return Packet(kept, b"".join([frame.data for frame in kept]), at)
+        stored = tuple(frames)
+        return Packet(stored, b"".join([frame.data for frame in stored]), at)
 
     def ready(self) -> bytes:
         """The WebSocket frame (RFC 6455, 5.2) that carries it from a server, the same for every browser."""
@@ -70,20 +70,20 @@ class Packet:
 
 
 class HistoryStream:
-    """The past that one subscription asked for, cut into messages newest first.
+    """The history requested by one subscription, divided into messages, newest first.
 
     Args:
-        spans: channel → (ring, first and last-plus-one sequence number wanted).
+        spans: channel → (ring, first and last-plus-one sequence number).
     """
 
     def __init__(self, spans: Mapping[int, tuple[RingBuffer, int, int]]) -> None:
         self._spans = {channel: span for channel, span in spans.items() if span[1] < span[2]}
-        # Heap of (−arrival up to which the channel is still unsent, channel): the newest stretch goes first.
+        # Heap of (−arrival up to which the channel is still unsent, channel): the newest part is sent first.
         self._next = [(-float("inf"), channel) for channel in self._spans]
         heapq.heapify(self._next)
 
-    def take(self, now: float, limit: int = MESSAGE_BYTES) -> bytes | None:
-        """The next message, None when all has been sent or has meanwhile been forgotten by the rings."""
+    def pop(self, now: float, limit: int = MESSAGE_BYTES) -> bytes | None:
+        """The next message, None if everything has been sent or dropped by the rings."""
         out: list[bytes] = []
         size = 0
         while self._next and size < limit:
@@ -102,15 +102,16 @@ class HistoryStream:
 
 
 class SendQueue:
-    """One browser's outbox.
+    """Send queue of one client.
 
     Args:
-        on_ready: called when there is something to take where there was nothing.
-        limit: bytes of live samples that may wait.
-        send_now: sends a whole WebSocket frame if its socket takes it at once, else says False and does nothing.
+        on_ready: called when the queue is no longer empty.
+        limit: maximum size of queued live samples, bytes.
+        send_now: sends a whole WebSocket frame if its socket accepts it at once, else returns False.
+
     Attributes:
-        interval_s: there is no use in offering it samples sooner after the last ones than that.
-        is_browser: not a process of ours that feeds a view of another program.
+        interval_s: shortest useful interval between samples.
+        is_browser: False for a subprocess that feeds a third-party viewer.
     """
 
     interval_s = 0.0
@@ -126,35 +127,35 @@ class SendQueue:
         self._send_now = send_now
         self._limit = limit
         self._texts: deque[str] = deque()
-        self.text_bytes = 0  # characters, of what waits
+        self.text_bytes = 0  # characters of queued texts
         self._latest: dict[str, str] = {}
         self._live: deque[Packet] = deque()
         self._live_bytes = 0
-        self._missing: dict[int, int] = {}  # channel → dropped since its last frame that went out
-        self._wanted: frozenset[int] | None = frozenset()  # nothing until the first subscribe
+        self._missing: dict[int, int] = {}  # channel → dropped since its last sent frame
+        self._wanted_channels: frozenset[int] | None = frozenset()  # nothing until the first subscribe
         self._history: HistoryStream | None = None
         self._after_history = ""
         self.dropped_of: dict[int, int] = {}  # channel → dropped since the browser connected
-        self.number = 0  # of the browser in this run, given by the hub
-        self.sent_bytes = 0  # and since when the message in the sender's hands has been there, unix s: by who sends
-        self.sending_since: float | None = None
+        self.number = 0  # of the browser in this run, assigned by the fan-out
+        self.sent_bytes = 0
+        self.sending_since: float | None = None  # start of the present transmission, unix s; set by the sender
 
     # ── in ──
 
-    def say(self, text: str) -> None:
-        """A text frame that is never dropped."""
+    def put_message(self, text: str) -> None:
+        """Queue a text frame that is never dropped."""
         self._texts.append(text)
         self.text_bytes += len(text)
         self._on_ready()
 
     def say_latest(self, kind: str, text: str) -> None:
-        """A text frame that replaces an unsent one of its kind."""
+        """Queue a text frame that replaces an unsent one of its kind."""
         self._latest[kind] = text
         self._on_ready()
 
     def subscribe(self, channels: Iterable[int] | None, history: HistoryStream, after_history: str) -> None:
-        """From now on these channels (None: all); first what waits is forgotten, as the page forgets it too."""
-        self._wanted = None if channels is None else frozenset(channels)
+        """Send these channels from now on (None: all). Queued samples are discarded, as on the page."""
+        self._wanted_channels = None if channels is None else frozenset(channels)
         self._live.clear()
         self._live_bytes = 0
         self._missing.clear()
@@ -163,9 +164,9 @@ class SendQueue:
         self._on_ready()
 
     def offer(self, packet: Packet) -> None:
-        """Live samples; drops the oldest that wait when there are too many."""
-        if self._wanted is not None:
-            frames = [frame for frame in packet.frames if frame.channel in self._wanted]
+        """Send or queue live samples; above the limit, the oldest queued ones are dropped."""
+        if self._wanted_channels is not None:
+            frames = [frame for frame in packet.frames if frame.channel in self._wanted_channels]
             if not frames:
                 return
             if len(frames) != len(packet.frames):
@@ -181,7 +182,7 @@ class SendQueue:
 
     @property
     def _is_waiting(self) -> bool:
-        """Is there something that live samples may not overtake?"""
+        """Whether something is queued that live samples may not overtake."""
         return bool(self._texts or self._latest or self._live or self._missing or self.sending_since is not None)
 
     def _drop(self, packet: Packet) -> None:
@@ -192,8 +193,8 @@ class SendQueue:
 
     # ── out ──
 
-    def take(self) -> str | bytes | None:
-        """The next text or live message, None when there is none (history may still be wanted)."""
+    def pop(self) -> str | bytes | None:
+        """The next text or live message; None if there is none (history may still be pending)."""
         if self._texts:
             text = self._texts.popleft()
             self.text_bytes -= len(text)
@@ -222,13 +223,13 @@ class SendQueue:
         )
 
     def take_history(self, now: float) -> bytes | None:
-        """The next message of history; after the last one `after_history` is said."""
+        """The next message of history; after the last one, `after_history` is queued."""
         if self._history is None:
             return None
-        data = self._history.take(now)
+        data = self._history.pop(now)
         if data is None:
             self._history = None
-            self.say(self._after_history)
+            self.put_message(self._after_history)
         return data
 
     @property
@@ -236,12 +237,12 @@ class SendQueue:
         return self._history is not None
 
     @property
-    def idle(self) -> bool:
+    def is_idle(self) -> bool:
         return not (self._texts or self._latest or self._live or self._history)
 
     @property
     def live_bytes(self) -> int:
-        """Bytes of live samples waiting."""
+        """Bytes of queued live samples."""
         return self._live_bytes
 
     @property
@@ -250,6 +251,6 @@ class SendQueue:
         return sum(self.dropped_of.values())
 
     def lag(self, now: float) -> float:
-        """How far this browser is behind, s: the age of the oldest that has not been taken by its socket."""
+        """Delay of this client, s: age of the oldest samples not yet accepted by its socket."""
         since = self._live[0].at if self._live else now
         return max(0.0, now - min(since, self.sending_since or now))

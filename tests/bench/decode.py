@@ -1,4 +1,4 @@
-"""How fast do bytes become columns on one core?
+"""Benchmark of decoding on one core.
 
     python tests/bench/decode.py --protocol xbus FILE [--size MB] [--save]
 
@@ -29,6 +29,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from protocols import jit  # noqa: E402
 from protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
 from protocols.registry import PROTOCOLS  # noqa: E402
 from tests.bench.report import report  # noqa: E402
@@ -95,6 +96,7 @@ def alone(protocol: str, data: bytes, *, columns: bool) -> float:
 
 def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
     """The figures of one file."""
+    jit.load()
     once = file.read_bytes()
     data = once * -(-size // len(once))
     megabytes = len(data) / 1e6

@@ -38,7 +38,7 @@ from tests.server_process import ServerProcess, tied  # noqa: E402
 SETTLE_S = 3.0
 
 
-class Reader:
+class FanoutReader:
     """What one client saw."""
 
     def __init__(self) -> None:
@@ -68,7 +68,7 @@ class Reader:
             self.delays.append(now - stamp)
 
 
-async def client(url: str, reader: Reader) -> None:
+async def client(url: str, reader: FanoutReader) -> None:
     address = url.replace("http", "ws", 1) + "/ws"
     async with connect(address, subprotocols=[SUBPROTOCOL], compression=None, max_size=None, origin=url) as socket:  # type: ignore[arg-type,list-item]
         await socket.send(json.dumps({"op": "subscribe", "history": 0, "channels": None}))
@@ -79,7 +79,7 @@ async def client(url: str, reader: Reader) -> None:
 
 async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
     """The server with `clients` readers for `seconds`."""
-    readers = [Reader() for _ in range(clients)]
+    readers = [FanoutReader() for _ in range(clients)]
     with (
         tempfile.TemporaryDirectory() as data,
         Feed(rate, SETTLE_S + seconds + 2) as feed,

@@ -1,4 +1,4 @@
-"""How does a server fare beside each flood? How soon it answers, and how late another device's bytes are recorded.
+"""Benchmark of a server during each flood. How soon it answers, and how late another device's bytes are recorded.
 
     python tests/bench/floods.py [--seconds 20] [--only NAME …] [--save]
 

@@ -1,4 +1,4 @@
-"""What does a frame of the page cost? Six charts of three series, 100 000 points of each in view, in headless Chromium.
+"""Benchmark of one frame of the page. Six charts of three series, 100 000 points of each in view, in headless Chromium.
 
 The page's own plots (web/bench.html: the real rings, buckets and stack, synthetic samples at 2 kHz and no server) are
 run for 600 live frames and then for 120 that change the zoom each time. Measured: milliseconds of script a frame (p50,

@@ -1,4 +1,5 @@
-"""How old are samples when a page gets them? From the write on a pseudo-terminal to typed arrays in the page's worker.
+"""Benchmark of latency from the port to the page. From the write on a pseudo-terminal to typed arrays in the page's
+worker.
 
     feed ── write, stamp ──> pty ──> server ──> WebSocket ──> worker: postMessage(typed arrays), stamp
 

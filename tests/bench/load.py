@@ -102,7 +102,7 @@ def figures_of(goods: list[load_clients.Good]) -> dict[str, Any]:
     }
 
 
-class Run:
+class LoadRun:
     """One run: the server, who sends and who reads."""
 
     def __init__(self, options: argparse.Namespace, server: ServerProcess, speakers: Speakers) -> None:
@@ -195,7 +195,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         write_recording(data / "recordings" / f"{EARLIER}.mcap", options.rate)
         sources = [f"serial://{terminal}?baud=2000000&protocol=xbus" for terminal in speakers.terminals]
         with ServerProcess(*sources, data=data, arguments=("--record", "--config", str(config))) as server:
-            out = asyncio.run(Run(options, server, speakers).measure())
+            out = asyncio.run(LoadRun(options, server, speakers).measure())
         sent = speakers.sent()["devices"]
         heard = heard_in([path for path in sorted((data / "recordings").glob("*.mcap")) if path.stem != EARLIER])
     out["bytes_sent"] = sum(one["bytes"] for one in sent)

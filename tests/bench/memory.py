@@ -1,4 +1,4 @@
-"""How does the memory of a process go over time? Looked at every few seconds, told as a curve and its slope."""
+"""Benchmark of memory over time. Looked at every few seconds, told as a curve and its slope."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def resident_mb(pid: int) -> float:
 
 def curve(points: Sequence[tuple[float, float]], unit: str = "min") -> dict[str, Any]:
     """Of (time, MB) points: the curve, thinned; its slope over the second half, MB for each `unit` of time; beginning
-    and end."""
+    and end.
+    """
     late = [point for point in points if point[0] >= points[-1][0] / 2] if points else []
     slope = 0.0
     if len(late) >= 3:

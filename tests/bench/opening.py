@@ -1,4 +1,4 @@
-"""How soon does a long recording show its first plot, how soon again, and what does a zoom cost?
+"""Benchmark of opening a long recording: first plot, second opening, zoom.
 
     python tests/bench/opening.py [--minutes 60] [--save]
 
@@ -89,13 +89,13 @@ def make(path: Path, minutes: float) -> None:
 
 def measure(path: Path, store: Path) -> dict[str, float]:
     """What the process of its own does; figures in s and MB."""
-    from protocols.registry import warm_up
+    from protocols import jit
     from recordings.column_store import ColumnStore
     from recordings.sources import McapSource
     from server.devices.protocol_set import speech
     from server.library.decode import decode
 
-    warm_up()
+    jit.load()
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     start, cpu = time.perf_counter(), time.process_time()
     firsts: list[float] = []

@@ -1,4 +1,4 @@
-"""What does recording cost, and what does a killed server lose?
+"""Benchmark of recording: cost, and loss after kill -9.
 
     python tests/bench/recording.py [--rate 2000] [--seconds 4] [--turns 5] [--kills 5] [--save]
 
@@ -31,7 +31,7 @@ sys.path.insert(0, str(ROOT))
 from tests.bench import serial_device as feeding  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import report  # noqa: E402
-from tests.server.test_recorder import lost_by_kill  # noqa: E402
+from tests.server.recorder_harness import lost_by_kill  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
 SETTLE_S = 3.0

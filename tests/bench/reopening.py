@@ -1,8 +1,8 @@
-"""How long does a person wait who opens a long recording again, zooms in it, or reads it somewhere else?
+"""Benchmark of reopening, zooming and querying a long recording.
 
     python tests/bench/reopening.py [--minutes 60] [--times 7] [--save]
 
-The recording of tests/bench/opening.py lies in the library of a server of its own, which has one twin. Headless
+The recording of tests/bench/opening.py lies in the library of a server of its own, which has one simulator. Headless
 Chromium, 1440 × 900, plays the person; all times are the page's own clock, from the input to the frame that shows what
 was wanted:
 
@@ -88,7 +88,7 @@ window.press = (selector, x = 0.5) => {
   target.dispatchEvent(new PointerEvent("pointerup", at));
 };
 """
-LINK = "document.querySelector('.recs tbody tr b a')"
+LINK = "document.querySelector('.recording-list tbody tr b a')"
 OPEN = f"""watch(() => {LINK}.click(), {{
   page: () => window.imuscopeReplay !== undefined, samples: window.hasSamples, plot: window.hasPlot}})"""
 POINT = f"""async () => {{
@@ -107,7 +107,7 @@ REQUEST = """async () => {
 }"""
 
 
-class Scene:
+class ReopenedScene:
     """One page on one server, and what both have used so far."""
 
     def __init__(self, page: Page, server: ServerProcess) -> None:
@@ -146,16 +146,16 @@ def summary(found: Sequence[dict[str, Any]]) -> dict[str, float]:
 def measure(data: Path, times: int, open_page: Callable[[ServerProcess], Page]) -> dict[str, Any]:
     """All figures, ms."""
     out: dict[str, Any] = {}
-    with ServerProcess("twin:xbus", data=data) as server:
-        scene = Scene(open_page(server), server)
+    with ServerProcess("sim:xbus", data=data) as server:
+        scene = ReopenedScene(open_page(server), server)
         scene.library()
         out["first"] = scene.did(OPEN)["painted"]
         chromium.until(scene.page, "window.imuscopeReplay.progress.value === 1", timeout_s=120)
         scene.page.close()
     started = []
     for _ in range(times):
-        with ServerProcess("twin:xbus", data=data) as server:
-            scene = Scene(open_page(server), server)
+        with ServerProcess("sim:xbus", data=data) as server:
+            scene = ReopenedScene(open_page(server), server)
             scene.library()
             started.append(scene.did(OPEN))
             if len(started) < times:

@@ -1,4 +1,4 @@
-"""What does a benchmark print, and what stands beside its figures when they are kept?
+"""Report of a benchmark, with machine, date and versions.
 
 One JSON line on standard output; with `--save` the same, indented, in tests/bench/results/NAME.json, together with what
 a reader needs to judge it: the kind of machine, the date, the versions of what was measured.

@@ -1,4 +1,4 @@
-"""How fast does an hour become an `.rrd` file, and how soon does the embedded viewer show its body?
+"""Benchmark of the export of an hour to `.rrd` and of its display in the embedded viewer.
 
     python tests/bench/rrd.py [--minutes 60] [--save]
 
@@ -35,7 +35,7 @@ sys.path.insert(0, str(ROOT))
 from tests.bench.opening import make  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
-TRIES = 120
+ATTEMPTS = 120
 LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.includes('.rrd'))?.responseEnd ?? 0"
 
 
@@ -83,7 +83,7 @@ def fill(folder: Path) -> dict[str, float]:
         page = engine.new_page(viewport={"width": 900, "height": 600})
         start = time.perf_counter()
         page.goto(f"{server.url}/rerun/?recording=hour&theme=light")
-        for _ in range(TRIES):
+        for _ in range(ATTEMPTS):
             picture = Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB")
             if _is_filled(np.asarray(picture, np.int16)):
                 break

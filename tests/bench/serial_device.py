@@ -55,6 +55,7 @@ class Feed:
 
     Args:
         rate, seconds: frames per second, and for how long.
+
     Attributes:
         terminal: path of the device.
     """

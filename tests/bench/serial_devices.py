@@ -71,6 +71,7 @@ class Speakers:
         rate: frames/s of each, in its own time.
         seconds: for how long, in its own time.
         speed: how much faster that goes than ours.
+
     Attributes:
         terminals: paths of the devices.
     """
@@ -116,7 +117,7 @@ def heard_in(paths: Sequence[Path]) -> dict[str, dict[str, int]]:
     found: dict[str, dict[str, int]] = {}
     for path in paths:
         for part in open_file(path).parts():
-            if part.way == "rx":
+            if part.direction == "rx":
                 one = found.setdefault(part.device, {"bytes": 0, "crc32": 0})
                 one["bytes"] += len(part.data)
                 one["crc32"] = zlib.crc32(part.data, one["crc32"])

@@ -1,4 +1,4 @@
-"""What does one frame cost that comes alone, as in every drain of a live stream?
+"""Benchmark of a single frame, as in every drain of a live stream.
 
     python tests/bench/single_frame.py [--save]
 

@@ -9,7 +9,7 @@ server's clock is theirs. So an hour has passed for every part of it (history, r
 culled by a quota, the clock's mapping, the event log) when an hour of frames has, however soon that is. `--speed`
 bounds how soon. A client reads along; for it, as for the page, samples may be dropped, which is told.
 
-    frames of a second ──> Link.read ──> session ─> hub ─> browser
+    frames of a second ──> Link.read ──> session ─> telemetry ─> browser
          └─> clock of the server  └─> tape ─> files, an hour each ─> packer ─> quota
 
 Kept: memory (RSS of the server; of the page that of its renderers, its JavaScript heap after a collection and its DOM
@@ -91,7 +91,7 @@ class Quick(Link):
         self._clock.ns = base + 10**9
         chunks = [Chunk(data[n * size : (n + 1) * size], base + (n + 1) * step) for n in range(CHUNKS_PER_S)]
         for chunk in chunks:
-            self.flow.arrivals.tell(chunk)
+            self.flow.arrivals.call(chunk)
         return chunks
 
     async def write(self, data: bytes) -> None:

@@ -1,9 +1,9 @@
-"""How long from the command to a page that shows samples, and how heavy is the page?
+"""Benchmark of start-up to the first samples, and of the weight of the page.
 
     imuscope ──> /healthz answers ──> page opened ──> first sample in the page
 
 Twice: the first start ever (nothing compiled yet: an empty cache) and the next one. "Usable" is the page showing
-samples of the twin. The weight is what a browser downloads at the first load, compressed as the server sends it,
+samples of the simulator. The weight is what a browser downloads at the first load, compressed as the server sends it,
 counted by the browser itself. The yardstick: a Python process that imports the same foundations and does nothing.
 
 Budget: 3 s, the very first start 15 s; 250 kB.
@@ -41,7 +41,7 @@ def start(browser: Browser, data: Path) -> dict[str, Any]:
     weights: list[float] = []
     session.on("Network.loadingFinished", lambda event: weights.append(event["encodedDataLength"]))
     began = time.monotonic()
-    with ServerProcess("twin:xbus", data=data) as server:
+    with ServerProcess("sim:xbus", data=data) as server:
         answering = time.monotonic() - began
         page.goto(server.url)
         chromium.until(page, USABLE)

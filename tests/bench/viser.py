@@ -1,4 +1,4 @@
-"""What does the 3D scene cost, for a device at 2 kHz with one viewer and with ten?
+"""Benchmark of the 3D scene at 2 kHz with one viewer and with ten.
 
     python tests/bench/viser.py [--save]
 
@@ -41,7 +41,7 @@ BUDGET = 0.10
 
 
 def viser_of(server: int) -> int:
-    """viser's process of a server."""
+    """Viser's process of a server."""
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             line, command = stat.read_text(), (stat.parent / "cmdline").read_text()

@@ -40,8 +40,8 @@ FIND = """counter => {
 }"""
 # What is written on the page: the three rows under "Euler angles", and the numerals beside the horizon.
 SHOWN = """() => {
-  const rows = [...document.querySelectorAll("table.vals tr")], shown = {};
-  const start = rows.findIndex(row => row.className === "g" && /^Euler angles/.test(row.innerText.trim()));
+  const rows = [...document.querySelectorAll("table.values-table tr")], shown = {};
+  const start = rows.findIndex(row => row.className === "group-row" && /^Euler angles/.test(row.innerText.trim()));
   for (const {cells} of rows.slice(start + 1, start + 4)) shown[cells[0].innerText.trim()] = cells[1].innerText.trim();
   for (const numeral of document.querySelectorAll("[data-numeral]"))
     shown["numeral " + numeral.dataset.numeral] = numeral.innerText.trim();
@@ -99,8 +99,11 @@ def test_a_capture_plays_and_its_attitude_is_right(
     last = counters[-1]
     until(
         page,
+        # Rows that were decoded together are in order within each kind of message: the GNSS rows may stand last.
         """last => { const c = window.imuscope?.store.channels.value.find(c => c.info.name === "PacketCounter");
-                     return c && c.ring.length && c.ring.value(0, c.ring.length - 1) >= last - 2; }""",
+                     const n = c?.ring.length ?? 0;
+                     for (let i = Math.max(0, n - 300); i < n; i++) if (c.ring.value(0, i) >= last - 2) return true;
+                     return false; }""",
         last,
     )
     yaws = set()

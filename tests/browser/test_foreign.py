@@ -7,7 +7,6 @@ which the page would be of one origin with the server.
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -15,9 +14,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page
 
-from tests import chromium
+from tests import browser_engine, chromium
+from tests.conftest import chromium_path
 from tests.server_process import ServerProcess
 from tests.timeouts import get
 
@@ -90,22 +90,17 @@ def stranger() -> Iterator[str]:
 @pytest.fixture
 def visitor() -> Iterator[Page]:
     """A page in a browser for which NAME is this machine, as its owner's name server says."""
-    path = chromium.find()
-    if path is None and (os.environ.get("CI") or os.environ.get("IMUSCOPE_NEEDS_BROWSER")):
-        pytest.fail("no Chromium")
-    if path is None:
-        pytest.skip("no Chromium")
-    with sync_playwright() as playwright:
-        rule = f"--host-resolver-rules=MAP {NAME} 127.0.0.1"
-        engine = playwright.chromium.launch(executable_path=path, args=[*chromium.ARGUMENTS, rule])
-        yield engine.new_page()
-        engine.close()
+    rule = f"--host-resolver-rules=MAP {NAME} 127.0.0.1"
+    arguments = [*chromium.ARGUMENTS, rule]
+    engine = browser_engine.playwright().chromium.launch(executable_path=chromium_path(), args=arguments)
+    yield engine.new_page()
+    engine.close()
 
 
 def state(server: ServerProcess) -> tuple[Any, ...]:
     """All that a request could have changed."""
     devices = [(one["id"], one["source"], one["status"]) for one in get(f"{server.url}/api/devices").json()]
-    exchange = get(f"{server.url}/api/devices/{devices[0][0]}/exchange").json()
+    exchange = get(f"{server.url}/api/devices/{devices[0][0]}/traffic").json()
     recorder = get(f"{server.url}/api/recorder").json()
     return devices, exchange, recorder, get(f"{server.url}/api/recordings").json()
 

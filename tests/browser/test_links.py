@@ -53,7 +53,7 @@ class Sender:
         self._thread.join(PATIENCE_S)
 
 
-class Adapter:
+class ReplugAdapter:
     """A serial port that can be pulled out: a symbolic link to a pseudo-terminal."""
 
     def __init__(self, path: Path) -> None:
@@ -112,16 +112,16 @@ class Peer:
 
 
 @pytest.fixture(params=["serial", "tcp"])
-def plug(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Adapter | Peer]:
+def plug(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ReplugAdapter | Peer]:
     """A device that is there, and can be made to go."""
-    device = Adapter(tmp_path / "ttyUSB0") if request.param == "serial" else Peer()
+    device = ReplugAdapter(tmp_path / "ttyUSB0") if request.param == "serial" else Peer()
     device.plug()
     yield device
     device.pull()
 
 
 def test_a_killed_link_shows_within_a_second_and_recovers(
-    plug: Adapter | Peer, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+    plug: ReplugAdapter | Peer, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
 ) -> None:
     page = open_page(serve(plug.source).url)
     until(page, f"{STATUS} === 'live' && ({COUNT})() > 50")
@@ -144,9 +144,9 @@ def test_a_killed_link_shows_within_a_second_and_recovers(
 def test_nothing_else_stops_when_one_link_dies(
     tmp_path: Path, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
 ) -> None:
-    device = Adapter(tmp_path / "ttyUSB0")
+    device = ReplugAdapter(tmp_path / "ttyUSB0")
     device.plug()
-    page = open_page(serve(device.source, "twin:xbus").url)
+    page = open_page(serve(device.source, "sim:xbus").url)
     both = """() => window.imuscope?.store.devices.value.map(device => window.imuscope.store.channels.value
         .filter(c => c.info.device === device.id).reduce((n, c) => n + c.ring.length, 0))"""
     until(page, f"(({both})() ?? []).filter(n => n > 100).length === 2")
@@ -160,21 +160,21 @@ def test_nothing_else_stops_when_one_link_dies(
 def test_a_server_that_restarts_is_found_again(
     tmp_path: Path, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
 ) -> None:
-    server = serve("twin:xbus")
+    server = serve("sim:xbus")
     page = open_page(server.url)
     until(page, f"({COUNT})() > 20")
     port = server.url.rsplit(":", 1)[1]
     server.stop()
     until(page, "window.imuscope.store.connection.value !== 'open'")
-    serve("twin:xbus", arguments=("--port", port))
+    serve("sim:xbus", arguments=("--port", port))
     until(page, f"window.imuscope.store.connection.value === 'open' && ({COUNT})() > 20")
 
 
-def test_a_twin_that_is_pulled_is_shown_within_a_second_and_comes_back(
+def test_a_simulator_that_is_pulled_is_shown_within_a_second_and_comes_back(
     serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
 ) -> None:
     """`unplug_s` closes the pseudo-terminal under the session, as a hand at the plug does; the other streams on."""
-    page = open_page(serve("twin:xbus?unplug_s=4&away_s=2", "twin:xbus?seed=2").url)
+    page = open_page(serve("sim:xbus?unplug_s=4&away_s=2", "sim:xbus?seed=2").url)
     until(page, "window.imuscope?.store.channels.value.filter(c => c.info.name === 'Acceleration').length === 2")
     page.evaluate("""() => {
         const is = id => ({info}) => info.device === id && info.name === "Acceleration";
@@ -223,23 +223,3 @@ def test_a_capture_that_begins_again_is_not_joined_to_its_end(
     )
     assert joined[0] > 2
     assert joined[1] == 0
-
-
-def test_a_remark_about_the_link_stands_on_the_page(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
-) -> None:
-    """A notice does not scroll away like an event: a high latency timer, datagrams of two senders."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        here = probe.getsockname()
-    page = open_page(serve(f"udp://127.0.0.1:{here[1]}").url)
-    ways = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
-    senders = [Sender(lambda data, way=way: way.sendto(data, here)) for way in ways]  # type: ignore[misc]
-    try:
-        until(page, "document.querySelectorAll('.notice').length > 0")
-        assert "127.0.0.1" in page.locator(".notice").first.inner_text()
-    finally:
-        for sender in senders:
-            sender.stop()
-        for way in ways:
-            way.close()

@@ -28,6 +28,7 @@ def picture(page: Page, name: str) -> None:
     assert path.stat().st_size > 10_000
 
 
+@pytest.mark.slow  # for people
 @pytest.mark.parametrize("dark", [True, False], ids=["dark", "light"])
 @pytest.mark.parametrize("width", SIZES)
 def test_live(server: ServerProcess, open_page: Callable[..., Page], width: str, dark: bool) -> None:
@@ -38,6 +39,7 @@ def test_live(server: ServerProcess, open_page: Callable[..., Page], width: str,
     picture(page, f"live-{width}-{'dark' if dark else 'light'}")
 
 
+@pytest.mark.slow  # for people
 def test_paused_with_a_cursor(page: Page) -> None:
     page.wait_for_timeout(2000)
     page.keyboard.press("Space")
@@ -48,39 +50,11 @@ def test_paused_with_a_cursor(page: Page) -> None:
     picture(page, "paused-1440")
 
 
-def test_empty(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    page = open_page(serve("twin:xbus").url)
-    until(page, "window.imuscope?.store.devices.value.length === 1")
-    page.evaluate("fetch('/api/devices/' + window.imuscope.store.devices.value[0].id, {method: 'DELETE'})")
-    until(page, "window.imuscope.store.devices.value.length === 0")
-    page.wait_for_timeout(500)
-    assert "No device" in page.inner_text("body")
-    picture(page, "empty-1440")
-
-
-@pytest.mark.parametrize(
-    ("name", "source", "words"),
-    [
-        ("connecting", "tcp-listen://127.0.0.1:0", "connect"),
-        ("lost", "/dev/ttyNOTHERE", "ttyNOTHERE"),
-    ],
-)
-def test_waiting(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page], name: str, source: str, words: str
-) -> None:
-    page = open_page(serve(source).url)
-    until(page, "window.imuscope?.store.devices.value.length === 1")
-    page.wait_for_timeout(1000)
-    assert words.lower() in page.inner_text("body").lower()
-    picture(page, f"{name}-1440")
-
-
 # Root may open everything; without these two it may not.
 MERE_MORTAL = ("setpriv", "--bounding-set", "-dac_override,-dac_read_search")
 
 
-@pytest.mark.parametrize("width", SIZES)
-def test_permission_denied(serve: Callable[..., ServerProcess], open_page: Callable[..., Page], width: str) -> None:
+def test_permission_denied(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
     """A port that only its group may open: the page names the group, and what to type."""
     prefix = MERE_MORTAL if os.geteuid() == 0 else ()
     if prefix and not shutil.which(prefix[0]):
@@ -91,14 +65,16 @@ def test_permission_denied(serve: Callable[..., ServerProcess], open_page: Calla
         if prefix:
             os.chown(port, -1, 20)  # dialout, where there is one
         os.chmod(port, 0o060)
-        page = open_page(serve(port, prefix=prefix).url, width=SIZES[width][0], height=SIZES[width][1])
+        page = open_page(serve(port, prefix=prefix).url)
         until(page, "window.imuscope?.store.devices.value[0]?.status === 'denied'")
-        until(page, "/No permission/.test(document.querySelector('main').innerText)")
-        said = page.inner_text("main")
-        assert f"No permission to open {port}: it belongs to the group" in said
-        assert "sudo usermod -aG" in said
-        assert "Try now" in said
-        picture(page, f"denied-{width}")
+        for width, (wide, high) in SIZES.items():
+            page.set_viewport_size({"width": wide, "height": high})
+            until(page, "/No permission/.test(document.querySelector('main').innerText)")
+            said = page.inner_text("main")
+            assert f"No permission to open {port}: it belongs to the group" in said
+            assert "sudo usermod -aG" in said
+            assert "Try now" in said
+            picture(page, f"denied-{width}")
         # Somebody gives access: the next try finds the port.
         os.chmod(port, 0o660)
         page.get_by_role("button", name="Try now").last.click()

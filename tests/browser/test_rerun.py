@@ -12,7 +12,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -24,8 +23,9 @@ from recordings.mcap_writer import McapWriter
 from recordings.rrd.size_limit import amount as amount_told
 from tests.chromium import until
 from tests.conftest import ARTIFACTS
-from tests.server.test_opening import START, drive
+from tests.recordings.recorded_drive import START, drive
 from tests.server_process import ServerProcess
+from tests.timeouts import get
 
 BODY_VIEW = (0, 40, 440, 250)  # of a window of 900 × 600: left, top, right, bottom
 
@@ -34,6 +34,10 @@ BODY_VIEW = (0, 40, 440, 250)  # of a window of 900 × 600: left, top, right, bo
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rerun")
     (folder / "recordings").mkdir()
+    viewers = ARTIFACTS / "rerun-viewers"  # taken out of the package once for all runs
+    viewers.mkdir(parents=True, exist_ok=True)
+    (folder / "cache").mkdir()
+    (folder / "cache" / "rerun").symlink_to(viewers)
     drive(folder / "recordings" / "drive.mcap")
     turned(folder / "recordings" / "turned.mcap")
     return folder
@@ -78,35 +82,38 @@ def seen(page: Page) -> NDArray[Any]:
 @pytest.fixture(scope="module")
 def running(data: Path) -> Iterator[ServerProcess]:
     """A server that has taken the viewer out of its package, which is done once."""
-    with ServerProcess("twin:xbus", data=data) as server:
-        assert httpx.get(f"{server.url}/rerun/re_viewer.js", timeout=120).status_code == 200
+    with ServerProcess("sim:xbus", data=data) as server:
+        assert get(f"{server.url}/rerun/re_viewer.js", timeout=120).status_code == 200
         yield server
 
 
-def test_a_recording_opens_in_the_viewer_and_the_body_turns(
-    running: ServerProcess, open_page: Callable[..., Page]
-) -> None:
+def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Callable[..., Page]) -> None:
     """`open_page` fails when another host is asked, or when the console has an error."""
     page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
     chatter: list[str] = []  # of the viewer, a line or more for every frame
     page.on("console", lambda message: chatter.append(message.text) if message.type == "debug" else None)
-    first = seen(page)
+    seen(page)
     until(page, "document.getElementById('words').textContent === ''")
     page.screenshot(path=str(ARTIFACTS / "rerun-recording.png"), timeout=120_000)
     assert page.evaluate("fetch('https://tile.openstreetmap.org/3/4/2.png').then(answer => answer.status)") == 204
     assert page.locator("#foot").is_hidden(), "all of it is shown: there is nothing to tell"
+    assert chatter == []
+
+
+@pytest.mark.slow  # tests/recordings/test_rrd.py reads the attitude from what the viewer is given
+def test_the_body_turns(running: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
+    first = seen(page)
     page.goto(f"{running.url}/rerun/?recording=turned&theme=light")
     second = seen(page)
     moved = nose(first) != nose(second)
     assert moved.sum() > 30, "both attitudes look the same"
-    assert chatter == []
 
 
-def test_of_a_long_recording_it_says_how_much_is_shown_and_where_the_rest_is(
-    running: ServerProcess, open_page: Callable[..., Page]
-) -> None:
+def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_page: Callable[..., Page]) -> None:
     """An hour at 1 kHz, as its server counts it. The map's pictures come from the tile server that is configured. The
-    viewer itself does not get here: what is said needs nothing of it."""
+    viewer itself does not get here: what is said needs nothing of it.
+    """
     page = open_page(f"{running.url}/rerun/style.css", width=1000, height=600)
     page.route("**/re_viewer_bg.wasm", lambda route: None)
 
@@ -132,17 +139,18 @@ def test_of_a_long_recording_it_says_how_much_is_shown_and_where_the_rest_is(
     assert "Map: © Someone" in page.locator("#foot").inner_text()
 
 
-def test_what_is_live_is_shown_and_its_lag_told(running: ServerProcess, open_page: Callable[..., Page]) -> None:
+@pytest.mark.slow  # tests/server/test_rerun.py streams to a viewer that only reads
+def test_live_data_is_shown_with_its_lag(running: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = open_page(f"{running.url}/rerun/?live&theme=dark", width=900, height=600)
     seen(page)
     until(page, "/\\d+ ms behind/.test(document.getElementById('lag').textContent)")
     page.screenshot(path=str(ARTIFACTS / "rerun-live.png"), timeout=120_000)
 
 
-def test_a_recording_that_is_not_there_is_told_in_words(running: ServerProcess, browser: Browser) -> None:
+def test_a_missing_recording_is_reported(running: ServerProcess, browser: Browser) -> None:
     page = browser.new_page()
     try:
         page.goto(f"{running.url}/rerun/?recording=none")
-        until(page, "document.getElementById('words').textContent.includes('There is no recording none')")
+        until(page, "document.getElementById('words').textContent.includes('Recording none not found')")
     finally:
         page.close()

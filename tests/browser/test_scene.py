@@ -17,7 +17,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from recordings.rotations import of_euler
-from tests import conftest
+from tests import chromium, conftest
 from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY
 from tests.server_process import ServerProcess
@@ -33,6 +33,7 @@ def open_scene(browser: Browser) -> Iterator[Callable[[str], Page]]:
     """Open an address; any complaint but one that is meant fails the test."""
     complaints: list[str] = []
     context = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
+    context.add_init_script(chromium.SLOW_SCREEN)  # in viser's own page too
 
     def start(url: str) -> Page:
         page = context.new_page()
@@ -73,7 +74,7 @@ def quaternions(yaw: float) -> bytes:
     return (b"\xfa" + frame + bytes([-sum(frame) & 0xFF])) * 100
 
 
-class Line:
+class PathLine:
     """A device on TCP whose yaw the test sets."""
 
     def __init__(self) -> None:
@@ -103,8 +104,8 @@ class Line:
 
 
 @pytest.fixture
-def line() -> Iterator[Line]:
-    held = Line()
+def line() -> Iterator[PathLine]:
+    held = PathLine()
     yield held
     held.close()
 
@@ -122,8 +123,9 @@ def settled(page: Page) -> NDArray[np.int16]:
     raise TimeoutError("the scene does not come to rest")
 
 
+@pytest.mark.slow  # tests/server/test_viser.py turns a device and reads what the scene is told
 def test_the_body_on_screen_turns_with_the_device(
-    serve: Callable[..., ServerProcess], line: Line, open_scene: Callable[[str], Page]
+    serve: Callable[..., ServerProcess], line: PathLine, open_scene: Callable[[str], Page]
 ) -> None:
     """Two attitudes, a quarter turn apart, are two pictures, and the front of the body is seen elsewhere."""
     server = serve(line.source)
@@ -160,7 +162,7 @@ def test_it_stands_beside_our_own_panels_when_asked_for(
     frame = page.wait_for_selector(".scene iframe", timeout=90_000)
     inner = frame.content_frame() if frame else None
     assert inner is not None
-    until(inner, CONNECTED, timeout_s=90)  # type: ignore[arg-type] # a frame answers as a page does
+    until(inner, CONNECTED, timeout_s=90)
     keep(page, "scene-beside")
     page.get_by_role("button", name="Full screen").click()
     until(page, "document.fullscreenElement?.className === 'scene'")

@@ -1,4 +1,4 @@
-"""What fails on a robot, and what becomes of it then: each fault is a test with an outcome, and nothing is lost.
+"""Failures on a robot, and their outcomes: each fault is a test with an outcome, and nothing is lost.
 
 Nothing lost: every sample that arrived is recorded and shown, or counted; nothing hangs; a person is told in one
 sentence with a hint. Real pseudo-terminals, sockets, disks and server processes; the tables at the head of each file
@@ -21,9 +21,9 @@ say the outcomes. Where a fault was tested beside what it happens to, the test i
     recording folder deleted             recordings/test_recording_writer, server/test_recorder
     file corrupted at random bytes       test_disk, recordings/test_mcap_writer, recordings/test_library
     kill -9 while it records             test_kill, server/test_recorder (…20_ms, …packed_by_the_next)
-    kill -9 while it writes settings     test_kill; on trial: server/test_rollback
+    kill -9 while it writes settings     test_kill; with a rollback pending: server/test_rollback
     kill -9 while it exports             test_kill
-    browser closed in a command          test_concurrent_users; of a trial: browser/test_configure
+    browser closed in a command          test_concurrent_users; with a rollback pending: browser/test_configure
     two people command at once           test_concurrent_users, server/test_control, server/test_configure
     SIGTERM                              test_shutdown, server/test_recorder, server/test_cli, server/test_control;
                                          within 2 s: tests/bench/shutdown.py

@@ -1,7 +1,8 @@
-"""What is measured beside a flood: how soon the server answers, and whether another device's recording is whole.
+"""Measurements during a flood: how soon the server answers, and whether another device's recording is whole.
 
 How long a second is, is measured in the same time: a thread of this process needs so many times longer for a piece of
-work than it would alone, because others use the machine, and so does who asks the server.
+work than it would alone, because others use the machine, and so does who asks the server. The slowest answer is held
+against the slowest stretch: what others do comes and goes.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from httpx import Client
-
 from recordings.mcap_reader import LENGTH, TIME, McapReader
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.floods import RECORDING, Place
-from tests.fault_injection.test_kill import received, recording, until
+from tests.fault_injection.recorded_files import received, recording
 from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, http_client
+from tests.waiting import block_until
 
 RATE = 500.0  # of the other device, frames/s
 WITHIN_S = 1.0
 EVERY_S, WORK_S = 0.05, 0.004
+STRETCH = 10  # pieces of work, about half a second
 FEWEST = 3  # answers
 
 
@@ -36,7 +37,7 @@ class Beside:
     Attributes:
         answers: how many came.
         worst_s: how long the slowest took; as long as it has waited by now, where one is missing.
-        slowness: how many times longer than alone work took meanwhile.
+        slowness: how many times longer than alone work took in the slowest stretch meanwhile.
     """
 
     def __init__(self, url: str) -> None:
@@ -45,11 +46,13 @@ class Beside:
         self._threads = [threading.Thread(target=self._ask), threading.Thread(target=self._work)]
         self.answers = 0
         self.worst_s = 0.0
-        self._wall = self._own = 0.0
+        self._pieces: list[tuple[float, float]] = []  # of work: how long each took, and its processor time, s
 
     @property
     def slowness(self) -> float:
-        return max(1.0, self._wall / self._own) if self._own else 1.0
+        pieces = self._pieces
+        stretches = [pieces[at : at + STRETCH] for at in range(max(1, len(pieces) - STRETCH + 1))]
+        return max([1.0, *(sum(took for took, _ in some) / sum(own for _, own in some) for some in stretches if some)])
 
     @property
     def limit_s(self) -> float:
@@ -76,18 +79,17 @@ class Beside:
             began, own = time.monotonic(), time.thread_time()
             while time.thread_time() - own < WORK_S:
                 sum(range(200))
-            self._wall += time.monotonic() - began
-            self._own += time.thread_time() - own
+            self._pieces.append((time.monotonic() - began, time.thread_time() - own))
             self._stop.wait(EVERY_S)
 
     def __enter__(self) -> Beside:
         for thread in self._threads:
             thread.start()
-        until(lambda: self.answers, "the server answers before the flood")
+        block_until(lambda: self.answers, "the server answers before the flood")
         return self
 
     def __exit__(self, *_: object) -> None:
-        until(lambda: self.answers >= FEWEST, "the flood was looked at")
+        block_until(lambda: self.answers >= FEWEST, "the flood was looked at")
         self._stop.set()
         for thread in self._threads:
             thread.join(2 * PATIENCE_S)
@@ -111,7 +113,7 @@ class Watched:
     def is_whole(self) -> bool:
         """Whether what is recorded is what was sent, when all is there that had been sent by now."""
         size = self.line.size - self.begins
-        until(lambda: len(received(self.path)) >= size, "what was sent is recorded")
+        block_until(lambda: len(received(self.path)) >= size, "what was sent is recorded")
         recorded = received(self.path)
         return self.line.sent.startswith(recorded, self.begins)
 
@@ -137,10 +139,10 @@ def watched(folder: Path, seconds: float) -> Iterator[Watched]:
     (folder / "recordings").mkdir()
     recording(folder / "recordings" / f"{RECORDING}.mcap", frames(0, 60_000))
     with TcpDevice(RATE) as line, ServerProcess(line.source, data=folder) as server:
-        with Client(base_url=server.url, timeout=PATIENCE_S) as asking:
-            until(lambda: asking.get("/api/devices").json()[0]["status"] == "live", "the device streams")
+        with http_client(base_url=server.url) as asking:
+            block_until(lambda: asking.get("/api/devices").json()[0]["status"] == "live", "the device streams")
             asking.post("/api/recordings/start", json={"devices": ["1"]}).raise_for_status()
-            name = until(lambda: asking.get("/api/recorder").json()["id"], "it is recorded")
+            name = block_until(lambda: asking.get("/api/recorder").json()["id"], "it is recorded")
         path = folder / "recordings" / f"{name}.mcap"
-        first = until(lambda: received(path)[:1000], "there is something in it")
+        first = block_until(lambda: received(path)[:1000], "there is something in it")
         yield Watched(Place(server.url, folder, seconds), line, path, line.sent.index(first), server.process.pid)

@@ -1,4 +1,4 @@
-"""What the tests of faults share: a device with everything that came of it, and its books.
+"""Harness shared by the fault tests. a device with everything that came of it, and its books.
 
 The books are what "nothing lost" means here: the bytes that the device sent are the bytes that were recorded, in order;
 the samples that a browser could have are those that were in them, or the missing ones are counted.
@@ -6,7 +6,6 @@ the samples that a browser could have are those that were in them, or the missin
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -16,21 +15,20 @@ from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 from server.wire import DeviceHealth, DeviceInfo, EventInfo
 from tests.bench.serial_device import frame
-from tests.timeouts import PATIENCE_S
 
 COUNTER = "PacketCounter"
 
 
-class Stage:
+class FaultHarness:
     """One device of a server without its HTTP side, in the test's own loop; links, decoders and clock are real."""
 
     def __init__(self, source: str, by_id: Path) -> None:
         now_ns = steady_clock()
-        self.hub = Hub(lambda: now_ns() / 1e9)
-        self.sessions = Sessions(self.hub, open_link, speech(), LinkSettings(now_ns=now_ns, by_id=by_id))
+        self.telemetry = Telemetry.create(lambda: now_ns() / 1e9)
+        self.sessions = Sessions(self.telemetry.bus, open_link, speech(), LinkSettings(now_ns=now_ns, by_id=by_id))
         self.heard: list[bytes] = []
         self.session: Session = self.sessions.add(source)
         self.session.chunks(lambda data, time_ns, way: self.heard.append(data) if way == "rx" else None)
@@ -47,7 +45,7 @@ class Stage:
 
     @property
     def health(self) -> DeviceHealth:
-        return self.session.health(self.hub.now())
+        return self.session.health(self.telemetry.bus.now())
 
     @property
     def samples(self) -> int:
@@ -56,30 +54,20 @@ class Stage:
         return sum(one.count for one in self.health.messages if one.name == "MTData2")
 
     def events(self, kind: str) -> list[EventInfo]:
-        return [event for event in self.hub.log if event.kind == kind]
+        return [event for event in self.telemetry.log if event.kind == kind]
 
     def status(self, wanted: str) -> Callable[[], bool]:
         return lambda: self.info.status == wanted
 
 
 @asynccontextmanager
-async def stage(source: str, by_id: Path = Path("/nowhere")) -> AsyncIterator[Stage]:
+async def stage(source: str, by_id: Path = Path("/nowhere")) -> AsyncIterator[FaultHarness]:
     """A device, closed as the server closes it."""
-    made = Stage(source, by_id)
+    made = FaultHarness(source, by_id)
     try:
         yield made
     finally:
         await made.sessions.close()
-
-
-async def until(condition: Callable[[], object], what: str) -> None:
-    """Wait; fail with what did not happen."""
-    try:
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():
-                await asyncio.sleep(0.01)
-    except TimeoutError:
-        raise AssertionError(f"after {PATIENCE_S:g} s still not: {what}") from None
 
 
 def frames(start: int, stop: int, rate: float = 1000.0) -> bytes:

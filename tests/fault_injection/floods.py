@@ -34,8 +34,8 @@ from protocols.idtp.frames import build
 from recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC
 from server import wire
 from tests.bench.serial_device import frame
-from tests.protocols.test_nmea import sentence
-from tests.timeouts import PATIENCE_S, client, connect
+from tests.protocols.nmea_sentences import sentence
+from tests.timeouts import PATIENCE_S, connect, http_client
 
 DATAGRAMS = 1400, 60_000  # bytes, in turn
 PIECE = 1 << 20  # of what is sent over TCP
@@ -158,7 +158,7 @@ def _pour(place: Place, stream: socket.socket, udp: tuple[str, int], data: bytes
 def sources(place: Place, protocol: str) -> Iterator[tuple[tuple[str, int], tuple[str, int]]]:
     """The addresses of a TCP and a UDP source, open until the block ends."""
     addresses = {"tcp-listen": _free(socket.SOCK_STREAM), "udp": _free(socket.SOCK_DGRAM)}
-    with client(base_url=place.url) as http:
+    with http_client(base_url=place.url) as http:
         made = []
         for kind, (host, port) in addresses.items():
             body = {"source": f"{kind}://{host}:{port}", "protocol": protocol}
@@ -307,7 +307,7 @@ def requests(place: Place) -> None:
 def tables(place: Place) -> None:
     """Whole channels of a long recording, several at once, as JSON and as Arrow."""
     with contextlib.ExitStack() as held:
-        readers = [held.enter_context(client(base_url=place.url)) for _ in range(4)]
+        readers = [held.enter_context(http_client(base_url=place.url)) for _ in range(4)]
         until_open(readers[0], RECORDING)
         place.begin()
         path = f"/api/recordings/{RECORDING}/query?channel=Acceleration"
@@ -345,7 +345,7 @@ def pipes(place: Place) -> None:
     if not pipe.exists():
         os.mkfifo(pipe)
     place.begin()
-    with client(base_url=place.url) as http:
+    with http_client(base_url=place.url) as http:
         while not place.over:
             for path in (pipe, Path("/proc/kmsg"), Path("/dev/zero"), Path("/dev/stdin")):
                 answer = http.post("/api/devices", json={"source": f"{path}?protocol=xbus"})
@@ -362,7 +362,7 @@ def hostile_files(place: Place) -> None:
         if not (folder / name).exists():
             write(folder / name)
     place.begin()
-    with client(base_url=place.url) as http:
+    with http_client(base_url=place.url) as http:
         while not place.over:
             listed = {one["id"] for one in http.get("/api/recordings").json()}
             for name in HOSTILE:

@@ -19,12 +19,12 @@ import numpy as np
 from recordings.mcap_reader import TIME, McapReader
 from server.config import Config
 from tests.bench.serial_device import frame
-from tests.fault_injection.fault_harness import stage, until
-from tests.fault_injection.test_kill import until as until_now
+from tests.fault_injection.fault_harness import stage
 from tests.links.link_fixtures import pty
 from tests.server.fakes import sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.test_recorder import Links, send, settled
+from tests.server.recorder_harness import Links, send, settled
+from tests.waiting import block_until, until
 
 
 def test_the_devices_clock_jumps() -> None:
@@ -41,9 +41,8 @@ def test_the_devices_clock_jumps() -> None:
                 await until(lambda: here.events("clock"), "it is told")
                 (event,) = here.events("clock")
                 assert "jumped" in event.text
-                here.hub.flush()
-                for channel in here.hub.channels.values():
-                    frames_ = list(channel.ring.frames(1, 0, channel.ring.total, here.hub.now()))
+                for channel in here.telemetry.store.all:
+                    frames_ = list(channel.ring.frames(1, 0, channel.ring.total, here.telemetry.bus.now()))
                     assert sum(n for n, _ in frames_) in (0, 60)
 
     asyncio.run(check())
@@ -62,14 +61,14 @@ def retimed(n: int, rate: float, later_s: int) -> bytes:
 def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
     links = Links()
     with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
-        sessions = running.state.sessions
+        sessions = running.services.sessions
         running.client.post("/api/recordings/start", json={})
         wall = sessions._wall_ns
         for n in range(100):
             send(running, links, "/dev/one", sample(n))
             if n == 50:
                 running.call(setattr, sessions, "_wall_ns", lambda: wall() - 3600 * 10**9)
-        told = until_now(lambda: running.call(events, running.state.hub, "clock"), "it is told")
+        told = block_until(lambda: running.call(events, running.services.telemetry, "clock"), "it is told")
         assert [event.text for event in told] == [
             "This host's clock was set back by 3 600 s; times on this page stay as they were."
         ]
@@ -85,5 +84,5 @@ def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
     assert all(a <= b for a, b in itertools.pairwise(times)), "no time runs back"
 
 
-def events(hub: Any, kind: str) -> list[Any]:
-    return [event for event in hub.log if event.kind == kind]
+def events(telemetry: Any, kind: str) -> list[Any]:
+    return [event for event in telemetry.log if event.kind == kind]

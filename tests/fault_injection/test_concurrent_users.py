@@ -21,15 +21,14 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from httpx import Client
 
 from server.config import Config
 from server.devices.protocol_set import speech
 from server.links import open_link
-from tests.fault_injection.test_kill import until
 from tests.server.control_harness import outputs
 from tests.server.in_process_server import InProcessServer
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import http_client
+from tests.waiting import block_until
 
 
 def request(url: str, path: str, body: bytes, length: int | None = None, kind: str = "application/json") -> bytes:
@@ -48,11 +47,11 @@ def send_and_vanish(url: str, data: bytes) -> None:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
 
 
-def test_gone_in_the_middle(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    with InProcessServer(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
+def test_clients_that_disconnect_midway(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with InProcessServer(Config(sources=("sim:xbus",), data=tmp_path), open_link, speech()) as running:
         http, url = running.client, running.url
-        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
-        control = "/api/devices/1/control"
+        block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
+        control = "/api/devices/1/jobs"
 
         body = json.dumps({"changes": {"OutputConfiguration": outputs(50)}, "confirmed": True}).encode()
         send_and_vanish(url, request(url, "/api/devices/1/apply", body[:40], len(body)))
@@ -61,23 +60,23 @@ def test_gone_in_the_middle(tmp_path: Path, caplog: pytest.LogCaptureFixture) ->
         assert http.get(control).json()["done"] == [], "half a wish is none"
 
         send_and_vanish(url, request(url, "/api/devices/1/apply", body))
-        (job,) = until(lambda: http.get(control).json()["done"], "it was carried out")
+        (job,) = block_until(lambda: http.get(control).json()["done"], "it was carried out")
         assert (job["state"], job["message"]) == ("done", "1 of 1 settings written and read back.")
-        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it measures again")
-        until(lambda: not list((tmp_path / "recordings").glob(".incoming/*")), "nothing of the upload is left")
+        block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it measures again")
+        block_until(lambda: not list((tmp_path / "recordings").glob(".incoming/*")), "nothing of the upload is left")
         assert http.get("/api/recordings").json() == []
     assert not [record for record in caplog.records if record.exc_info], "nobody's leaving is a fault of ours"
 
 
-def test_two_people_at_once(tmp_path: Path) -> None:
-    with InProcessServer(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
+def test_two_users_at_once(tmp_path: Path) -> None:
+    with InProcessServer(Config(sources=("sim:xbus",), data=tmp_path), open_link, speech()) as running:
         http = running.client
-        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
+        block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
         answers: list[dict[str, Any]] = []
         both = threading.Barrier(2)
 
         def wish(rate: int) -> None:
-            with Client(base_url=running.url, timeout=PATIENCE_S) as own:
+            with http_client(base_url=running.url) as own:
                 both.wait()
                 body = {"changes": {"OutputConfiguration": outputs(rate)}, "confirmed": True}
                 answers.append(own.post("/api/devices/1/apply", json=body).json())
@@ -87,7 +86,7 @@ def test_two_people_at_once(tmp_path: Path) -> None:
             person.start()
         for person in people:
             person.join()
-        done = until(lambda: len(found := http.get("/api/devices/1/control").json()["done"]) == 2 and found, "both")
+        done = block_until(lambda: len(found := http.get("/api/devices/1/jobs").json()["done"]) == 2 and found, "both")
         assert {one["id"] for one in done} == {one["id"] for one in answers} == {1, 2}
         assert [one["state"] for one in done] == ["done", "done"]
         last, first = done  # newest first
@@ -95,4 +94,4 @@ def test_two_people_at_once(tmp_path: Path) -> None:
         values = http.get("/api/devices/1/values").json()["values"]["OutputConfiguration"]
         rates = {one["output_frequency"] for one in values["outputs"]} - {0xFFFF}
         assert len(rates) == 1, "never a mixture of both"
-        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it measures again")
+        block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it measures again")

@@ -36,13 +36,14 @@ from recordings.mcap_writer import RecordingError
 from server.config import Config
 from server.devices.protocol_set import speech
 from server.library.decode import decode
-from tests.fault_injection.test_kill import received, until
+from tests.fault_injection.recorded_files import received
+from tests.recordings.recorded_drive import drive
 from tests.server.fakes import sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.test_opening import drive
-from tests.server.test_recorder import Links, send, settled
+from tests.server.recorder_harness import Links, send, settled
 from tests.server_process import ROOT, tied
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 
 @pytest.fixture
@@ -103,11 +104,11 @@ with McapReader(folder / "a.mcap") as recording:
             found.append(block.joined(block.of(channel.id))[0])
 data = b"".join(found)
 assert data == b"".join(k.to_bytes(4, "big") * 2048 for k in range(len(data) // 8192)), "torn"
-print(tape.trouble.message, "|", tape.trouble.hint, "|", len(data))
+print(tape.error.message, "|", tape.error.hint, "|", len(data))
 """
 
 
-def test_a_disk_that_is_full(tmp_path: Path) -> None:
+def test_a_full_disk(tmp_path: Path) -> None:
     """A real one, of a megabyte."""
     mount = 'mount -t tmpfs -o size=1m tmpfs "$1" && shift && exec "$@"'
     here = ["/usr/bin/env", "unshare", "-rm", "sh", "-c", mount, "sh", str(tmp_path)]
@@ -123,7 +124,7 @@ def test_a_disk_that_is_full(tmp_path: Path) -> None:
     assert 900_000 < int(size) < 1_048_576
 
 
-def test_a_file_that_may_not_grow(running: InProcessServer, links: Links, tmp_path: Path) -> None:
+def test_a_file_size_limit(running: InProcessServer, links: Links, tmp_path: Path) -> None:
     running.client.post("/api/recordings/start", json={})
     wanted = b""
     with files_of_at_most(20_000):
@@ -175,11 +176,11 @@ def test_a_slow_disk(running: InProcessServer, links: Links, tmp_path: Path, mon
         send(running, links, "/dev/one", wanted[4 * n : 4 * n + 4])
 
     def decoded() -> int:
-        health = running.state.sessions.get("1").health(running.state.hub.now())
+        health = running.services.sessions.get("1").health(running.services.telemetry.bus.now())
         return sum(one.count for one in health.messages if one.name == "Sample")
 
-    until(lambda: running.call(decoded) == 600, "samples wait for no disk")
-    until(lambda: running.client.get("/api/recorder").json()["behind_s"] > 0.1, "what waits is told")
+    block_until(lambda: running.call(decoded) == 600, "samples wait for no disk")
+    block_until(lambda: running.client.get("/api/recorder").json()["behind_s"] > 0.1, "what waits is told")
     assert running.client.get("/api/recorder").json()["running"] is True
     takes.set()
     settled(running)

@@ -7,7 +7,7 @@
     takes an upload, writes a note   nothing of it but what was there before
     packs a recording                it is packed anew, and what the old packing still does harms nothing
 
-(What is lost of a recording, 20 ms: tests/server/test_recorder.py. A rate on trial: tests/server/test_rollback.py.)
+(What is lost of a recording, 20 ms: tests/server/test_recorder.py. A temporary rate: tests/server/test_rollback.py.)
 """
 
 from __future__ import annotations
@@ -15,60 +15,24 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-from httpx import Client
 
 from protocols.xbus.simulator.device import XbusSimulator
 from recordings import compaction
 from recordings.compaction import is_uncompacted
-from recordings.mcap_reader import McapReader
-from recordings.mcap_writer import McapWriter, RecordingError
+from recordings.mcap_writer import RecordingError
 from server.library.cleanup import LOCK, DataFolderLock
 from server.library.compaction_worker import left_behind
 from server.links.simulator import SimulatorThread
 from tests.fault_injection.fault_harness import frames
+from tests.fault_injection.recorded_files import hidden, received, recording
 from tests.server.control_harness import bench, outputs
 from tests.server.tcp_device import TcpDevice
 from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S
-
-
-def until(condition: Callable[[], Any], what: str) -> Any:
-    end = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < end, f"still not: {what}"
-        time.sleep(0.002)
-    return found
-
-
-def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
-    """A recording of these bytes."""
-    writer = McapWriter(path, {"title": path.stem})
-    writer.device("1", {"protocol": "xbus", "source": "/dev/ttyUSB0"})
-    for k in range(0, len(frames_), size):
-        writer.chunk("1", "rx", frames_[k : k + size], 1_700_000_000_000_000_000 + 40_000 * k)
-    writer.close()
-
-
-def received(path: Path) -> bytes:
-    with McapReader(path) as found:
-        pieces = []
-        for block in found.blocks():
-            channel = found.topic("rx/1")
-            if channel is not None:
-                pieces.append(block.joined(block.of(channel.id))[0])
-        return b"".join(pieces)
-
-
-def hidden(folder: Path) -> list[str]:
-    """What is unfinished, or looks like it."""
-    names = [path for path in folder.rglob("*") if path.name.endswith((".making", ".packing", ".export"))]
-    return [str(path.relative_to(folder)) for path in (*names, *(folder / "exports").glob("*"))]
+from tests.timeouts import http_client
+from tests.waiting import block_until
 
 
 def test_killed_while_it_records_exports_and_writes_settings(tmp_path: Path) -> None:
@@ -78,7 +42,7 @@ def test_killed_while_it_records_exports_and_writes_settings(tmp_path: Path) -> 
 
     async def check() -> None:
         async with bench() as there:
-            there.hold()  # the port outlives the server
+            there.hold_open()  # the port outlives the server
             await asyncio.to_thread(killed, there, tmp_path)
 
     asyncio.run(check())
@@ -90,18 +54,22 @@ def killed(there: SimulatorThread, data: Path) -> None:
     (data / "exports" / "older-1").mkdir(parents=True)
     with TcpDevice(500) as line:
         with ServerProcess(line.source, device, data=data, arguments=("--record",)) as first:
-            with Client(base_url=first.url, timeout=PATIENCE_S) as http:
-                until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 2, "both stream")
-                until(lambda: http.get("/api/recorder").json()["bytes"] > 50_000, "it records")
-                idle = lambda: not http.get("/api/devices/2/control").json()["running"]  # noqa: E731
-                until(idle, "the recording has asked for what it wants")
+            with http_client(base_url=first.url) as http:
+                block_until(
+                    lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 2, "both stream"
+                )
+                block_until(lambda: http.get("/api/recorder").json()["bytes"] > 50_000, "it records")
+                idle = lambda: not http.get("/api/devices/2/jobs").json()["running"]  # noqa: E731
+                block_until(idle, "the recording has asked for what it wants")
                 assert (data / LOCK).exists()
                 asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
                 assert asked.status_code == 202, asked.text
-                until(lambda: http.get("/api/recordings/exports").json()[0]["state"] == "running", "it exports")
+                block_until(lambda: http.get("/api/recordings/exports").json()[0]["state"] == "running", "it exports")
                 body = {"changes": {"OutputConfiguration": outputs(50)}, "confirmed": True}
                 assert http.post("/api/devices/2/apply", json=body).status_code == 202
-                until(lambda: list((data / "trials").glob("*.json")), "the way back is on disk, the write begins")
+                block_until(
+                    lambda: list((data / "rollbacks").glob("*.json")), "the way back is on disk, the write begins"
+                )
             first.process.kill()
             first.process.wait()
         sent = line.sent
@@ -112,17 +80,17 @@ def killed(there: SimulatorThread, data: Path) -> None:
     (folder / ".note.json.0a1b2c3d").write_text("{", "utf-8")
     (data / "cache" / "columns" / ".abc.4711.making").mkdir(parents=True, exist_ok=True)
 
-    with ServerProcess(device, data=data) as second, Client(base_url=second.url, timeout=PATIENCE_S) as http:
-        until(lambda: http.get("/api/devices/1/control").json()["done"], "the settings went back")
-        (job,) = http.get("/api/devices/1/control").json()["done"]
+    with ServerProcess(device, data=data) as second, http_client(base_url=second.url) as http:
+        block_until(lambda: http.get("/api/devices/1/jobs").json()["done"], "the settings went back")
+        (job,) = http.get("/api/devices/1/jobs").json()["done"]
         assert (job["state"], job["message"]) == ("done", "The device has its old settings again.")
-        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "the device measures")
-        assert not list((data / "trials").glob("*.json"))
+        block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "the device measures")
+        assert not list((data / "rollbacks").glob("*.json"))
         assert http.get("/api/recordings/exports").json() == []
-        until(lambda: not is_uncompacted(made) and not is_uncompacted(folder / "long.mcap"), "both are packed")
+        block_until(lambda: not is_uncompacted(made) and not is_uncompacted(folder / "long.mcap"), "both are packed")
         assert received(made) == before
         assert received(folder / "long.mcap") == frames(0, 2000) * 40
-        until(lambda: not hidden(data), "nothing unfinished is left")
+        block_until(lambda: not hidden(data), "nothing unfinished is left")
         assert not (folder / ".note.json.0a1b2c3d").exists()
     assert isinstance(there.device, XbusSimulator)
 
@@ -142,7 +110,7 @@ def test_a_server_with_company_in_its_folder_takes_nothing_away(tmp_path: Path) 
     third.end()
 
 
-def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> None:
+def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> None:
     """Both used to write the same file aside: what the old one finished could have been half of the new one's."""
     path = tmp_path / "a.mcap"
     wanted = frames(0, 2000) * 3

@@ -28,10 +28,11 @@ from typing import Any
 
 import pytest
 
-from tests.fault_injection.fault_harness import Stage, frames, stage, told, until
+from tests.fault_injection.fault_harness import FaultHarness, frames, stage, told
 from tests.links.link_fixtures import Pty, device, pty
 from tests.server_process import tied
 from tests.timeouts import PATIENCE_S
+from tests.waiting import until
 
 TCP_REPAIR = 19  # Linux: close such a socket, and the other side hears nothing
 
@@ -56,7 +57,7 @@ def unplug(port: Pty, names: Path, number: int, serial: str = "A5028") -> None:
     port.pull()
 
 
-async def streams(port: Pty, here: Stage) -> None:
+async def streams(port: Pty, here: FaultHarness) -> None:
     """Twenty frames come in at the port, once it is open."""
     await until(lambda: "is open" in here.info.message, "it is open")
     port.let_go()
@@ -118,7 +119,7 @@ def test_garbage_for_a_minute(tmp_path: Path) -> None:
                 await until(lambda: "is open" in here.info.message, "it is open")
                 await asyncio.to_thread(write_all, port, frames(0, 50))
                 await until(here.status("live"), "it streams")
-                began, events = time.monotonic(), len(here.hub.log)
+                began, events = time.monotonic(), len(here.telemetry.log)
                 await asyncio.to_thread(write_all, port, noise)
                 await asyncio.to_thread(write_all, port, frames(50, 1000))
                 sent = frames(0, 50) + noise + frames(50, 1000)
@@ -127,7 +128,7 @@ def test_garbage_for_a_minute(tmp_path: Path) -> None:
                 await until(lambda: here.samples >= 999, "the frames after it are there")
                 assert here.bytes == sent
                 seconds = time.monotonic() - began
-                assert len(here.hub.log) - events <= 6 * (seconds + 2), "nobody is flooded with events"
+                assert len(here.telemetry.log) - events <= 6 * (seconds + 2), "nobody is flooded with events"
                 assert here.info.status == "live"
 
     run(check())
@@ -213,7 +214,7 @@ def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
     run(check())
 
 
-def test_a_tcp_peer_that_vanishes_without_a_word() -> None:
+def test_a_tcp_peer_that_vanishes_silently() -> None:
     async def check() -> None:
         with socket.create_server(("127.0.0.1", 0)) as server:
             server.settimeout(PATIENCE_S)
@@ -240,7 +241,7 @@ def test_a_tcp_peer_that_vanishes_without_a_word() -> None:
     run(check())
 
 
-def test_udp_that_falls_silent_and_speaks_again() -> None:
+def test_udp_silence_and_recovery() -> None:
     async def check() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
@@ -253,7 +254,7 @@ def test_udp_that_falls_silent_and_speaks_again() -> None:
                     await asyncio.sleep(0.01)
                 await until(here.status("live"), "it streams")
                 await until(here.status("lost"), "its silence is told")
-                assert "No byte" in told(here.info)[0]
+                assert "No data" in told(here.info)[0]
                 for n in range(15, 25):
                     device.sendto(frames(n, n + 1), ("127.0.0.1", port))
                 await until(here.status("live"), "it streams again")
@@ -277,7 +278,7 @@ def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
                 bench.device.baud = 460_800
                 await until(here.status("lost"), "it is told")
                 words, hint = told(here.info)
-                assert "nothing in them could be read" in words
+                assert "none could be decoded" in words
                 assert "rate" in hint
                 if not known:
                     await until(here.status("live"), "it is found at the new rate")
@@ -289,12 +290,12 @@ def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
     run(check())
 
 
-def test_a_try_is_told_once() -> None:
+def test_a_retry_is_reported_once() -> None:
     """The link told it of the place, and the session once more of the source."""
 
     async def check() -> None:
         async with stage("tcp://127.0.0.1:1") as there:
-            await until(lambda: there.info.next_try, "it was tried")
-            assert [one.what for one in there.info.tries] == ["127.0.0.1:1"]
+            await until(lambda: there.info.next_attempt, "it was tried")
+            assert [one.what for one in there.info.attempts] == ["127.0.0.1:1"]
 
     asyncio.run(check())

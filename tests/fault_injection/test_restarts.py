@@ -17,19 +17,20 @@ import time
 from functools import partial
 from pathlib import Path
 
-from httpx import Client
+import pytest
 
 from recordings.compaction import compact, is_uncompacted
 from recordings.mcap_reader import TIME, McapReader
 from server.config import Config
 from tests.fault_injection.fault_harness import frames
-from tests.fault_injection.test_kill import received, recording, until
+from tests.fault_injection.recorded_files import received, recording
 from tests.server.fakes import sample
 from tests.server.in_process_server import InProcessServer
+from tests.server.recorder_harness import Links, send, settled
 from tests.server.tcp_device import TcpDevice
-from tests.server.test_recorder import Links, send, settled
 from tests.server_process import ServerProcess, begun
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, http_client
+from tests.waiting import block_until
 
 ENOUGH = 60_000  # bytes, of more than what was lost: the recording used to end after 0.8 s
 
@@ -60,7 +61,7 @@ def library(folder: Path) -> tuple[dict[str, bytes], bytes]:
 
 def enough(url: str) -> int:
     """The bytes of the recording that runs, or a failure when it has ended."""
-    with Client(base_url=url, timeout=PATIENCE_S) as http:
+    with http_client(base_url=url) as http:
         state = http.get("/api/recorder").json()
     assert state["running"], state
     return int(state["bytes"]) if state["bytes"] > ENOUGH else 0
@@ -81,6 +82,7 @@ def own(folder: Path) -> set[str]:
     return {path.name for path in folder.glob("2*.mcap")}
 
 
+@pytest.mark.slow  # kills, orderly ends, company and damage, each in a small library: see the files beside this one
 def test_recordings_survive_restarts_kills_and_company_in_a_full_library(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     damaged, unpacked = library(folder)
@@ -96,12 +98,12 @@ def test_recordings_survive_restarts_kills_and_company_in_a_full_library(tmp_pat
             ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server,
             TcpDevice(300) as beside,
         ):
-            until(lambda: enough(server.url), "a second is recorded")
+            block_until(lambda: enough(server.url), "a second is recorded")
             if end == "company":
                 with company(tmp_path, folder / "drive.mcap", beside):
                     goal = enough(server.url) + ENOUGH
-                    until(partial(reaches, server.url, goal), "the first server goes on recording")
-            until(partial(packs, left), "one is packed; those that servers made came before it")
+                    block_until(partial(reaches, server.url, goal), "the first server goes on recording")
+            block_until(partial(packs, left), "one is packed; those that servers made came before it")
             enough(server.url)
             (name,) = own(folder) - before
             getattr(server.process, "kill" if end == "kill" else "terminate")()
@@ -124,8 +126,8 @@ class company:  # noqa: N801 - reads as what it is
 
     def __init__(self, data: Path, path: Path, line: TcpDevice) -> None:
         self._record = begun("record", line.source, "-o", str(path), "--data", str(data), "--duration", "3")
-        until(path.exists, "it records into the folder")
-        self._server = ServerProcess("twin:isb", data=data)
+        block_until(path.exists, "it records into the folder")
+        self._server = ServerProcess("sim:isb", data=data)
 
     def __enter__(self) -> None:
         self._server.__enter__()
@@ -143,14 +145,14 @@ def test_a_recording_that_begins_after_the_clock_was_set_has_the_new_time(tmp_pa
     links = Links()
     with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
         ahead = 2 * 365 * 86_400 * 1_000_000_000
-        recorder = running.state.recorder
-        recorder._wall_ns = lambda: round(running.state.hub.now() * 1e9) + ahead
+        recorder = running.services.recorder
+        recorder._wall_ns = lambda: round(running.services.telemetry.bus.now() * 1e9) + ahead
         assert running.client.post("/api/recordings/start", json={}).status_code < 300
         send(running, links, "/dev/one", b"".join(sample(n) for n in range(50)))
         settled(running)
         name = running.client.get("/api/recorder").json()["id"]
-        recorder._wall_ns = lambda: round(running.state.hub.now() * 1e9) + ahead + 3_600_000_000_000
-        until(lambda: running.client.get("/api/recorder").json()["id"] != name, "it goes on in a new file")
+        recorder._wall_ns = lambda: round(running.services.telemetry.bus.now() * 1e9) + ahead + 3_600_000_000_000
+        block_until(lambda: running.client.get("/api/recorder").json()["id"] != name, "it goes on in a new file")
         send(running, links, "/dev/one", b"".join(sample(n) for n in range(50, 100)))
         listed = running.client.get("/api/recordings").json()
         running.client.post("/api/recordings/stop")

@@ -1,4 +1,4 @@
-"""Which bytes does a decoder get wrong? Looked for at random, but with knowledge of the frames.
+"""Fuzzing of the decoders. Looked for at random, but with knowledge of the frames.
 
     python -m tests.fuzz isb --minutes 10 [--seed 7]
 
@@ -8,7 +8,8 @@
                                                         └── broken: minimised, kept in findings/<protocol>/*.hex
 
 A case is a stream of bytes, where it is cut into chunks, and what the decoder is told (keys, modes). It is made from
-golden vectors, captures and the twins' streams by edits that know what a frame is: a bit turned, a length that lies, a
+golden vectors, captures and the simulators' streams by edits that know what a frame is: a bit turned, a length that
+lies, a
 payload that is hostile under a right checksum, frames cut, doubled, spliced and put into one another, sentences and
 messages of others, noise. `invariants.py` says what must hold for every case; targets.py what each protocol adds.
 

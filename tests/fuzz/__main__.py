@@ -20,7 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from tests.fuzz.cases import write
-from tests.fuzz.search import Search, minimised
+from tests.fuzz.search import CorpusSearch, minimised
 from tests.fuzz.targets import TARGETS
 
 OUTSIDE = ("http", "ws", "files")  # as in external_inputs.py, which takes a while to load
@@ -40,7 +40,7 @@ def main() -> int:
     given = parser.parse_args()
     if given.protocol in OUTSIDE:
         return _outside(given)
-    search = Search(given.protocol, given.seed, captures=not given.without_captures)
+    search = CorpusSearch(given.protocol, given.seed, captures=not given.without_captures)
     begin = time.monotonic()
     shown = begin
     kinds: dict[str, int] = {}
@@ -71,10 +71,10 @@ def main() -> int:
 
 def _outside(given: argparse.Namespace) -> int:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[2] / "artifacts" / "numba"))
-    from tests.fuzz.external_inputs import Run  # after that: it loads what is compiled
+    from tests.fuzz.external_inputs import ExternalRun  # after that: it loads what is compiled
 
     begin = time.monotonic()
-    run = Run(given.protocol, given.seed)
+    run = ExternalRun(given.protocol, given.seed)
     run.run(60 * given.minutes)
     if given.keep_account:
         names = ("python", "schemathesis", "hypothesis", "websockets")
@@ -90,14 +90,14 @@ def _keep(told: dict[str, object]) -> None:
     RUNS.write_text("[\n" + ",\n".join(json.dumps(run) for run in [*runs, told]) + "\n]\n")
 
 
-def _state(search: Search, seconds: float, broken: int) -> str:
+def _state(search: CorpusSearch, seconds: float, broken: int) -> str:
     return (
         f"{seconds:6.0f} s  {search.cases} cases  {search.bytes / 1e6:.1f} MB  corpus {len(search.corpus)}  "
         f"features {len(search.seen)}  broken {broken}"
     )
 
 
-def _note(given: argparse.Namespace, search: Search, seconds: float, kinds: dict[str, int]) -> None:
+def _note(given: argparse.Namespace, search: CorpusSearch, seconds: float, kinds: dict[str, int]) -> None:
     _keep(
         {
             "date": datetime.now(UTC).strftime("%Y-%m-%d"),

@@ -1,4 +1,4 @@
-"""Do columns hold the oracle's values, in shown units, row for row?
+"""Comparison of decoded columns with the oracle's values, in display units.
 
 The oracle gives wire values of every frame, by the names of the facts; a column's row is looked up by the frame's
 offset. Parts of ISB data sets are merged here a second time, by the plain rule: a part changes the last whole value
@@ -19,6 +19,7 @@ from protocols.schema import Field
 from tests.fuzz.cases import BrokenError, Case
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
+from tests.oracles import mip as mip_oracle
 from tests.oracles import xbus as xbus_oracle
 from tests.protocols import isb_vectors
 from tests.protocols.protocol_cases import isb_steady
@@ -33,7 +34,7 @@ def check(protocol: str, case: Case, batches: list[Batch]) -> None:
     Raises:
         BrokenError: a value differs, or a row has no frame.
     """
-    wanted = dict({"xbus": _xbus, "isb": _isb, "idtp": _idtp}[protocol](case))
+    wanted = dict({"xbus": _xbus, "isb": _isb, "idtp": _idtp, "mip": _mip}[protocol](case))
     for batch in batches:
         fields = {field.name: field for field in batch.message.fields}
         for i, offset in enumerate(batch.offset.tolist()):
@@ -104,6 +105,13 @@ def _isb(case: Case) -> Iterator[tuple[int, Values]]:
         row = isb_vectors.FORMATS.get(str(one.did))
         if row and len(payload) == row["size"] and (isb_steady(one.did) or not told):
             yield one.offset, isb_oracle.values(row["fields"], payload)
+
+
+def _mip(case: Case) -> Iterator[tuple[int, Values]]:
+    for offset, packet in mip_oracle.scan(case.data)[0]:
+        values = mip_oracle.values(packet)
+        if values is not None:
+            yield offset, values
 
 
 def _idtp(case: Case) -> Iterator[tuple[int, Values]]:

@@ -1,4 +1,4 @@
-"""What comes from outside, fuzzed for minutes: the HTTP API, the WebSockets, files. See http.py, ws.py, files.py.
+"""Long fuzzing of external inputs: the HTTP API, the WebSockets, files. See http.py, ws.py, files.py.
 
     python -m tests.fuzz http --minutes 10        findings/http/*.json
     python -m tests.fuzz ws --minutes 10          findings/ws/*.json
@@ -23,7 +23,7 @@ A_ROUND = 6  # requests of each operation, right ones and wrong ones
 TALKS = 20
 
 
-class Run:
+class ExternalRun:
     """One run.
 
     Args:
@@ -52,8 +52,8 @@ class Run:
         print(f"{time.monotonic() - begin:6.0f} s  {self.cases} cases  broken {dict(self.kinds)}", flush=True)
 
     def _http(self, folder: Path) -> Iterator[None]:
-        with http.Server(folder) as server:
-            search = http.Search(server, self.first)
+        with http.FuzzedServer(folder) as server:
+            search = http.RequestSearch(server, self.first)
             while True:
                 for asked, broken in search.step(A_ROUND, slow=search.round == 1):
                     self.cases = search.cases
@@ -64,7 +64,7 @@ class Run:
                 yield
 
     def _ws(self, folder: Path) -> Iterator[None]:
-        with http.Server(folder) as server:
+        with http.FuzzedServer(folder) as server:
             floor, turn = ws.Floor(server), 0
             while True:
                 turn += 1
@@ -75,7 +75,7 @@ class Run:
                 yield
 
     def _files(self, folder: Path) -> Iterator[None]:
-        search = files.Search(folder, self.first)
+        search = files.FileSearch(folder, self.first)
         with files.bounded():
             while True:
                 case = search.case()

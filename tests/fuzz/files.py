@@ -1,4 +1,4 @@
-"""What does a damaged file do to whoever opens it? It is refused in a sentence, or opened as far as it is whole.
+"""Fuzzing of damaged files. It is refused in a sentence, or opened as far as it is whole.
 
     a whole file of each kind ──> mutated ──> the very functions that read it ──> documented error, or what it holds
          SEEDS                     _mutated        READERS
@@ -50,7 +50,7 @@ from server.devices.protocol_set import speech
 from server.integrations import meshes
 from server.library.decode import decode
 from tests.fuzz.cases import BrokenError, Case
-from tests.fuzz.search import Search as Decoders
+from tests.fuzz.search import CorpusSearch as Decoders
 
 PATIENCE_S = 60  # no case takes a second on a quiet machine
 ROOM = 1 << 30  # bytes; a case holds some kB. What numba and threads reserve at once is in it
@@ -131,7 +131,7 @@ def _sentence(text: str) -> None:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FileKind:
     """A kind of file.
 
     Args:
@@ -146,23 +146,23 @@ class Kind:
 
 
 KINDS = {
-    "mcap": Kind("drive.mcap", _recording),
-    "packed": Kind("drive.mcap", _recording),
-    "lz4": Kind("drive.mcap", _recording),
-    "json": Kind("drive.mcap", _recording),
-    "raw": Kind(f"{LOG}.raw", _recording),
-    "idx": Kind(f"{LOG}.idx", lambda path, cut: _recording(path.with_suffix(".raw"), False), ("raw",)),
-    "dat": Kind(f"{LOG}.dat", _recording),
-    "mtb": Kind("drive.mtb", _recording),
-    "bin": Kind("drive.bin", _recording),
-    "csv": Kind("drive.csv", _recording),
-    "sidecar": Kind("drive.mcap.json", _listed, ("packed",)),
-    "snapshot": Kind("a.yaml", _snapshot),
-    "schema": Kind("a.toml", _refused(ReadingError, lambda text: reading(schema=text))),
-    "configuration": Kind("a.toml", _configuration),
-    "glb": Kind("a.glb", _mesh),
-    "stl": Kind("a.stl", _mesh),
-    "text-stl": Kind("a.stl", _mesh),
+    "mcap": FileKind("drive.mcap", _recording),
+    "packed": FileKind("drive.mcap", _recording),
+    "lz4": FileKind("drive.mcap", _recording),
+    "json": FileKind("drive.mcap", _recording),
+    "raw": FileKind(f"{LOG}.raw", _recording),
+    "idx": FileKind(f"{LOG}.idx", lambda path, cut: _recording(path.with_suffix(".raw"), False), ("raw",)),
+    "dat": FileKind(f"{LOG}.dat", _recording),
+    "mtb": FileKind("drive.mtb", _recording),
+    "bin": FileKind("drive.bin", _recording),
+    "csv": FileKind("drive.csv", _recording),
+    "sidecar": FileKind("drive.mcap.json", _listed, ("packed",)),
+    "snapshot": FileKind("a.yaml", _snapshot),
+    "schema": FileKind("a.toml", _refused(ReadingError, lambda text: reading(schema=text))),
+    "configuration": FileKind("a.toml", _configuration),
+    "glb": FileKind("a.glb", _mesh),
+    "stl": FileKind("a.stl", _mesh),
+    "text-stl": FileKind("a.stl", _mesh),
 }
 
 # -- whole files -------------------------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ def _ours(path: Path, streams: list[bytes]) -> None:
             writer.chunk("1", "rx", data[at : at + 200], START + number * 50_000_000 + at * 10_000)
     event = {"device": "1", "kind": "link", "level": "info", "text": "here", "time": START / 1e9, "data": {}}
     writer.event(event, START)
-    writer.note("marker", "kerb", START + 5, "1")
+    writer.write_note("marker", "kerb", START + 5, "1")
     writer.snapshot("1", {"values": {"OptionFlags": {"set": 1}}, "taken": START / 1e9}, START + 6)
     writer.close()
 
@@ -408,7 +408,7 @@ def bounded(room: int = ROOM) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-class Search:
+class FileSearch:
     """Cases of every kind in turn; the same seed gives the same cases.
 
     Args:
@@ -454,13 +454,13 @@ class Search:
         except Exception as error:
             raise BrokenError(type(error).__name__, f"{error!s:.300} ({_where(error)})") from error
 
-    def smaller(self, case: Case, broken: BrokenError, tries: int = 150) -> tuple[Case, BrokenError]:
+    def smaller(self, case: Case, broken: BrokenError, attempts: int = 150) -> tuple[Case, BrokenError]:
         """What is left when all has gone that the break does not need."""
         size = len(case.data) // 2
-        while size and tries > 0:
+        while size and attempts > 0:
             at = 0
-            while at < len(case.data) and tries > 0:
-                tries -= 1
+            while at < len(case.data) and attempts > 0:
+                attempts -= 1
                 shorter = Case(case.data[:at] + case.data[at + size :], (), case.settings)
                 try:
                     self.check(shorter)

@@ -1,16 +1,17 @@
-"""Which requests does the HTTP API answer with anything but what /openapi.json promises?
+"""Fuzzing of the HTTP API against /openapi.json.
 
     /openapi.json ──> schemathesis: a request of each operation, right or nearly
                           │  ids of what is there · values drawn from the forms of the devices
                           v
-                      the server, a process with twins and a folder of its own
+                      the server, a process with simulators and a folder of its own
                           │
                           v   never 500, never silent for `PATIENCE_S`, a status that is declared, a body of its
                               schema, errors as {kind, message, hint}; nothing in the log, memory within bounds
 
 What schemathesis draws is right for the schema, but of devices that are not there and of settings that no device has:
 it ends at the first question of a route. So identifiers are mostly replaced by ones that exist, and the values of
-`preview`, `apply`, `run`, `fit` are drawn from the forms that the server itself gives, with hostile ones among them.
+`preview`, `apply`, `run`, `fit-rates` are drawn from the forms that the server itself gives, with hostile ones among
+them.
 
 The same seed draws the same requests; answers depend on what was there before, so a finding is kept as the request
 alone, and replayed against a fresh server: findings/http/*.json. Nothing here can shrink it: requests are small.
@@ -40,7 +41,7 @@ from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S  # what takes longer does not answer
 
 MOST_GROWN_MB = 400.0  # of the server's memory, over all that is asked
-TWINS = ("twin:xbus", "twin:isb", "twin:idtp")
+SIMULATORS = ("sim:xbus", "sim:isb", "sim:idtp")
 TIDY_EVERY = 40
 MOST_DEVICES = 6
 SLOW = {"/api/ports/scan"}  # listens for seconds, as it should
@@ -83,21 +84,21 @@ class Asked:
         return Asked(kept["method"], kept["path"], kept["body"], kept["headers"])
 
 
-class Server:
-    """The server that is asked: three twins, one recording named R; tidied so that it stays what it is.
+class FuzzedServer:
+    """The server that is asked: three simulators, one recording named R; tidied so that it stays what it is.
 
     Raises:
         BrokenError: from `check`: it ended, logged a fault or grew.
     """
 
     def __init__(self, data: Path) -> None:
-        self.process = ServerProcess(*TWINS, data=data, timeout_s=300)  # the first start ever compiles
+        self.process = ServerProcess(*SIMULATORS, data=data, timeout_s=300)  # the first start ever compiles
         self.url = self.process.url
         self.session = requests.Session()
         self._since = self._memory_mb()
         self._logged = 0
 
-    def __enter__(self) -> Server:
+    def __enter__(self) -> FuzzedServer:
         self.get_ready()
         return self
 
@@ -108,7 +109,7 @@ class Server:
         self.process.stop()
 
     def get_ready(self) -> None:
-        """A recording that can be opened, and twins that have been recognised."""
+        """A recording that can be opened, and simulators that have been recognised."""
         rows = "".join(f"{1760000000 + i / 100:.2f},{i % 7},{i % 5}\n" for i in range(400))
         table = f"time (s),Acceleration.x (m/s²),Acceleration.y (m/s²)\n{rows}"
         self.session.put(
@@ -120,7 +121,7 @@ class Server:
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             devices = self.read("/api/devices")
-            if len(devices) == len(TWINS) and all(device["protocol"] for device in devices):
+            if len(devices) == len(SIMULATORS) and all(device["protocol"] for device in devices):
                 break
             time.sleep(0.1)
         self.forms = [self.read(f"/api/devices/{device['id']}/forms") for device in devices]
@@ -138,15 +139,15 @@ class Server:
         self.names = {"device": devices or ["1"], "recording": recordings or ["R"], "job": jobs or ["1"]}
 
     def tidy(self) -> None:
-        """Twins there again, the rest away."""
+        """Simulators there again, the rest away."""
         devices = self.read("/api/devices")
         there = {device["source"] for device in devices}
         for device in devices:
-            if device["source"] not in TWINS and len(devices) > MOST_DEVICES:
+            if device["source"] not in SIMULATORS and len(devices) > MOST_DEVICES:
                 self.session.delete(f"{self.url}/api/devices/{device['id']}", timeout=PATIENCE_S)
-        for twin in TWINS:
-            if twin not in there:
-                self.session.post(f"{self.url}/api/devices", json={"source": twin}, timeout=PATIENCE_S)
+        for simulator in SIMULATORS:
+            if simulator not in there:
+                self.session.post(f"{self.url}/api/devices", json={"source": simulator}, timeout=PATIENCE_S)
         self.session.post(f"{self.url}/api/recordings/stop", timeout=PATIENCE_S)
         for job in self.read("/api/recordings/exports")[4:]:
             self.session.delete(f"{self.url}/api/recordings/exports/{job['id']}", timeout=PATIENCE_S)
@@ -210,7 +211,7 @@ def check_error(response: requests.Response) -> None:
     try:
         body = response.json()
     except ValueError:
-        raise BrokenError("shape", f"{response.status_code} is no JSON: {response.text[:200]!r}") from None
+        raise BrokenError("shape", f"{response.status_code} is not JSON: {response.text[:200]!r}") from None
     if set(body) != {"kind", "message", "hint"} or not all(isinstance(value, str) for value in body.values()):
         raise BrokenError("shape", f"{body!s:.300}")
     if not re.fullmatch(r"[a-z]+(-[a-z]+)*", body["kind"]):
@@ -247,7 +248,7 @@ def _values(fields: list[dict[str, Any]]) -> st.SearchStrategy[dict[str, Any]]:
 
 @st.composite
 def formed(draw: st.DrawFn, route: str, forms: list[dict[str, Any]]) -> dict[str, Any]:
-    """A body of `preview`, `apply`, `run` or `fit` with settings and commands that devices have."""
+    """A body of `preview`, `apply`, `run` or `fit-rates` with settings and commands that devices have."""
     form = draw(st.sampled_from([form for form in forms if form["settings"] or form["commands"]]))
     setting = draw(st.sampled_from(form["settings"])) if form["settings"] else None
     command = draw(st.sampled_from(form["commands"])) if form["commands"] else None
@@ -259,11 +260,13 @@ def formed(draw: st.DrawFn, route: str, forms: list[dict[str, Any]]) -> dict[str
         return {**body, "confirmed": draw(st.booleans())} if route == "run" else body
     name = setting["name"] if setting else "Nothing"
     body = {"setting": name, "values": draw(_values(setting["fields"])) if setting else {}}
-    return {**body, "baud": draw(st.sampled_from([None, 9600, 0, -1, 2**40, 921_600]))} if route == "fit" else body
+    return (
+        {**body, "baud": draw(st.sampled_from([None, 9600, 0, -1, 2**40, 921_600]))} if route == "fit-rates" else body
+    )
 
 
 @st.composite
-def requests_of(draw: st.DrawFn, operation: Any, mode: GenerationMode, server: Server) -> tuple[Any, Asked]:
+def requests_of(draw: st.DrawFn, operation: Any, mode: GenerationMode, server: FuzzedServer) -> tuple[Any, Asked]:
     """A request of an operation, as schemathesis' case and as it is sent."""
     case = draw(operation.as_strategy(generation_mode=mode))
     names = server.names
@@ -300,7 +303,7 @@ def _asked(sent: dict[str, Any], url: str) -> Asked:
 # -- the run -----------------------------------------------------------------------------------------------------------
 
 
-class Search:
+class RequestSearch:
     """Requests of every operation, round after round.
 
     Args:
@@ -308,7 +311,7 @@ class Search:
         first: the seed.
     """
 
-    def __init__(self, server: Server, first: int) -> None:
+    def __init__(self, server: FuzzedServer, first: int) -> None:
         load_all_checks()
         self.server = server
         self.cases = 0

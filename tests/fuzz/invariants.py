@@ -1,4 +1,4 @@
-"""What holds for every case, whatever its bytes?
+"""Invariants that hold for any bytes.
 
     raised       nothing raises: decoder, listing, columns, sentences, guess; and every line can be written as JSON
     chunks       the events do not depend on how the stream was cut
@@ -64,7 +64,7 @@ def check(speaker: ProtocolCase, case: Case, *, guessing: bool = False) -> Featu
 
 def _decoded(speaker: ProtocolCase, case: Case, chunks: Sequence[bytes]) -> tuple[list[Event], int]:
     """All events of the stream, cut so, and how many bytes belonged to nothing. Arrival is the chunk's number."""
-    decoder = PROTOCOLS[speaker.name].decoder(**case.settings)
+    decoder = speaker.family.decoder(**case.settings)
     events: list[Event] = []
     for number, chunk in enumerate(chunks):
         decoder.feed(chunk, number)
@@ -80,7 +80,7 @@ def _decoded(speaker: ProtocolCase, case: Case, chunks: Sequence[bytes]) -> tupl
 
 def _listed(speaker: ProtocolCase, case: Case) -> Lines:
     """The lines, through JSON and back, as a script reads them."""
-    listing = PROTOCOLS[speaker.name].listing(**case.settings)
+    listing = speaker.family.listing(**case.settings)
     listing.feed(case.data)
     lines = listing.drain(stalled=True)
     return [json.loads(json.dumps(line, ensure_ascii=False, allow_nan=False)) for line in lines]
@@ -143,7 +143,7 @@ def _like_the_oracle(speaker: ProtocolCase, case: Case, lines: Lines) -> None:
 
 def _like_the_listing(speaker: ProtocolCase, events: list[Event], lines: Lines) -> None:
     """Same frames by name, same texts, same rejects."""
-    wanted = sorted((x["offset"], x["message"]) for x in lines if x.get("protocol") == speaker.name)
+    wanted = sorted((x["offset"], speaker.message_of(x)) for x in lines if x.get("protocol") == speaker.name)
     got = [(offset, e.message.name) for e in events if isinstance(e, Batch) for offset in e.offset.tolist()]
     got += [(e.offset, e.message.name) for e in events if isinstance(e, Reply) and e.message.id >= 0]
     if speaker.name == "idtp":  # a payload too short for its type has a message of its own
@@ -209,7 +209,7 @@ def _datagrams(speaker: ProtocolCase, case: Case) -> None:
     got = sorted(int(offset) for e in events if isinstance(e, Batch) for offset in e.offset)
     key = settings.get("key")
     least = settings.get("min_mode", idtp_oracle.LITE if key is None else idtp_oracle.SECURE)
-    frames: list[idtp_oracle.Frame] = []
+    frames: list[idtp_oracle.OracleIdtpFrame] = []
     at = 0
     for chunk in case.chunks():
         found = idtp_oracle.scan(

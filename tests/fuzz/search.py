@@ -20,11 +20,12 @@ _MOST_CORPUS = 3000
 _GUESS_EVERY = 25
 
 
-class Search:
+class CorpusSearch:
     """One target with its corpus.
 
     Args:
         captures: begin also from recordings that lie beside the project, where there are any.
+
     Attributes:
         cases, bytes, frames: how many so far.
         seen: what has been shown.
@@ -87,11 +88,11 @@ class Search:
         self.corpus.append(pieces)
 
 
-def minimised(protocol: str, case: Case, broken: BrokenError, *, tries: int = 1500) -> tuple[Case, BrokenError]:
+def minimised(protocol: str, case: Case, broken: BrokenError, *, attempts: int = 1500) -> tuple[Case, BrokenError]:
     """A smaller case that breaks the same invariant: fewer bytes, fewer cuts, nothing told that need not be."""
     speaker = TARGETS[protocol].speaker
     last = broken
-    left = tries
+    left = attempts
 
     def breaks(one: Case) -> bool:
         nonlocal last, left

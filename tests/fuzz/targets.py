@@ -1,4 +1,4 @@
-"""What the fuzz target must know of each protocol: what a frame is made of, where cases begin, what can be told.
+"""Fuzz targets, one per protocol: what a frame is made of, where cases begin, what can be told.
 
 A protocol is one more class here, and one more row of TARGETS.
 """
@@ -18,14 +18,15 @@ from protocols.xbus.simulator.device import XbusSimulator
 from tests.fuzz.mutations import Pieces
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
+from tests.oracles import mip as mip_oracle
 from tests.oracles import xbus as xbus_oracle
-from tests.protocols import idtp_vectors, isb_vectors, xbus_vectors
+from tests.protocols import idtp_vectors, isb_vectors, mip_vectors, xbus_vectors
 from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 CAPTURES = Path(__file__).parents[3] / "shared"
 _A_CASE = 8  # frames that a seed of the corpus has
-_WINDOW = 1500  # bytes of a capture or of a twin in one
+_WINDOW = 1500  # bytes of a capture or of a simulator in one
 _LENGTHS = (0, 1, 2, 3, 254, 255, 256, 972, 973, 1024, 1025, 2040, 2041, 2048, 8185, 8186, 0x8000, 0xFFFF)
 _FLOATS = tuple(
     struct.pack(order + kind, value)
@@ -34,7 +35,7 @@ _FLOATS = tuple(
 )
 
 
-class Target:
+class FuzzTarget:
     """One protocol."""
 
     speaker: ProtocolCase
@@ -58,8 +59,8 @@ class Target:
         """Begin and size of the frames in `data`, by the oracle."""
         raise NotImplementedError
 
-    def twin(self, seed: int) -> bytes:
-        """What a twin sends in its first moments, with faults."""
+    def simulator(self, seed: int) -> bytes:
+        """What a simulator sends in its first moments, with faults."""
         raise NotImplementedError
 
     def settings(self, random: Random) -> dict[str, Any]:
@@ -76,10 +77,12 @@ class Target:
         return found + [data[at:]] * (at < len(data))
 
     def seeds(self, *, captures: bool) -> list[Pieces]:
-        """Where the search begins: golden vectors, the twin and, with `captures`, recordings beside the project."""
+        """Where the search begins: golden vectors, the simulator and, with `captures`, recordings beside the
+        project.
+        """
         vectors = list(self.speaker.everything())
         seeds = [vectors[at : at + _A_CASE] for at in range(0, len(vectors), _A_CASE)]
-        streams = [self.twin(seed) for seed in range(3)]
+        streams = [self.simulator(seed) for seed in range(3)]
         for name in self.captures if captures else ():
             streams += [path.read_bytes() for path in sorted(CAPTURES.glob(name))]
         for stream in streams:
@@ -88,7 +91,7 @@ class Target:
         return seeds
 
 
-class Xbus(Target):
+class Xbus(FuzzTarget):
     speaker = SPEAKERS["xbus"]
     captures = ("captures/xbus/*.bin", "vectors/xbus/*.mtb")
     words = (
@@ -163,13 +166,13 @@ class Xbus(Target):
     def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
         return ((one.offset, one.size) for one in xbus_oracle.scan(data, final=True).frames)
 
-    def twin(self, seed: int) -> bytes:
+    def simulator(self, seed: int) -> bytes:
         product = ("MTi-630", "MTi-680G", "MTi-G-710")[seed % 3]
         device = XbusSimulator(product, seed=seed, drop=0.05, corrupt=0.05)
         return device.advance(10**9) + device.receive(b"\xfa\xff\x30\x00\xd1\xfa\xff\x00\x00\x01", 1_010_000_000)
 
 
-class Isb(Target):
+class Isb(FuzzTarget):
     speaker = SPEAKERS["isb"]
     captures = ("vectors/isb/logs/*.raw", "vectors/isb/logs/*.dat")
     words = (
@@ -204,11 +207,7 @@ class Isb(Target):
         head = frame[:end]
         if length:
             head = head[:4] + ((end - begin) & 0xFFFF).to_bytes(2, "little") + head[6:]
-        low = high = 0
-        for byte in head:
-            low = (low + byte) % 256
-            high = (high + low) % 256
-        return head + bytes([low, high])
+        return head + _fletcher(head)
 
     def lie(self, frame: bytes, random: Random) -> bytes:
         if not self.body(frame)[0]:
@@ -260,14 +259,14 @@ class Isb(Target):
     def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
         return ((one.offset, one.size) for one in isb_oracle.scan(data, final=True).packets)
 
-    def twin(self, seed: int) -> bytes:
+    def simulator(self, seed: int) -> bytes:
         device = IsbSimulator(seed=seed, drop=0.05, corrupt=0.05)
         return device.advance(1_500_000_000) + device.receive(
             isb_vectors.packet(isb_vectors.COMMANDS[0]), 1_510_000_000
         )
 
 
-class Idtp(Target):
+class Idtp(FuzzTarget):
     speaker = SPEAKERS["idtp"]
     words = (
         *(
@@ -340,7 +339,7 @@ class Idtp(Target):
     def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
         return ((one.offset, one.size) for one in idtp_oracle.scan(data, final=True, key=KEY).frames)
 
-    def twin(self, seed: int) -> bytes:
+    def simulator(self, seed: int) -> bytes:
         return IdtpSimulator(7, seed=seed, mode=seed % 3, key=KEY, drop=0.05, corrupt=0.05).advance(250_000_000)
 
     def settings(self, random: Random) -> dict[str, Any]:
@@ -352,6 +351,74 @@ class Idtp(Target):
         return dict(random.choice(choices))
 
 
-TARGETS: dict[str, Target] = {"xbus": Xbus(), "isb": Isb(), "idtp": Idtp()}
-assert set(TARGETS) == set(SPEAKERS)
+class Mip(FuzzTarget):
+    """The family of the plug-in."""
+
+    speaker = SPEAKERS["mip"]
+    words = (
+        b"\x75\x65",
+        b"\x75",
+        b"\x65",
+        b"\x75\x65\x80",
+        b"\x75\x65\x82",
+        b"\x02",
+        b"\x0e\x04",
+        b"\x0e\x05",
+        *_FLOATS,
+    )
+
+    def body(self, frame: bytes) -> tuple[int, int]:
+        return (4, len(frame) - 2) if frame[:2] == b"\x75\x65" and len(frame) > 6 else (0, len(frame))
+
+    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
+        begin, end = self.body(frame)
+        if not begin:
+            return frame
+        head = frame[:end]
+        if length:
+            head = head[:3] + bytes([(end - begin) & 0xFF]) + head[4:]
+        return head + _fletcher(head)
+
+    def lie(self, frame: bytes, random: Random) -> bytes:
+        if not self.body(frame)[0]:
+            return frame
+        return frame[:3] + bytes([random.choice((*_LENGTHS, random.randrange(256))) & 0xFF]) + frame[4:]
+
+    def make(self, random: Random) -> bytes:
+        number = random.choice((0x80, 0x80, 0x82, 0x82, 0x01, 0x0C, 0x0D, random.randrange(256)))
+        body = b""
+        for _ in range(random.randint(0, 6)):
+            known = [(descriptor, rows) for (of, descriptor), rows in mip_oracle.DATA.items() if of == number]
+            descriptor, rows = random.choice(known) if known else (random.randrange(256), [])
+            size = struct.calcsize(">" + "".join(kind for _, kind in rows)) or random.randrange(20)
+            size = max(0, size + random.choice((0, 0, 0, 0, 0, 1, -1)))
+            data = random.randbytes(size) if random.random() < 0.5 else random.choice(_FLOATS) * 8
+            body += bytes((size + 2, descriptor)) + data[:size].ljust(size, b"\0")
+        head = b"\x75\x65" + bytes((number, len(body[:255]))) + body[:255]
+        return head + _fletcher(head)
+
+    def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
+        return ((offset, len(packet)) for offset, packet in mip_oracle.scan(data)[0])
+
+    def simulator(self, seed: int) -> bytes:
+        device = mip_vectors.MipSimulator(rate=100)
+        stream = bytearray(
+            device.advance(10**9) + device.receive(mip_vectors.build(0x01, [(0x01, b"")]), 1_010_000_000)
+        )
+        random = Random(seed)
+        for _ in range(len(stream) // 200):
+            stream[random.randrange(len(stream))] ^= 1 << random.randrange(8)
+        return bytes(stream)
+
+
+def _fletcher(data: bytes) -> bytes:
+    low = high = 0
+    for byte in data:
+        low = (low + byte) % 256
+        high = (high + low) % 256
+    return bytes((low, high))
+
+
+TARGETS: dict[str, FuzzTarget] = {"xbus": Xbus(), "isb": Isb(), "idtp": Idtp(), "mip": Mip()}
+assert TARGETS.keys() == SPEAKERS.keys()
 assert idtp_vectors.KEY == KEY

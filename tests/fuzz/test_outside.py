@@ -1,4 +1,4 @@
-"""A few requests, words and files of strangers with each run, and all that ever broke something. (The long: runs.json.)
+"""A few requests, words and files of strangers with each run, and all that ever broke something.
 
 Nothing here looks at the time but to give up: the machine is busy with other tests.
 """
@@ -22,21 +22,21 @@ TALKED = sorted((FINDINGS / "ws").glob("*.json"))
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[http.Server]:
-    with http.Server(tmp_path_factory.mktemp("data") / "data") as server:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[http.FuzzedServer]:
+    with http.FuzzedServer(tmp_path_factory.mktemp("data") / "data") as server:
         yield server
 
 
 @pytest.fixture(scope="module")
-def files_search(tmp_path_factory: pytest.TempPathFactory) -> files.Search:
-    return files.Search(tmp_path_factory.mktemp("files") / "files", seed=0)
+def files_search(tmp_path_factory: pytest.TempPathFactory) -> files.FileSearch:
+    return files.FileSearch(tmp_path_factory.mktemp("files") / "files", seed=0)
 
 
 # -- http --------------------------------------------------------------------------------------------------------------
 
 
-def test_a_few_requests(server: http.Server) -> None:
-    search = http.Search(server, first=0)
+def test_a_few_requests(server: http.FuzzedServer) -> None:
+    search = http.RequestSearch(server, first=0)
     broken = [f"{asked}\n{error}" for asked, error in search.step(REQUESTS, quick=True)]
     assert not broken, "\n\n".join(broken)
     assert len(search.operations) > 50
@@ -45,7 +45,7 @@ def test_a_few_requests(server: http.Server) -> None:
 
 
 @pytest.mark.parametrize("path", ASKED, ids=lambda path: path.stem)
-def test_a_request_that_once_broke_something_is_answered(server: http.Server, path: Path) -> None:
+def test_a_request_that_once_broke_something_is_answered(server: http.FuzzedServer, path: Path) -> None:
     response = server.ask(http.Asked.read(path))
     http.check_error(response)
     server.check()
@@ -73,7 +73,7 @@ def test_a_wrong_answer_is_caught(status: int, body: str) -> None:
 # -- ws ----------------------------------------------------------------------------------------------------------------
 
 
-def test_a_few_words_of_strangers(server: http.Server) -> None:
+def test_a_few_external_texts(server: http.FuzzedServer) -> None:
     floor = ws.Floor(server)
     broken = [f"{talk}\n{error}" for talk, error in ws.talks(floor, 0, TALKS)]
     floor.close()
@@ -82,7 +82,7 @@ def test_a_few_words_of_strangers(server: http.Server) -> None:
 
 
 @pytest.mark.parametrize("path", TALKED, ids=lambda path: path.stem)
-def test_words_that_once_broke_something_are_answered(server: http.Server, path: Path) -> None:
+def test_formerly_failing_texts_are_answered(server: http.FuzzedServer, path: Path) -> None:
     floor = ws.Floor(server)
     floor.hold(ws.Talk.read(path))
     floor.close()
@@ -92,11 +92,11 @@ def test_words_that_once_broke_something_are_answered(server: http.Server, path:
 
 
 @pytest.mark.parametrize("kind", files.KINDS)
-def test_a_whole_file_of_each_kind_is_read(files_search: files.Search, kind: str) -> None:
+def test_a_whole_file_of_each_kind_is_read(files_search: files.FileSearch, kind: str) -> None:
     files_search.check(Case(files_search.whole[kind], (), {"kind": kind, "cut": False}))
 
 
-def test_a_few_damaged_files(files_search: files.Search) -> None:
+def test_a_few_damaged_files(files_search: files.FileSearch) -> None:
     for _ in range(FILES):
         case = files_search.case()
         with files.bounded():
@@ -108,14 +108,14 @@ def test_a_few_damaged_files(files_search: files.Search) -> None:
 
 
 @pytest.mark.parametrize("path", list(cases.findings("files")), ids=lambda path: path.stem)
-def test_a_file_that_once_broke_something_is_read_or_refused(files_search: files.Search, path: Path) -> None:
+def test_a_file_that_once_broke_something_is_read_or_refused(files_search: files.FileSearch, path: Path) -> None:
     with files.bounded():
         files_search.check(cases.read(path))
 
 
 @pytest.mark.parametrize("kind", files.KINDS)
 @pytest.mark.parametrize("data", [b"", b"\0", b"\x89MCAP0\r\n", b"\xff" * 300, b"[" * 300], ids=len)
-def test_files_of_nothing(files_search: files.Search, kind: str, data: bytes) -> None:
+def test_files_of_nothing(files_search: files.FileSearch, kind: str, data: bytes) -> None:
     with files.bounded():
         files_search.check(Case(data, (), {"kind": kind, "cut": False}))
 
@@ -136,13 +136,13 @@ def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: s
             assert len(_unpack(packing, body, 1024)) <= 1024
 
 
-def test_a_reader_that_is_wrong_is_caught(files_search: files.Search, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_faulty_reader_is_caught(files_search: files.FileSearch, monkeypatch: pytest.MonkeyPatch) -> None:
     """The check can fail: a reader that asks for what a file claims to need."""
 
     def greedy(path: Path, cut: bool) -> None:
         bytearray(int.from_bytes(path.read_bytes()[:8], "little"))
 
-    monkeypatch.setitem(files.KINDS, "bin", files.Kind("a.bin", greedy))
+    monkeypatch.setitem(files.KINDS, "bin", files.FileKind("a.bin", greedy))
     with files.bounded(), pytest.raises(BrokenError, match="memory"):
         files_search.check(Case((4 << 30).to_bytes(8, "little"), (), {"kind": "bin", "cut": False}))
 

@@ -1,4 +1,4 @@
-"""What can a WebSocket client say that the server does not survive, or that others feel?
+"""Fuzzing of the WebSocket.
 
     a sequence of steps ──> a connection of its own ──> an answer of our shape, or the connection ends
      valid, nearly valid, garbage,                              │
@@ -28,12 +28,12 @@ from websockets.typing import Subprotocol
 
 from server.wire import SUBPROTOCOL
 from tests.fuzz.cases import FINDINGS, BrokenError
-from tests.fuzz.http import Server
+from tests.fuzz.http import FuzzedServer
 from tests.timeouts import PATIENCE_S, connect
 
 ANSWERS = {
-    "hello", "devices", "channels", "health", "raws", "events", "control", "recorder", "library", "exports", "exchange",
-    "backfilled", "pong", "error",
+    "hello", "devices", "channels", "health", "unknown_payloads", "events", "jobs", "recorder", "library", "exports",
+    "traffic", "history_end", "pong", "error",
 }  # fmt: skip
 ENDS = (1000, 1002, 1003, 1005, 1006, 1007, 1008, 1009)
 """How a connection may end; 1011 is a fault of the server, 1006 is what a torn frame leaves."""
@@ -158,10 +158,10 @@ class Floor:
     """A server, a witness, and clients that come and go.
 
     Args:
-        server: with twins.
+        server: with simulators.
     """
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: FuzzedServer) -> None:
         self.server = server
         self.talks = 0
         self.ended: dict[int, int] = {}

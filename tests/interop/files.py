@@ -16,8 +16,9 @@ from typing import Any
 import httpx
 
 from tests.interop.running import DiffersError, from_pip, imuscope, run
-from tests.server.test_correction_stream import STREAM
+from tests.server.correction_messages import STREAM
 from tests.server_process import ServerProcess
+from tests.timeouts import http_client
 
 PYMCAP = "pymcap-cli==0.34.0"
 PYGNSSUTILS = "pygnssutils==1.3.1"
@@ -28,7 +29,7 @@ def mcap(folder: Path, scratch: Path) -> str:
     """pymcap-cli finds nothing wrong with a recording and its decoded export, and saves most of one that is cut off."""
     program = str(from_pip(folder, PYMCAP, "pymcap-cli"))
     made, out, torn, saved = (scratch / f"{name}.mcap" for name in ("made", "out", "torn", "saved"))
-    imuscope("record", "twin:xbus?product=MTi-680G", "-o", str(made), "--duration", "5")
+    imuscope("record", "sim:xbus?product=MTi-680G", "-o", str(made), "--duration", "5")
     imuscope("decode", str(made), "-o", str(out))
     for path in (made, out):
         for line in run([program, "doctor", "--format", "jsonl", str(path)], scratch).splitlines():
@@ -55,7 +56,7 @@ def _told(program: str, path: Path, scratch: Path) -> dict[str, Any]:
 def rerun(folder: Path, scratch: Path) -> str:
     """Rerun's own command, which is installed with imuscope, verifies an .rrd export and says nothing else about it."""
     made, out = scratch / "made.mcap", scratch / "out.rrd"
-    imuscope("record", "twin:isb", "-o", str(made), "--duration", "3")
+    imuscope("record", "sim:isb", "-o", str(made), "--duration", "3")
     imuscope("decode", str(made), "-o", str(out))
     program = Path(sys.executable).with_name("rerun")
     done = subprocess.run(
@@ -72,8 +73,8 @@ def pygnssutils(folder: Path, scratch: Path) -> str:
     program = str(from_pip(folder, PYGNSSUTILS, "gnssserver"))
     with (
         _base() as base,
-        ServerProcess("twin:xbus?product=MTi-680G", data=scratch / "data") as server,
-        httpx.Client(base_url=server.url, timeout=60) as client,
+        ServerProcess("sim:xbus?product=MTi-680G", data=scratch / "data") as server,
+        http_client(base_url=server.url) as client,
     ):
         _until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
         for version in ("1.0", "2.0"):

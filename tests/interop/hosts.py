@@ -37,7 +37,7 @@ def xda(folder: Path, scratch: Path) -> str:
         expect(printed, "accelerations 200 or more")
         (device,) = open_file(log).devices.values()
         told = next(line for line in printed.splitlines() if line.startswith("id ")).removeprefix("id ")
-        print(f"    {product}: id {told}, log of {log.stat().st_size} bytes, {device.about.get('product', '')}")
+        print(f"    {product}: id {told}, log of {log.stat().st_size} bytes, {device.identity.get('product', '')}")
     return "six products scanned, configured, measured and logged"
 
 

@@ -1,4 +1,4 @@
-"""What checks of other people's programs share: fetching, running, simulated devices, comparing."""
+"""Helpers for checks against other programs. fetching, running, simulated devices, comparing."""
 
 from __future__ import annotations
 
@@ -102,6 +102,7 @@ def owned(program: str, where: str) -> str:
 
     Args:
         where: it comes from.
+
     Raises:
         DiffersError: it is not on PATH.
     """

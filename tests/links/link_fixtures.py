@@ -1,4 +1,6 @@
-"""What link tests share: frames, a small device, a pseudo-terminal pulled by hand, a count of what is left behind."""
+"""Fixtures of the link tests. frames, a small device, a pseudo-terminal pulled by hand, a count of what is left
+behind.
+"""
 
 from __future__ import annotations
 
@@ -149,7 +151,7 @@ def pty() -> Iterator[Pty]:
 @contextlib.contextmanager
 def device(baud: int, rate: float = 200.0) -> Iterator[SimulatorThread]:
     """A device that speaks at `baud` behind a pseudo-terminal."""
-    options = SimulatorOptions(faults=LineFaults(baud=baud))
+    options = SimulatorOptions("xbus", faults=LineFaults(baud=baud))
     bench = SimulatorThread(lambda start_ns: Metronome(start_ns, rate), options)
     bench.start()
     try:
@@ -160,5 +162,5 @@ def device(baud: int, rate: float = 200.0) -> Iterator[SimulatorThread]:
 
 def left_behind() -> tuple[int, list[str]]:
     """Open file descriptors and our threads (the event loop's own helper threads not counted)."""
-    names = [thread.name for thread in threading.enumerate() if thread.name.startswith(("link ", "twin "))]
+    names = [thread.name for thread in threading.enumerate() if thread.name.startswith(("link ", "simulator "))]
     return len(list(Path("/proc/self/fd").iterdir())), names

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from server.links import Try, open_link
-from server.links.baud_scan import RATES, find_baud, scan
+from server.links import Attempt, open_link
+from server.links.baud_scan import ENOUGH_BYTES, find_baud, likely_rates, scan
 from server.links.detection_text import describe_bytes
 from server.links.serial import SerialSettings, open_port
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
@@ -19,18 +19,20 @@ def run(coroutine: Any) -> Any:
 
 
 @pytest.mark.parametrize("baud", [115_200, 921_600, 460_800, 57_600])
-def test_the_rate_is_found_and_every_try_is_told(baud: int) -> None:
+def test_the_rate_is_found_and_every_attempt_reported(baud: int) -> None:
     async def check() -> None:
         with device(baud) as bench:
-            tries: list[Try] = []
+            attempts: list[Attempt] = []
             link = open_link(bench.slave, settings())
-            await link.open(tries.append)
+            await link.open(attempts.append)
             try:
                 assert link.baud == baud
                 assert link.capacity == baud / 10
-                assert [one.what.replace(" ", "") for one in tries] == [f"{rate}Bd" for rate in RATES[: len(tries)]]
-                assert "Xbus frame" in tries[-1].outcome
-                for wrong in tries[:-1]:
+                assert [one.what.replace(" ", "") for one in attempts] == [
+                    f"{rate}Bd" for rate in likely_rates()[: len(attempts)]
+                ]
+                assert "Xbus frame" in attempts[-1].outcome
+                for wrong in attempts[:-1]:
                     assert wrong.outcome.endswith(("B, no frame in them", "0 B")), wrong.outcome
                 data = joined(await gather(link, 500))
                 assert describe_bytes(data).certain
@@ -50,36 +52,36 @@ def test_a_pseudo_terminal_without_a_rate_is_recognised_at_once() -> None:
                     await asyncio.sleep(0.005)
 
             talking = asyncio.create_task(talk())
-            tries: list[Try] = []
+            attempts: list[Attempt] = []
             link = open_link(port.path, settings())
-            await link.open(tries.append)
+            await link.open(attempts.append)
             assert link.baud == 115_200
-            assert len(tries) == 1
+            assert len(attempts) == 1
             talking.cancel()
             await link.close()
 
     run(check())
 
 
-def test_silence_at_every_rate_is_said_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silence_at_every_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.02)
     monkeypatch.setattr("server.links.baud_scan.LONG_WINDOW_S", 0.05)
 
     async def check() -> None:
         with pty() as port:
             before = left_behind()
-            tries: list[Try] = []
-            error = await fails(open_link(port.path, settings()).open(tries.append))
+            attempts: list[Attempt] = []
+            error = await fails(open_link(port.path, settings()).open(attempts.append))
             assert error.kind == "refused"
             assert "0 B at every rate: is the device powered?" in error.message
-            assert {one.outcome for one in tries} == {"0 B"}
-            assert len(tries) == len(RATES) + 1
+            assert {one.outcome for one in attempts} == {"0 B"}
+            assert len(attempts) == len(likely_rates()) + 1
             assert left_behind() == before
 
     run(check())
 
 
-def test_noise_at_every_rate_is_said_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noise_at_every_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.02)
     monkeypatch.setattr("server.links.baud_scan.LONG_WINDOW_S", 0.02)
 
@@ -92,15 +94,48 @@ def test_noise_at_every_rate_is_said_in_words(monkeypatch: pytest.MonkeyPatch) -
                     await asyncio.sleep(0.005)
 
             talking = asyncio.create_task(talk())
-            tries: list[Try] = []
-            error = await fails(open_link(port.path, settings()).open(tries.append))
+            attempts: list[Attempt] = []
+            error = await fails(open_link(port.path, settings()).open(attempts.append))
             talking.cancel()
             assert error.kind == "refused"
             assert "no known message" in error.message
             assert "?baud=" in error.hint
-            assert any(one.outcome.endswith("B, no frame in them") for one in tries)
+            assert any(one.outcome.endswith("B, no frame in them") for one in attempts)
 
     run(check())
+
+
+def test_a_device_that_was_starting_is_found_where_it_was_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise at the other rates ended the search, though the right rate had been silent when it was listened at."""
+    monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.1)
+
+    class Starting:
+        """A port at which an MTi has started by the time the second rate is set."""
+
+        fd = -1
+        baudrate = 115_200
+
+        def reset_input_buffer(self) -> None:
+            pass
+
+    port = Starting()
+    heard: list[int] = []
+
+    def read(fd: int) -> bytes:
+        heard.append(port.baudrate)
+        if port.baudrate == 115_200:
+            return joined_frames if 57_600 in heard else b""
+        return b"\x55" * ENOUGH_BYTES
+
+    joined_frames = b"".join(frame(i, i) for i in range(40))
+    monkeypatch.setattr("server.links.baud_scan._read", read)
+    found = run(scan(port, (115_200, 57_600, 9_600)))
+    assert [(one.baud, one.result.recognised) for one in found] == [
+        (115_200, False),
+        (57_600, False),
+        (9_600, False),
+        (115_200, True),
+    ]
 
 
 def test_a_plug_pulled_during_the_search() -> None:
@@ -117,8 +152,8 @@ def test_a_plug_pulled_during_the_search() -> None:
     run(check())
 
 
-def test_a_rate_that_the_adapter_refuses_is_no_reason_to_stop(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.baud_scan.RATES", (115_200, 921_600, 57_600))
+def test_a_rate_refused_by_the_adapter_does_not_stop_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.links.baud_scan.likely_rates", lambda: (115_200, 921_600, 57_600))
 
     class Stubborn:
         """A port that does not do 921 600."""
@@ -142,11 +177,11 @@ def test_a_rate_that_the_adapter_refuses_is_no_reason_to_stop(monkeypatch: pytes
     async def check() -> None:
         with device(57_600) as bench:
             port = open_port(bench.slave, SerialSettings())
-            tries: list[Try] = []
+            attempts: list[Attempt] = []
             try:
-                found = await scan(Stubborn(port), (115_200, 921_600, 57_600), tries.append)
+                found = await scan(Stubborn(port), (115_200, 921_600, 57_600), attempts.append)
                 assert found[-1].baud == 57_600
-                assert "not possible on this port" in tries[1].outcome
+                assert "not possible on this port" in attempts[1].outcome
             finally:
                 port.close()
 

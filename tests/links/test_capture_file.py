@@ -83,7 +83,7 @@ def test_memory_is_bounded_by_blocks_not_by_the_file() -> None:
         assert Counting.taken - given <= 2 * BLOCK_BYTES
 
 
-def test_what_stands_between_clocked_frames_goes_with_them() -> None:
+def test_bytes_between_clocked_frames_go_with_them() -> None:
     one, two = frame(0, 0), frame(1, 100)
     between = b"$GPTXT,01,01,02,noise*00\r\n\xfa\xff\x3e"
     data = b"before" + one + between + two + b"after"
@@ -126,7 +126,7 @@ def test_play_waits_until_each_piece_is_due(speed: float) -> None:
         assert at_ns == pytest.approx(due_ns / speed, abs=100)
 
 
-def test_play_stops_when_told() -> None:
+def test_play_stops_on_request() -> None:
     waited: list[float] = []
 
     def wait(seconds: float) -> bool:
@@ -145,10 +145,10 @@ def capture(tmp_path: Path) -> Path:
 
 def test_a_file_plays_to_its_end_at_the_asked_speed(capture: Path) -> None:
     async def check() -> None:
-        tries: list[str] = []
+        attempts: list[str] = []
         link = open_link(f"{capture}?speed=10", settings())
         start = time.monotonic()
-        await link.open(lambda one: tries.append(f"{one.what}: {one.outcome}"))
+        await link.open(lambda one: attempts.append(f"{one.what}: {one.outcome}"))
         chunks = await gather(link, capture.stat().st_size)
         took = time.monotonic() - start
         assert joined(chunks) == capture.read_bytes()
@@ -158,7 +158,7 @@ def test_a_file_plays_to_its_end_at_the_asked_speed(capture: Path) -> None:
         error = await dies(link)
         assert error.kind == "ended"
         assert "drive.bin" in error.message
-        assert "Xbus" in tries[0]
+        assert "Xbus" in attempts[0]
         assert link.notices == []
         assert (await fails(link.write(b"x"))).kind == "refused"
         await link.close()
@@ -173,14 +173,14 @@ def test_loop_begins_again(capture: Path) -> None:
             chunks = await gather(link, 3 * size)
             assert joined(chunks)[: 2 * size] == 2 * capture.read_bytes()
             sizes = np.array([len(chunk.data) for chunk in chunks])
-            turns = (np.cumsum(sizes) - sizes)[[chunk.anew for chunk in chunks]]
+            turns = (np.cumsum(sizes) - sizes)[[chunk.restart for chunk in chunks]]
             assert turns.tolist()[:2] == [size, 2 * size], "each turn but the first says that it begins again"
 
     run(check())
 
 
 @pytest.mark.parametrize("at_once", [True, False])
-def test_a_short_stretch_of_another_protocol_is_told(
+def test_a_short_stretch_of_another_protocol_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool
 ) -> None:
     """In a fast replay it went by between two looks at what had just come."""
@@ -215,7 +215,7 @@ def test_a_slow_session_holds_the_file_back_not_the_memory(tmp_path: Path, monke
         assert isinstance(link, FileLink)
         async with opened(link):
             await asyncio.sleep(0.3)
-            assert link.held < 5000 + BLOCK_BYTES
+            assert link.backlog < 5000 + BLOCK_BYTES
             assert joined(await gather(link, path.stat().st_size)) == path.read_bytes()
 
     run(check())

@@ -20,7 +20,7 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-class Server:
+class TcpServer:
     """A device server with one client."""
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Server:
         self.client = self.listener.accept()[0]
         return self.client
 
-    def __enter__(self) -> Server:
+    def __enter__(self) -> TcpServer:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -43,11 +43,11 @@ class Server:
 
 def test_tcp_both_directions_then_the_peer_goes() -> None:
     async def check() -> None:
-        with Server() as server:
-            tries: list[str] = []
+        with TcpServer() as server:
+            attempts: list[str] = []
             link = cast(TcpLink, open_link(f"tcp://127.0.0.1:{server.port}", settings()))
-            await link.open(lambda one: tries.append(f"{one.what}: {one.outcome}"))
-            assert tries == [f"127.0.0.1:{server.port}: connected"]
+            await link.open(lambda one: attempts.append(f"{one.what}: {one.outcome}"))
+            assert attempts == [f"127.0.0.1:{server.port}: connected"]
             assert link._socket is not None
             assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
             assert link._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
@@ -67,7 +67,7 @@ def test_tcp_both_directions_then_the_peer_goes() -> None:
 
 def test_tcp_reset_is_gone() -> None:
     async def check() -> None:
-        with Server() as server:
+        with TcpServer() as server:
             async with opened(open_link(f"tcp://127.0.0.1:{server.port}", settings())) as link:
                 client = server.accept()
                 client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
@@ -77,15 +77,15 @@ def test_tcp_reset_is_gone() -> None:
     run(check())
 
 
-def test_tcp_nobody_there() -> None:
+def test_tcp_connection_refused() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    tries: list[str] = []
+    attempts: list[str] = []
     link = open_link(f"tcp://127.0.0.1:{port}", settings())
-    error = run(fails(link.open(lambda one: tries.append(one.outcome))))
+    error = run(fails(link.open(lambda one: attempts.append(one.outcome))))
     assert error.kind == "refused"
     assert f"127.0.0.1:{port}" in error.message
-    assert tries == [error.message]
+    assert attempts == [error.message]
 
 
 def test_tcp_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,7 +157,7 @@ def test_listener_turns_a_second_device_away_while_the_first_one_talks() -> None
     run(check())
 
 
-def test_listener_lets_a_device_that_came_back_replace_its_silent_self() -> None:
+def test_listener_lets_a_returning_device_replace_its_silent_connection() -> None:
     async def check() -> None:
         now = 0
         source = settings()
@@ -195,7 +195,7 @@ def test_a_port_of_another_program() -> None:
 
 
 @pytest.mark.parametrize("scheme", ["tcp-listen", "udp"])
-def test_an_address_that_is_not_ours(scheme: str) -> None:
+def test_an_address_of_another_host(scheme: str) -> None:
     error = run(fails(open_link(f"{scheme}://192.0.2.1:0", settings()).open()))
     assert error.kind == "not-found"
     assert f"{scheme}://:0" in error.hint
@@ -255,7 +255,7 @@ def test_thousands_of_senders_cost_no_more_than_a_few() -> None:
             await gather(link, 200)
             assert link.notices[0] == f"Datagrams come from {MOST_SENDERS} places or more."
             assert sum(map(len, link.notices)) < 500
-            assert len(link._heard_ns) == MOST_SENDERS
+            assert len(link._sender_ns) == MOST_SENDERS
 
     run(check())
 

@@ -43,7 +43,7 @@ def test_a_pipe_could_not_be_served(pipe: Path) -> None:
     asyncio.run(body())
 
 
-def test_what_a_device_sends_through_a_pipe_is_not_held_back(pipe: Path) -> None:
+def test_device_output_through_a_pipe_is_not_delayed(pipe: Path) -> None:
     """By its clock the frames are 10 s apart; each is there before the next is written."""
 
     async def body() -> None:
@@ -62,7 +62,7 @@ def test_what_a_device_sends_through_a_pipe_is_not_held_back(pipe: Path) -> None
     asyncio.run(body())
 
 
-def test_a_pipe_that_nobody_writes_is_closed_at_once(pipe: Path) -> None:
+def test_a_pipe_without_a_writer_is_closed_at_once(pipe: Path) -> None:
     async def body() -> None:
         link = open_link(str(pipe), settings())
         await link.open()
@@ -77,7 +77,7 @@ def test_a_recording_through_a_pipe_is_refused_with_a_way_out(pipe: Path) -> Non
         await link.open()
         writer = threading.Thread(target=pipe.write_bytes, args=(MAGIC + bytes(100),))
         writer.start()
-        with pytest.raises(LinkError, match="Write it into a file"):
+        with pytest.raises(LinkError, match="Write it to a file"):
             await link.read()
         writer.join()
         await link.close()

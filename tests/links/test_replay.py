@@ -10,44 +10,20 @@ from typing import Any
 
 import pytest
 
-from recordings.compaction import compact
 from recordings.mcap_writer import McapWriter
 from server.config import Config
 from server.devices.protocol_set import speech
 from server.links import Link, LinkError, open_link, split_devices
 from server.links.base import Chunk, steady_clock
 from server.links.replay import ReplayLink
-from tests.links.link_fixtures import fails, frame, joined, left_behind, opened, settings, xbus
+from tests.links.link_fixtures import fails, joined, left_behind, opened, settings, xbus
+from tests.links.replayed import START, device_bytes, of, recording
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S
-
-START = 1_760_000_000_000_000_000
 
 
 def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
-
-
-def device_bytes(device: int, n: int) -> bytes:
-    return frame(n, n * 100, bytes([0x80 if device == 1 else 0x40, 0x20, 12]) + bytes(12))
-
-
-def recording(folder: Path, devices: int = 2, frames: int = 100) -> Path:
-    """A frame of each device every 10 ms."""
-    path = folder / "drive.mcap"
-    writer = McapWriter(path, {})
-    for device in range(1, devices + 1):
-        writer.device(str(device), {"protocol": "xbus", "source": f"/dev/ttyUSB{device}"})
-    for n in range(frames):
-        for device in range(1, devices + 1):
-            writer.chunk(str(device), "rx", device_bytes(device, n), START + n * 10_000_000 + device)
-    writer.close()
-    compact(path)
-    return path
-
-
-def of(device: int, first: int = 0, last: int = 100) -> bytes:
-    return b"".join(device_bytes(device, n) for n in range(first, last))
 
 
 async def drained(link: Link) -> tuple[list[Chunk], LinkError]:
@@ -94,7 +70,7 @@ def test_each_device_of_a_recording_is_a_source(tmp_path: Path) -> None:
     ]
     assert split_devices(f"{path}?device=2") == [f"{path}?device=2"]
     assert split_devices("/dev/ttyUSB0") == ["/dev/ttyUSB0"]
-    assert split_devices("twin:xbus") == ["twin:xbus"]
+    assert split_devices("sim:xbus") == ["sim:xbus"]
     chunks, _ = run(to_the_end(f"{path}?speed=20&device=2"))
     assert joined(chunks) == of(2)
 
@@ -114,7 +90,7 @@ def test_a_stretch_and_a_loop(tmp_path: Path) -> None:
 
     chunks = run(looped())
     assert joined(chunks[:20]) == of(1, 20, 30) * 2
-    assert [chunk.anew for chunk in chunks[:21]] == [False] * 10 + [True] + [False] * 9 + [True]
+    assert [chunk.restart for chunk in chunks[:21]] == [False] * 10 + [True] + [False] * 9 + [True]
 
 
 def test_devices_that_are_opened_together_keep_step(tmp_path: Path) -> None:
@@ -144,7 +120,7 @@ def test_devices_that_are_opened_together_keep_step(tmp_path: Path) -> None:
         ("", "holds 2 devices"),
     ],
 )
-def test_what_cannot_be_played_is_said(tmp_path: Path, options: str, words: str) -> None:
+def test_unplayable_sources_are_reported(tmp_path: Path, options: str, words: str) -> None:
     path = recording(tmp_path)
 
     async def check() -> None:
@@ -215,9 +191,7 @@ def test_playing_a_recording_makes_its_devices_appear(running: InProcessServer) 
         ("drive", {"speed": "fast"}, 422),
     ],
 )
-def test_what_cannot_be_played_over_http(
-    running: InProcessServer, name: str, body: dict[str, Any], status: int
-) -> None:
+def test_unplayable_sources_over_http(running: InProcessServer, name: str, body: dict[str, Any], status: int) -> None:
     answer = running.client.post(f"/api/recordings/{name}/play", json=body)
     assert answer.status_code == status
     assert set(answer.json()) == {"kind", "message", "hint"}

@@ -63,13 +63,13 @@ def test_a_burst_is_one_wake_up() -> None:
     async def check() -> None:
         with pty() as port:
             async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
-                found, tries = b"", 0
+                found, attempts = b"", 0
                 while found != b"x" * 1000:  # a busy machine may not have read all of it yet
-                    tries += 1
-                    assert tries < 10, len(found)
+                    attempts += 1
+                    assert attempts < 10, len(found)
                     for _ in range(50):
                         port.write(b"x" * 20)
-                    await asyncio.sleep(0.05 * tries)
+                    await asyncio.sleep(0.05 * attempts)
                     found = joined(await link.read())
                     if len(found) < 1000:
                         await gather(link, 1000 - len(found))
@@ -158,13 +158,13 @@ def test_no_such_port_says_which_ports_there_are() -> None:
     assert "plugged in" in error.hint
 
 
-def test_what_is_no_port_is_refused() -> None:
+def test_a_path_that_is_not_a_port_is_refused() -> None:
     error = run(fails(open_link("/dev/null?baud=9600", settings()).open()))
     assert error.kind == "refused"
     assert "not a serial port" in error.message
 
 
-def test_a_port_in_use_names_who_has_it() -> None:
+def test_a_port_in_use_names_its_owner() -> None:
     async def check() -> None:
         with pty() as port:
             async with opened(open_link(f"{port.path}?baud=115200", settings())):
@@ -234,7 +234,7 @@ def test_line_settings_reach_the_port() -> None:
             opened_port.close()
 
 
-def test_nobody_holds_a_port_that_nobody_has() -> None:
+def test_a_free_port_has_no_owner() -> None:
     assert holder("/dev/ttyNope") == ""
 
 

@@ -1,4 +1,4 @@
-"""What a simulated cable does: nothing when it is good, and each fault as its name says."""
+"""Simulated line: nothing when it is good, and each fault as its name says."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ FOREVER = 10**18
 @given(st.lists(st.one_of(st.binary(max_size=12), st.binary(max_size=300).map(lambda data: xbus(0x36, data[:254])))))
 def test_cutting_loses_nothing(pieces: list[bytes]) -> None:
     data = b"".join(pieces)
-    cut, rest = frames_of(data)
+    cut, rest = frames_of(data, "xbus")
     assert b"".join(cut) + rest == data
 
 
 def test_frames_are_cut_at_frames() -> None:
     long = b"\xfa\xff\x36\xff\x01\x00" + bytes(256) + b"\x00"
-    cut, rest = frames_of(b"junk" + FRAMES[0] + long + FRAMES[1] + FRAMES[2][:5])
+    cut, rest = frames_of(b"junk" + FRAMES[0] + long + FRAMES[1] + FRAMES[2][:5], "xbus")
     assert cut == [b"junk", FRAMES[0], long, FRAMES[1]]
     assert rest == FRAMES[2][:5]
 
 
 @given(st.binary(max_size=200), st.integers(1, 7))
 def test_a_good_cable_changes_nothing(noise: bytes, step: int) -> None:
-    cable = SimulatedLine(LineFaults())
+    cable = SimulatedLine(LineFaults(), 0, "xbus")
     data = noise + b"".join(FRAMES[:5])
     heard = b""
     for at in range(0, len(data), step):
@@ -46,16 +46,16 @@ def test_a_good_cable_changes_nothing(noise: bytes, step: int) -> None:
 
 
 def test_drop_loses_whole_frames_in_the_given_share() -> None:
-    cable = SimulatedLine(LineFaults(drop=0.3), seed=1)
+    cable = SimulatedLine(LineFaults(drop=0.3), 1, "xbus")
     cable.send(b"".join(FRAMES), 0)
-    kept, rest = frames_of(cable.arrived(FOREVER))
+    kept, rest = frames_of(cable.arrived(FOREVER), "xbus")
     assert rest == b""
     assert set(kept) <= set(FRAMES)
     assert 0.55 * len(FRAMES) < len(kept) < 0.85 * len(FRAMES)
 
 
 def test_corrupt_flips_one_bit_of_the_given_share() -> None:
-    cable = SimulatedLine(LineFaults(corrupt=0.3), seed=1)
+    cable = SimulatedLine(LineFaults(corrupt=0.3), 1, "xbus")
     cable.send(b"".join(FRAMES), 0)
     heard = cable.arrived(FOREVER)
     sent = b"".join(FRAMES)
@@ -68,14 +68,14 @@ def test_corrupt_flips_one_bit_of_the_given_share() -> None:
 def test_the_same_seed_makes_the_same_faults() -> None:
     heard = []
     for _ in range(2):
-        cable = SimulatedLine(LineFaults(drop=0.1, corrupt=0.1), seed=7)
+        cable = SimulatedLine(LineFaults(drop=0.1, corrupt=0.1), 7, "xbus")
         cable.send(b"".join(FRAMES), 0)
         heard.append(cable.arrived(FOREVER))
     assert heard[0] == heard[1]
 
 
 def test_bytes_take_their_time_on_the_line() -> None:
-    cable = SimulatedLine(LineFaults(baud=10_000))  # 1 byte/ms
+    cable = SimulatedLine(LineFaults(baud=10_000), 0, "xbus")  # 1 byte/ms
     cable.send(FRAMES[0] + FRAMES[1], 0)
     size = len(FRAMES[0])
     assert cable.next_ns == size * 1_000_000
@@ -86,7 +86,7 @@ def test_bytes_take_their_time_on_the_line() -> None:
 
 
 def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
-    cable = SimulatedLine(LineFaults(baud=10_000))
+    cable = SimulatedLine(LineFaults(baud=10_000), 0, "xbus")
     cable.send(b"".join(FRAMES), 0)
     heard = cable.arrived(FOREVER)
     assert len(heard) + cable.overflowed == sum(map(len, FRAMES))
@@ -94,7 +94,7 @@ def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
 
 
 def test_bursts_come_when_the_adapter_lets_go() -> None:
-    cable = SimulatedLine(LineFaults(burst_ms=16, packet=0))
+    cable = SimulatedLine(LineFaults(burst_ms=16, packet=0), 0, "xbus")
     for ms in range(20):
         cable.send(FRAMES[ms], ms * 1_000_000)
     assert cable.arrived(15_999_999) == b""
@@ -106,7 +106,7 @@ def test_bursts_come_when_the_adapter_lets_go() -> None:
 
 def test_an_adapter_hands_over_62_bytes_at_once_and_the_rest_when_its_timer_runs_out() -> None:
     """Truth to the byte: 1 byte/ms, and a timer that starts anew with each packet."""
-    cable = SimulatedLine(LineFaults(baud=10_000, burst_ms=100))
+    cable = SimulatedLine(LineFaults(baud=10_000, burst_ms=100), 0, "xbus")
     sent = FRAMES[0] + FRAMES[1] + FRAMES[2] + FRAMES[3]
     size = len(sent)
     assert 62 < size < 2 * 62
@@ -142,7 +142,7 @@ def test_an_adapter_keeps_every_byte_no_longer_than_its_timer(frames: list[tuple
 
 
 @pytest.mark.parametrize("baud", [4800, 9600, 115_200, 921_600])
-def test_the_right_rate_hears_what_was_sent(baud: int) -> None:
+def test_the_right_rate_receives_the_sent_bytes(baud: int) -> None:
     data = bytes(range(256))
     assert misread_at(data, baud, baud) == data
     assert misread_at(data, baud, round(baud * 1.02)) == data  # receivers stand two percent
@@ -150,7 +150,7 @@ def test_the_right_rate_hears_what_was_sent(baud: int) -> None:
 
 
 @pytest.mark.parametrize(("sent", "heard"), [(115_200, 9600), (115_200, 921_600), (57_600, 115_200), (115_200, 57_600)])
-def test_a_wrong_rate_hears_noise_in_the_amount_that_a_receiver_would(sent: int, heard: int) -> None:
+def test_a_wrong_rate_receives_a_realistic_amount_of_noise(sent: int, heard: int) -> None:
     data = random.Random(0).randbytes(1000)
     noise = misread_at(data, sent, heard)
     assert noise
@@ -185,7 +185,7 @@ def test_frames_of_other_families_are_cut_wherever_the_bytes_are(protocol: str, 
 
 def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
     """Host and device agree on the rate, and still nothing can be read."""
-    cable = SimulatedLine(LineFaults(baud=921_600, dead_baud=921_600))
+    cable = SimulatedLine(LineFaults(baud=921_600, dead_baud=921_600), 0, "xbus")
     sent = b"".join(FRAMES[:20])
     cable.send(sent, 0)
     heard = cable.arrived(FOREVER, 921_600)
@@ -196,9 +196,9 @@ def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
     assert cable.arrived(2 * FOREVER, 115_200) == sent
 
 
-def test_what_is_under_way_keeps_the_rate_at_which_it_was_sent() -> None:
+def test_bytes_under_way_keep_their_rate() -> None:
     """The acknowledgement of a reset is still read at the old rate, although the device has gone to the new one."""
-    cable = SimulatedLine(LineFaults(baud=115_200))
+    cable = SimulatedLine(LineFaults(baud=115_200), 0, "xbus")
     cable.send(FRAMES[0], 0)
     cable.baud = 921_600
     cable.send(FRAMES[1], 1)

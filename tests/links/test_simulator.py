@@ -1,4 +1,6 @@
-"""Twins: a device that is not there, behind a real pseudo-terminal, with everything that goes wrong with a cable."""
+"""Simulators: a device that is not there, behind a real pseudo-terminal, with everything that goes wrong with a
+cable.
+"""
 
 from __future__ import annotations
 
@@ -22,24 +24,25 @@ from server.links.simulator import SimulatorLink, SimulatorThread
 from server.links.source_url import SourceUrl
 from tests.links.link_fixtures import Metronome, dies, fails, frame, gather, joined, left_behind, opened, settings, xbus
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 
 def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def twin(query: str = "", rate: float = 200.0) -> SimulatorLink:
-    options = open_link(f"twin:xbus?{query}")
+def simulator(query: str = "", rate: float = 200.0) -> SimulatorLink:
+    options = open_link(f"sim:xbus?{query}")
     assert isinstance(options, SimulatorLink)
     return SimulatorLink(options.source, settings(), options.options, lambda start_ns: Metronome(start_ns, rate))
 
 
-def test_a_twin_speaks_answers_and_leaves_nothing_behind() -> None:
+def test_a_simulator_speaks_answers_and_leaves_nothing_behind() -> None:
     async def check() -> None:
         before = left_behind()
-        link = twin()
+        link = simulator()
         await link.open()
-        assert (link.kind, link.source, link.baud, link.capacity) == ("twin", "twin:xbus?", 115_200, 11_520)
+        assert (link.kind, link.source, link.baud, link.capacity) == ("simulator", "sim:xbus?", 115_200, 11_520)
         data = joined(await gather(link, 400))
         assert data.startswith(frame(0, 0))
         assert describe_bytes(data).certain
@@ -52,10 +55,10 @@ def test_a_twin_speaks_answers_and_leaves_nothing_behind() -> None:
     run(check())
 
 
-def test_a_twin_is_unplugged_and_returns() -> None:
+def test_a_simulator_is_unplugged_and_returns() -> None:
     async def check() -> None:
         before = left_behind()
-        link = twin("unplug_s=0.2&away_s=0.2")
+        link = simulator("unplug_s=0.2&away_s=0.2")
         await link.open()
         error = await dies(link)
         assert error.kind == "gone"
@@ -83,10 +86,11 @@ def received(port: Any, size: int) -> bytes:
     return data
 
 
-def test_a_twin_whose_reader_is_late_loses_nothing() -> None:
+def test_a_simulator_whose_reader_is_late_loses_nothing() -> None:
     """It lost 135 samples right after its start: nobody read while something was compiled, and its port of 4 kB ran
-    over, where a real one holds 640."""
-    options = twin("rate=2000").options
+    over, where a real one holds 640.
+    """
+    options = simulator("rate=2000").options
     bench = SimulatorThread(lambda start_ns: Metronome(start_ns, 2000), options)
     port = open_port(bench.slave, SerialSettings(baud=options.faults.baud))
     bench.start()
@@ -97,10 +101,24 @@ def test_a_twin_whose_reader_is_late_loses_nothing() -> None:
     assert data.startswith(b"".join(frame(n, 5 * n) for n in range(1500)))
 
 
-def test_a_twin_that_was_held_up_has_no_full_line_for_it() -> None:
+def test_a_simulator_tells_its_backlog() -> None:
+    """Like the serial link behind it: a session that cannot keep up must know that more is waiting."""
+
+    async def check() -> None:
+        link = simulator()
+        await link.open()
+        await asyncio.to_thread(block_until, lambda: link.backlog > 100, "bytes wait")
+        assert link.read_now()
+        await link.close()
+        assert (link.backlog, link.read_now()) == (0, [])
+
+    run(check())
+
+
+def test_a_simulator_that_was_held_up_has_no_full_line_for_it() -> None:
     """Its line was taken to be half a second behind, and the samples made up for were dropped."""
     late_ns = 0
-    options = twin("rate=2000&baud=460800").options
+    options = simulator("rate=2000&baud=460800").options
     bench = SimulatorThread(lambda start_ns: Metronome(start_ns, 2000), options, lambda: time.monotonic_ns() + late_ns)
     port = open_port(bench.slave, SerialSettings(baud=options.faults.baud))
     bench.start()
@@ -112,7 +130,7 @@ def test_a_twin_that_was_held_up_has_no_full_line_for_it() -> None:
     assert data.startswith(b"".join(frame(n, 5 * n) for n in range(4000)))
 
 
-def test_the_first_frame_of_a_twin_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_frame_of_a_simulator_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Opening the port clears it: the wake-up was lost at times, or cut, which was counted as a bad checksum."""
 
     def slowly(place: str, line: SerialSettings) -> Any:
@@ -122,7 +140,7 @@ def test_the_first_frame_of_a_twin_is_whole(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(serial, "open_port", slowly)
 
     async def check() -> None:
-        link = twin(rate=2000)
+        link = simulator(rate=2000)
         await link.open()
         assert joined(await gather(link, 60)).startswith(frame(0, 0))
         await link.close()
@@ -132,7 +150,7 @@ def test_the_first_frame_of_a_twin_is_whole(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_bursts_arrive_as_bursts() -> None:
     async def check() -> None:
-        link = twin("burst_ms=50&packet=0&baud=921600", rate=400)
+        link = simulator("burst_ms=50&packet=0&baud=921600", rate=400)
         await link.open()
         chunks = await gather(link, 3000)
         await link.close()
@@ -143,9 +161,9 @@ def test_bursts_arrive_as_bursts() -> None:
     run(check())
 
 
-def test_a_twin_that_is_told_another_rate_is_noise_until_the_port_follows() -> None:
+def test_a_simulator_at_another_rate_is_noise_until_the_port_follows() -> None:
     async def check() -> None:
-        link = twin()
+        link = simulator()
         await link.open()
         await gather(link, 100)
         await link.write(xbus(0x18, b"\x00"))
@@ -155,7 +173,7 @@ def test_a_twin_that_is_told_another_rate_is_noise_until_the_port_follows() -> N
     run(check())
 
 
-def test_a_fault_in_a_twin_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_fault_in_a_simulator_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
     class Faulty(Metronome):
         def advance(self, now_ns: int) -> bytes:
             if self.sent > 5:
@@ -164,7 +182,7 @@ def test_a_fault_in_a_twin_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFix
 
     async def check() -> None:
         before = left_behind()
-        link = SimulatorLink("twin:xbus", settings(), twin().options, lambda start_ns: Faulty(start_ns))
+        link = SimulatorLink("sim:xbus", settings(), simulator().options, lambda start_ns: Faulty(start_ns))
         await link.open()
         assert (await dies(link)).kind == "gone"
         await link.close()
@@ -174,28 +192,28 @@ def test_a_fault_in_a_twin_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFix
     assert "broken" in caplog.text
 
 
-def test_no_pseudo_terminal_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_pseudo_terminal_available(monkeypatch: pytest.MonkeyPatch) -> None:
     def none_left() -> tuple[int, int]:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "openpty", none_left)
-    error = run(fails(twin().open()))
+    error = run(fails(simulator().open()))
     assert error.kind == "refused"
     assert "/dev/ptmx" in error.hint
 
 
 def test_the_line_is_fast_enough_for_the_samples() -> None:
-    chosen = {rate: twin(f"rate={rate}").options.faults.baud for rate in (1, 100, 200, 400, 800, 2000)}
+    chosen = {rate: simulator(f"rate={rate}").options.faults.baud for rate in (1, 100, 200, 400, 800, 2000)}
     assert chosen == {1: 115_200, 100: 115_200, 200: 230_400, 400: 460_800, 800: 921_600, 2000: 4_000_000}
 
 
 @pytest.mark.parametrize(
     "query", ["", "rate=400&product=MTi-680G", "drop=0.05&corrupt=0.05&burst_ms=16&drift_ppm=50&jump_s=1"]
 )
-def test_the_real_twin_streams(query: str) -> None:
+def test_the_real_simulator_streams(query: str) -> None:
     async def check() -> None:
         before = left_behind()
-        link = open_link(f"twin:xbus?{query}", settings())
+        link = open_link(f"sim:xbus?{query}", settings())
         await link.open()
         chunks = await gather(link, 8000)
         await link.close()
@@ -217,24 +235,24 @@ def test_the_real_twin_streams(query: str) -> None:
 @pytest.mark.parametrize(
     ("source", "baud", "names"),
     [
-        ("twin:isb", 921_600, {"DID_IMU", "DID_INS_1", "DID_INS_2"}),
-        ("twin:isb?rate=400&drift_ppm=50&jump_s=1&burst_ms=16", 921_600, {"DID_IMU", "DID_INS_1"}),
-        ("twin:idtp", 230_400, {"Imu10", "ImuQuat"}),
-        ("twin:idtp?mode=lite&rate=50", 115_200, {"Imu10", "ImuQuat"}),
-        ("twin:idtp?mode=secure", 230_400, {"Imu10", "ImuQuat"}),
+        ("sim:isb", 921_600, {"DID_IMU", "DID_INS_1", "DID_INS_2"}),
+        ("sim:isb?rate=400&drift_ppm=50&jump_s=1&burst_ms=16", 921_600, {"DID_IMU", "DID_INS_1"}),
+        ("sim:idtp", 230_400, {"Imu10", "ImuQuat"}),
+        ("sim:idtp?mode=lite&rate=50", 115_200, {"Imu10", "ImuQuat"}),
+        ("sim:idtp?mode=secure", 230_400, {"Imu10", "ImuQuat"}),
     ],
 )
-def test_twins_of_the_other_families_stream(source: str, baud: int, names: set[str]) -> None:
+def test_simulators_of_the_other_families_stream(source: str, baud: int, names: set[str]) -> None:
     async def check() -> None:
         before = left_behind()
         key = b"0123456789abcdef"
         link = open_link(source, settings(key=key))
         await link.open()
-        assert (link.baud, link.kind) == (baud, "twin")
+        assert (link.baud, link.kind) == (baud, "simulator")
         chunks = await gather(link, 12_000)
         await link.close()
         assert left_behind() == before
-        row = PROTOCOLS[source[5:].partition("?")[0]]
+        row = PROTOCOLS[source[4:].partition("?")[0]]
         decoder = row.decoder(**({"key": key} if "secure" in source else {}))
         for chunk in chunks:
             decoder.feed(chunk.data, chunk.arrival_ns)
@@ -245,9 +263,9 @@ def test_twins_of_the_other_families_stream(source: str, baud: int, names: set[s
     run(check())
 
 
-def test_a_twin_whose_key_nobody_knows() -> None:
+def test_a_simulator_with_an_unknown_key() -> None:
     async def check() -> None:
-        link = open_link("twin:idtp?mode=secure", settings())
+        link = open_link("sim:idtp?mode=secure", settings())
         await link.open()
         data = joined(await gather(link, 3000))
         await link.close()
@@ -260,7 +278,7 @@ def test_a_twin_whose_key_nobody_knows() -> None:
 
 def test_faults_cut_whole_frames_of_any_family() -> None:
     async def check(protocol: str) -> None:
-        link = open_link(f"twin:{protocol}?drop=0.3", settings())
+        link = open_link(f"sim:{protocol}?drop=0.3", settings())
         await link.open()
         data = joined(await gather(link, 8000))
         await link.close()
@@ -272,7 +290,7 @@ def test_faults_cut_whole_frames_of_any_family() -> None:
         run(check(protocol))
 
 
-@pytest.mark.parametrize("source", ["twin:isb?mode=lite", "twin:idtp?product=MTi-630", "twin:isb?product=MTi-630"])
+@pytest.mark.parametrize("source", ["sim:isb?mode=lite", "sim:idtp?product=MTi-630", "sim:isb?product=MTi-630"])
 def test_options_belong_to_their_family(source: str) -> None:
     with pytest.raises(LinkError) as caught:
         open_link(source, settings())
@@ -280,22 +298,22 @@ def test_options_belong_to_their_family(source: str) -> None:
 
 
 @pytest.mark.parametrize(("clock", "tick_ns"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000), ("s", 1_000_000_000)])
-def test_a_twin_whose_timestamps_count_in_another_unit(clock: str, tick_ns: int) -> None:
-    options = SimulatorOptions.of(SourceUrl.parse(f"twin:idtp?clock={clock}"))
+def test_a_simulator_whose_timestamps_count_in_another_unit(clock: str, tick_ns: int) -> None:
+    options = SimulatorOptions.of(SourceUrl.parse(f"sim:idtp?clock={clock}"))
     data = make_device(options, 0, None).advance(2_000_000_000)
     decoder = PROTOCOLS["idtp"].decoder(time_unit=clock, replay_check=False)
     decoder.feed(data, 0)
     last = max(int(batch.time_ns[-1]) for batch in batches(decoder.drain(stalled=True)) if batch.time_ns is not None)
     assert 2_000_000_000 - max(10_000_000, tick_ns) <= last <= 2_000_000_000
     with pytest.raises(LinkError, match="clock is 'min', not one of us, ns, ms, s"):
-        SimulatorOptions.of(SourceUrl.parse("twin:idtp?clock=min"))
+        SimulatorOptions.of(SourceUrl.parse("sim:idtp?clock=min"))
 
 
-def test_an_idtp_twin_that_resets_counts_from_zero() -> None:
+def test_an_idtp_simulator_that_resets_counts_from_zero() -> None:
     """Sequence numbers and timestamps both, for which a Secure device is locked out and a Safety device waits 3 s."""
 
     async def check() -> None:
-        link = open_link("twin:idtp?reset_s=0.3", settings())
+        link = open_link("sim:idtp?reset_s=0.3", settings())
         async with opened(link):
             heads = lambda data: [i for i in range(len(data) - 20) if data[i : i + 12] == b"IDTP" + bytes(8)]  # noqa: E731
             await gather(link, until=lambda data: len(heads(data)) >= 2)
@@ -303,9 +321,9 @@ def test_an_idtp_twin_that_resets_counts_from_zero() -> None:
     run(check())
 
 
-def test_a_twin_that_resets() -> None:
+def test_a_simulator_that_resets() -> None:
     async def check() -> None:
-        link = twin("reset_s=0.2")
+        link = simulator("reset_s=0.2")
         await link.open()
         data = joined(await gather(link, until=lambda data: data.count(frame(0, 0)) >= 2))
         await link.close()
@@ -315,22 +333,22 @@ def test_a_twin_that_resets() -> None:
 
 
 def test_a_serial_link_can_be_made_without_a_source() -> None:
-    """What twins do: the port's path and its line, whatever the source is called."""
-    link = SerialLink("twin:x", settings(), "/dev/ttyX", SerialSettings(baud=9600))
-    assert (link.source, link.place) == ("twin:x", "/dev/ttyX")
+    """What simulators do: the port's path and its line, whatever the source is called."""
+    link = SerialLink("sim:x", settings(), "/dev/ttyX", SerialSettings(baud=9600))
+    assert (link.source, link.place) == ("sim:x", "/dev/ttyX")
 
 
 def test_a_rate_that_the_cable_cannot_carry() -> None:
     """The device takes the new rate and the port follows, and still nothing can be read until both go back."""
 
     async def check() -> None:
-        link = open_link("twin:xbus?product=MTi-3&dead_baud=921600", settings())
+        link = open_link("sim:xbus?product=MTi-3&dead_baud=921600", settings())
         async with opened(link):
             await gather(link, 2000)
             for request, answer in ((build(0x30), build(0x31)), (build(0x18, b"\x80") + build(0x40), build(0x41))):
                 await link.write(request)
                 await gather(link, until=lambda data, answer=answer: answer in data)  # type: ignore[misc]
-            await link.relink(921_600)
+            await link.reopen(921_600)
             noise = joined(await gather(link, 3000))
             assert b"\xfa\xff\x36" not in noise
             assert not describe_bytes(noise).certain
@@ -338,13 +356,21 @@ def test_a_rate_that_the_cable_cannot_carry() -> None:
     run(check())
 
 
-def test_a_twin_keeps_what_it_stored_when_its_power_fails() -> None:
+def cycle(link: SimulatorLink) -> None:
+    """Switch the power of the device off and on."""
+    assert link._simulator is not None
+    link._simulator.cycle()
+
+
+def test_a_simulator_keeps_what_it_stored_when_its_power_fails() -> None:
     async def check() -> None:
-        link = open_link("twin:xbus?reset_s=1.5", settings())
+        link = open_link("sim:xbus", settings())
+        assert isinstance(link, SimulatorLink)
         async with opened(link):
             await gather(link, 500)
             await link.write(bytes.fromhex("FAFF3000D1FAFF8402123435"))
             await gather(link, until=lambda data: bytes.fromhex("FAFF85007C") in data)
+            cycle(link)
             await gather(link, until=lambda data: bytes.fromhex("FAFF3E00C3") in data)
             await link.write(bytes.fromhex("FAFF3F00C2FAFF84007D"))
             await gather(link, until=lambda data: bytes.fromhex("FAFF8502123434") in data)
@@ -360,13 +386,24 @@ def test_restore_bytes_bring_a_lost_device_back() -> None:
             await link.write(b"\xde")
             await asyncio.sleep(0.0003)
 
+    async def wakes_up(link: SimulatorLink) -> bool:
+        """Whether it was knocked at early enough after its power returned; a busy machine may be too late."""
+        cycle(link)
+        try:
+            await asyncio.wait_for(gather(link, until=lambda data: build(0x3E) in data), 2.0)
+        except TimeoutError:
+            return False
+        return True
+
     async def check() -> None:
-        link = open_link("twin:xbus?baud=921600&dead_baud=921600&reset_s=1.2", settings())
+        link = open_link("sim:xbus?baud=921600&dead_baud=921600", settings())
+        assert isinstance(link, SimulatorLink)
         async with opened(link):
-            await link.relink(115_200)
+            await link.reopen(115_200)
             knocking = asyncio.create_task(knock(link))
             try:
-                await gather(link, until=lambda data: build(0x3E) in data)
+                while not await wakes_up(link):
+                    pass
             finally:
                 knocking.cancel()
             await link.write(build(0x3F) + build(0x18))

@@ -29,7 +29,7 @@ from server.links.udp import UdpLink
         ("capture.bin", "file", "capture.bin"),
         ("capture.bin?speed=2", "file", "capture.bin"),
         ("file:///data/capture.bin", "file", "/data/capture.bin"),
-        ("twin:xbus?rate=400", "twin", "xbus"),
+        ("sim:xbus?rate=400", "simulator", "xbus"),
     ],
 )
 def test_kinds(text: str, kind: str, place: str) -> None:
@@ -64,18 +64,22 @@ def test_each_kind_of_link(tmp_path: Path) -> None:
     file = open_link(f"{tmp_path}/x.bin?speed=4&loop")
     assert isinstance(file, FileLink)
     assert (file.speed, file.loop) == (4, True)
-    twin = open_link("twin:xbus?rate=400&drop=0.01&burst_ms=16&baud=921600")
-    assert isinstance(twin, SimulatorLink)
-    assert twin.options.rate == 400
-    assert (twin.options.faults.drop, twin.options.faults.burst_ms, twin.options.faults.baud) == (0.01, 16, 921_600)
-    assert twin.options.product == "MTi-630"
+    simulator = open_link("sim:xbus?rate=400&drop=0.01&burst_ms=16&baud=921600")
+    assert isinstance(simulator, SimulatorLink)
+    assert simulator.options.rate == 400
+    assert (simulator.options.faults.drop, simulator.options.faults.burst_ms, simulator.options.faults.baud) == (
+        0.01,
+        16,
+        921_600,
+    )
+    assert simulator.options.product == "MTi-630"
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("", ["empty"]),
-        ("http://robot:80", ["http", "serial, tcp, tcp-listen, udp, file, twin"]),
+        ("http://robot:80", ["http", "serial, tcp, tcp-listen, udp, file, sim"]),
         ("seriel:///dev/ttyUSB0", ["seriel", "Did you mean serial?"]),
         ("tcp://", ["nothing follows"]),
         ("tcp://robot", ["port is missing", "tcp://host:port"]),
@@ -96,12 +100,12 @@ def test_each_kind_of_link(tmp_path: Path) -> None:
         ("serial:///dev/ttyUSB0?flow=both", ["'both'", "rtscts"]),
         ("capture.bin?speed=0", ["speed is '0'", "from 0.01 to 1 000"]),
         ("capture.bin?loop=maybe", ["loop is 'maybe'"]),
-        ("twin:abc", ["'abc'", "xbus"]),
-        ("twin:xbus?drop=2", ["drop is '2'", "from 0 to 1"]),
-        ("twin:xbus?dorp=0.1", ["dorp", "Did you mean drop?"]),
+        ("sim:abc", ["'abc'", "xbus"]),
+        ("sim:xbus?drop=2", ["drop is '2'", "from 0 to 1"]),
+        ("sim:xbus?dorp=0.1", ["dorp", "Did you mean drop?"]),
     ],
 )
-def test_what_is_wrong_is_named_with_what_is_allowed(text: str, words: list[str]) -> None:
+def test_errors_name_the_allowed_values(text: str, words: list[str]) -> None:
     with pytest.raises(LinkError) as caught:
         open_link(text)
     error = caught.value

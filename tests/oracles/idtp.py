@@ -56,7 +56,7 @@ def crc32(data: bytes) -> int:
 
 
 @dataclass
-class Frame:
+class OracleIdtpFrame:
     offset: int
     size: int
     timestamp: int
@@ -69,15 +69,17 @@ class Frame:
 
 
 @dataclass
-class Scan:
-    frames: list[Frame] = field(default_factory=list)
+class IdtpScan:
+    frames: list[OracleIdtpFrame] = field(default_factory=list)
     rejects: list[tuple[int, str]] = field(default_factory=list)
     rest: int = 0  # index from which bytes are undecided
 
 
-def scan(data: bytes, *, final: bool, key: bytes | None = None, min_mode: int = LITE, unverified: bool = False) -> Scan:
+def scan(
+    data: bytes, *, final: bool, key: bytes | None = None, min_mode: int = LITE, unverified: bool = False
+) -> IdtpScan:
     """Every whole frame and every failed candidate: after a failure go on 4 bytes later."""
-    result = Scan()
+    result = IdtpScan()
     at = 0
     while at < len(data):
         head = data[at : at + 4]
@@ -89,10 +91,10 @@ def scan(data: bytes, *, final: bool, key: bytes | None = None, min_mode: int = 
                 break
             at += 1
             continue
-        verdict = "indt" if head == b"INDT" else _candidate(data[at:], key, min_mode, unverified)
+        verdict = "successor" if head == b"INDT" else _candidate(data[at:], key, min_mode, unverified)
         if verdict == "incomplete" and not final:
             break
-        if isinstance(verdict, Frame):
+        if isinstance(verdict, OracleIdtpFrame):
             verdict.offset = at
             result.frames.append(verdict)
             at += verdict.size
@@ -103,7 +105,7 @@ def scan(data: bytes, *, final: bool, key: bytes | None = None, min_mode: int = 
     return result
 
 
-def _candidate(data: bytes, key: bytes | None, min_mode: int, unverified: bool) -> Frame | str:
+def _candidate(data: bytes, key: bytes | None, min_mode: int, unverified: bool) -> OracleIdtpFrame | str:
     if len(data) < 20:
         return "incomplete"
     timestamp, sequence, device, length, version, mode, kind, crc = struct.unpack("<IIHHBBBB", data[4:20])
@@ -128,15 +130,18 @@ def _candidate(data: bytes, key: bytes | None, min_mode: int, unverified: bool) 
         return "no_key"
     if mode == SECURE and key is not None and hmac.digest(key, body, "sha256") != end:
         return "bad_hmac"
-    return Frame(0, size, timestamp, sequence, device, version, mode, kind, body[20:])
+    return OracleIdtpFrame(0, size, timestamp, sequence, device, version, mode, kind, body[20:])
 
 
 # -- sequences ---------------------------------------------------------------------------------------------------------
 
 
-def judge(frames: list[Frame], *, keyed: bool = False) -> tuple[list[tuple[Frame, int]], list[tuple[int, str]]]:
+def judge(
+    frames: list[OracleIdtpFrame], *, keyed: bool = False
+) -> tuple[list[tuple[OracleIdtpFrame, int]], list[tuple[int, str]]]:
     """Frames that count, each with how many were lost before it, and the others with the reason. Nothing is silent.
-    A verified Secure frame need only be newer than the verified ones."""
+    A verified Secure frame need only be newer than the verified ones.
+    """
     last: dict[int, int] = {}
     verified: dict[int, int] = {}
     candidate: dict[int, int] = {}
@@ -170,7 +175,7 @@ def judge(frames: list[Frame], *, keyed: bool = False) -> tuple[list[tuple[Frame
 # -- payloads ----------------------------------------------------------------------------------------------------------
 
 
-def values(frame: Frame) -> dict[str, float] | None:
+def values(frame: OracleIdtpFrame) -> dict[str, float] | None:
     """Readings by the document's names; None where the payload is not described or too short."""
     names = TYPES.get(frame.kind) if frame.version % 16 else None
     if names is None or len(frame.payload) < 4 * len(names):

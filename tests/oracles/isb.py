@@ -28,7 +28,7 @@ CODES = {
 
 
 @dataclass
-class Packet:
+class OracleIsbPacket:
     offset: int
     size: int
     kind: int
@@ -38,15 +38,15 @@ class Packet:
 
 
 @dataclass
-class Scan:
-    packets: list[Packet] = field(default_factory=list)
+class IsbScan:
+    packets: list[OracleIsbPacket] = field(default_factory=list)
     rejects: list[tuple[int, str]] = field(default_factory=list)
     rest: int = 0  # index from which bytes are undecided
 
 
-def scan(data: bytes, *, final: bool) -> Scan:
+def scan(data: bytes, *, final: bool) -> IsbScan:
     """Every packet and every failed candidate, by the rule: after a failure go on one byte later."""
-    result = Scan()
+    result = IsbScan()
     at = 0
     while at < len(data):
         if data[at : at + 2] != b"\xef\x49" and data[at:] != b"\xef":
@@ -55,7 +55,7 @@ def scan(data: bytes, *, final: bool) -> Scan:
         verdict = _candidate(data[at:])
         if verdict == "incomplete" and not final:
             break
-        if isinstance(verdict, Packet):
+        if isinstance(verdict, OracleIsbPacket):
             verdict.offset = at
             result.packets.append(verdict)
             at += verdict.size
@@ -67,7 +67,7 @@ def scan(data: bytes, *, final: bool) -> Scan:
     return result
 
 
-def _candidate(data: bytes) -> Packet | str:
+def _candidate(data: bytes) -> OracleIsbPacket | str:
     if len(data) < 3:
         return "incomplete"
     kind, with_offset = data[2] % 16, data[2] // 32 % 2 == 1
@@ -100,7 +100,7 @@ def _candidate(data: bytes) -> Packet | str:
     part = None
     if kind in (4, 5) and with_offset:
         part, body = body[0] + 256 * body[1], body[2:]
-    return Packet(0, 6 + size + 2, kind, did, part, body)
+    return OracleIsbPacket(0, 6 + size + 2, kind, did, part, body)
 
 
 def build(kind: int, did: int, body: bytes) -> bytes:

@@ -73,7 +73,8 @@ def _lost(
     changes: list[dict[str, Any]], versions: list[str], version: str, present: str, order: list[str]
 ) -> tuple[set[str], bool]:
     """Fields of the present structure, given in `order`, that `version` has not, or elsewhere; and whether it is quite
-    another set. The facts stop after 12 names: then all fields from the first of them on are taken as lost."""
+    another set. The facts stop after 12 names: then all fields from the first of them on are taken as lost.
+    """
     lost: set[str] = set()
     other = False
     here, now = versions.index(version), versions.index(present)

@@ -26,7 +26,7 @@ LONGEST = 8185
 
 
 @dataclass
-class Frame:
+class OracleXbusFrame:
     offset: int
     size: int
     bid: int
@@ -35,15 +35,15 @@ class Frame:
 
 
 @dataclass
-class Scan:
-    frames: list[Frame] = field(default_factory=list)
+class XbusScan:
+    frames: list[OracleXbusFrame] = field(default_factory=list)
     rejects: list[tuple[int, str]] = field(default_factory=list)
     rest: int = 0  # index from which bytes are undecided
 
 
-def scan(data: bytes, *, final: bool) -> Scan:
+def scan(data: bytes, *, final: bool) -> XbusScan:
     """Every frame and every failed candidate, by the rule: after a failure go on one byte later."""
-    result = Scan()
+    result = XbusScan()
     at = 0
     while at < len(data):
         if data[at] != PREAMBLE:
@@ -52,7 +52,7 @@ def scan(data: bytes, *, final: bool) -> Scan:
         verdict = _candidate(data[at:])
         if verdict == "incomplete" and not final:
             break
-        if isinstance(verdict, Frame):
+        if isinstance(verdict, OracleXbusFrame):
             verdict.offset = at
             result.frames.append(verdict)
             at += verdict.size
@@ -63,7 +63,7 @@ def scan(data: bytes, *, final: bool) -> Scan:
     return result
 
 
-def _candidate(data: bytes) -> Frame | str:
+def _candidate(data: bytes) -> OracleXbusFrame | str:
     if len(data) >= 3 and data[1] == 0 and data[2] == 0:
         return "bad_id"
     if len(data) < 4:
@@ -80,7 +80,7 @@ def _candidate(data: bytes) -> Frame | str:
         return "incomplete"
     if sum(data[1:size]) % 256 != 0:
         return "bad_checksum"
-    return Frame(0, size, data[1], data[2], data[body : size - 1])
+    return OracleXbusFrame(0, size, data[1], data[2], data[body : size - 1])
 
 
 # -- items -------------------------------------------------------------------------------------------------------------

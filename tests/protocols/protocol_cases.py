@@ -1,4 +1,4 @@
-"""What the tests of all protocols need of each: its oracle, its plain values, its vectors, and events that compare.
+"""One case per protocol for shared tests: its oracle, its plain values, its vectors, and events that compare.
 
 The properties (test_properties.py) and the fuzz target (tests/fuzz) stand on this; a protocol is one row of SPEAKERS.
 """
@@ -21,13 +21,14 @@ from protocols.idtp.json_codec import frame_to_json as idtp_plain
 from protocols.isb import frames as isb
 from protocols.isb.json_codec import frame_from_json as isb_packet_of
 from protocols.isb.json_codec import frame_to_json as isb_plain
-from protocols.registry import PROTOCOLS
+from protocols.registry import PROTOCOLS, ProtocolInfo
 from protocols.xbus.frames import MAX_FRAME
 from protocols.xbus.json_codec import frame_from_json, frame_to_json
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
+from tests.oracles import mip as mip_oracle
 from tests.oracles import xbus as oracle
-from tests.protocols import idtp_vectors, isb_vectors
+from tests.protocols import idtp_vectors, isb_vectors, mip_vectors
 from tests.protocols.xbus_vectors import everything, flat
 
 UNFINISHED_TEXT = 1024
@@ -47,6 +48,12 @@ class ProtocolCase:
     expected: Callable[..., Expected]  # of bytes, and what a decoder can be told
     of_line: Callable[[dict[str, Any]], str]  # a listed line's values, as `expected` spells them
     everything: Callable[[], Iterable[bytes]]
+    message_of: Callable[[dict[str, Any]], str] = lambda line: line["message"]  # name of the event of a listed line
+
+    @property
+    def family(self) -> ProtocolInfo:
+        """Its family, or that of the plug-in."""
+        return PROTOCOLS.get(self.name) or mip_vectors.FAMILY
 
 
 # -- Xbus --------------------------------------------------------------------------------------------------------------
@@ -76,7 +83,7 @@ def isb_steady(did: int) -> bool:
     return did in {4, 5, 13, 30, 39, 48, 52, 53, 58, 65, 66}
 
 
-def isb_values(one: isb_oracle.Packet) -> Any:
+def isb_values(one: isb_oracle.OracleIsbPacket) -> Any:
     row = isb_vectors.FORMATS.get(str(one.did))
     if one.kind != isb.DATA or one.part or not isb_steady(one.did) or not row or len(one.payload) != row["size"]:
         return one.did
@@ -106,7 +113,7 @@ def idtp_expected(
     return [(one.offset, idtp_values(one)) for one, _ in good], sorted(found.rejects + bad)
 
 
-def idtp_values(one: idtp_oracle.Frame) -> str:
+def idtp_values(one: idtp_oracle.OracleIdtpFrame) -> str:
     values = idtp_oracle.values(one)
     if values is not None:
         return canonical_values({name: [value] for name, value in values.items()})
@@ -116,6 +123,19 @@ def idtp_values(one: idtp_oracle.Frame) -> str:
 
 def idtp_line(line: dict[str, Any]) -> str:
     return of_line({"fields": {name: value for name, value in line["fields"].items() if name not in IDTP_HEADER}})
+
+
+# -- MIP, of the plug-in -----------------------------------------------------------------------------------------------
+
+
+def mip_expected(data: bytes) -> Expected:
+    """Packets and failed candidates, as the oracle sees them: packets of known data as values, others as their set."""
+    packets, rejects = mip_oracle.scan(data)
+    frames: list[tuple[int, Any]] = []
+    for offset, packet in packets:
+        values = mip_oracle.values(packet)
+        frames.append((offset, packet[2] if values is None else canonical_values(values)))
+    return frames, rejects
 
 
 # -- plain values, comparable ------------------------------------------------------------------------------------------
@@ -173,7 +193,7 @@ def canonical(events: Sequence[Event]) -> list[str]:
 
 
 def run(speaker: ProtocolCase, chunks: Sequence[bytes]) -> list[Event]:
-    decoder = PROTOCOLS[speaker.name].decoder()
+    decoder = speaker.family.decoder()
     events: list[Event] = []
     for arrival, chunk in enumerate(chunks):
         decoder.feed(chunk, arrival)
@@ -221,5 +241,16 @@ SPEAKERS = {
         idtp_expected,
         idtp_line,
         idtp_vectors.everything,
+    ),
+    "mip": ProtocolCase(
+        "mip",
+        mip_vectors.LONGEST + ubx.LONGEST,
+        b"\x75\x65",
+        mip_vectors.plain,
+        mip_vectors.packet_of,
+        mip_expected,
+        lambda line: of_line(line),
+        mip_vectors.everything,
+        lambda line: mip_vectors.DATA.get(line["id"], line["message"]),
     ),
 }

@@ -1,4 +1,4 @@
-"""Is mapped time as good as the design promises, behind every line and adapter, whatever the device's clock does?
+"""Accuracy of mapped time behind every line and adapter, whatever the device's clock does.
 
 After 10 s: the spread around truth at most 0.2 ms, the constant bias within ±, and never backwards. Truth is the end of
 the frame on the wire (timing_model.py). Where the adapter's timer is in step with the stream, nobody who sees arrivals
@@ -16,9 +16,9 @@ from protocols.clock_sync import ClockSync
 from tests.protocols.timing_model import (
     MS,
     PACKET,
-    Device,
+    ModelDevice,
+    ModelStream,
     S,
-    Stream,
     Way,
     errors,
     mapped,
@@ -35,13 +35,15 @@ BAUDS = (115_200, 460_800, 921_600)
 FULLEST = 0.85  # of a line: above, frames queue for good
 
 
-def clock_of(given: Stream, way: Way) -> ClockSync:
+def clock_of(given: ModelStream, way: Way) -> ClockSync:
     """As a session makes it: a timer of 1 ms is known (sysfs tells), one of 16 ms is not, to be on the safe side."""
     holds_ns = way.timer_ms * MS if 0 < way.timer_ms <= 1 else 0
     return ClockSync(given.byte_ns, holds_ns=holds_ns, pieces=given.pieces())
 
 
-def held(given: Stream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS) -> ClockSync:
+def held(
+    given: ModelStream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS
+) -> ClockSync:
     """Everything that is promised of a stream; `begins`: when its clock was started or stepped, s."""
     told = mapped(given, clock_of(given, way))
     error = errors(given, told)
@@ -66,7 +68,7 @@ def lines() -> list[tuple[int, int, int]]:
 def test_a_line_without_an_adapter(baud: int, rate: int, size: int, ppm: float) -> None:
     tick_ns = 100_000 if rate < 1000 else 1000
     way = Way(baud, loss=0.05)
-    held(stream(Device(((rate, size),), ppm, tick_ns), way, 20, seed=rate), way)
+    held(stream(ModelDevice(((rate, size),), ppm, tick_ns), way, 20, seed=rate), way)
 
 
 @pytest.mark.parametrize("ppm", [-50.0, 50.0])
@@ -74,7 +76,7 @@ def test_a_line_without_an_adapter(baud: int, rate: int, size: int, ppm: float) 
 def test_an_adapter_that_gathers_62_bytes_or_waits_16_ms(baud: int, rate: int, size: int, ppm: float) -> None:
     """The comb is gone: consecutive samples are spaced evenly, though they arrive in bursts."""
     way = Way(baud, timer_ms=16, loss=0.05)
-    given = stream(Device(((rate, size),), ppm), way, 25, seed=rate)
+    given = stream(ModelDevice(((rate, size),), ppm), way, 25, seed=rate)
     held(given, way)
     late = np.flatnonzero(settled(given))
     told = mapped(given, clock_of(given, way)).host[late]
@@ -83,7 +85,7 @@ def test_an_adapter_that_gathers_62_bytes_or_waits_16_ms(baud: int, rate: int, s
     assert np.abs(steps - 1).max() < 0.006 + grain
 
 
-def any_stream(seed: int) -> tuple[Device, Way]:
+def any_stream(seed: int) -> tuple[ModelDevice, Way]:
     """Some device and way: of those with an adapter, whose packets fill quicker than its timer runs."""
     random = np.random.default_rng(seed)
     while True:
@@ -95,7 +97,7 @@ def any_stream(seed: int) -> tuple[Device, Way]:
             break
     other = [(float(random.choice([1, 4, 10])), int(random.integers(30, 200)))] if random.random() < 0.5 else []
     tick_ns = int(random.choice([1000, 100_000])) if rate < 1000 else 1000
-    device = Device(((rate, size), *other), ppm=float(random.uniform(-50, 50)), tick_ns=tick_ns)
+    device = ModelDevice(((rate, size), *other), ppm=float(random.uniform(-50, 50)), tick_ns=tick_ns)
     loss, wake_us = float(random.choice([0, 0.05])), float(random.choice([20, 40, 100]))
     return device, Way(baud, timer_ms, loss=loss, wake_us=wake_us)
 
@@ -119,9 +121,9 @@ def test_any_line_and_adapter(seed: int, is_known: bool) -> None:
 
 @pytest.mark.parametrize("ppm", [-50.0, 0.0, 50.0])
 @pytest.mark.parametrize(("timer_ms", "rate"), [(1, 100), (1, 400), (1, 1000), (16, 100)])
-def test_what_a_timer_in_step_with_the_stream_hides_is_in_the_bound(timer_ms: float, rate: int, ppm: float) -> None:
+def test_the_bound_covers_a_timer_in_step_with_the_stream(timer_ms: float, rate: int, ppm: float) -> None:
     way = Way(460_800, timer_ms=timer_ms)
-    given = stream(Device(((rate, 20),), ppm), way, 30, seed=3)
+    given = stream(ModelDevice(((rate, 20),), ppm), way, 30, seed=3)
     told = mapped(given, clock_of(given, way))
     late = settled(given)
     assert (np.abs(errors(given, told))[late] <= told.bound[late]).all()
@@ -133,7 +135,7 @@ def test_what_a_timer_in_step_with_the_stream_hides_is_in_the_bound(timer_ms: fl
 @pytest.mark.parametrize("messages", [((400, 60), (400, 30)), ((100, 88), (4, 150)), ((200, 40), (50, 120), (1, 200))])
 def test_messages_of_different_sizes_fall_on_one_line(messages: tuple[tuple[float, int], ...], timer_ms: float) -> None:
     way = Way(921_600, timer_ms)
-    given = stream(Device(messages, ppm=-50, tick_ns=100_000), way, 25, seed=2)
+    given = stream(ModelDevice(messages, ppm=-50, tick_ns=100_000), way, 25, seed=2)
     clock = clock_of(given, way)
     told = mapped(given, clock)
     late = settled(given)
@@ -145,18 +147,18 @@ def test_messages_of_different_sizes_fall_on_one_line(messages: tuple[tuple[floa
 
 @pytest.mark.parametrize("timer_ms", [0, 16])
 @pytest.mark.parametrize("by_s", [3.0, 0.2, 86_400.0, -0.1, -2.0, -15.0])
-def test_a_clock_that_jumps_is_mapped_anew_at_its_first_row_and_never_backwards(by_s: float, timer_ms: float) -> None:
+def test_a_jumping_clock_is_remapped_at_its_first_row_and_never_backwards(by_s: float, timer_ms: float) -> None:
     way = Way(115_200, timer_ms)
-    given = stepped(stream(Device(ppm=50), way, 34, seed=1), 17, by_s)
+    given = stepped(stream(ModelDevice(ppm=50), way, 34, seed=1), 17, by_s)
     clock = held(given, way, (0.0, 17.0))
     assert clock.restarts == 1
 
 
 @pytest.mark.parametrize("timer_ms", [0, 16])
 @pytest.mark.parametrize("at_s", [3.0, 17.0])
-def test_a_device_that_starts_again_is_mapped_anew(at_s: float, timer_ms: float) -> None:
+def test_a_restarted_device_is_remapped(at_s: float, timer_ms: float) -> None:
     way = Way(115_200, timer_ms)
-    given = reset(stream(Device(ppm=-50), way, at_s + 17, seed=5), at_s)
+    given = reset(stream(ModelDevice(ppm=-50), way, at_s + 17, seed=5), at_s)
     told = mapped(given, clock_of(given, way))
     late = settled(given, begins=(at_s,))
     assert told.clock.restarts == 1
@@ -168,7 +170,7 @@ def test_a_device_that_starts_again_is_mapped_anew(at_s: float, timer_ms: float)
 @pytest.mark.parametrize("timer_ms", [0, 16])
 def test_a_host_that_did_not_read_moves_nothing_and_is_known(timer_ms: float) -> None:
     way = Way(115_200, timer_ms, stalls=((12.0, 12.3), (20.0, 21.0)))
-    given = stream(Device(ppm=50), way, 25, seed=3)
+    given = stream(ModelDevice(ppm=50), way, 25, seed=3)
     clock = held(given, way)
     assert [round(late / S, 1) for _, late in clock.stalls] == [0.3, 1.0]
 
@@ -176,7 +178,7 @@ def test_a_host_that_did_not_read_moves_nothing_and_is_known(timer_ms: float) ->
 def test_a_network_is_uneven_and_only_its_quickest_packet_is_hidden() -> None:
     """A constant 0.3 ms one way cannot be seen from one end: the session adds what nobody can know."""
     way = Way(0, network_ms=3, wake_us=40)
-    given = stream(Device(((400, 60),), ppm=-50), way, 25, seed=1)
+    given = stream(ModelDevice(((400, 60),), ppm=-50), way, 25, seed=1)
     told = mapped(given, ClockSync(unknown_ns=MS))
     late = settled(given)
     error = errors(given, told)[late]
@@ -189,7 +191,7 @@ def test_a_network_is_uneven_and_only_its_quickest_packet_is_hidden() -> None:
 def test_how_often_the_stream_is_drained_makes_no_difference_that_matters(drain_ms: float) -> None:
     """Live every 8 ms, a recording that is opened every second: the same code, and the same times to 0.1 ms."""
     way = Way(115_200, timer_ms=16)
-    given = stream(Device(ppm=50), way, 20, seed=4)
+    given = stream(ModelDevice(ppm=50), way, 20, seed=4)
     usual = mapped(given, clock_of(given, way))
     other = mapped(given, clock_of(given, way), drain_ms=drain_ms)
     late = settled(given)
@@ -202,7 +204,7 @@ def test_how_often_the_stream_is_drained_makes_no_difference_that_matters(drain_
 @pytest.mark.parametrize(("baud", "rate", "size"), lines())
 def test_a_clean_line_is_not_taken_for_an_adapter_or_a_busy_host(baud: int, rate: int, size: int) -> None:
     for way in (Way(baud), Way(baud, timer_ms=1), Way(baud, wake_us=300, loss=0.05)):
-        clock = mapped(stream(Device(((rate, size), (4, 150)), ppm=50), way, 8, seed=size)).clock
+        clock = mapped(stream(ModelDevice(((rate, size), (4, 150)), ppm=50), way, 8, seed=size)).clock
         assert not clock.spread.bursts
         assert clock.stalls == []
 
@@ -210,13 +212,13 @@ def test_a_clean_line_is_not_taken_for_an_adapter_or_a_busy_host(baud: int, rate
 @pytest.mark.parametrize(("baud", "rate", "size"), [(115_200, 100, 88), (115_200, 100, 20), (921_600, 100, 200)])
 def test_an_adapter_with_a_long_timer_is_seen(baud: int, rate: int, size: int) -> None:
     way = Way(baud, timer_ms=16)
-    clock = mapped(stream(Device(((rate, size),), ppm=50), way, 8, seed=size)).clock
+    clock = mapped(stream(ModelDevice(((rate, size),), ppm=50), way, 8, seed=size)).clock
     assert clock.spread.bursts
     assert clock.stalls == []
 
 
 def test_a_busy_host_is_not_an_adapter() -> None:
     """Its delays thin out; an adapter's end sharply."""
-    clock = mapped(stream(Device(((400, 60),)), Way(921_600, wake_us=3000), 8)).clock
+    clock = mapped(stream(ModelDevice(((400, 60),)), Way(921_600, wake_us=3000), 8)).clock
     assert clock.spread.top > 2 * MS
     assert not clock.spread.bursts

@@ -1,4 +1,4 @@
-"""Has every message, item, data set, packet type, payload type and foreign name a vector, and is no vector left out?"""
+"""Coverage: every message, item, data set, packet type, payload type and foreign name has a vector."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a piece of a stream ends inside a frame, the frame is known by the bytes that came first."""
+"""A frame that spans chunks has the arrival time of its first bytes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from protocols.chunk_boundaries import ChunkBoundaries
 from protocols.clock_sync import ClockSync
-from tests.protocols.timing_model import MS, PACKET, Device, Way, errors, mapped, settled, stream
+from tests.protocols.timing_model import MS, PACKET, ModelDevice, Way, errors, mapped, settled, stream
 
 BYTE_NS = 1000.0
 
@@ -20,7 +20,7 @@ BYTE_NS = 1000.0
     st.integers(0, 5),
     st.booleans(),
 )
-def test_it_is_what_looking_at_every_byte_gives(
+def test_it_equals_the_byte_by_byte_result(
     chunks: list[tuple[int, int]], sizes: list[int], forgotten: int, at_once: bool
 ) -> None:
     """The oracle: each byte has an arrival; a frame began no later than any end of a piece inside it allows."""
@@ -47,7 +47,7 @@ def test_it_is_what_looking_at_every_byte_gives(
     assert pieces.sent(offset, size, latest, BYTE_NS).tolist() == expected
 
 
-def test_nothing_is_kept_that_nobody_asks_for() -> None:
+def test_unneeded_chunks_are_dropped() -> None:
     pieces = ChunkBoundaries()
     for k in range(1, 1000):
         pieces.add(10 * k, k)
@@ -57,13 +57,14 @@ def test_nothing_is_kept_that_nobody_asks_for() -> None:
 
 
 @pytest.mark.parametrize(("baud", "rate", "size"), [(921_600, 50, 220), (460_800, 40, 100), (115_200, 20, 150)])
-def test_a_tail_that_always_waits_for_the_timer_is_no_offset(baud: int, rate: int, size: int) -> None:
+def test_a_tail_that_always_waits_for_the_timer_adds_no_offset(baud: int, rate: int, size: int) -> None:
     """The last bytes of every frame are kept back for the same 16 ms, of which nothing is known: its first packet,
-    full at once, tells the truth."""
+    full at once, tells the truth.
+    """
     assert 1000 / rate > 16
     assert size % PACKET
     way = Way(baud, timer_ms=16)
-    given = stream(Device(((rate, size),), ppm=40), way, 25, seed=1)
+    given = stream(ModelDevice(((rate, size),), ppm=40), way, 25, seed=1)
     late = settled(given)
     told = mapped(given)
     assert np.ptp(errors(given, told)[late]) < 0.1 * MS

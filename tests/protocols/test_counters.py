@@ -1,4 +1,4 @@
-"""Do counters unwrap, and do they say what was lost?"""
+"""Unwrapped counters, and the losses they show."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_restart_is_one_reset(chunk: int) -> None:
     assert -305_000 < steps[0][2] < -304_000
 
 
-def test_jumps_are_told_from_outages_by_arrival_times() -> None:
+def test_arrival_times_distinguish_jumps_from_outages() -> None:
     outage, jump = TickUnwrapper(FULL, tick_ns=100_000), TickUnwrapper(FULL, tick_ns=100_000)
     raw = np.array([0, 100, 200, 600_200, 600_300])
     late = np.array([0, 10, 20, 60_020, 60_030]) * 10**6 + EPOCH_NS
@@ -126,7 +126,7 @@ def test_a_row_seen_again_loses_nothing() -> None:
     assert SequenceCounter(65536).missing(np.array([10, 11, 11, 12, 11, 13])).tolist() == [0] * 6
 
 
-def test_the_number_that_follows_is_taken_and_no_other() -> None:
+def test_only_the_next_number_follows() -> None:
     counter = SequenceCounter(65536)
     assert not counter.follows(65534)  # nothing is known yet
     counter.missing(np.array([65534]))
@@ -135,7 +135,7 @@ def test_the_number_that_follows_is_taken_and_no_other() -> None:
 
 
 @given(st.sets(st.integers(0, 999)), st.integers(0, 65535), st.integers(1, 50))
-def test_what_is_missing_adds_up(lost: set[int], first: int, chunk: int) -> None:
+def test_missing_numbers_add_up(lost: set[int], first: int, chunk: int) -> None:
     kept = np.array([n for n in range(1001) if n not in lost or n in (0, 1000)])
     gaps = np.diff(kept) - 1
     if gaps.max() >= 256:

@@ -15,7 +15,7 @@ import pytest
 
 from protocols import nmea, registry
 from protocols.xbus import binary_strings
-from tests.protocols.test_nmea import sentence
+from tests.protocols.nmea_sentences import sentence
 
 SIZE = 4 * 1024
 LARGER = {"longest ubx messages": 16 * 1024, "sentences and strings": 64 * 1024}  # than the longest; to be seen at all

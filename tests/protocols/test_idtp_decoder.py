@@ -15,11 +15,12 @@ from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Samp
 from protocols.idtp.custom_payloads import SchemaError, parse
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.detect import detection_score
-from protocols.idtp.frames import CRC_AT, LITE, SAFETY, SECURE, VERSION_AT, build
+from protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from protocols.idtp.inspect import IdtpFrameLister
 from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.layouts import EncodeError
 from tests.oracles import idtp as oracle
+from tests.protocols.idtp_frames import with_version
 from tests.protocols.idtp_vectors import KEY, everything
 
 S = 1_000_000_000
@@ -78,7 +79,7 @@ def test_refused_frames_are_searched() -> None:
     assert reasons(events) == ["bad_crc32"]
 
 
-def test_devices_count_apart() -> None:
+def test_devices_are_counted_separately() -> None:
     events = play([acc(5, device=1), acc(1, device=2), acc(6, device=1), acc(1, device=2)])
     assert shown(events) == [5, 1, 6]
     assert {event.device for event in events if isinstance(event, Batch)} == {"1", "2"}
@@ -96,7 +97,7 @@ def test_no_silence_in_a_file() -> None:
     assert [line.get("reject") for line in listing.drain(stalled=True)] == [None, "stale"]
 
 
-def test_secure_is_rearmed_by_a_person_only() -> None:
+def test_secure_is_rearmed_by_the_user_only() -> None:
     decoder = IdtpDecoder(key=KEY)
     decoder.feed(acc(1000, SECURE), 0)
     decoder.feed(acc(3, SECURE), 60 * S)
@@ -122,7 +123,8 @@ def test_silence_does_not_weaken_a_secure_device() -> None:
 
 def test_weaker_frames_neither_lock_a_secure_device_out_nor_let_old_frames_in() -> None:
     """A key, and Lite accepted beside Secure: one forged Lite number made 2^16 genuine frames stale; and, after 3 s of
-    silence, made a recorded Secure frame new again, shown as verified."""
+    silence, made a recorded Secure frame new again, shown as verified.
+    """
     genuine = [(0.001 * n, acc(n, SECURE)) for n in range(5)]
     forged = (0.01, acc(60_000, LITE))
     events = play([*genuine, forged, (0.02, acc(5, SECURE)), (0.03, acc(6, SECURE))], key=KEY, min_mode=LITE)
@@ -257,7 +259,7 @@ def test_versions() -> None:
 
 def test_successor_by_name() -> None:
     events = play([b"INDT" + bytes(40) + acc(1) + b"INDT"])
-    assert reasons(events) == ["indt"] * 2
+    assert reasons(events) == ["successor"] * 2
     assert len(warnings(events)) == 1
     assert "INDT, the successor of IDTP" in warnings(events)[0]
     assert "INDT" in detection_score(b"INDT\0\0\0\0" * 20)[1]
@@ -296,7 +298,7 @@ def test_odd_quaternions_are_gaps() -> None:
 # -- datagrams ---------------------------------------------------------------------------------------------------------
 
 
-def test_datagrams_are_searched_apart() -> None:
+def test_datagrams_are_searched_separately() -> None:
     """Several frames and padding may share one; what is incomplete at its end is not continued by the next."""
     decoder = IdtpDecoder(datagrams=True)
     decoder.feed(acc(1) + acc(2) + bytes(8), 0)
@@ -326,7 +328,7 @@ _PIECES = st.sampled_from([acc(1), acc(2), acc(2, device=9), acc(5, device=9), a
 
 
 @given(st.lists(st.lists(_PIECES, max_size=3).map(b"".join), max_size=8))
-def test_datagrams_tell_the_same_together_and_one_by_one(datagrams: list[bytes]) -> None:
+def test_datagrams_give_the_same_together_and_separately(datagrams: list[bytes]) -> None:
     together, apart = IdtpDecoder(datagrams=True), IdtpDecoder(datagrams=True)
     events: list[Event] = []
     for number, datagram in enumerate(datagrams):
@@ -453,10 +455,3 @@ def test_another_version_was_no_known_protocol() -> None:
     assert detection_score(frames) == (0.1, "20 frames of IDTP 3.1; this program reads IDTP 2")
     said = [event.values["warning"] for event in play([frames]) if isinstance(event, Reply)]
     assert said == ["these frames are of IDTP 3.1, which is not read here"]
-
-
-def with_version(frame: bytes, version: int) -> bytes:
-    """The frame as a device of another version sends it: with checksums that fit."""
-    head = frame[:VERSION_AT] + bytes([version]) + frame[VERSION_AT + 1 : CRC_AT]
-    whole = head + bytes([oracle.crc8(head)]) + frame[CRC_AT + 1 : -4]
-    return whole + oracle.crc32(whole).to_bytes(4, "little")

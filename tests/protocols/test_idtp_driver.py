@@ -14,7 +14,7 @@ from protocols.idtp.driver import IdtpDriver
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.layouts import EncodeError
 from protocols.transactions import DeviceContext
-from tests.transaction_player import Wire, play
+from tests.transaction_player import PlayedWire, play
 
 DRIVER = IdtpDriver()
 KEY = bytes(range(32))
@@ -40,19 +40,19 @@ def test_every_standard_type_in_every_mode_is_read_back(mode: int) -> None:
 def test_spans_cover_every_golden_frame_in_order() -> None:
     for row in VECTORS:
         frame = bytes.fromhex(row["frame_hex"])
-        spans = DRIVER.spans(frame)
+        spans = DRIVER.annotate(frame)
         ends = [span.offset + span.size for span in spans]
         assert [span.offset for span in spans] == [0, *ends[:-1]], row["what"]
         assert ends[-1] == len(frame)
 
 
-def test_a_type_that_a_vendor_described() -> None:
+def test_a_vendor_defined_type() -> None:
     driver = IdtpDriver(SCHEMA)
     frame = driver.frame("Wheels", {"Speed": [1, -2], "mode": 0}, DeviceContext())
     assert frame.hex().endswith("0100feff")
     assert frame == driver.frame("Frame", {"type": 0x90, "data": "0100feff", "mode": 0}, DeviceContext())
     assert driver.name_of(frame) == "Wheels"
-    assert [span.path for span in driver.spans(frame)][-1] == "Speed"
+    assert [span.path for span in driver.annotate(frame)][-1] == "Speed"
     assert DRIVER.name_of(frame) == "0x90"
 
 
@@ -66,14 +66,14 @@ def test_a_type_that_a_vendor_described() -> None:
         ("Nothing", {}, "no message is called"),
     ],
 )
-def test_what_cannot_be_sent_is_said(command: str, values: dict[str, object], said: str) -> None:
+def test_unsendable_values_are_reported(command: str, values: dict[str, object], said: str) -> None:
     with pytest.raises(EncodeError, match=said):
         DRIVER.frame(command, values, DeviceContext())
 
 
-def test_a_device_is_heard_and_a_frame_sent() -> None:
-    wire = Wire(IdtpSimulator(), "idtp")
-    assert play(DRIVER.alive(DeviceContext()), wire)
+def test_a_device_is_received_and_a_frame_sent() -> None:
+    wire = PlayedWire(IdtpSimulator(), "idtp")
+    assert play(DRIVER.is_alive(DeviceContext()), wire)
     assert play(DRIVER.run("ImuQuat", {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, DeviceContext()), wire) == {}
     assert wire.sent[-1].what == "ImuQuat"
     assert DRIVER.settings(DeviceContext()) == ()

@@ -1,4 +1,4 @@
-"""Does the decoder agree with the reference implementation, and is every row of the table covered?"""
+"""Agreement of the IDTP decoder with the reference implementation, and coverage of its tables."""
 
 from __future__ import annotations
 
@@ -129,7 +129,8 @@ def test_gap_of_fifty() -> None:
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_sequence(case: dict[str, Any], mode: int) -> None:
     """The rule of the vectors. Below Secure, a jump beyond 2^16 counts from the second frame on,
-    and what it passes over, which anybody may have forged, is not lost."""
+    and what it passes over, which anybody may have forged, is not lost.
+    """
     last, received = case["last"], case["received"]
     frames = [build(0, bytes(12), sequence=n, mode=mode, key=KEY) for n in (last, received) if n is not None]
     far = last is not None and mode < SECURE and case["serial_accept"] and received - last > 1 << 16

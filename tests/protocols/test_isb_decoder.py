@@ -81,7 +81,7 @@ def test_first_fix_is_a_step_and_nothing_is_in_1980(split: bool) -> None:
     assert step.by_ns == pytest.approx((MIDNIGHT - 5.001) * S, abs=1000)
 
 
-def test_position_tells_the_shift_exactly() -> None:
+def test_position_gives_the_exact_shift() -> None:
     events = decode(imu(100.0), position(WEEK, 18_000 + 100, 0.0), imu(100.2), position(WEEK, 18_300, -1.0))
     assert times(events, "DID_IMU")[-1] == pytest.approx(MIDNIGHT + 0.3)
     up, tow = 1000.0, 300_000.0  # up-time + offset = time of week
@@ -92,7 +92,8 @@ def test_position_tells_the_shift_exactly() -> None:
 @pytest.mark.parametrize("lost", [(), (2,), (4,)])
 def test_rows_before_the_first_fix_were_moved_by_up_to_a_period_too_much(lost: tuple[int, ...]) -> None:
     """A set that is alone on its line tells its first date one period after its last up-time, not with it; also where
-    packets were lost before."""
+    packets were lost before.
+    """
     ups = [place / 100 for place in range(500, 506)]
     dated = [18 + 0.01 * place for place in range(6)]
     before = [ins(0, up) for place, up in enumerate(ups) if place not in lost]
@@ -135,7 +136,7 @@ def baro(up: float) -> bytes:
 
 
 @pytest.mark.parametrize("split", [True, False])
-def test_a_restart_in_the_first_seconds_is_told(split: bool) -> None:
+def test_a_restart_in_the_first_seconds_is_detected(split: bool) -> None:
     """It was taken for late data, and drawn over the seconds before it until the next fix."""
     parts = [imu(5.0), baro(5.9), ins(0, 6.0), imu(6.0), imu(0.3), baro(0.4), ins(0, 0.4), imu(0.5)]
     events = decode(*parts) if split else decode(b"".join(parts))
@@ -147,7 +148,7 @@ def test_a_restart_in_the_first_seconds_is_told(split: bool) -> None:
     assert step.offset == sum(len(part) for part in parts[:4])
 
 
-def test_a_restart_soon_after_an_early_fix_is_told_and_nothing_is_in_1980() -> None:
+def test_a_restart_soon_after_an_early_fix_is_detected_and_nothing_is_in_1980() -> None:
     """Up-time was shifted by what had held before the restart, and lay seconds before what had just been shown."""
     parts = [imu(4.0), ins(WEEK, 18.0), imu(4.1), imu(0.2), ins(0, 0.25), imu(0.3), ins(WEEK, 25.0), imu(0.4)]
     events = decode(*parts)
@@ -169,7 +170,7 @@ def test_sets_that_a_logger_wrote_in_turns_are_late_and_no_restart() -> None:
     assert not [event for event in events if isinstance(event, ClockStep)]
 
 
-def test_a_set_whose_rows_changed_places_is_no_restart() -> None:
+def test_a_set_with_swapped_rows_is_not_a_restart() -> None:
     events = decode(imu(1.0), imu(1.2), imu(0.9), imu(1.3))
     assert times(events, "DID_IMU") == [1.0, 1.2, 0.9, 1.3]
     assert not [event for event in events if isinstance(event, ClockStep)]
@@ -184,14 +185,14 @@ def test_a_second_receiver_without_fix_disturbs_nothing() -> None:
 
 
 @pytest.mark.parametrize("clock", [float("nan"), float("inf"), -1.0, 1e300, 5e-324])
-def test_clocks_that_are_none(clock: float) -> None:
+def test_invalid_clocks(clock: float) -> None:
     expected = 0.0 if clock == 5e-324 else None
     assert times(decode(imu(clock)), "DID_IMU") == [expected]
     assert times(decode(ins(WEEK, clock)), "DID_INS_1") == ([MIDNIGHT - 18] if clock == 5e-324 else [None])
     assert times(decode(ins(5, 100.0)), "DID_INS_1") == [None]  # a week of 1980
 
 
-def test_tell_is_pure() -> None:
+def test_update_time_is_pure() -> None:
     state = store_offset()
     (known, *said), again = update_time(state, 1, 5 * S, -1), update_time(state, 1, 5 * S, -1)
     assert said == [5 * S, 1, 0, 0]
@@ -302,7 +303,7 @@ def test_likeness() -> None:
     assert 0 < detection_score(b"$HCHDM,123.45,M*18\r\n")[0] <= 0.5
 
 
-def test_protocol_1_is_told_by_name() -> None:
+def test_protocol_1_is_reported_by_name() -> None:
     body = bytes([4, 0, 5, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0, 0]) + b"\xfd\x00" + bytes(70)
     score, words = detection_score((b"\xff" + body + b"\xfe") * 5)
     assert score < 0.5

@@ -1,11 +1,10 @@
-"""Is an Inertial Sense device configured as its documents say: asked, told, read back, refused, silent?"""
+"""Configuration of an Inertial Sense device as documented: requests, writes, read-back, refusals and silence."""
 
 from __future__ import annotations
 
 import json
 import struct
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,29 +15,16 @@ from protocols.isb import frames
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import SETS
 from protocols.isb.decoder import IsbDecoder
-from protocols.isb.driver import IsbDriver, version_of
+from protocols.isb.driver import version_of
 from protocols.isb.kept import settings_of
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.isb.streams import STREAMS
 from protocols.layouts import EncodeError
 from protocols.transactions import DeviceContext, DeviceRejectedError, NoReplyError, Send, WaitFor, cancel
-from tests.transaction_player import Wire, play
+from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
+from tests.transaction_player import PlayedWire, play
 
-DRIVER = IsbDriver()
-KNOWN = DeviceContext(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
-S = 10**9
 VECTORS = json.loads((Path(__file__).parents[1] / "golden" / "isb" / "commands.json").read_text())
-
-
-def wire(**options: Any) -> Wire:
-    """A twin that has its first fix."""
-    there = Wire(IsbSimulator(**options), "isb", step_ns=5_000_000)
-    there.pass_time(5)
-    return there
-
-
-def read(setting: str, there: Wire) -> Mapping[str, Any]:
-    return play(DRIVER.read(setting, KNOWN), there)
 
 
 # -- reading and writing -----------------------------------------------------------------------------------------------
@@ -47,7 +33,7 @@ def read(setting: str, there: Wire) -> Mapping[str, Any]:
 def test_who_it_is() -> None:
     known = play(DRIVER.identify(DeviceContext(baud=115_200)), wire(serial=61_234))
     assert (known.product, known.serial_number, known.firmware, known.baud) == ("IMX-5.0.4", "61234", "2.7.1", 115_200)
-    assert play(DRIVER.alive(KNOWN), wire())
+    assert play(DRIVER.is_alive(KNOWN), wire())
 
 
 def test_one_field_is_written_by_its_offset_and_read_back() -> None:
@@ -77,7 +63,7 @@ def test_a_whole_configuration_is_put_back_without_what_the_device_keeps_itself(
     assert DRIVER.same("DID_FLASH_CONFIG", before, written.got) == []
 
 
-def test_a_value_that_the_device_rounds_is_told() -> None:
+def test_a_value_rounded_by_the_device_is_reported() -> None:
     there = wire()
     asked = {"startupNavDtMs": 4, "startupImuDtMs": 8}  # inertial data cannot be slower than navigation
     written = play(DRIVER.write("DID_FLASH_CONFIG", asked, KNOWN), there)
@@ -121,7 +107,7 @@ def test_a_set_that_is_refused_is_in_the_result_and_an_ask_raises() -> None:
         play(DRIVER.run("DID_SYS_CMD.MANF_CHIP_ERASE", {}, KNOWN), there)
 
 
-class Deaf(IsbSimulator):
+class DeafIsbDevice(IsbSimulator):
     """Hears nothing for a while."""
 
     deaf_until_ns = 10**18
@@ -130,16 +116,16 @@ class Deaf(IsbSimulator):
         return super().receive(data if now_ns >= self.deaf_until_ns else b"", now_ns)
 
 
-def test_silence_is_raised_after_three_tries_and_a_late_device_is_heard() -> None:
-    there = Wire(Deaf(), "isb", step_ns=5_000_000)
+def test_silence_is_raised_after_three_attempts_and_late_answers_count() -> None:
+    there = PlayedWire(DeafIsbDevice(), "isb", step_ns=5_000_000)
     there.pass_time(2)
     with pytest.raises(NoReplyError, match="No answer to GET DID_FLASH_CONFIG"):
         read("DID_FLASH_CONFIG", there)
     assert len(there.sent) == 3
-    assert not play(DRIVER.alive(KNOWN), there)
-    device = Deaf()
+    assert not play(DRIVER.is_alive(KNOWN), there)
+    device = DeafIsbDevice()
     device.deaf_until_ns = round(2.6 * S)
-    late = Wire(device, "isb", step_ns=5_000_000)
+    late = PlayedWire(device, "isb", step_ns=5_000_000)
     late.pass_time(2)
     assert read("DID_FLASH_CONFIG", late)["key"] == 21
 
@@ -163,7 +149,7 @@ def test_every_command_has_a_frame_a_name_and_spans() -> None:
                 continue
         frame = DRIVER.frame(row.name, values, KNOWN)
         assert DRIVER.name_of(frame), row.name
-        spans = DRIVER.spans(frame)
+        spans = DRIVER.annotate(frame)
         assert [span.offset for span in spans] == [sum(one.size for one in spans[:i]) for i in range(len(spans))], (
             row.name
         )
@@ -174,7 +160,7 @@ def test_every_command_has_a_frame_a_name_and_spans() -> None:
 def test_spans_of_the_golden_packets() -> None:
     for row in VECTORS:
         frame = bytes.fromhex(row["packet_hex"])
-        spans = DRIVER.spans(frame)
+        spans = DRIVER.annotate(frame)
         assert sum(span.size for span in spans) == len(frame)
         paths = {span.path.split(".")[0] for span in spans}
         field = row["args"].get("field")
@@ -205,7 +191,7 @@ def test_text() -> None:
     there = wire()
     info = play(DRIVER.run("INFO", {}, KNOWN), there)
     assert info["line"].startswith("$INFO,62000,5.0.4.0,2.7.1.0,7,2.0.0.0,")
-    assert info["line"].partition("*")[0].endswith(",twin,3,2,r"), "hardware, its state, the build"
+    assert info["line"].partition("*")[0].endswith(",simulator,3,2,r"), "hardware, its state, the build"
     play(
         DRIVER.run("ASCE", {"options": 0, "messages": [{"id": 7, "period": 1}, {"id": 4, "period": 10}]}, KNOWN), there
     )
@@ -244,11 +230,11 @@ def test_a_rate_acts_after_the_restart_and_the_device_is_found_there() -> None:
     there = wire()
     there.baud = 921_600
     play(DRIVER.write("DID_FLASH_CONFIG", {"ser0BaudRate": 115_200}, KNOWN), there)
-    assert play(DRIVER.alive(KNOWN), there)
+    assert play(DRIVER.is_alive(KNOWN), there)
     play(DRIVER.store_and_restart(KNOWN), there)
     there.pass_time(1)
     assert there.device.baud == 115_200
-    assert not play(DRIVER.alive(KNOWN), there)
+    assert not play(DRIVER.is_alive(KNOWN), there)
     assert play(DRIVER.restore_communication(KNOWN), there)
     assert there.baud == 115_200
     there.pass_time(1)
@@ -271,7 +257,7 @@ def test_what_could_cut_the_line(old: Any, new: dict[str, Any], kind: str | None
     assert (change and change.kind, change and change.baud) == (kind, baud)
 
 
-def test_no_streams_at_all_is_said() -> None:
+def test_the_absence_of_streams_is_reported() -> None:
     change = DRIVER.line_change("streams", None, {"streams": []}, KNOWN)
     assert change is not None
     assert change.kind == "silent"
@@ -320,10 +306,10 @@ def test_every_data_set_that_streams_has_a_group() -> None:
     assert all(row.rmc_bit == -1 or SETS[row.did].rmc for row in STREAMS.values())
 
 
-def test_what_is_kept_has_a_name_for_a_person() -> None:
+def test_stored_settings_have_display_names() -> None:
     """The document has constants and abbreviations only; what is seen first is called by a word."""
     for setting in settings_of().values():
         assert setting.title != setting.title.upper(), setting.name
-        assert all(field.title for field in setting.fields if field.simple), setting.name
+        assert all(field.title for field in setting.fields if field.basic), setting.name
     flash = settings_of()["DID_FLASH_CONFIG"]
     assert all(field.title or field.read_only for field in flash.fields)

@@ -9,31 +9,31 @@ import pytest
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import SETS
 from protocols.isb.driver import IsbDriver
+from protocols.isb.family import SIMULATOR
 from protocols.isb.simulator.gpx import GpxSimulator
 from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
 from protocols.transactions import DeviceContext, DeviceRejectedError
 from server.configuration.form_builder import forms_of
-from server.links.simulated_device import FAMILIES
-from tests.transaction_player import Wire, play
+from tests.transaction_player import PlayedWire, play
 
 DRIVER = IsbDriver()
 KNOWN = DeviceContext(product="GPX-1.0.3", firmware="2.7.1", baud=921_600)
 
 
-def wire(**options: Any) -> Wire:
-    there = Wire(GpxSimulator(**options), "isb", step_ns=5_000_000)
+def wire(**options: Any) -> PlayedWire:
+    there = PlayedWire(GpxSimulator(**options), "isb", step_ns=5_000_000)
     there.pass_time(5)
     return there
 
 
-def streams(there: Wire) -> dict[int, int]:
+def streams(there: PlayedWire) -> dict[int, int]:
     """Data set → period."""
     return {one["did"]: one["period"] for one in play(DRIVER.read("streams", KNOWN), there)["streams"]}
 
 
 def test_it_is_a_gpx() -> None:
     assert play(DRIVER.identify(DeviceContext(baud=921_600)), wire()).product == "GPX-1.0.3"
-    assert "GPX-1" in FAMILIES["isb"].products()
+    assert "GPX-1" in SIMULATOR.products()
 
 
 def test_its_streams_are_read_and_written_though_it_has_no_rmc_of_an_imx() -> None:

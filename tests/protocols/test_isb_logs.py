@@ -1,4 +1,4 @@
-"""Do we read the logs that the vendor's own logger wrote as its own code reads them?
+"""Logs of the vendor's own logger, read as its own code reads them.
 
 A .raw log is the port's bytes. A .dat log holds data sets without packets, in chunks:
 
@@ -115,7 +115,8 @@ def test_every_record_of_a_raw_log() -> None:
 
 def test_the_index_points_at_packets() -> None:
     """Each entry (ms, offset, messages so far) is where a packet begins, up to the first block of 128 KiB that was
-    written out: from there on the vendor's logger counts offsets from elsewhere, and only times and messages go on."""
+    written out: from there on the vendor's logger counts offsets from elsewhere, and only times and messages go on.
+    """
     data, index = read("log.raw"), read("log.idx")
     starts = {packet.offset for packet in oracle.scan(data, final=True).packets}
     entries = list(struct.iter_unpack("<IIII", index))

@@ -31,7 +31,7 @@ def flash(name: str) -> Field:
 
 
 @pytest.mark.parametrize("version", VERSIONS[:-1])
-def test_what_is_typed_has_the_unit_of_the_wire(version: str) -> None:
+def test_input_has_the_unit_of_the_wire(version: str) -> None:
     """magDeclination=2.5 was listed in degrees and stored 143: it was taken as radians."""
     rows = [*settings_of(version).values()]
     for field in (field for row in rows for field in flat(row.fields)):

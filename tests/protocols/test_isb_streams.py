@@ -1,4 +1,4 @@
-"""Are the streams of an Inertial Sense device read, changed and kept, and does nothing else change them?"""
+"""Streams of an Inertial Sense device are read, changed and preserved."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from protocols.isb.kept import PERSISTENT
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.isb.streams import PRESETS, dids_of
 from protocols.transactions import Send, Transaction, cancel
-from tests.protocols.test_isb_driver import DRIVER, KNOWN, S, read, wire
-from tests.transaction_player import Wire, play
+from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
+from tests.transaction_player import PlayedWire, play
 
 
 def test_reading_does_not_end_what_streams() -> None:
@@ -40,7 +40,7 @@ def test_reading_all_settings_does_not_end_a_stream_that_has_no_bit() -> None:
     assert {row["did"]: row["period"] for row in read_within("streams", there)["streams"]}[10] == 10
 
 
-def test_a_stream_that_was_asked_for_all_the_same_is_begun_again() -> None:
+def test_a_stream_that_was_requested_nevertheless_is_restarted() -> None:
     """One that has its bit and sends nothing, as RTK without corrections: its answer costs it its stream."""
     there = wire()
     device = there.device
@@ -59,7 +59,7 @@ def test_a_stream_that_was_asked_for_all_the_same_is_begun_again() -> None:
     assert [send.frame for send in cancel(stopped)] == [frames.get_data(13, period=1)]
 
 
-def read_within(setting: str, there: Wire) -> Mapping[str, Any]:
+def read_within(setting: str, there: PlayedWire) -> Mapping[str, Any]:
     return play(DRIVER.within(DRIVER.read(setting, KNOWN), KNOWN), there)
 
 
@@ -82,7 +82,7 @@ def test_streams_are_begun_changed_and_ended() -> None:
     assert DRIVER.same("streams", wanted, written.got) == []
 
 
-def asked_for(there: Wire) -> list[int]:
+def asked_for(there: PlayedWire) -> list[int]:
     """The data sets that were asked to stream."""
     packets = [send.frame for send in there.sent if send.frame[2] & frames.TYPE_MASK == frames.GET_DATA]
     return [int.from_bytes(one[6:8], "little") for one in packets if one[12:14] != b"\0\0"]
@@ -134,7 +134,7 @@ def test_the_rate_that_was_chosen_is_measured_whichever_source_the_device_counts
     assert device.streams == {58: 4}  # a multiple alone is a multiple
 
 
-def test_a_refused_stream_says_so_and_the_others_are_told() -> None:
+def test_a_refused_stream_is_reported_with_the_others() -> None:
     there = wire()
     wanted = {"streams": [{"did": 4, "period": 2}, {"did": 123, "period": 1}]}
     written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
@@ -143,8 +143,8 @@ def test_a_refused_stream_says_so_and_the_others_are_told() -> None:
     assert {row["did"]: row["period"] for row in written.got["streams"]} == {4: 2}
 
 
-def test_a_wish_to_save_is_carried_out_and_is_no_state() -> None:
-    """ "Nothing to change" was the answer to a wish to keep what streams, and of streams with it no save was sent."""
+def test_a_request_to_save_is_carried_out_and_is_not_a_state() -> None:
+    """The answer was "Nothing to change" to a wish to keep what streams, and of streams with it no save was sent."""
     streams = {"streams": [{"did": 4, "period": 1}], "options": 0}
     wish = {**streams, "options": PERSISTENT}
     assert DRIVER.same("streams", streams, wish) == ["options"]
@@ -154,7 +154,7 @@ def test_a_wish_to_save_is_carried_out_and_is_no_state() -> None:
     assert DRIVER.same("DID_NMEA_BCAST_PERIOD", sentences, {**sentences, "options": PERSISTENT}) == ["options"]
 
 
-def test_streams_are_kept_over_a_restart_when_that_is_asked_for() -> None:
+def test_streams_are_saved_over_a_restart_on_request() -> None:
     for options, kept in ((1 << 9, {4}), (0, {58, 4, 5, 52, 53, 13, 30, 15})):
         there = wire()
         play(DRIVER.write("streams", {"streams": [{"did": 4, "period": 1}], "options": options}, KNOWN), there)
@@ -213,7 +213,7 @@ def test_the_load_follows_a_configuration_that_is_not_in_effect_yet() -> None:
 
 def test_streams_are_made_to_fit() -> None:
     streams = {"streams": [{"did": did, "period": 1, "source_ms": 1.0} for did in (4, 5, 58, 52)]}
-    fitted = DRIVER.fit({"streams": streams}, 11_520, KNOWN)
+    fitted = DRIVER.fit_rates({"streams": streams}, 11_520, KNOWN)
     assert DRIVER.load({"streams": streams}, KNOWN).total > 11_520 >= DRIVER.load(fitted, KNOWN).total
     assert all(row["period"] == 1 for row in streams["streams"])  # what was given is not changed
-    assert DRIVER.fit({"streams": streams}, 1e9, KNOWN) == {"streams": streams}
+    assert DRIVER.fit_rates({"streams": streams}, 1e9, KNOWN) == {"streams": streams}

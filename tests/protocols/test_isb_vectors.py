@@ -1,4 +1,4 @@
-"""Does every ISB row agree with the vendor, and does every row have a vector?"""
+"""Agreement of every ISB row with the vendor, and coverage of the tables."""
 
 from __future__ import annotations
 

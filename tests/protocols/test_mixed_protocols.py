@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import random
 
 import pytest
@@ -15,6 +16,7 @@ from protocols.xbus.simulator.device import XbusSimulator
 S = 1_000_000_000
 
 
+@functools.cache
 def spoken(protocol: str, seconds: float, seed: int = 0) -> bytes:
     make = {"xbus": XbusSimulator, "isb": IsbSimulator, "idtp": IdtpSimulator}[protocol]
     return make(seed=seed).advance(int(seconds * S))  # type: ignore[operator, no-any-return]
@@ -45,7 +47,7 @@ def test_a_short_stretch_in_the_middle_is_seen(own: str, other: str, size: int) 
 
 
 @pytest.mark.parametrize("own", PROTOCOLS)
-def test_what_a_frame_carries_is_its_own(own: str) -> None:
+def test_bytes_inside_a_frame_belong_to_it(own: str) -> None:
     """An Xbus frame inside an Inertial Sense packet, as a payload may happen to be, is no message of an MTi."""
     assert examine(own, spoken(own, 30), 1 << 16).others == []
     xbus, isb = PROTOCOLS["xbus"].sample, PROTOCOLS["isb"].sample
@@ -62,7 +64,7 @@ def test_what_a_frame_carries_is_its_own(own: str) -> None:
     assert examine(own, hidden[own], 50).count == {}
 
 
-def test_noise_is_no_protocol() -> None:
+def test_noise_is_not_a_protocol() -> None:
     noise = random.Random(1).randbytes(1 << 22)
     for own in PROTOCOLS:
         assert sum(examine(own, noise, 1 << 16).count.values()) < FEW

@@ -1,12 +1,12 @@
-"""What sentences measure: units as the sentence's own table has them, vectors whole, headings that wrap."""
+"""Quantities from sentences: units as the sentence's own table has them, vectors whole, headings that wrap."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from protocols import imx_sentences
 from protocols.events import Text
+from protocols.isb import sentences
 from protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea
 from protocols.nmea_quantities import NmeaQuantities
 from protocols.schema import Message
@@ -16,7 +16,7 @@ def text(name: str, offset: int = 0, **fields: object) -> Text:
     return Text("nmea", name, "", offset, 1, 1_000 + offset, fields)
 
 
-@pytest.mark.parametrize("row", imx_sentences.ROWS, ids=lambda row: row.name)
+@pytest.mark.parametrize("row", sentences.ROWS, ids=lambda row: row.name)
 def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
     """They were field_01, field_02 … as text: nothing to plot, and no unit."""
     numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype != "ascii"}
@@ -45,7 +45,7 @@ def test_numbers_along_axes_are_one_quantity() -> None:
     assert list(batch.columns) == ["Quaternion", "Acceleration", "RateOfTurn", "MagneticField", "temp"]
     assert batch.columns["Quaternion"].shape == (3, 4)
     assert batch.columns["Acceleration"][2].tolist() == [6, 7, 8]
-    assert batch.message.apart == ("Quaternion", "Acceleration", "RateOfTurn", "MagneticField")
+    assert batch.message.separate_channels == ("Quaternion", "Acceleration", "RateOfTurn", "MagneticField")
     assert batch.offset.tolist() == [0, 1, 2]
 
 

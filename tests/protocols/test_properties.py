@@ -1,4 +1,4 @@
-"""What holds for every protocol, whatever the bytes: one module, one row a protocol.
+"""Properties of every protocol, for any bytes: one module, one row a protocol.
 
     - any split into chunks gives the same events; so does one byte at a time
     - arbitrary bytes raise nothing, and leave at most one maximal frame (and an unfinished text) buffered
@@ -28,9 +28,8 @@ from hypothesis import strategies as st
 from protocols.events import Batch, Event, Reply
 from protocols.idtp import frames as idtp
 from protocols.isb import frames as isb
-from protocols.registry import PROTOCOLS
 from protocols.xbus.frames import build
-from tests.protocols import idtp_vectors, isb_vectors
+from tests.protocols import idtp_vectors, isb_vectors, mip_vectors
 from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase, canonical, cut, run
 from tests.protocols.xbus_vectors import everything
 
@@ -128,7 +127,29 @@ idtp_frames = st.one_of(
 )
 
 
-FRAMES = {"xbus": xbus_frames, "isb": isb_frames, "idtp": idtp_frames}
+# -- MIP, of the plug-in -----------------------------------------------------------------------------------------------
+
+mip_frames = st.one_of(
+    st.sampled_from(mip_vectors.everything()),
+    st.builds(
+        mip_vectors.build,
+        st.sampled_from([0x01, 0x0C, 0x0D, 0x80, 0x80, 0x82, 0x82, 0x91, 0xA0]),
+        st.lists(
+            st.one_of(
+                st.tuples(st.sampled_from([0x04, 0x05, 0x06]), st.binary(min_size=12, max_size=12)),
+                st.tuples(st.sampled_from([0x11, 0x12]), st.binary(min_size=12, max_size=13)),
+                st.tuples(st.sampled_from([0x01, 0x03, 0x05]), st.sampled_from([bytes(14), bytes(18), bytes(26)])),
+                st.tuples(st.sampled_from([0xF1, 0x81, 0xD5]), st.binary(min_size=2, max_size=12)),
+                st.tuples(st.integers(0, 255), st.binary(max_size=12)),
+            ),
+            min_size=1,
+            max_size=6,
+        ),
+    ),
+)
+
+
+FRAMES = {"xbus": xbus_frames, "isb": isb_frames, "idtp": idtp_frames, "mip": mip_frames}
 """Protocol → a strategy for its frames."""
 
 speakers = pytest.mark.parametrize("speaker", SPEAKERS.values(), ids=lambda speaker: speaker.name)
@@ -193,7 +214,7 @@ def test_many_chunks_at_once(speaker: ProtocolCase, data: st.DataObject) -> None
     """As a recording is read: all chunks in one call, each with its time of arrival."""
     stream = data.draw(streams(speaker))
     chunks = [one for one in cut(stream, data.draw(st.lists(st.integers(0, 100_000), max_size=12))) if one]
-    singly, at_once = PROTOCOLS[speaker.name].decoder(), PROTOCOLS[speaker.name].decoder()
+    singly, at_once = speaker.family.decoder(), speaker.family.decoder()
     for arrival, chunk in enumerate(chunks):
         singly.feed(chunk, 1000 + arrival)
     ends, times = np.cumsum([len(one) for one in chunks], dtype=np.int64), 1000 + np.arange(len(chunks))
@@ -207,7 +228,8 @@ def test_many_chunks_at_once(speaker: ProtocolCase, data: st.DataObject) -> None
 @speakers
 def test_a_frame_at_a_time(speaker: ProtocolCase) -> None:
     """A live stream has one frame in a drain, which is decoded with plain numbers; twice, so that each layout has been
-    seen when it comes again, with all that is lost and out of step between."""
+    seen when it comes again, with all that is lost and out of step between.
+    """
     frames = [*speaker.everything()] * 2
     assert canonical(run(speaker, frames)) == canonical(run(speaker, [b"".join(frames)]))
 
@@ -231,7 +253,8 @@ def test_arbitrary_bytes(speaker: ProtocolCase, noise: bytes, places: list[int])
 @given(data=st.data())
 def test_good_frame_survives(speaker: ProtocolCase, data: st.DataObject) -> None:
     """A frame after any damage is found, unless the damage itself holds a frame that reaches into it, or one that makes
-    this one old."""
+    this one old.
+    """
     before = data.draw(st.one_of(st.binary(max_size=60), streams(speaker)))
     frame = data.draw(FRAMES[speaker.name])
     frames, rejects = speaker.expected(before + frame)
@@ -263,7 +286,7 @@ def spans(events: Sequence[Event]) -> list[tuple[int, int]]:
 def test_like_the_oracle(speaker: ProtocolCase, data: st.DataObject) -> None:
     stream = data.draw(streams(speaker))
     frames, rejects = speaker.expected(stream)
-    decoder = PROTOCOLS[speaker.name].listing()
+    decoder = speaker.family.listing()
     decoder.feed(stream)
     lines = decoder.drain(stalled=True)
     got = [line for line in lines if "reject" not in line and line["protocol"] == speaker.name]

@@ -1,4 +1,4 @@
-"""Are the two binary strings of an MTi found where they are, and nowhere else?
+"""The two binary strings of an MTi are found where they are, and nowhere else.
 
 Computed by hand from MT0101P 2020.A, 5.3.5: heading 123.45°, roll −1.50°, pitch 2.50°, heave 0.
 """
@@ -13,9 +13,7 @@ from hypothesis import strategies as st
 
 from protocols.nmea import ParsedMessage
 from protocols.xbus.binary_strings import WINDOW, find
-
-TSS2 = b":12345  0000H-0150  0250F"
-EM1000 = bytes.fromhex("00 90 6A FF FA 00 00 00 39 30")  # −150, 250, 0, 12345: least significant byte first
+from tests.protocols.nmea_sentences import EM1000, TSS2
 
 
 def test_tss2() -> None:
@@ -41,7 +39,7 @@ def test_tss2_without_line_ends() -> None:
 @pytest.mark.parametrize(
     "wrong", [b":36000  0000H-0150  0250F", b":1234x  0000H-0150  0250F", b":12345  0000H+0150  0250F"]
 )
-def test_what_only_looks_like_tss2_is_not(wrong: bytes) -> None:
+def test_lookalikes_of_tss2_are_rejected(wrong: bytes) -> None:
     assert find(wrong + b"\r\n", final=True)[0] == []
 
 
@@ -72,7 +70,7 @@ def test_em1000_among_other_strings() -> None:
         "00 90 6A FF 29 23 00 00 39 30",  # pitch 90.01°
     ],
 )
-def test_what_only_looks_like_em1000_is_not(record: str) -> None:
+def test_lookalikes_of_em1000_are_rejected(record: str) -> None:
     assert find(bytes.fromhex(record) * 4, final=True)[0] == []
 
 

@@ -1,4 +1,4 @@
-"""Does unwrapping depend on how the stream was cut? It must not; and it takes the same time whatever happens."""
+"""Unwrapping does not depend on how the stream was cut. It must not; and it takes the same time whatever happens."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is the drive one motion? What is integrated must come out as what is reported.
+"""The simulated drive is one consistent motion. What is integrated must come out as what is reported.
 
 Bounds are those of the integration here (1 ms steps, a pothole of 9 ms), not of the motion.
 """
@@ -102,7 +102,7 @@ def test_geodetic_and_earth_centred_distances_agree(drive: trajectory.MotionStat
     assert np.abs(np.linalg.norm(centred, axis=1) - 6_367_500).max() < 500
 
 
-def test_errors_repeat_and_are_as_large_as_said() -> None:
+def test_errors_repeat_and_have_the_stated_size() -> None:
     rate = 400
     errors = trajectory.SensorErrors(trajectory.GYRO, 5, rate)
     whole = errors.at(0, 40_000)

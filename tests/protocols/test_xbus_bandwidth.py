@@ -1,4 +1,6 @@
-"""Is the load of an output configuration what really comes, to the byte? Held against captures and against the twin."""
+"""The computed load of an output configuration is the measured one, to the byte. Held against captures and against the
+simulator.
+"""
 
 from __future__ import annotations
 
@@ -119,11 +121,11 @@ def test_a_capture_of_49_s_to_the_byte(captures: Path) -> None:
     assert main * 4746 / 100 + solution * 190 / 4 == sum(len(frame) for frame, _ in found)
 
 
-# -- the twin ----------------------------------------------------------------------------------------------------------
+# -- the simulator -----------------------------------------------------------------------------------------------------
 
 
 def measured(product: str, pairs: list[Pair], seconds: int) -> tuple[list[Pair], int]:
-    """What a twin makes of a configuration, and the bytes that it sends in some seconds of it."""
+    """What a simulator makes of a configuration, and the bytes that it sends in some seconds of it."""
     device = XbusSimulator(product, measuring=True)
     device.advance(S // 10)
     device.receive(frames.build(0x30), S // 10)
@@ -136,11 +138,11 @@ def measured(product: str, pairs: list[Pair], seconds: int) -> tuple[list[Pair],
     return list(struct.iter_unpack(">HH", answer[head:-1])), len(data)
 
 
-SKY = 15  # satellites that the twin sees
+SKY = 15  # satellites that the simulator sees
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_the_twins_own_outputs_are_as_heavy_as_computed(product: str) -> None:
+def test_the_simulators_own_outputs_are_as_heavy_as_computed(product: str) -> None:
     pairs = list(PRODUCTS[product].output)
     pairs = [(identifier, 100 if rate < 0 else rate) for identifier, rate in pairs]
     used, length = measured(product, pairs, 1)
@@ -162,7 +164,7 @@ def configurations(draw: st.DrawFn) -> tuple[str, list[Pair]]:
 
 @given(configurations())
 def test_any_configuration_is_as_heavy_as_computed(case: tuple[str, list[Pair]]) -> None:
-    """A second of the twin, against the load of the wish, and against that of the rates that it then reports."""
+    """A second of the simulator, against the load of the wish, and against that of the rates that it then reports."""
     product, pairs = case
     used, length = measured(product, pairs or [(0, 0)], 1)
     assert length == load_of(pairs, product) == load_of(used, product)
@@ -181,14 +183,12 @@ def test_parts_make_up_the_total_and_name_their_place(case: tuple[str, list[Pair
 
 
 @given(configurations(), st.floats(0.05, 1.2))
-def test_what_fits_is_within_the_capacity_and_lowers_to_rates_that_there_are(
-    case: tuple[str, list[Pair]], share: float
-) -> None:
+def test_fitted_rates_are_valid_and_within_the_capacity(case: tuple[str, list[Pair]], share: float) -> None:
     product, pairs = case
     model = PRODUCTS[product].model
     known = DeviceContext(product=product)
     capacity = share * load_of(pairs, product)
-    fitted = DRIVER.fit(wished(pairs), capacity, known)
+    fitted = DRIVER.fit_rates(wished(pairs), capacity, known)
     now = [(entry["data_identifier"], entry["output_frequency"]) for entry in fitted["OutputConfiguration"]["outputs"]]
     assert [identifier for identifier, _ in now] == [identifier for identifier, _ in pairs]
     for (identifier, before), (_, after) in zip(pairs, now, strict=True):
@@ -201,22 +201,22 @@ def test_what_fits_is_within_the_capacity_and_lowers_to_rates_that_there_are(
     assert DRIVER.load(fitted, known).total <= max(capacity, load_of(least, product))
 
 
-def test_what_fits_already_is_left_as_it_is() -> None:
+def test_a_configuration_that_fits_is_unchanged() -> None:
     pairs = [(0x2010, 100), (0x4020, 400)]
-    assert DRIVER.fit(wished(pairs), 1e6, DeviceContext(product="MTi-630")) == wished(pairs)
+    assert DRIVER.fit_rates(wished(pairs), 1e6, DeviceContext(product="MTi-630")) == wished(pairs)
 
 
 def test_the_fastest_are_lowered_first() -> None:
     """Everything at 400 Hz on 115 200 Bd: what is fast comes down to a common rate, what is slow stays."""
     pairs = [(0x1020, ALWAYS), (0x2010, 400), (0x4020, 400), (0x8020, 400), (0xC020, 100), (0x3010, 50)]
-    fitted = DRIVER.fit(wished(pairs), 11_520, DeviceContext(product="MTi-630"))["OutputConfiguration"]["outputs"]
+    fitted = DRIVER.fit_rates(wished(pairs), 11_520, DeviceContext(product="MTi-630"))["OutputConfiguration"]["outputs"]
     assert [entry["output_frequency"] for entry in fitted] == [ALWAYS, 100, 100, 100, 100, 50]
 
 
 # -- limits and sentences ----------------------------------------------------------------------------------------------
 
 
-def test_limits_that_are_broken_are_said() -> None:
+def test_exceeded_limits_are_reported() -> None:
     load = DRIVER.load(wished([(0x5031, 10)]), DeviceContext(product="MTi-680G"))
     assert any("fixed-point" in limit for limit in load.limits)
     load = DRIVER.load(wished([(0x4020, 1)] * 33), DeviceContext(product="MTi-680G"))
@@ -261,5 +261,5 @@ def test_high_rate_items_of_the_1_series_weigh_what_their_hardware_sends(
     settings = {"OutputConfiguration": outputs, "HardwareVersion": hardware}
     known = DeviceContext(product="MTi-3")
     assert DRIVER.load(settings, known).total == hertz * (4 + 3 + 12 + 1)
-    chosen = DRIVER.fit(settings, 0.6 * hertz * 20, known)["OutputConfiguration"]["outputs"]
+    chosen = DRIVER.fit_rates(settings, 0.6 * hertz * 20, known)["OutputConfiguration"]["outputs"]
     assert chosen[0]["output_frequency"] == hertz // 2

@@ -1,4 +1,4 @@
-"""Does every frame of the device captures decode to what the vendor's reader returned, line by line?"""
+"""Every frame of the device captures decodes to the values of the vendor's reader, line by line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is every command of the document in the tables, with its products and ranges, and does each make the right bytes?"""
+"""Every documented command is in the tables, with products and ranges, and encodes to the right bytes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_product_has_the_commands_that_the_document_marks(number: int) -> None
 
 @pytest.mark.parametrize("identifier", PRODUCTS["outputs"])
 def test_an_output_has_the_products_that_the_document_marks(identifier: str) -> None:
-    assert sorted(OUTPUTS[int(identifier, 16)].on) == sorted(PRODUCTS["outputs"][identifier])
+    assert sorted(OUTPUTS[int(identifier, 16)].products) == sorted(PRODUCTS["outputs"][identifier])
 
 
 def test_no_output_is_made_up() -> None:
@@ -73,7 +73,7 @@ def test_rows_are_complete(name: str) -> None:
         assert row.consequence == "" or row.consequence.endswith(".")
 
 
-def test_what_can_do_harm_names_it() -> None:
+def test_harmful_commands_name_the_harm() -> None:
     dangerous = {row.message for row in commands.rows(None).values() if row.caution}
     assert dangerous >= {
         *("RestoreFactoryDef", "SetBaudrate", "Reset", "SetNoRotation", "SetPortConfig", "SetCanConfig"),
@@ -225,14 +225,14 @@ def test_an_alignment_is_two_settings() -> None:
 
 
 def test_every_command_of_every_product_is_a_frame_and_back() -> None:
-    """inspect names it, compose makes it again, and its spans cover it."""
+    """Inspect names it, compose makes it again, and its spans cover it."""
     for name, command in SWEEP:
         known = KNOWN.get(name, UNKNOWN)
         frame = DRIVER.frame(command.name, sensible(command, known), known)
         told = frame_to_json(frame)
         assert told["message"] == command.name.split(" (")[0].split(".")[0], (name, command.name)
         assert frame_from_json(told) == frame, (name, command.name)
-        spans = DRIVER.spans(frame)
+        spans = DRIVER.annotate(frame)
         assert [span.offset for span in spans] == [sum(s.size for s in spans[:k]) for k in range(len(spans))]
         assert sum(span.size for span in spans) == len(frame)
         assert all(span.size > 0 and span.label for span in spans)
@@ -240,14 +240,14 @@ def test_every_command_of_every_product_is_a_frame_and_back() -> None:
 
 @given(st.binary(max_size=60))
 def test_spans_cover_whatever_there_is(data: bytes) -> None:
-    spans = DRIVER.spans(data)
+    spans = DRIVER.annotate(data)
     assert sum(span.size for span in spans) == len(data)
     assert DRIVER.name_of(data)
 
 
 def test_spans_cover_every_vector() -> None:
     for frame in everything():
-        spans = DRIVER.spans(frame)
+        spans = DRIVER.annotate(frame)
         assert sum(span.size for span in spans) == len(frame)
         assert all(a.offset + a.size == b.offset for a, b in itertools.pairwise(spans))
 
@@ -255,7 +255,7 @@ def test_spans_cover_every_vector() -> None:
 def test_the_bytes_of_an_output_configuration_are_named_as_in_the_form() -> None:
     values = {"outputs": [{"data_identifier": 0x1020, "output_frequency": 0xFFFF}]}
     values["outputs"].append({"data_identifier": 0x2016, "output_frequency": 400})
-    spans = DRIVER.spans(DRIVER.frame("SetOutputConfiguration", values, KNOWN["MTi-630"]))
+    spans = DRIVER.annotate(DRIVER.frame("SetOutputConfiguration", values, KNOWN["MTi-630"]))
     assert [(span.path, span.label) for span in spans if span.path.startswith("outputs.1")] == [
         ("outputs.1.data_identifier", "Quaternion, Fp16.32, NED"),
         ("outputs.1.output_frequency", "output_frequency: 400 Hz"),

@@ -1,4 +1,4 @@
-"""What a change does to the line, how a device is found again after it, and what the factory had set."""
+"""Effects of a change on the link, rediscovery of the device, and factory settings."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import pytest
 
 from protocols.transactions import DeviceContext, Transaction, Values
 from protocols.xbus.simulator.settings import PRODUCTS
-from tests.protocols.xbus_simulators import CHANGES, Between, Deaf, known_of, names, phase, wire
+from tests.protocols.xbus_simulators import CHANGES, Between, DeafXbusDevice, known_of, names, phase, wire
 from tests.protocols.xbus_values import DRIVER
-from tests.transaction_player import Wire, play
+from tests.transaction_player import PlayedWire, play
 
 # -- the line ----------------------------------------------------------------------------------------------------------
 
@@ -26,18 +26,18 @@ def test_a_new_rate_acts_after_the_restart_and_the_device_is_found_there(product
     play(DRIVER.store_and_restart(known), line)
     assert names(line)[-1] == "Reset"
     line.relink(921_600)
-    assert play(DRIVER.alive(known), line)
+    assert play(DRIVER.is_alive(known), line)
     line.relink(115_200)
-    assert not play(DRIVER.alive(known), line)
+    assert not play(DRIVER.is_alive(known), line)
 
 
 def test_a_device_that_sends_nothing_is_alive_all_the_same() -> None:
     line = wire()
     known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.write("OutputConfiguration", {"outputs": []}, known), known), line)
-    assert play(DRIVER.alive(known), line)
+    assert play(DRIVER.is_alive(known), line)
     assert phase(line) == "measurement"
-    assert not play(DRIVER.alive(known), Wire(Deaf(), "xbus"))
+    assert not play(DRIVER.is_alive(known), PlayedWire(DeafXbusDevice(), "xbus"))
 
 
 class Switched(Between):
@@ -60,16 +60,16 @@ class Switched(Between):
         return self.device.advance(now_ns)
 
 
-def test_communication_is_restored_while_somebody_switches_the_power() -> None:
-    line = Wire(Switched(), "xbus", 230_400, step_ns=300_000)
+def test_communication_is_restored_during_a_power_cycle() -> None:
+    line = PlayedWire(Switched(), "xbus", 230_400, step_ns=300_000)
     assert play(DRIVER.restore_communication(DeviceContext()), line)
     assert line.baud == 115_200
     assert "WakeUpAck" in names(line)
-    assert play(DRIVER.alive(DeviceContext()), line)
+    assert play(DRIVER.is_alive(DeviceContext()), line)
 
 
-def test_a_restore_that_nobody_helps_ends() -> None:
-    line = Wire(Deaf(), "xbus", step_ns=1_000_000_000)
+def test_a_restore_without_a_power_cycle_ends() -> None:
+    line = PlayedWire(DeafXbusDevice(), "xbus", step_ns=1_000_000_000)
     assert not play(DRIVER.restore_communication(DeviceContext()), line)
     assert line.now_ns == pytest.approx(60e9, rel=0.01)
 
@@ -108,7 +108,7 @@ LINE_CHANGES: list[tuple[str, str, Values | None, Values, str | None]] = [
 
 
 @pytest.mark.parametrize(("product", "setting", "old", "new", "kind"), LINE_CHANGES)
-def test_what_could_cut_the_line_is_known_before_it_is_written(
+def test_changes_that_could_cut_the_line_are_known_before_writing(
     product: str, setting: str, old: Values | None, new: Values, kind: str | None
 ) -> None:
     change = DRIVER.line_change(setting, old, new, DeviceContext(product=product, baud=115_200))
@@ -116,7 +116,7 @@ def test_what_could_cut_the_line_is_known_before_it_is_written(
     assert change is None or change.words.endswith(".")
 
 
-def test_a_change_of_one_of_two_ports_tells_both_rates_at_which_the_device_may_be() -> None:
+def test_a_change_of_one_of_two_ports_gives_both_possible_rates() -> None:
     known = DeviceContext(product="MTi-630", baud=115_200)
     both = {"words": [0x10002, 0x10002, 0]}
     change = DRIVER.line_change("PortConfig", both, {"words": [0x10002, 0x1000A, 0]}, known)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from protocols.registry import PROTOCOLS, detect, warm_up
+from protocols.registry import detect
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import MAX_ACCEPTED, build
 
@@ -74,7 +74,7 @@ def test_a_reply_in_the_middle_counts_from_there() -> None:
     assert times[0] == times[1] == [86_399_999_000_000, 86_400_000_000_000]
 
 
-def test_coarse_and_utc_where_there_is_no_fine() -> None:
+def test_coarse_and_utc_without_fine() -> None:
     (coarse,) = decode(sample(0, coarse=5174) + sample(1, coarse=5175))
     assert coarse.message.time == "SampleTimeCoarse"  # type: ignore[union-attr]
     assert coarse.time_ns.tolist() == [5174 * 10**9, 5175 * 10**9]  # type: ignore[union-attr]
@@ -105,7 +105,7 @@ def test_gaps_are_counted_over_all_layouts() -> None:
     assert (gap.missing, gap.counter, gap.time_ns) == (3, "PacketCounter", 4_000_000)
 
 
-def test_restart_is_no_gap() -> None:
+def test_restart_is_not_a_gap() -> None:
     assert not of(decode(sample(40_000) + sample(0) + sample(1)), SampleGap)
 
 
@@ -134,7 +134,7 @@ def test_impossible_length_does_not_wait() -> None:
     assert [type(event) for event in events] == [RejectedFrame, Batch]
 
 
-def test_frames_of_nobody_are_skipped() -> None:
+def test_frames_of_unknown_senders_are_skipped() -> None:
     """BID and MID both 0: no frame, although it checksums."""
     (reject,) = of(decode(build(0, b"", bid=0), sample(1)), RejectedFrame)
     assert reject.reason == "bad_id"  # type: ignore[attr-defined]
@@ -231,15 +231,10 @@ def test_guess() -> None:
     frames = b"".join(sample(i) for i in range(50))
     (best, *_) = detect(frames[5:300])
     assert (best.protocol, best.score) == ("xbus", 1.0) or best.score > 0.9
-    assert "Xbus frames (MTData2)" in best.why
+    assert "Xbus frames (MTData2)" in best.reason
     assert detect(SENTENCE * 10)[0].score == pytest.approx(0.5)
     assert detect(bytes(500))[0].score == 0
     assert detect(b"")[0].score == 0
-
-
-def test_warm() -> None:
-    assert set(warm_up()) == set(PROTOCOLS)
-    assert all(warm_up().values())
 
 
 # -- GNSS messages without a fix ---------------------------------------------------------------------------------------

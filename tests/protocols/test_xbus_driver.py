@@ -1,4 +1,4 @@
-"""Do the dialogues bring an MTi to where they should, and back, whatever it does? Played against the twin."""
+"""Transactions bring an MTi to the requested state and back, whatever it does. Played against the simulator."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from protocols.xbus.products import MODELS
 from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.faults import FaultInjection
 from protocols.xbus.simulator.settings import PRODUCTS
-from tests.protocols.xbus_simulators import CHANGES, Between, Deaf, known_of, names, phase, wire
+from tests.protocols.xbus_simulators import CHANGES, Between, DeafXbusDevice, known_of, names, phase, wire
 from tests.protocols.xbus_values import DRIVER, sensible
-from tests.transaction_player import Wire, play
+from tests.transaction_player import PlayedWire, play
 
 # -- reading and writing -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_a_device_tells_who_it_is_and_goes_on_measuring(product: str) -> None:
+def test_a_device_is_identified_and_continues_measuring(product: str) -> None:
     line = wire(product)
     known = known_of(line)
     assert known.product.startswith(product)
@@ -116,7 +116,7 @@ def test_no_outputs_and_no_sync_settings_are_written_and_read_as_empty_lists() -
         assert written.got == {name: []}
 
 
-def test_a_refusal_is_told_in_the_documents_words_and_the_device_measures_again() -> None:
+def test_a_refusal_has_the_documents_words_and_the_device_measures_again() -> None:
     line = wire()
     known = known_of(line)
     written = play(DRIVER.within(DRIVER.write("FilterProfile", {"profile": "Nonsense"}, known), known), line)
@@ -180,7 +180,7 @@ def test_a_command_says_in_which_state_it_runs() -> None:
         assert dialogue.state == state
 
 
-def alignments(line: Wire, known: DeviceContext) -> tuple[Values, Values]:
+def alignments(line: PlayedWire, known: DeviceContext) -> tuple[Values, Values]:
     """What is stored: the rotation of the sensor, that of the local frame."""
 
     def body() -> Transaction[tuple[Values, Values]]:
@@ -205,7 +205,7 @@ def test_an_orientation_reset_that_is_not_stored_is_discarded_when_measuring_beg
 @pytest.mark.parametrize("stubborn", [False, True])
 def test_an_orientation_reset_is_stored_by_the_code_that_stores_it(stubborn: bool) -> None:
     """Nothing comes between the two, not even the Reset of a device that is deaf to GoToConfig."""
-    line = wire(seconds=5.0, measuring=True, moods=FaultInjection(stubborn=stubborn))
+    line = wire(seconds=5.0, measuring=True, moods=FaultInjection(ignores_goto_config=stubborn))
     known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 4}, known), known), line)
     store = DRIVER.within(DRIVER.run("ResetOrientation", {"code": 0}, known), known)
@@ -232,7 +232,7 @@ def test_an_orientation_is_reset_and_stored_in_one_action() -> None:
     assert local == UNITY
 
 
-def test_a_command_for_measuring_does_not_tell_a_device_to_measure_that_streams() -> None:
+def test_a_measuring_command_sends_no_gotomeasurement_to_a_streaming_device() -> None:
     """It is an error to it, and stood in the log before every such command."""
     line = wire()
     known = known_of(line)
@@ -241,14 +241,14 @@ def test_a_command_for_measuring_does_not_tell_a_device_to_measure_that_streams(
     assert names(line) == ["SetNoRotation"]
 
 
-def test_a_reading_that_fails_on_its_way_tells_the_device_to_measure_again_and_of_its_restart() -> None:
+def test_a_failed_reading_restores_measurement_and_reports_the_restart() -> None:
     """All answers were lost; the device had heard GoToConfig, and stayed silent for ever."""
 
     class Unheard(Between):
         def spoil(self, answer: bytes, now_ns: int) -> bytes:
             return b""
 
-    line = Wire(Unheard(), "xbus")
+    line = PlayedWire(Unheard(), "xbus")
     line.pass_time(1)
     with pytest.raises(NoReplyError, match="after a Reset"):
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
@@ -279,7 +279,7 @@ def test_a_period_longer_than_ten_milliseconds_is_made_of_skips() -> None:
         DRIVER.setting_frames("Period", {"period": 2000}, known)
 
 
-def test_a_serial_number_of_64_bits_is_one_whichever_message_tells_it() -> None:
+def test_a_serial_number_of_64_bits_is_the_same_in_every_message() -> None:
     """Configuration has the low word first: before and after a reading one device was two."""
     line = wire("MTi-680G", serial=0x80AB_CDEF)
     line.device.receive(frames.build(0x30), line.now_ns)
@@ -293,12 +293,12 @@ def test_a_serial_number_of_64_bits_is_one_whichever_message_tells_it() -> None:
     assert DRIVER.formerly("03880001") == ()
 
 
-def test_what_may_not_be_done_twice_is_asked_once() -> None:
+def test_unrepeatable_commands_are_sent_once() -> None:
     """A second AdjustUTCTime after a lost acknowledgement would move the clock twice."""
-    line = Wire(Deaf(), "xbus")
+    line = PlayedWire(DeafXbusDevice(), "xbus")
     with pytest.raises(NoReplyError) as silent:
         play(DRIVER.run("AdjustUTCTime", {"correction": 5}, DeviceContext()), line)
-    assert silent.value.tries == 1
+    assert silent.value.attempts == 1
     assert names(line) == ["AdjustUTCTime"]
 
 
@@ -306,7 +306,7 @@ def test_what_may_not_be_done_twice_is_asked_once() -> None:
 
 
 def test_a_stubborn_device_is_reset_and_its_wake_up_answered() -> None:
-    line = wire(moods=FaultInjection(stubborn=True))
+    line = wire(moods=FaultInjection(ignores_goto_config=True))
     known = DeviceContext(product="MTi-630")
     assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
     sent = names(line)
@@ -318,26 +318,26 @@ def test_a_stubborn_device_is_reset_and_its_wake_up_answered() -> None:
 
 
 def test_a_device_that_is_just_starting_is_kept_in_config() -> None:
-    line = Wire(XbusSimulator(start_ns=50_000_000), "xbus")
+    line = PlayedWire(XbusSimulator(start_ns=50_000_000), "xbus")
     known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
     assert names(line)[:2] == ["GoToConfig", "WakeUpAck"]
 
 
-def test_silence_is_told_with_what_was_asked_and_how_often() -> None:
-    line = Wire(Deaf(), "xbus")
+def test_silence_is_reported_with_request_and_attempts() -> None:
+    line = PlayedWire(DeafXbusDevice(), "xbus")
     with pytest.raises(NoReplyError, match="No answer to GoToConfig") as silent:
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
-    assert silent.value.tries == 45
+    assert silent.value.attempts == 45
     assert line.now_ns == pytest.approx(4.5e9 + 3 * 0.5e9, rel=0.01)
 
 
-def test_an_answer_that_is_lost_is_asked_for_again() -> None:
+def test_a_lost_answer_is_requested_again() -> None:
     class Lossy(Between):
         def spoil(self, answer: bytes, now_ns: int) -> bytes:
             return b"" if self.answers % 2 else answer
 
-    line = Wire(Lossy(), "xbus")
+    line = PlayedWire(Lossy(), "xbus")
     line.pass_time(1)
     known = DeviceContext(product="MTi-630")
     written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
@@ -354,7 +354,7 @@ def test_a_late_acknowledgement_of_a_set_is_not_taken_for_values() -> None:
             late, self.held = self.held, answer
             return late
 
-    line = Wire(Late(), "xbus")
+    line = PlayedWire(Late(), "xbus")
     line.pass_time(1)
     known = DeviceContext(product="MTi-630")
     line.device.receive(frames.build(0x30), line.now_ns)
@@ -362,12 +362,12 @@ def test_a_late_acknowledgement_of_a_set_is_not_taken_for_values() -> None:
     assert written.got == {"location_id": 7}
 
 
-def test_a_device_that_stops_answering_is_told_of_and_left_measuring_where_it_hears() -> None:
+def test_a_device_that_stops_answering_is_reported_and_left_measuring() -> None:
     class Mute(Between):
         def spoil(self, answer: bytes, now_ns: int) -> bytes:
             return b"" if b"\xfa\xff\x85" in answer else answer
 
-    line = Wire(Mute(), "xbus")
+    line = PlayedWire(Mute(), "xbus")
     line.pass_time(1)
     known = DeviceContext(product="MTi-630")
     with pytest.raises(NoReplyError, match="ReqLocationID"):
@@ -375,7 +375,7 @@ def test_a_device_that_stops_answering_is_told_of_and_left_measuring_where_it_he
     assert names(line)[-1] == "GoToMeasurement"
 
 
-def test_a_stopped_dialogue_still_tells_the_device_to_measure() -> None:
+def test_a_stopped_transaction_still_restores_measurement() -> None:
     """The browser has gone, the job is stopped: what remains to be written is GoToMeasurement."""
     line = wire()
     known = DeviceContext(product="MTi-630")
@@ -400,15 +400,15 @@ def test_an_error_of_the_device_has_its_detail() -> None:
         def spoil(self, answer: bytes, now_ns: int) -> bytes:
             return frames.build(0x42, struct.pack(">BI", 40, 6))
 
-    line = Wire(Broken(), "xbus")
+    line = PlayedWire(Broken(), "xbus")
     with pytest.raises(DeviceRejectedError, match="DSP crashed") as refused:
         play(DRIVER.run("ReqDID", {}, DeviceContext()), line)
     assert refused.value.code == 40
 
 
-def test_answers_that_get_lost_or_say_something_else_are_asked_for_again() -> None:
-    """Three tries each: with one answer in five lost and one in ten another, a few hundred exchanges go through."""
-    line = wire(moods=FaultInjection(mute=0.2, wrong=0.1), seed=5)
+def test_lost_or_unrelated_answers_are_requested_again() -> None:
+    """Three attempts each: with one answer in five lost and one in ten another, a few hundred exchanges go through."""
+    line = wire(moods=FaultInjection(drop_share=0.2, corrupt_share=0.1), seed=5)
     known = DeviceContext(product="MTi-630")
     done = failed = 0
     for number in range(60):
@@ -433,7 +433,7 @@ def test_answers_that_are_late_are_still_the_right_ones() -> None:
 
 
 def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> None:
-    line = wire(moods=FaultInjection(cut=1))
+    line = wire(moods=FaultInjection(power_cut_at=1))
     known = DeviceContext(product="MTi-630")
     written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
     assert written.refused == "the device restarted before it answered"

@@ -1,4 +1,4 @@
-"""Is a value that may not be sent refused where it stands, and does one that may come back as it was given?"""
+"""Values out of range are refused at their field; values in range read back unchanged."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def test_values_that_do_not_go_together_are_refused(command: str, values: Any, p
     assert refused.value.path == path
 
 
-def test_what_a_product_lacks_is_said_by_name() -> None:
+def test_missing_features_of_a_product_are_named() -> None:
     with pytest.raises(EncodeError, match="MTi-630 has no command 'ForwardGnssData'"):
         DRIVER.frame("ForwardGnssData", {"data": "d3"}, KNOWN["MTi-630"])
     with pytest.raises(EncodeError, match="no setting 'Period'"):

@@ -1,5 +1,5 @@
-"""Does the twin say what an MTi would say? Everything it sends is read back by the decoder, everything it is told is
-answered as sections 4 and 5 of MT0101P 2020.A have it, and what it measures is the drive.
+"""The simulated MTi behaves as an MTi. Everything it sends is read back by the decoder, everything it is told
+is answered as sections 4 and 5 of MT0101P 2020.A have it, and what it measures is the drive.
 """
 
 from __future__ import annotations
@@ -12,63 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.events import ClockStep, Event, RejectedFrame, Reply, SampleGap, batches
+from protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, batches
 from protocols.simulator import trajectory
-from protocols.xbus import frames
 from protocols.xbus.data_identifiers import item
-from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, accepted_rates, max_rate, output_of
 from protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusSimulator
 from protocols.xbus.simulator.settings import PRODUCTS
-
-S = 10**9
-
-
-def run(device: XbusSimulator, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
-    """Everything that the device sends in some seconds."""
-    times = range(int(begin * S), int((begin + seconds) * S) + 1, tick_ns)
-    return b"".join(device.advance(now) for now in times)
-
-
-def decode(data: bytes) -> list[Event]:
-    decoder = XbusDecoder()
-    decoder.feed(data, 0)
-    return decoder.drain(stalled=True)
-
-
-def replies(data: bytes) -> list[tuple[int, bytes]]:
-    """Message number and payload of all frames but MTData2."""
-    found, at = [], 0
-    while at < len(data):
-        head = 6 if data[at + 3] == 0xFF else 4
-        size = data[at + 3] if head == 4 else struct.unpack_from(">H", data, at + 4)[0]
-        assert sum(data[at + 1 : at + head + size + 1]) & 0xFF == 0
-        if data[at + 2] != frames.MTDATA2:
-            found.append((data[at + 2], data[at + head : at + head + size]))
-        at += head + size + 1
-    return found
-
-
-def column(events: list[Event], name: str) -> np.ndarray[Any, Any]:
-    """One item of all batches, in stream order."""
-    holding = [batch for batch in batches(events) if name in batch.columns]
-    values = np.concatenate([batch.columns[name] for batch in holding])
-    return values[np.argsort(np.concatenate([batch.offset for batch in holding]), kind="stable")]
-
-
-def ask(device: XbusSimulator, mid: int, payload: bytes = b"", now: int = 2 * S) -> tuple[int, bytes]:
-    """Send one message; the one answer."""
-    answers = replies(device.receive(frames.build(mid, payload), now))
-    assert len(answers) == 1, answers
-    return answers[0]
-
-
-def in_config(product: str = "MTi-630", **options: Any) -> XbusSimulator:
-    device = XbusSimulator(product, **options)
-    run(device, 1)
-    assert ask(device, 0x30, now=1 * S) == (0x31, b"")
-    return device
-
+from tests.protocols.xbus_simulation import S, ask, column, decode, in_config, replies, run
 
 # -- what it sends -----------------------------------------------------------------------------------------------------
 
@@ -88,7 +38,7 @@ def test_every_product_sends_its_configuration(product: str) -> None:
 
 @pytest.mark.parametrize("identifier", [i | p | c for i in OUTPUTS for p in range(4) for c in (0, 4, 8)])
 def test_every_item_in_every_form_is_what_the_decoder_expects(identifier: int) -> None:
-    device = in_config("MTi-680G" if 680 in OUTPUTS[identifier & 0xFFF0].on else "MTi-G-710", seed=3)
+    device = in_config("MTi-680G" if 680 in OUTPUTS[identifier & 0xFFF0].products else "MTi-G-710", seed=3)
     output = output_of(identifier, device.product.model)
     if output is None:
         assert ask(device, 0xC0, struct.pack(">HH", identifier, 10)) == (0x42, b"\x21")
@@ -130,12 +80,12 @@ def test_items_come_in_the_messages_in_which_they_are_due() -> None:
 @pytest.mark.parametrize(
     ("wish", "rate"), [(0, 400), (0xFFFF, 400), (1000, 400), (400, 400), (399, 200), (150, 100), (3, 2)]
 )
-def test_a_wish_becomes_a_rate_that_divides(wish: int, rate: int) -> None:
+def test_a_requested_rate_becomes_one_that_divides(wish: int, rate: int) -> None:
     assert accepted_rates(wish, 400) == rate
 
 
 def test_it_measures_the_drive() -> None:
-    """Within the errors of a good sensor: the twin adds noise and bias, no more."""
+    """Within the errors of a good sensor: the simulator adds noise and bias, no more."""
     events = decode(run(XbusSimulator(seed=2, rate=400), 60))
     times = column(events, "SampleTimeFine") * 1e-4
     truth = trajectory.vehicle_motion(times)
@@ -161,7 +111,7 @@ def attitude(identifier: int) -> np.ndarray[Any, Any]:
     return trajectory.matrix(column(decode(run(device, 1, begin=2)), "Quaternion"))
 
 
-def test_the_pothole_clips_and_says_so() -> None:
+def test_the_pothole_clips_and_sets_the_flag() -> None:
     events = decode(run(XbusSimulator(rate=400), 54, tick_ns=S // 20))
     status, force = column(events, "StatusWord").astype(np.int64), column(events, "Acceleration")
     clipped = (status >> 10 & 1) == 1
@@ -275,7 +225,7 @@ def test_config_and_back() -> None:
     assert len(device.advance(10 * S)) > 5000
 
 
-def test_reset_begins_anew_and_the_new_baud_rate_acts() -> None:
+def test_reset_starts_over_and_applies_the_new_baud_rate() -> None:
     device = in_config()
     assert ask(device, 0x18) == (0x19, b"\x02")
     assert ask(device, 0x18, b"\x80") == (0x19, b"")

@@ -1,4 +1,4 @@
-"""Does the decoder agree with the vendor's own, and is every row of every table covered?"""
+"""Agreement of the Xbus decoder with the vendor's, and coverage of the tables."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def test_computed_items(vector: dict[str, Any]) -> None:
 
 # -- messages ----------------------------------------------------------------------------------------------------------
 
-TWINS = {"ReqOutputConfigurationAck": "SetOutputConfigurationAck", "SetCanOutputConfigAck": "CanOutputConfig"}
+SIMULATORS = {"ReqOutputConfigurationAck": "SetOutputConfigurationAck", "SetCanOutputConfigAck": "CanOutputConfig"}
 ARGUMENTS = {  # the vectors' words for a field, where they differ
     "rev": "revision", "scm": "scm_reference", "bits": "flags", "code": ("code", "baudrate_code"), "set": "set_flags",
     "clear": "clear_flags", "id": "location_id", "ticks": ("delay", "correction"), "seconds": "duration",
@@ -208,7 +208,7 @@ def expected_record(entry: Any, record: dict[str, int]) -> dict[str, int]:
 def test_computed_messages(vector: dict[str, Any]) -> None:
     data = frame(vector)
     record = frame_to_json(data)
-    assert record["message"] == TWINS.get(vector["message"], vector["message"])
+    assert record["message"] == SIMULATORS.get(vector["message"], vector["message"])
     assert record["fields"] == vector["fields"]
     assert frame_from_json(record) == data
 

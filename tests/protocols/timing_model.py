@@ -1,4 +1,4 @@
-"""When does a frame arrive whose device, line, adapter and host are known to the nanosecond?
+"""Timing model: arrival of a frame whose device, line, adapter and host are known to the nanosecond.
 
 A simulator for tests of the clock mapping: it knows the truth, which no real link tells.
 
@@ -34,7 +34,7 @@ PACKET = 62  # bytes that an FTDI adapter hands over at once
 
 
 @dataclass(frozen=True)
-class Device:
+class ModelDevice:
     """What samples and when.
 
     Args:
@@ -80,7 +80,7 @@ class Way:
 
 
 @dataclass(frozen=True)
-class Stream:
+class ModelStream:
     """Frames in the order of the stream; `true` in ns after the epoch of the test, `arrival` in unix ns.
 
     `ends`, `came`: where what the host read at once ended in the stream, and when it did, unix ns.
@@ -104,7 +104,7 @@ class Stream:
         return pieces
 
 
-def stream(device: Device, way: Way, seconds: float, seed: int = 0) -> Stream:
+def stream(device: ModelDevice, way: Way, seconds: float, seed: int = 0) -> ModelStream:
     """What a device sends in so many seconds."""
     random = np.random.default_rng(seed)
     true, size = [], []
@@ -126,7 +126,7 @@ def stream(device: Device, way: Way, seconds: float, seed: int = 0) -> Stream:
     arrivals = came[np.searchsorted(ends, places)]
     kept = random.random(len(truth)) >= way.loss
     ends = np.interp(ends, np.append(0, places), np.append(0, np.cumsum(sizes * kept))).round().astype(np.int64)
-    return Stream(truth[kept], stamps[kept], arrivals[kept], sizes[kept], way.byte_ns, ends, came)
+    return ModelStream(truth[kept], stamps[kept], arrivals[kept], sizes[kept], way.byte_ns, ends, came)
 
 
 def _on_the_line(ready: Floats, takes: Floats) -> Floats:
@@ -181,13 +181,13 @@ def _to_the_host(packets: Floats, way: Way, random: np.random.Generator) -> Floa
     return np.asarray(np.maximum.accumulate(packets))
 
 
-def stepped(given: Stream, at_s: float, by_s: float) -> Stream:
+def stepped(given: ModelStream, at_s: float, by_s: float) -> ModelStream:
     """The device's clock moves by so much at that time."""
     device = given.device + np.where(given.true >= at_s * S, round(by_s * S), 0)
     return replace(given, device=device)
 
 
-def reset(given: Stream, at_s: float, away_s: float = 0.4) -> Stream:
+def reset(given: ModelStream, at_s: float, away_s: float = 0.4) -> ModelStream:
     """The device starts again: silent for a while, then its clock counts from zero."""
     kept = (given.true < at_s * S) | (given.true >= (at_s + away_s) * S)
     after = given.true[kept] >= at_s * S
@@ -197,14 +197,14 @@ def reset(given: Stream, at_s: float, away_s: float = 0.4) -> Stream:
     places = np.append(0, np.cumsum(given.size))
     ends = np.interp(given.ends, places, np.append(0, np.cumsum(given.size * kept))).round().astype(np.int64)
     arrival, size = given.arrival[kept], given.size[kept]
-    return Stream(given.true[kept], device, arrival, size, given.byte_ns, ends, given.came)
+    return ModelStream(given.true[kept], device, arrival, size, given.byte_ns, ends, given.came)
 
 
 # -- what a clock makes of it ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Mapped:
+class ModelMapping:
     """Per row, as first told: host time and ±, in ns; how often the mapping had begun anew by then."""
 
     host: Floats
@@ -213,8 +213,11 @@ class Mapped:
     clock: ClockSync
 
 
-def mapped(given: Stream, clock: ClockSync | None = None, *, drain_ms: float = 8) -> Mapped:
-    """Feed a clock as a session does: every some milliseconds, what has arrived of each message."""
+def mapped(given: ModelStream, clock: ClockSync | None = None, *, drain_ms: float = 100) -> ModelMapping:
+    """Feed a clock as a session does: every some milliseconds, what has arrived of each message.
+
+    Ten times a second, as while nobody looks; how often makes no difference that matters, which a test of its own says.
+    """
     clock = clock or ClockSync(given.byte_ns, pieces=given.pieces())
     ends = np.flatnonzero(np.diff(given.arrival // int(drain_ms * MS))) + 1
     host, bound, restarts = np.empty(len(given)), np.empty(len(given)), np.empty(len(given), np.int64)
@@ -225,18 +228,18 @@ def mapped(given: Stream, clock: ClockSync | None = None, *, drain_ms: float = 8
             which = first + np.flatnonzero(given.size[first:last] == size)
             rows.append(which)
             parts.append(TimedRows(given.device[which], given.arrival[which], offset[which], size, size))
-        for which, times in zip(rows, clock.times(parts), strict=True):
+        for which, times in zip(rows, clock.map_to_host(parts), strict=True):
             host[which] = (times - EPOCH_NS / S) * S
         bound[first:last], restarts[first:last] = clock.uncertainty_ns, clock.restarts
-    return Mapped(host, bound, restarts, clock)
+    return ModelMapping(host, bound, restarts, clock)
 
 
-def errors(given: Stream, told: Mapped) -> Floats:
+def errors(given: ModelStream, told: ModelMapping) -> Floats:
     """Mapped time against truth, ns."""
     return np.asarray(told.host - given.true)
 
 
-def settled(given: Stream, since_s: float = 10.0, begins: Sequence[float] = (0.0,)) -> NDArray[np.bool_]:
+def settled(given: ModelStream, since_s: float = 10.0, begins: Sequence[float] = (0.0,)) -> NDArray[np.bool_]:
     """Rows that come that long after each beginning (a start, a jump, a reset), and before the next."""
     keep = np.zeros(len(given), bool)
     for begin, over in zip(begins, [*begins[1:], np.inf], strict=True):

@@ -1,4 +1,4 @@
-"""What has a row, and what has a vector? Counted, for every table of every protocol.
+"""Coverage of table rows by vectors. Counted, for every table of every protocol.
 
 A group is one kind of row: `rows` says which there are, by the code's own tables; `met` says which of them vectors
 meet, and where each vector came from. What is met is read off the bytes (by the oracle, or by hand), not off a label.
@@ -32,8 +32,8 @@ from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import xbus as xbus_oracle
 from tests.protocols import idtp_vectors, isb_vectors, xbus_vectors
-from tests.protocols.test_nmea import EXAMPLES as SENTENCES
-from tests.protocols.test_strings import EM1000, TSS2
+from tests.protocols.nmea_sentences import EM1000, TSS2
+from tests.protocols.nmea_sentences import EXAMPLES as SENTENCES
 
 PROVENANCES = ("vendor", "spec-example", "device-capture", "computed")
 FOREIGN = json.loads((Path(__file__).parents[1] / "golden" / "foreign" / "computed.json").read_text())["messages"]
@@ -68,7 +68,7 @@ class Group:
 # -- Xbus --------------------------------------------------------------------------------------------------------------
 
 
-def _xbus_vectors() -> Iterator[tuple[xbus_oracle.Frame, str]]:
+def _xbus_vectors() -> Iterator[tuple[xbus_oracle.OracleXbusFrame, str]]:
     told = [(vector, _xbus_source(vector["source"])) for vector in (*xbus_vectors.DATA, *xbus_vectors.COMMANDS)]
     told += [(vector, "device-capture") for vector in xbus_vectors.DEVICE]
     told += [(vector, "computed") for name in ("messages", "items") for vector in xbus_vectors.COMPUTED[name]]
@@ -126,7 +126,7 @@ def _strings_met() -> Met:
 # -- ISB ---------------------------------------------------------------------------------------------------------------
 
 
-def _isb_vectors() -> Iterator[tuple[isb_oracle.Packet, str]]:
+def _isb_vectors() -> Iterator[tuple[isb_oracle.OracleIsbPacket, str]]:
     told = [(vector, "vendor") for vector in (*isb_vectors.DATA, *isb_vectors.COMMANDS)]
     told += [(vector, vector["source"]) for vector in (*isb_vectors.COMPUTED, *isb_vectors.FORMS)]
     for vector, source in told:
@@ -134,7 +134,7 @@ def _isb_vectors() -> Iterator[tuple[isb_oracle.Packet, str]]:
             yield packet, source
 
 
-def _isb_data() -> Iterator[tuple[isb_oracle.Packet, str]]:
+def _isb_data() -> Iterator[tuple[isb_oracle.OracleIsbPacket, str]]:
     return (row for row in _isb_vectors() if row[0].kind == 4 and not row[0].part)
 
 
@@ -147,7 +147,7 @@ def _older_rows() -> set[tuple[int, int]]:
 # -- IDTP --------------------------------------------------------------------------------------------------------------
 
 
-def _idtp_vectors() -> Iterator[tuple[idtp_oracle.Frame, str]]:
+def _idtp_vectors() -> Iterator[tuple[idtp_oracle.OracleIdtpFrame, str]]:
     told = [(vector, "vendor") for vector in idtp_vectors.VECTORS]
     told += [(vector, vector["source"]) for vector in idtp_vectors.COMPUTED]
     for vector, source in told:

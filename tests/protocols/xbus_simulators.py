@@ -1,4 +1,6 @@
-"""An MTi to hold dialogues with: a twin at the other end of a wire, one that is deaf, one whose answers are spoilt."""
+"""An MTi to hold dialogues with: a simulator at the other end of a wire, one that is deaf, one whose answers are
+spoilt.
+"""
 
 from __future__ import annotations
 
@@ -7,31 +9,31 @@ from typing import Any
 from protocols.transactions import DeviceContext, Values
 from protocols.xbus.simulator.device import XbusSimulator
 from tests.protocols.xbus_values import DRIVER
-from tests.transaction_player import Wire, play
+from tests.transaction_player import PlayedWire, play
 
 
-def wire(product: str = "MTi-630", *, seconds: float = 1.0, baud: int | None = None, **options: Any) -> Wire:
-    """A twin that has been on for a while."""
-    line = Wire(XbusSimulator(product, **options), "xbus", baud)
+def wire(product: str = "MTi-630", *, seconds: float = 1.0, baud: int | None = None, **options: Any) -> PlayedWire:
+    """A simulator that has been on for a while."""
+    line = PlayedWire(XbusSimulator(product, **options), "xbus", baud)
     line.pass_time(seconds)
     return line
 
 
-def phase(line: Wire) -> str:
+def phase(line: PlayedWire) -> str:
     assert isinstance(line.device, XbusSimulator)
     return line.device.phase
 
 
-def known_of(line: Wire) -> DeviceContext:
+def known_of(line: PlayedWire) -> DeviceContext:
     return play(DRIVER.identify(DeviceContext()), line)
 
 
-def names(line: Wire) -> list[str]:
+def names(line: PlayedWire) -> list[str]:
     """What was sent, by name."""
     return [DRIVER.name_of(send.frame) for send in line.sent]
 
 
-class Deaf:
+class DeafXbusDevice:
     """Says nothing, ever."""
 
     baud = 115_200
@@ -44,7 +46,7 @@ class Deaf:
 
 
 class Between:
-    """A twin whose answers something happens to."""
+    """A simulator whose answers something happens to."""
 
     def __init__(self, **options: Any) -> None:
         self.device = XbusSimulator(**options)

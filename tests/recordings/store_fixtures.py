@@ -28,12 +28,12 @@ ACCELERATION = channel(
 )
 COUNTER = channel(2, "1", "MTData2", "PacketCounter", "counter", [column("value", "u2")])
 TEMPERATURE = channel(3, "1", "MTData2", "Temperature", "scalar", [column("value", "f8", "°C")])
-SATELLITES = channel(4, "1", "MTData2", "GnssSatInfo", "rows", [column("svid", "u1"), column("cno", "u1", "dBHz")])
+SATELLITES = channel(4, "1", "MTData2", "GnssSatInfo", "table", [column("svid", "u1"), column("cno", "u1", "dBHz")])
 STATUS = channel(5, "2", "DID_INS_1", "DID_INS_1", "record", [column("insStatus", "u4"), column("big", "i8")])
 
 
 def store(folder: Path, n: int = 1000, rate: float = 100.0, devices: int = 2) -> ColumnStore:
-    """n samples of a fast message, every tenth with a temperature, satellites once a second, another device."""
+    """N samples of a fast message, every tenth with a temperature, satellites once a second, another device."""
     rng = np.random.default_rng(3)
     writer = ColumnStoreWriter(folder)
     infos = [ACCELERATION, COUNTER, TEMPERATURE, SATELLITES, STATUS][: 4 if devices == 1 else 5]

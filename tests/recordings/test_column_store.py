@@ -128,7 +128,7 @@ def test_wide_queries_read_little(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert 0 < read < 20_000 + 2 * 4096
 
 
-def test_a_whole_recording_is_looked_at_in_the_overview_alone(tmp_path: Path) -> None:
+def test_a_whole_recording_is_read_from_the_overview_alone(tmp_path: Path) -> None:
     """Else its first plot waits for a thousand places of a slow disk."""
     store = made(tmp_path / "a", rows(200_000))
     assert store.span() is not None
@@ -208,7 +208,7 @@ def test_a_thinned_stretch_is_rows_of_it(tmp_path: Path) -> None:
     assert len(store.thinned(7, key[100], key[200], 300)) == 101
 
 
-def test_what_is_written_can_be_read_before_it_is_finished_and_comes_out_the_same(tmp_path: Path) -> None:
+def test_an_unfinished_store_is_readable_and_the_result_is_the_same(tmp_path: Path) -> None:
     columns = rows(20_000)
     writer = ColumnStoreWriter(tmp_path / "a")
     writer.channel(7, SHAPE)

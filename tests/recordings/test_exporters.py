@@ -1,4 +1,4 @@
-"""What was exported reads back equal with others' readers; exactly the stretch; in little memory; or not at all."""
+"""Exports read back equal with other readers, cover exactly the requested range and use little memory."""
 
 from __future__ import annotations
 
@@ -240,9 +240,9 @@ def test_windows_part_no_moment_and_lose_no_row(tmp_path: Path) -> None:
     assert ends == {number: hi for number, (_, hi) in ranges.items()}
 
 
-def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_unwritable_exports_are_reported(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
-    with pytest.raises(ExportError, match="nothing in this stretch"):
+    with pytest.raises(ExportError, match="contains nothing to export"):
         export("csv", ExportRequest(columns, channels=()), tmp_path / "run.csv")
     with pytest.raises(ExportError, match="bytes"):
         export("mtb", ExportRequest(columns), tmp_path / "run.mtb")
@@ -250,7 +250,7 @@ def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
     assert by_suffix(".xlsx") is None
 
 
-def test_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
+def test_columns_with_the_same_name_get_unique_names(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     columns.manifest["channels"][1] = {**columns.manifest["channels"][1], "name": "Temperature"}
     table = tables(ExportRequest(columns, device="1"))[0]

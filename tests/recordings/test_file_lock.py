@@ -14,7 +14,7 @@ from recordings.compaction import ASIDE, compact, is_uncompacted
 from recordings.library import Library
 from recordings.mcap_writer import McapWriter, RecordingError
 from server.library.compaction_worker import left_behind
-from tests.recordings.test_mcap_writer import ABOUT, read
+from tests.recordings.mcap_files import ABOUT, read
 from tests.server_process import ROOT, tied
 
 HOLDER = """

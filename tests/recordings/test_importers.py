@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import shutil
 import struct
@@ -11,18 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from protocols.isb.logs import HEADER, MARKER
 from protocols.registry import PROTOCOLS
 from recordings.importers import open_file
-from recordings.inertial_sense_logs import HEADER, MARKER, log_name, parts_of
 from recordings.mcap_writer import RecordingError
 from recordings.sources import Source
+from recordings.vendor_logs import log_name, parts_of
 from tests.protocols.isb_vectors import leaves
+from tests.recordings.vendor_logs import LOGS, NAME, needs_logs
 
-LOGS = Path(__file__).parents[3] / "shared" / "vectors" / "isb" / "logs"
 CAPTURES = Path(__file__).parents[3] / "shared" / "captures" / "xbus"
-NAME = "LOG_SN60339_20261120_120000_0001"
 
-needs_logs = pytest.mark.skipif(not LOGS.exists(), reason="the vendor's logs are not beside this project")
 needs_captures = pytest.mark.skipif(not CAPTURES.exists(), reason="the device captures are not beside this project")
 
 
@@ -37,6 +37,12 @@ def lines_of(source: Source) -> list[dict[str, Any]]:
     return [line for line in found if line.get("protocol") == "isb"]
 
 
+@functools.cache
+def lines_of_log(suffix: str) -> list[dict[str, Any]]:
+    """Those of the vendor's log, which take seconds; nobody may change them."""
+    return lines_of(open_file(LOGS / f"{NAME}.{suffix}"))
+
+
 def listed(name: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (LOGS / name).read_text().splitlines()]
 
@@ -46,7 +52,7 @@ def listed(name: str) -> list[dict[str, Any]]:
 def test_the_vendors_logs_have_their_listed_values(suffix: str) -> None:
     source = open_file(LOGS / f"{NAME}.{suffix}")
     wanted = [line for line in listed(f"{suffix}.values.jsonl") if "did" in line]
-    found = lines_of(source)
+    found = lines_of_log(suffix)
     assert len(found) == len(wanted) > 1000
     for got, line in zip(found, wanted, strict=True):
         assert got["id"] == line["did"]
@@ -56,7 +62,7 @@ def test_the_vendors_logs_have_their_listed_values(suffix: str) -> None:
                 assert a == b or a == pytest.approx(b, rel=1e-7), (line["n"], name)
         assert want.keys() & have.keys()
     assert not source.damage
-    assert source.devices["1"].about["serial_number"] == "60339"
+    assert source.devices["1"].identity["serial_number"] == "60339"
 
 
 @needs_logs
@@ -109,8 +115,7 @@ def test_a_split_log_is_one(suffix: str, tmp_path: Path) -> None:
     files = parts_of(tmp_path / f"{NAME[:-4]}0002.{suffix}")
     assert [file.stem[-4:] for file in files] == ["0001", "0002"]
     again = lines_of(open_file(files[0]))
-    once = lines_of(open_file(LOGS / f"{NAME}.{suffix}"))
-    assert [line["fields"] for line in again] == [line["fields"] for line in once]
+    assert [line["fields"] for line in again] == [line["fields"] for line in lines_of_log(suffix)]
 
 
 @needs_logs
@@ -123,13 +128,26 @@ def test_old_headers_are_read(tmp_path: Path) -> None:
         data[at + 4 : at + 8] = b"\x01\x00U "
         at += HEADER.size + size
     (tmp_path / "a.dat").write_bytes(data)
-    assert len(lines_of(open_file(tmp_path / "a.dat"))) == len(lines_of(open_file(LOGS / f"{NAME}.dat")))
+    assert len(lines_of(open_file(tmp_path / "a.dat"))) == len(lines_of_log("dat"))
+
+
+@functools.cache
+def a_few_records() -> bytes:
+    """The first records of the vendor's log, a hundred in a chunk."""
+    records, at = (LOGS / f"{NAME}.dat").read_bytes(), HEADER.size
+    chunks = []
+    for _ in range(5):
+        begin = at
+        for _ in range(100):
+            at += 5 + int.from_bytes(records[at + 1 : at + 3], "little")  # number, size, offset, data
+        chunks.append(dat(records[begin:at]))
+    return b"".join(chunks)
 
 
 @needs_logs
 @pytest.mark.parametrize("seed", range(20))
 def test_a_damaged_log_is_read_around_its_damage(seed: int, tmp_path: Path) -> None:
-    data = bytearray((LOGS / f"{NAME}.dat").read_bytes())
+    data = bytearray(a_few_records())
     rng = np.random.default_rng(seed)
     for at in rng.integers(4, len(data), 3):
         data[at] ^= int(rng.integers(1, 256))
@@ -184,7 +202,7 @@ def test_an_mtb_file_is_xbus_whatever_it_begins_with(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "content"), [("a.bin", b""), ("a.bin", b"\x55" * 5000), ("a.txt", b"hello\n" * 50)])
-def test_what_is_nothing_is_told_in_a_sentence(name: str, content: bytes, tmp_path: Path) -> None:
+def test_unknown_files_are_reported(name: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError) as failed:
         open_file(tmp_path / name)

@@ -27,7 +27,7 @@ def recording(path: Path, title: str = "Yard loop", start: int = NS) -> Path:
     writer.device("1", {"protocol": "xbus", "name": "MTi-630", "serial_number": "0080A1B2"})
     for n in range(10):
         writer.chunk("1", "rx", bytes.fromhex("FAFF3E00C3"), start + n * 100_000_000)
-    writer.note("marker", "kerb", start)
+    writer.write_note("marker", "kerb", start)
     writer.close()
     return path
 
@@ -36,7 +36,7 @@ def ids(library: Library, search: str = "") -> list[str]:
     return [entry.id for entry in library.all(search) if entry.deleted is None]
 
 
-def test_what_lies_in_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
+def test_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
     recording(tmp_path / "old.mcap")
     compact(recording(tmp_path / "new.mcap", start=NS + 10**12))
     (tmp_path / "sub").mkdir()
@@ -84,7 +84,7 @@ def test_torn_and_damaged_files_are_listed_with_a_sentence(tmp_path: Path) -> No
     assert all(words.endswith(".") for words in found.values())
 
 
-def test_what_a_person_changes_is_kept_beside_the_file(tmp_path: Path) -> None:
+def test_user_changes_are_stored_beside_the_file(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
     before = path.read_bytes()
     Library(tmp_path).edit("a", Edits(title="New mast", tags=("yard", "höhe"), pinned=True))
@@ -102,7 +102,7 @@ def test_what_a_person_changes_is_kept_beside_the_file(tmp_path: Path) -> None:
     assert ids(Library(tmp_path), "new drone") == []
 
 
-def test_what_the_file_holds_counts_where_nothing_was_changed_beside_it(tmp_path: Path) -> None:
+def test_the_files_own_metadata_counts_without_a_sidecar(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
     edits = Edits(
         title="From elsewhere", tags=("x",), pinned=True, markers=(Marker(START, text="there", id=1_000_001),)
@@ -115,7 +115,7 @@ def test_what_the_file_holds_counts_where_nothing_was_changed_beside_it(tmp_path
     assert library.mark("a", Marker(START, text="more")).id == 1_000_002
 
 
-def test_a_damaged_file_beside_a_recording_is_told_and_keeps_it_pinned(tmp_path: Path) -> None:
+def test_a_damaged_sidecar_is_reported_and_keeps_the_recording_pinned(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
     library = Library(tmp_path)
     library.edit("a", Edits(title="Precious", pinned=True))
@@ -125,7 +125,7 @@ def test_a_damaged_file_beside_a_recording_is_told_and_keeps_it_pinned(tmp_path:
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "null", '{"size": 1}'])
-def test_a_damaged_index_is_found_out_anew(tmp_path: Path, text: str) -> None:
+def test_a_damaged_index_is_rebuilt(tmp_path: Path, text: str) -> None:
     path = recording(tmp_path / "a.mcap")
     stat = path.stat()
     whole = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, "started": "x", "duration": None, "damaged": ""}
@@ -152,7 +152,7 @@ def test_a_broken_file_beside_a_recording_changes_nothing(tmp_path: Path, text: 
     assert library.edit("a", Edits(title="Again")).title == "Again"
 
 
-def test_what_is_deleted_comes_back_with_all_that_belongs_to_it(tmp_path: Path) -> None:
+def test_a_deleted_recording_is_restored_with_all_its_files(tmp_path: Path) -> None:
     time = [START]
     recording(tmp_path / "a.mcap")
     library = Library(tmp_path, lambda: time[0])
@@ -207,7 +207,7 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
     recording(tmp_path / "a.mcap")
     library = Library(tmp_path)
     assert not library.get("a").indexed
-    library.learn("a", store(tmp_path / "store", devices=1))
+    library.index("a", store(tmp_path / "store", devices=1))
     entry = library.get("a")
     assert entry.indexed
     assert len(entry.thumbnail) == 64
@@ -226,7 +226,7 @@ def test_a_device_that_has_but_its_files_name_goes_by_the_new_one(tmp_path: Path
     library = Library(tmp_path)
     columns = store(tmp_path / "store", devices=1)
     columns.manifest["devices"][0]["name"] = "a.bin"
-    library.learn("a", columns)
+    library.index("a", columns)
     assert [device.name for device in library.get("a").peek.devices] == ["a.bin"]
     entry = library.rename("a", "battery pulled")
     assert entry.indexed
@@ -240,11 +240,11 @@ def test_an_upload_appears_when_it_is_whole_and_is_a_recording(tmp_path: Path) -
         path = library.incoming("../../etc/a.mcap")
         path.write_bytes(content)
         assert ids(library) == ["a"][: number - 1]
-        assert library.take(path).id == ["a", "a-2"][number - 1]
+        assert library.add_file(path).id == ["a", "a-2"][number - 1]
     path = library.incoming("b.mcap")
     path.write_bytes(b"hello\n" * 100)
     with pytest.raises(RecordingError):
-        library.take(path)
+        library.add_file(path)
     assert sorted(ids(library)) == ["a", "a-2"]
     assert list((library.folder / ".incoming").iterdir()) == []
 
@@ -263,7 +263,7 @@ def test_no_name_becomes_a_path(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["..", "../a", "a/../../a", "/etc/passwd", ".bin", "", "a\x00", "\ud800"])
-def test_an_id_from_outside_is_no_path(name: str, tmp_path: Path) -> None:
+def test_an_external_id_is_not_a_path(name: str, tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
     library = Library(tmp_path / "inside")
     library.folder.mkdir()

@@ -1,4 +1,4 @@
-"""What other programs recorded, written by their own libraries: ROS 2 bags, protobuf; the senseless does no harm."""
+"""MCAP files of other programs, written by their own libraries: ROS 2 bags, protobuf; the senseless does no harm."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_an_array_of_nothing_is_not_counted_to_four_thousand_million() -> None:
     assert reader_of(McapChannel(1, "/odd", "cdr", "a/msg/B", "ros2msg", text)) is None
 
 
-def test_what_nobody_can_read_is_told(tmp_path: Path) -> None:
+def test_unreadable_messages_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "theirs.mcap"
     with path.open("wb") as file:
         writer = McapWriter(file)

@@ -22,11 +22,9 @@ from mcap.reader import NonSeekingReader, make_reader
 
 from recordings import compaction as packing
 from recordings.compaction import compact
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader, json_messages
+from recordings.mcap_reader import DATA, LENGTH, TIME, McapReader, json_messages
 from recordings.mcap_writer import McapWriter, RecordingError
-
-ABOUT = {"title": "A drive", "created": "2026-11-21T04:00:00Z", "host": "rover", "version": "0.1.0"}
-Message = tuple[str, int, bytes]
+from tests.recordings.mcap_files import ABOUT, Message, messages, read, theirs
 
 
 def written(path: Path, chunks: int = 300, size: int = 40) -> list[Message]:
@@ -42,39 +40,18 @@ def written(path: Path, chunks: int = 300, size: int = 40) -> list[Message]:
         writer.chunk("1" if n % 3 else "2", way, data, time)  # type: ignore[arg-type]
         out.append((f"{way}/{'1' if n % 3 else '2'}", time, data))
         if n % 100 == 7:
-            event = {"kind": "gap", "level": "caution", "text": f"lost {n}"}
+            event = {"kind": "gap", "level": "warning", "text": f"lost {n}"}
             writer.event(event, time)
             out.append(("events", time, json.dumps(event, separators=(",", ":")).encode()))
     writer.device("1", {"source": "/dev/ttyUSB0", "protocol": "xbus", "product": "MTi-630", "baud": 115200})
-    writer.note("marker", "bump", 1_760_000_001_000_000_000, "1")
+    writer.write_note("marker", "bump", 1_760_000_001_000_000_000, "1")
     out.append(("notes", 1_760_000_001_000_000_000, b'{"kind":"marker","text":"bump","device":"1"}'))
     writer.sync()
     writer.close()
     return out
 
 
-def read(path: Path) -> list[Message]:
-    with McapReader(path) as recording:
-        return messages(recording)
-
-
-def messages(recording: McapReader) -> list[Message]:
-    return [
-        (recording.topics[channel].name, time, bytes(block.data[at : at + size]))
-        for block in recording.blocks()
-        for channel, time, at, size in block.table[[CHANNEL_ID, TIME, DATA, LENGTH]].T.tolist()
-    ]
-
-
-def theirs(path: Path) -> list[Message]:
-    """What the standard reader finds."""
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        found = reader.iter_messages(log_time_order=False)
-        return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
-
-
-def test_what_was_written_is_read_by_us_and_by_the_standard_reader(tmp_path: Path) -> None:
+def test_written_data_is_read_by_us_and_by_the_standard_reader(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path)
     assert read(path) == wanted
@@ -141,7 +118,7 @@ def test_blocks_outside_a_span_are_not_unpacked(tmp_path: Path) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(cut=st.floats(0, 1), packing=st.booleans())
-def test_a_recording_cut_at_any_byte_yields_a_prefix_and_says_so(
+def test_a_recording_cut_at_any_byte_yields_a_prefix_and_reports_it(
     tmp_path_factory: pytest.TempPathFactory, cut: float, packing: bool
 ) -> None:
     path = tmp_path_factory.mktemp("cut") / "a.mcap"
@@ -176,7 +153,7 @@ def test_bytes_turned_anywhere_never_raise(tmp_path_factory: pytest.TempPathFact
             assert (block.table[DATA] + block.table[LENGTH] <= len(block.data)).all()
 
 
-def test_a_damaged_chunk_is_told_and_the_others_are_read(tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_reported_and_the_others_are_read(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=6000, size=1000)
     compact(path)
@@ -359,7 +336,7 @@ def test_notes_are_found_by_topic(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"no MCAP at all", b"\x89MCAP0\r\n"])
-def test_what_is_no_mcap_file_is_told_or_is_empty(tmp_path: Path, content: bytes) -> None:
+def test_invalid_mcap_files_are_reported_or_empty(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(content)
     if content[:1] == b"\x89":

@@ -1,4 +1,4 @@
-"""What is handed to a tape is on the disk, in order, in as many files as it takes; and a disk that fails is told of."""
+"""Written chunks reach the disk in order; a failing disk is reported."""
 
 from __future__ import annotations
 
@@ -15,21 +15,14 @@ from recordings.compaction import compact
 from recordings.mcap_reader import McapReader, json_messages
 from recordings.mcap_writer import McapWriter, RecordingError
 from recordings.recording_writer import GATHER_S, Limits, RecordingWriter
-from tests.recordings.test_mcap_writer import Message, messages, theirs
-from tests.timeouts import PATIENCE_S
+from tests.recordings.mcap_files import Message, messages, theirs
+from tests.waiting import block_until
 
 ABOUT = {"title": "A drive"}
 
 
 def named(folder: Path) -> Callable[[int], Path]:
     return lambda part: folder / f"drive-{part}.mcap"
-
-
-def until(condition: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, f"still not: {what}"
-        time.sleep(0.005)
 
 
 def read(path: Path) -> list[Message]:
@@ -56,7 +49,7 @@ def test_all_that_was_put_is_in_the_file_in_order(tmp_path: Path) -> None:
     tape.snapshot("1", {"values": {"Baudrate": {"rate": 2}}}, 9)
     wanted += put(tape, 100, start=5000)
     tape.stop()
-    assert tape.trouble is None
+    assert tape.error is None
     assert tape.behind_s == 0.0
     path = tmp_path / "drive-1.mcap"
     chunks = [message for message in read(path) if message[0][:2] in ("rx", "tx")]
@@ -69,11 +62,11 @@ def test_all_that_was_put_is_in_the_file_in_order(tmp_path: Path) -> None:
         assert tape.bytes == recording.size
 
 
-def test_what_was_put_is_written_without_being_asked(tmp_path: Path) -> None:
+def test_queued_data_is_written_without_a_request(tmp_path: Path) -> None:
     """A process that is killed loses what is not in the file yet."""
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     wanted = put(tape, 100)
-    until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
+    block_until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
     tape.stop()
     assert GATHER_S <= 0.010  # half of what may be lost
 
@@ -86,7 +79,7 @@ def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
     wanted: list[Message] = []
     for start in range(0, 2000, 100):
         wanted += put(tape, 100, start=start)
-        until(lambda: tape.behind_s == 0.0, "it is written")
+        block_until(lambda: tape.behind_s == 0.0, "it is written")
     tape.stop()
     paths = sorted(tmp_path.iterdir(), key=lambda path: int(path.stem.split("-")[1]))
     assert len(paths) > 3
@@ -111,7 +104,7 @@ def test_a_part_ends_when_it_is_old_enough(tmp_path: Path) -> None:
     wanted = []
     for start in range(0, 400, 10):
         wanted += put(tape, 10, start=start)
-        until(lambda: not tape._queue, "it is written")
+        block_until(lambda: not tape._queue, "it is written")
     tape.stop()
     paths = sorted(tmp_path.iterdir(), key=lambda path: int(path.stem.split("-")[1]))
     assert len(paths) >= 2
@@ -132,12 +125,12 @@ def test_a_full_disk_ends_the_tape_and_keeps_what_was_written(tmp_path: Path, mo
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     monkeypatch.setattr(os, "write", write)
     wanted = put(tape, 500)
-    until(lambda: not tape.running, "it has ended")
+    block_until(lambda: not tape.running, "it has ended")
     monkeypatch.undo()
     tape.stop()
-    assert tape.trouble is not None
-    assert "disk is full" in tape.trouble.message
-    assert "kept" in tape.trouble.hint
+    assert tape.error is not None
+    assert "disk is full" in tape.error.message
+    assert "kept" in tape.error.hint
     found = read(tmp_path / "drive-1.mcap")
     assert 0 < len(found) < 500
     assert found == wanted[: len(found)]
@@ -150,26 +143,26 @@ def test_a_folder_that_is_removed_ends_the_tape_and_what_was_recorded_is_put_bac
     folder.mkdir()
     tape = RecordingWriter(named(folder), ABOUT, time.time_ns)
     wanted = put(tape, 100)
-    until(lambda: tape.behind_s == 0.0, "it is written")
+    block_until(lambda: tape.behind_s == 0.0, "it is written")
     shutil.rmtree(folder)
-    until(lambda: not tape.running, "it has noticed")
+    block_until(lambda: not tape.running, "it has noticed")
     tape.stop()
-    assert tape.trouble is not None
-    assert "removed" in tape.trouble.message
+    assert tape.error is not None
+    assert "removed" in tape.error.message
     assert read(folder / "drive-1.mcap")[: len(wanted)] == wanted
 
 
 def test_a_name_that_another_file_has_taken_loses_nothing(tmp_path: Path) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     wanted = put(tape, 100)
-    until(lambda: tape.behind_s == 0.0, "it is written")
+    block_until(lambda: tape.behind_s == 0.0, "it is written")
     other = tmp_path / "other"
     other.write_bytes(b"somebody else's")
     os.replace(other, tmp_path / "drive-1.mcap")
-    until(lambda: not tape.running, "it has noticed")
+    block_until(lambda: not tape.running, "it has noticed")
     tape.stop()
-    assert tape.trouble is not None
-    assert "drive-1-2.mcap" in tape.trouble.hint
+    assert tape.error is not None
+    assert "drive-1-2.mcap" in tape.error.hint
     assert (tmp_path / "drive-1.mcap").read_bytes() == b"somebody else's"
     assert read(tmp_path / "drive-1-2.mcap")[: len(wanted)] == wanted
 
@@ -179,13 +172,13 @@ def test_a_file_that_another_program_shortens_costs_only_what_it_cut(tmp_path: P
     parts: list[Path] = []
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns, on_part=parts.append, on_notice=notices.append)
     wanted = put(tape, 2000)
-    until(lambda: tape.behind_s == 0.0, "it is written")
+    block_until(lambda: tape.behind_s == 0.0, "it is written")
     os.truncate(tmp_path / "drive-1.mcap", 50_000)
     wanted += put(tape, 2000, start=2000)
-    until(lambda: notices, "it has noticed")
+    block_until(lambda: notices, "it has noticed")
     wanted += put(tape, 2000, start=4000)
     tape.stop()
-    assert tape.trouble is None
+    assert tape.error is None
     assert parts == [tmp_path / "drive-1.mcap", tmp_path / "drive-2.mcap"]
     first, second = read(parts[0]), read(parts[1])
     assert (first + second)[-3990:] == wanted[-3990:], "the record that was cut through swallows what it still claims"
@@ -210,7 +203,7 @@ def test_a_tape_that_cannot_begin_says_why(tmp_path: Path) -> None:
         RecordingWriter(named(tmp_path / "nowhere"), ABOUT, time.time_ns)
 
 
-def test_a_slow_disk_holds_up_nobody_and_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_disk_delays_no_caller_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     slow = McapWriter.chunks
     held = [True]

@@ -15,7 +15,7 @@ MS = 1_000_000
 START = 1_760_000_000_000_000_000
 
 
-class Clock:
+class SteppedClock:
     """Moved by hand, or to when the next chunk is due."""
 
     def __init__(self) -> None:
@@ -40,13 +40,13 @@ def recording(folder: Path, chunks: int = 100, *, packed: bool = True, size: int
     return path
 
 
-def played(replay: ReplayClock, clock: Clock, most: int = 10_000) -> list[tuple[int, ReplayedChunk]]:
+def played(replay: ReplayClock, clock: SteppedClock, most: int = 10_000) -> list[tuple[int, ReplayedChunk]]:
     """All that it plays, with the time on the clock at which it did."""
     began = clock.ns
     found: list[tuple[int, ReplayedChunk]] = []
     while (wait := replay.wait_ns()) is not None and len(found) < most:
         clock.ns += wait
-        taken = replay.take()
+        taken = replay.due_chunks()
         assert taken, "what is due can be taken"
         found += [(clock.ns - began, one) for one in taken]
     return found
@@ -54,20 +54,20 @@ def played(replay: ReplayClock, clock: Clock, most: int = 10_000) -> list[tuple[
 
 @pytest.mark.parametrize("packed", [True, False])
 def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> None:
-    clock = Clock()
+    clock = SteppedClock()
     source = McapSource(recording(tmp_path, packed=packed))
     found = played(ReplayClock(source, clock), clock)
     assert len(found) == 200
     assert [at for at, one in found] == [one.time_ns - START for _, one in found]
     assert b"".join(one.data for _, one in found if one.device == "1") == b"".join(bytes([n]) * 20 for n in range(100))
     assert [one.device for _, one in found[:4]] == ["1", "2", "1", "2"]  # in step
-    assert not any(one.anew for _, one in found)
-    assert {one.way for _, one in found} == {"rx"}
+    assert not any(one.restart for _, one in found)
+    assert {one.direction for _, one in found} == {"rx"}
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.5, 2.0, 50.0])
 def test_speed(tmp_path: Path, speed: float) -> None:
-    clock = Clock()
+    clock = SteppedClock()
     found = played(ReplayClock(McapSource(recording(tmp_path)), clock, speed=speed), clock)
     assert len(found) == 200
     for at, one in found:
@@ -75,13 +75,13 @@ def test_speed(tmp_path: Path, speed: float) -> None:
 
 
 def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = SteppedClock()
     replay = ReplayClock(McapSource(recording(tmp_path)), clock)
     clock.ns += 105 * MS
-    assert len(replay.take()) == 22  # 0 … 100 and 3 … 103 ms
+    assert len(replay.due_chunks()) == 22  # 0 … 100 and 3 … 103 ms
     replay.pause()
     clock.ns += 1000 * MS
-    assert replay.take() == []
+    assert replay.due_chunks() == []
     assert replay.wait_ns() is None
     assert replay.position_ns == START + 105 * MS
     replay.play()
@@ -89,21 +89,21 @@ def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
     replay.speed = 10
     assert replay.wait_ns() == MS // 2
     replay.seek(START + 500 * MS)
-    taken = replay.take()
+    taken = replay.due_chunks()
     assert [one.time_ns for one in taken] == [START + 500 * MS]
-    assert taken[0].anew
+    assert taken[0].restart
     clock.ns += MS
-    assert [(one.device, one.anew) for one in replay.take()] == [("2", True), ("1", False)]
+    assert [(one.device, one.restart) for one in replay.due_chunks()] == [("2", True), ("1", False)]
     replay.seek(START)  # back, too
-    assert replay.take()[0].time_ns == START
+    assert replay.due_chunks()[0].time_ns == START
 
 
 def test_seeking_to_a_moment_is_skipping_to_it(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path, chunks=3000, size=2000))  # several blocks
-    clock = Clock()
+    clock = SteppedClock()
     whole = played(ReplayClock(source, clock), clock)
     for at in (0, 7, 1234, 15_000, 29_999, 30_500):
-        clock = Clock()
+        clock = SteppedClock()
         replay = ReplayClock(source, clock)
         replay.seek(START + at * MS)
         rest = played(replay, clock)
@@ -113,20 +113,20 @@ def test_seeking_to_a_moment_is_skipping_to_it(tmp_path: Path) -> None:
 
 def test_a_range_and_a_loop(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
-    clock = Clock()
+    clock = SteppedClock()
     some = {"start_ns": START + 200 * MS, "stop_ns": START + 300 * MS}
     once = played(ReplayClock(source, clock, **some), clock)  # type: ignore[arg-type]
     assert [one.time_ns for _, one in once] == [START + (200 + 10 * n + d) * MS for n in range(10) for d in (0, 3)]
-    clock = Clock()
+    clock = SteppedClock()
     again = played(ReplayClock(source, clock, loop=True, **some), clock, 60)  # type: ignore[arg-type]
     assert [one.data for _, one in again] == [one.data for _, one in once] * 3
-    assert [one.anew for _, one in again[:22]] == [False] * 20 + [True, True]
+    assert [one.restart for _, one in again[:22]] == [False] * 20 + [True, True]
     assert again[20][0] - again[19][0] >= TURN_NS
 
 
 def test_one_device_or_what_was_sent(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
-    clock = Clock()
+    clock = SteppedClock()
     assert {one.device for _, one in played(ReplayClock(source, clock, devices=["2"]), clock)} == {"2"}
     sent = played(ReplayClock(source, clock, ways=["tx"]), clock)
     assert b"".join(one.data for _, one in sent) == b"sent" * 10
@@ -134,19 +134,19 @@ def test_one_device_or_what_was_sent(tmp_path: Path) -> None:
 
 def test_one_device_of_a_range_keeps_step_with_the_others(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
-    clock = Clock()
+    clock = SteppedClock()
     replay = ReplayClock(source, clock, devices=["2"], start_ns=START)
     assert replay.wait_ns() == 3 * MS
 
 
-def test_whoever_was_held_up_goes_on_at_the_pace_of_the_recording(tmp_path: Path) -> None:
-    clock = Clock()
+def test_after_a_stall_replay_continues_at_the_recorded_pace(tmp_path: Path) -> None:
+    clock = SteppedClock()
     replay = ReplayClock(McapSource(recording(tmp_path)), clock)
-    replay.take()
+    replay.due_chunks()
     clock.ns += 60_000 * MS  # a reader that does not read
-    replay.held()
+    replay.note_stall()
     assert replay.wait_ns() == 0
-    assert len(replay.take()) == 1
+    assert len(replay.due_chunks()) == 1
     assert replay.wait_ns() == 7 * MS
 
 
@@ -156,7 +156,7 @@ def test_times_that_run_backwards_count_as_those_before(tmp_path: Path) -> None:
     for n, at in enumerate((0, 20, 10, 30)):
         writer.chunk("1", "rx", b"%d" % n, START + at * MS)
     writer.close()
-    clock = Clock()
+    clock = SteppedClock()
     found = played(ReplayClock(McapSource(path), clock), clock)
     assert [(at // MS, one.data) for at, one in found] == [(0, b"0"), (20, b"1"), (20, b"2"), (30, b"3")]
 
@@ -165,9 +165,9 @@ def test_a_recording_of_nothing_has_ended(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     McapWriter(path, {}).close()
     for loop in (False, True):
-        replay = ReplayClock(McapSource(path), Clock(), loop=loop)
-        assert replay.ended
-        assert replay.take() == []
+        replay = ReplayClock(McapSource(path), SteppedClock(), loop=loop)
+        assert replay.has_ended
+        assert replay.due_chunks() == []
         assert replay.wait_ns() is None
         assert replay.position_ns is None
 
@@ -180,11 +180,11 @@ def test_the_extent_of_a_file(tmp_path: Path, packed: bool) -> None:
 
 def test_in_a_loop_devices_that_are_played_apart_stay_in_step(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path, chunks=10))
-    clock = Clock()
+    clock = SteppedClock()
     span = extent(source)
     assert span is not None
     some = {"start_ns": span[0], "stop_ns": span[1] + 1, "loop": True}
     first = played(ReplayClock(source, clock, devices=["1"], **some), clock, 40)  # type: ignore[arg-type]
-    clock = Clock()
+    clock = SteppedClock()
     second = played(ReplayClock(source, clock, devices=["2"], **some), clock, 40)  # type: ignore[arg-type]
     assert [b - a for (a, _), (b, _) in zip(first, second, strict=True)] == [3 * MS] * 40

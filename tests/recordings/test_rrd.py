@@ -27,6 +27,7 @@ from recordings.rrd.writer import Work, fill, stream_of, write_rrd
 from recordings.sources import McapSource
 from server.devices import protocol_set
 from server.library.decode import decode
+from tests.recordings.rrd_tables import column, entities, flat, numbers
 
 START = 1_760_000_000_000_000_000
 ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep settings there
@@ -43,12 +44,12 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
     }
     writer = McapWriter(folder / "a.mcap", {"title": "Three on a drive"})
     for id, protocol in zip(devices, ("xbus", "isb", "idtp"), strict=True):
-        writer.device(id, {"source": f"twin:{protocol}", "link": "twin", "protocol": protocol})
+        writer.device(id, {"source": f"sim:{protocol}", "link": "simulator", "protocol": protocol})
     for n in range(1, 600):
         for id, device in devices.items():
             if data := device.advance(n * 10_000_000):
                 writer.chunk(id, "rx", data, START + n * 10_000_000)
-    writer.note("marker", "bump", START + 2_000_000_000)
+    writer.write_note("marker", "bump", START + 2_000_000_000)
     writer.close()
     return decode(McapSource(folder / "a.mcap"), folder / "store", protocol_set.speech())
 
@@ -62,30 +63,6 @@ def read(store: ColumnStore, tmp_path_factory: pytest.TempPathFactory) -> dict[s
     assert shares[-1] == 1.0
     assert [file.name for file in out.parent.iterdir()] == ["a.rrd"]
     return entities(out)
-
-
-def entities(path: Path) -> dict[str, list[pa.RecordBatch]]:
-    """Entity → its chunks, as the reader of the SDK gives them."""
-    found: dict[str, list[pa.RecordBatch]] = {}
-    for chunk in RrdReader(path).stream():
-        found.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
-    return found
-
-
-def column(batches: list[pa.RecordBatch], name: str) -> list[Any]:
-    """One column of an entity, of the chunks that have it."""
-    return [batch.column(name) for batch in batches if name in batch.schema.names]
-
-
-def numbers(batches: list[pa.RecordBatch], name: str) -> np.ndarray[Any, Any]:
-    """A component that has as many numbers in every row: (n, k) float64."""
-    parts = []
-    for lists in column(batches, name):
-        flat = lists.values
-        while not pa.types.is_primitive(flat.type):
-            flat = flat.values
-        parts.append(np.asarray(flat, np.float64).reshape(len(lists), -1))
-    return np.concatenate(parts)
 
 
 def times(batches: list[pa.RecordBatch], name: str, having: str) -> np.ndarray[Any, Any]:
@@ -105,7 +82,7 @@ def test_every_value_and_every_time_of_every_channel_is_in_the_file(
                 batches = read[name_of(curve.path)]
                 wanted = np.column_stack([rows.columns[i].astype(np.float64) for i in curve.columns])
                 compared += wanted.size
-                if infos[number]["kind"] == "rows":
+                if infos[number]["kind"] == "table":
                     np.testing.assert_array_equal(flat(batches), wanted)
                     continue
                 sample = times(batches, "sample", "Scalars:scalars")
@@ -119,13 +96,6 @@ def test_every_value_and_every_time_of_every_channel_is_in_the_file(
     assert compared == sum(store.rows(n) * len(infos[n]["columns"]) for n in infos) > 40_000
 
 
-def flat(batches: list[pa.RecordBatch]) -> np.ndarray[Any, Any]:
-    """A table's column: as many values a row as there were rows at that time."""
-    return np.concatenate([np.asarray(lists.values, np.float64) for lists in column(batches, "Scalars:scalars")])[
-        :, None
-    ]
-
-
 def test_an_entity_says_device_quantity_and_unit(read: dict[str, list[pa.RecordBatch]]) -> None:
     for path in (
         ("MTi-680G", "Acceleration [m/s²]"),
@@ -137,7 +107,7 @@ def test_an_entity_says_device_quantity_and_unit(read: dict[str, list[pa.RecordB
     assert style == ["x", "y", "z"]
 
 
-def test_an_entity_tells_the_frame_of_its_values(read: dict[str, list[pa.RecordBatch]]) -> None:
+def test_an_entity_has_the_frame_of_its_values(read: dict[str, list[pa.RecordBatch]]) -> None:
     frames = {
         str(path): [
             text
@@ -204,7 +174,7 @@ def test_on_a_map_a_device_is_where_it_said(store: ColumnStore, read: dict[str, 
     assert sum(position is not None and bool(position.on_map) for position in mapped.values()) == 2
 
 
-def test_the_map_is_laid_out_behind_the_track_so_that_nobody_is_asked_for_its_pictures(store: ColumnStore) -> None:
+def test_the_map_is_behind_the_track_so_that_no_tiles_are_requested(store: ColumnStore) -> None:
     import rerun.blueprint as rrb
 
     from recordings.rrd.blueprint import blueprint
@@ -256,7 +226,7 @@ def test_curves_of_one_message_with_units_of_their_own_have_colours_of_their_own
     assert len(set(colors)) == 3
 
 
-def test_what_changed_and_what_was_marked_can_be_read(read: dict[str, list[pa.RecordBatch]]) -> None:
+def test_changes_and_markers_are_written_as_text(read: dict[str, list[pa.RecordBatch]]) -> None:
     said = [word for name, batches in read.items() if "changes" in name for word in texts(batches)]
     assert any("set" in word for word in said)
     assert texts(read["/markers"]) == ["bump"]
@@ -296,7 +266,7 @@ def drive(folder: Path, n: int) -> ColumnStore:
     word = np.zeros(n, np.uint16)
     word[n // 2] = 4
     writer.append(2, [arrival, np.full(n, np.nan), word])
-    bits = {"name": "Clipping", "low": 2, "width": 1, "choices": {}, "severity": "fault", "normal_set": False}
+    bits = {"name": "Clipping", "low": 2, "width": 1, "choices": {}, "severity": "error", "normal_set": False}
     plain = {"unit": "", "label": "", "axis": "", "bits": []}
     info = {"device": "1", "message": "M", "group": "", "frame": "ENU from body", "unit": ""}
     turn = [{**plain, "name": name} for name in "wxyz"]
@@ -328,7 +298,7 @@ def test_chunks_are_large(tmp_path: Path) -> None:
     assert sorted(rows)[len(rows) // 3] >= 10_000
 
 
-def test_thinned_a_fault_of_one_sample_is_still_seen_and_told(tmp_path: Path) -> None:
+def test_a_fault_of_one_sample_survives_thinning_and_is_reported(tmp_path: Path) -> None:
     store = drive(tmp_path / "store", 50_000)
     stream = stream_of("thin")
     fill(stream, Work(store, most=1000), "thin", lambda layout: stream.save(tmp_path / "a.rrd", layout))

@@ -73,27 +73,27 @@ def test_columns_go_together_and_keep_their_units(tmp_path: Path) -> None:
     assert columns.manifest["damage"] == []
 
 
-def test_what_is_no_number_is_told(tmp_path: Path) -> None:
+def test_cells_that_are_not_numbers_are_reported(tmp_path: Path) -> None:
     text = "time,x\n1760000000,1\n1760000001,many\n1760000002,3,4\nnever,5\n1760000004,6\n"
     columns = table(tmp_path / "a.csv", text)
     rows = columns.exact(1, 0, 10)
     assert rows.time.tolist() == [1760000000, 1760000001, 1760000004]
     words = " ".join(damage["words"] for damage in columns.manifest["damage"])
-    assert "1 lines" in words
+    assert "1 line does" in words
     assert "2 cells" in words
 
 
 @pytest.mark.parametrize(
     "text", ["hello\n", "a,b\n1,2\n", "time,x\n", "\n\n", "time,x\n,\n", "\ufeff", "time,x\n\x00\x00"]
 )
-def test_a_table_that_is_none_is_told_in_a_sentence(text: str, tmp_path: Path) -> None:
+def test_an_invalid_table_is_reported(text: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(RecordingError) as failed:
         opened(tmp_path / "a.csv")
     assert failed.value.message.endswith(".")
 
 
-def test_what_was_exported_as_csv_is_read_again(tmp_path: Path) -> None:
+def test_exported_csv_is_read_again(tmp_path: Path) -> None:
     columns = store(tmp_path / "store", devices=1)
     made = export("csv", ExportRequest(columns), tmp_path / "run.csv")[0]
     again = opened(made)
@@ -179,7 +179,7 @@ def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows.time, wanted.time, atol=1e-6)
 
 
-def test_an_mcap_without_json_is_told(tmp_path: Path) -> None:
+def test_an_mcap_without_json_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "theirs.mcap"
     with path.open("wb") as file:
         writer = McapWriter(file)

@@ -1,16 +1,17 @@
-"""The server without its HTTP side, in the test's own event loop: real twins behind real pseudo-terminals."""
+"""The server without its HTTP side, in the test's own event loop: real simulators behind real pseudo-terminals."""
 
 from __future__ import annotations
 
 import asyncio
-import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 from protocols.xbus.simulator.device import XbusSimulator
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController, QueuedJob
+from server.configuration.timings import ConfigurationTimings
 from server.devices.protocol_set import speech
 from server.devices.sessions import Sessions
 from server.links import open_link
@@ -18,25 +19,31 @@ from server.links.base import LinkSettings, steady_clock
 from server.links.simulated_device import SimulatorOptions
 from server.links.simulated_line import LineFaults
 from server.links.simulator import SimulatorThread
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 from server.wire import Job
 from tests.timeouts import PATIENCE_S
+from tests.waiting import until
 
 
 class ControlHarness:
-    """Hub, sessions and desks."""
+    """Telemetry, sessions and desks."""
 
-    def __init__(self, data: Path, trial_s: float) -> None:
+    def __init__(self, data: Path, timings: ConfigurationTimings) -> None:
         now_ns = steady_clock()
-        self.hub = Hub(lambda: now_ns() / 1e9)
-        self.sessions = Sessions(self.hub, open_link, speech(), LinkSettings(now_ns=now_ns))
-        self.desks = ControllerRegistry(self.hub, self.sessions, data, trial_s)
+        self.telemetry = Telemetry.create(lambda: now_ns() / 1e9)
+        self.sessions = Sessions(self.telemetry.bus, open_link, speech(), LinkSettings(now_ns=now_ns))
+        self.desks = ControllerRegistry(self.telemetry.bus, self.sessions, data, timings)
 
     async def add(self, source: str) -> DeviceController:
         """Open a source and wait until it streams."""
         device = self.sessions.add(source).info.id
         desk = self.desks.get(device)
-        await until(lambda: desk.session.info.status == "live", "it streams")
+        try:
+            await until(lambda: desk.session.info.status == "live", "it streams")
+        except AssertionError as late:
+            info = desk.session.info
+            tries = "".join(f"\n  {one.what}: {one.outcome}" for one in info.attempts)
+            raise AssertionError(f"{late}; {info.status}: {info.message} {info.hint}{tries}") from None
         return desk
 
     async def apply(self, desk: DeviceController, changes: dict[str, dict[str, object]], reason: str = "") -> Job:
@@ -47,9 +54,13 @@ class ControlHarness:
 
 
 @asynccontextmanager
-async def house(data: Path, trial_s: float = 0.5) -> AsyncIterator[ControlHarness]:
-    """A server's inside, closed as the server closes it."""
-    made = ControlHarness(data, trial_s)
+async def house(data: Path, rollback_s: float = 0.5, **timings: Any) -> AsyncIterator[ControlHarness]:
+    """A server's inside, closed as the server closes it.
+
+    Args:
+        timings: further ones of ConfigurationTimings; a port is looked for ten times a second.
+    """
+    made = ControlHarness(data, ConfigurationTimings(rollback_s=rollback_s, **{"port_look_s": 0.1, **timings}))
     made.sessions.start()
     try:
         yield made
@@ -57,25 +68,24 @@ async def house(data: Path, trial_s: float = 0.5) -> AsyncIterator[ControlHarnes
         await made.sessions.close()
 
 
-async def until(condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
-    """Wait; fail with what did not happen."""
-    end = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < end, f"after {patience_s} s still not: {what}"
-        await asyncio.sleep(0.01)
-
-
 async def over(task: QueuedJob) -> Job:
     """The job when it is done."""
-    await asyncio.wait_for(task.over.wait(), PATIENCE_S)
+    await asyncio.wait_for(task.finished.wait(), PATIENCE_S)
     return task.job
 
 
 @asynccontextmanager
-async def bench(port: int = 0, **faults: int) -> AsyncIterator[SimulatorThread]:
-    """An MTi-630 at a pseudo-terminal that outlives the server's handle on it, connected to one of its host ports."""
-    options = SimulatorOptions(faults=LineFaults(baud=115_200, **faults))
-    made = SimulatorThread(lambda start_ns: XbusSimulator("MTi-630", start_ns=start_ns, rate=100, port=port), options)
+async def bench(port: int = 0, *, measuring: bool = False, **faults: int) -> AsyncIterator[SimulatorThread]:
+    """An MTi-630 at a pseudo-terminal that outlives the server's handle on it, connected to one of its host ports.
+
+    Args:
+        measuring: it streams at once; else it starts for half a second first, in which a search for its rate that
+            begins with the right one hears nothing there, and goes through all the others.
+    """
+    options = SimulatorOptions("xbus", faults=LineFaults(baud=115_200, **faults))
+    made = SimulatorThread(
+        lambda start_ns: XbusSimulator("MTi-630", start_ns=start_ns, rate=100, port=port, measuring=measuring), options
+    )
     made.start()
     try:
         yield made

@@ -14,12 +14,12 @@ from protocols.schema import Field, Message
 from protocols.xbus.device_info import identity
 from server.devices.ingest import ProtocolTraits
 from server.devices.protocol_detection import ProtocolSet
-from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
+from server.links.base import Attempt, Chunk, Link, LinkError, LinkSettings, Progress
 
 NOW_NS = 1_700_000_000_000_000_000
 
 
-class Clock:
+class FakeClock:
     """Host time, moved by hand."""
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class FakeLink(Link):
 
     async def open(self, progress: Progress | None = None) -> None:
         if progress is not None:
-            progress(Try("115 200 Bd", "trying", self.settings.now_ns() / 1e9))
+            progress(Attempt("115 200 Bd", "trying", self.settings.now_ns() / 1e9))
         if self.refuses:
             raise self.refuses.pop(0)
         self.opened += 1
@@ -73,7 +73,7 @@ class FakeLink(Link):
 
     def send(self, data: bytes, *, anew: bool = False) -> None:
         chunk = Chunk(data, self.settings.now_ns(), anew)
-        self.flow.arrivals.tell(chunk)
+        self.flow.arrivals.call(chunk)
         self._queue.put_nowait(chunk)
 
     def die(self, error: Exception) -> None:
@@ -84,7 +84,7 @@ class FakeLink(Link):
 class FakeGuess:
     protocol: str
     score: float
-    why: str
+    reason: str
 
 
 MESSAGE = Message(
@@ -92,7 +92,7 @@ MESSAGE = Message(
     "Sample",
     (Field("Count", "u1"), Field("Force", "i2", (1,), unit="N", axes=("x",))),
     time="Count",
-    split=True,
+    channel_per_field=True,
 )
 WAKE = Message(2, "WakeUp", kind="indication", title="Wake-up")
 
@@ -100,7 +100,8 @@ WAKE = Message(2, "WakeUp", kind="indication", title="Wake-up")
 class FakeDecoder:
     """`F n lo hi`: a sample with a counter and a force; `W` wakes up; `?` is noise; a lonely `F` is incomplete.
 
-    The device clock is 10 ms a count."""
+    The device clock is 10 ms a count.
+    """
 
     def __init__(self) -> None:
         self._data = b""

@@ -9,24 +9,26 @@ from concurrent.futures import Future
 from types import TracebackType
 from typing import Any
 
-from httpx import Client
-
 from server import http_server
 from server.app import create_app
 from server.auth import Access
 from server.config import Config
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sessions import OpenLink
+from server.page_files import Files
+from server.services import Services
 from tests.server.fakes import SPEECH
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, http_client
 
 
 class InProcessServer:
     """`with InProcessServer(config, open_link) as running:` serves on a free port until the block ends."""
 
-    def __init__(self, config: Config, open_link: OpenLink, speech: ProtocolSet = SPEECH) -> None:
-        self._app = create_app(config, Access(config), open_link=open_link, speech=speech)
-        self.state: Any = self._app._app.state  # type: ignore[attr-defined]
+    def __init__(
+        self, config: Config, open_link: OpenLink, speech: ProtocolSet = SPEECH, *, page_files: Files | None = None
+    ) -> None:
+        self._app = create_app(config, Access(config), open_link=open_link, speech=speech, page_files=page_files)
+        self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)
         port = self._listener.getsockname()[1]
         self.url = f"http://127.0.0.1:{port}"
@@ -37,7 +39,7 @@ class InProcessServer:
         self._thread = threading.Thread(target=asyncio.run, args=(self._serve(),))
         self._thread.start()
         assert ready.wait(PATIENCE_S)
-        self.client = Client(base_url=self.url, timeout=PATIENCE_S)
+        self.client = http_client(base_url=self.url)
 
     async def _serve(self) -> None:
         self.loop = asyncio.get_running_loop()

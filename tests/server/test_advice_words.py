@@ -1,4 +1,4 @@
-"""What a person is told about a link fits that link: no baud rate over UDP, no other program where it is this one."""
+"""Advice about a link fits that link: no baud rate over UDP, no other program where it is this one."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from server.devices.protocol_detection import unknown_hint
 from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.links.source_url import READING_OPTIONS
-from tests.protocols.test_idtp_decoder import with_version
+from tests.protocols.idtp_frames import with_version
 from tests.server.fakes import FakeLink
-from tests.server.test_families import Stage
+from tests.server.family_harness import FamilyHarness
 
 
 class Datagrams(FakeLink):
@@ -28,7 +28,7 @@ class Datagrams(FakeLink):
         super().__init__("udp://:5005", settings)
 
 
-class Text:
+class AdviceText:
     """Sends something that is no protocol."""
 
     next_ns = 0
@@ -54,7 +54,7 @@ def stage_after(device: Any, reading: DecodeOptions, link: type[FakeLink], secon
     found: list[Session] = []
 
     async def run() -> None:
-        stage = Stage(reading, link)
+        stage = FamilyHarness(reading, link)
         stage.session.start()
         await asyncio.sleep(0.001)
         await stage.run(device, seconds)
@@ -66,7 +66,7 @@ def stage_after(device: Any, reading: DecodeOptions, link: type[FakeLink], secon
 
 
 def test_udp_was_asked_for_its_baud_rate() -> None:
-    assert stage_after(Text(), DecodeOptions(), Datagrams).info.hint == unknown_hint("udp")
+    assert stage_after(AdviceText(), DecodeOptions(), Datagrams).info.hint == unknown_hint("udp")
     assert "baud" not in unknown_hint("udp")
     assert "baud" in unknown_hint("serial")
 
@@ -74,7 +74,7 @@ def test_udp_was_asked_for_its_baud_rate() -> None:
 @pytest.mark.parametrize("reading", [DecodeOptions(), DecodeOptions("idtp")])
 def test_another_version_is_named(reading: DecodeOptions) -> None:
     session = stage_after(Newer(), reading, Datagrams)
-    told = [session.info.message, *(event.text for event in session._hub.log)]
+    told = [session.info.message, *(event.text for event in session._sink._log)]
     assert any("IDTP 3.1" in one for one in told), told
 
 
@@ -85,8 +85,8 @@ def test_nobody_said_that_lite_frames_over_a_network_are_unprotected(
     mode: int, link: type[FakeLink], warned: int
 ) -> None:
     session = stage_after(IdtpSimulator(mode=mode), DecodeOptions(), link)
-    assert sum("nothing protects their values" in notice for notice in session.info.notices) == warned
-    assert sum("nothing protects" in event.text for event in session._hub.log) == warned
+    assert sum("their values are not protected" in notice for notice in session.info.notices) == warned
+    assert sum("are not protected" in event.text for event in session._sink._log) == warned
 
 
 def test_the_options_that_any_source_has_are_named() -> None:

@@ -16,14 +16,15 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 from websockets.typing import Origin, Subprotocol
 
-from server.api import static_files
-from server.auth import LOOKING
+from server.auth import READ_ONLY_POST
 from server.config import Config
 from server.links.base import Link, LinkError, LinkSettings
+from server.page_files import Files
 from server.streaming.send_queue import SendQueue
 from server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
+from tests.server.problems import assert_problem
 from tests.timeouts import PATIENCE_S, connect
 
 
@@ -47,17 +48,6 @@ def client(running: InProcessServer) -> Client:
 GUARDED = Config(host="0.0.0.0", sources=("/dev/one",), view_token="v" * 24, control_token="c" * 24)
 
 
-def assert_problem(response: Any, status: int, kind: str | None = None) -> dict[str, str]:
-    assert response.status_code == status, response.text
-    assert response.headers["content-type"].startswith("application/json")
-    body = response.json()
-    assert set(body) == {"kind", "message", "hint"}
-    assert re.fullmatch(r"[a-z]+(-[a-z]+)*", body["kind"])
-    assert body["message"]
-    assert kind is None or body["kind"] == kind
-    return dict(body)
-
-
 def test_devices(client: Client) -> None:
     (device,) = client.get("/api/devices").json()
     assert (device["id"], device["source"], device["status"]) == ("1", "/dev/one", "connecting")
@@ -69,7 +59,7 @@ def test_devices(client: Client) -> None:
     assert [one["id"] for one in client.get("/api/devices").json()] == ["1"]
 
 
-def test_what_is_wrong_with_a_source_is_said(client: Client) -> None:
+def test_source_errors_are_reported(client: Client) -> None:
     body = assert_problem(client.post("/api/devices", json={"source": "bad:1"}), 400, "bad-source")
     assert body["message"].startswith("The source 'bad:1' cannot be used: 'bad' is not one of serial, tcp,")
     assert body["hint"].startswith("Sources look like /dev/ttyUSB0")
@@ -84,7 +74,7 @@ def test_wrong_bodies(client: Client, body: Any) -> None:
     assert found["hint"]
 
 
-def test_a_body_that_is_no_json(client: Client) -> None:
+def test_a_body_that_is_not_json(client: Client) -> None:
     headers = {"content-type": "application/json"}
     assert_problem(client.post("/api/devices", content=b"{", headers=headers), 422)
     assert_problem(client.post("/api/devices", content=b"source=x"), 415, "not-json")
@@ -94,14 +84,14 @@ KEY = "00112233445566778899aabbccddeeff"
 
 
 def test_how_a_device_is_read_can_be_changed(client: Client) -> None:
-    changed = client.post("/api/devices/1/reading", json={"key": KEY})
+    changed = client.post("/api/devices/1/decode-options", json={"key": KEY})
     assert changed.status_code == 200
     assert changed.json()["id"] == "1"
     assert KEY not in changed.text
-    assert_problem(client.post("/api/devices/1/reading", json={"key": "xyz"}), 400, "bad-setting")
-    assert_problem(client.post("/api/devices/1/reading", json={"protocol": "morse"}), 400, "bad-protocol")
-    assert_problem(client.post("/api/devices/1/reading", json={"source": "/dev/two"}), 422)
-    assert_problem(client.post("/api/devices/99/reading", json={}), 404, "not-found")
+    assert_problem(client.post("/api/devices/1/decode-options", json={"key": "xyz"}), 400, "bad-setting")
+    assert_problem(client.post("/api/devices/1/decode-options", json={"protocol": "morse"}), 400, "bad-protocol")
+    assert_problem(client.post("/api/devices/1/decode-options", json={"source": "/dev/two"}), 422)
+    assert_problem(client.post("/api/devices/99/decode-options", json={}), 404, "not-found")
 
 
 @pytest.mark.parametrize(
@@ -112,7 +102,7 @@ def test_how_a_device_is_read_can_be_changed(client: Client) -> None:
         {"source": f"/dev/two?baud=9600&key={KEY}", "protocol": "idtp", "unverified": True},
     ],
 )
-def test_a_key_is_taken_and_never_told(client: Client, body: dict[str, Any]) -> None:
+def test_a_key_is_accepted_and_never_returned(client: Client, body: dict[str, Any]) -> None:
     added = client.post("/api/devices", json=body)
     assert added.status_code == 201
     assert added.json()["source"].startswith("/dev/two")
@@ -186,7 +176,7 @@ def test_every_route_needs_a_token_beyond_loopback() -> None:
             assert_problem(expected, 401, "no-token")
             wrong = client.request(method, path, headers={"authorization": "Bearer nonsense"})
             assert (wrong.status_code, wrong.json()["kind"]) in ((401, "bad-token"), (429, "too-many-tokens"))
-            if method != "GET" and not (method == "POST" and LOOKING.match(path)):
+            if method != "GET" and not (method == "POST" and READ_ONLY_POST.match(path)):
                 looks = client.request(method, path, headers={"authorization": f"Bearer {'v' * 24}"})
                 assert_problem(looks, 403, "view-only")
 
@@ -259,12 +249,12 @@ def test_a_view_of_another_program_is_no_browser(running: InProcessServer) -> No
     """With --foxglove one browser was counted, before anybody had come."""
     outbox = SendQueue()
     outbox.is_browser = False
-    running.call(running.state.hub.attach, outbox)
+    running.call(running.services.telemetry.clients.attach, outbox)
     try:
         assert running.client.get("/healthz").json()["browsers"] == 0
         assert "\nimuscope_clients 0\n" in running.client.get("/metrics").text
     finally:
-        running.call(running.state.hub.detach, outbox)
+        running.call(running.services.telemetry.clients.detach, outbox)
 
 
 def test_build_and_health(client: Client) -> None:
@@ -296,8 +286,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
     (tmp_path / "assets" / "a-123.js").write_text("1")
     (tmp_path / "assets" / "a-123.js.br").write_bytes(b"brotli")
     (tmp_path / "assets" / "a-123.js.gz").write_bytes(b"gzip")
-    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
-        running.state.files = static_files.Files(tmp_path)
+    with InProcessServer(Config(sources=("/dev/one",)), open_link, page_files=Files(tmp_path)) as running:
         client = running.client
         index = client.get("/", headers={"accept-encoding": "identity"})
         assert (index.text, index.headers["cache-control"]) == ("<p>page</p>", "no-cache")
@@ -321,8 +310,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
 
 
 def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
-    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
-        running.state.files = static_files.Files(tmp_path)
+    with InProcessServer(Config(sources=("/dev/one",)), open_link, page_files=Files(tmp_path)) as running:
         client = running.client
         answer = client.get("/")
         assert answer.status_code == 503
@@ -332,14 +320,14 @@ def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
 # ── the WebSocket ──
 
 
-def test_a_refused_websocket_is_no_fault_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_refused_websocket_is_not_logged_as_an_error(caplog: pytest.LogCaptureFixture) -> None:
     """A page without a token filled the log with "ASGI callable returned without completing handshake"."""
     with InProcessServer(GUARDED, open_link) as running, pytest.raises(InvalidStatus) as refused, connect(running.ws):
         pass
     assert refused.value.response.status_code == 401
     assert json.loads(refused.value.response.body)["kind"] == "no-token"
     assert [record.getMessage() for record in caplog.records] == [
-        "Refused WebSocket /ws of 127.0.0.1: This server asks for a token."
+        "Refused WebSocket /ws from 127.0.0.1: This server asks for a token."
     ]
 
 
@@ -357,13 +345,13 @@ def test_the_websocket_tells_everything_and_answers(running: InProcessServer) ->
         def ask(message: str | bytes, op: str) -> dict[str, Any]:
             socket.send(message)
             while (answer := json.loads(socket.recv(timeout=PATIENCE_S)))["op"] != op:
-                assert answer["op"] in ("devices", "events", "health", "channels", "control")
+                assert answer["op"] in ("devices", "events", "health", "channels", "jobs")
             return dict(answer)
 
         assert ask('{"op":"ping","t":7}', "pong")["t"] == 7
         assert set(ask("nonsense", "error")) == {"op", "kind", "message", "hint"}
         assert ask(b"binary", "error")["kind"] == "bad-request"
-        assert ask('{"op":"subscribe","history":5,"channels":null}', "backfilled") == {"op": "backfilled"}
+        assert ask('{"op":"subscribe","history":5,"channels":null}', "history_end") == {"op": "history_end"}
         assert running.client.get("/healthz").json()["browsers"] == 1
     deadline = time.monotonic() + PATIENCE_S
     while running.client.get("/healthz").json()["browsers"] > 0:
@@ -371,7 +359,7 @@ def test_the_websocket_tells_everything_and_answers(running: InProcessServer) ->
         time.sleep(0.02)
 
 
-def test_a_wrong_subprotocol_is_told(running: InProcessServer) -> None:
+def test_a_wrong_subprotocol_is_reported(running: InProcessServer) -> None:
     with connect(running.ws, subprotocols=None) as socket:
         assert json.loads(socket.recv())["kind"] == "bad-subprotocol"
 

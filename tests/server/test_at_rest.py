@@ -13,9 +13,10 @@ from protocols.xbus.driver import XbusDriver
 from protocols.xbus.simulator.device import XbusSimulator
 from server.configuration.device_controller import DeviceController
 from server.wire import Job
-from tests.server.control_harness import ControlHarness, bench, house, over, until
-from tests.server.test_shared_line import both
-from tests.transaction_player import Wire, play
+from tests.server.control_harness import ControlHarness, bench, house, over
+from tests.server.shared_line import both
+from tests.transaction_player import PlayedWire, play
+from tests.waiting import until
 
 DRIVER = XbusDriver()
 
@@ -56,7 +57,7 @@ def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path) -> N
             desk = await here.add(f"{there.slave}?baud=115200")
             await told(here, desk, "GoToConfig")
             await until(lambda: desk.session.info.status == "lost", "it is silent")
-            assert "sent to the state Config, in which it sends no data" in desk.session.info.hint
+            assert "set to the state Config, in which it sends no data" in desk.session.info.hint
             assert "send GoToMeasurement" in desk.session.info.hint
             await told(here, desk, "GoToMeasurement")
             await until(lambda: desk.session.info.status == "live", "it measures")
@@ -99,7 +100,7 @@ def test_a_restart_ends_the_rest(tmp_path: Path) -> None:
 @pytest.mark.parametrize("at_rest", [False, True])
 def test_a_refusal_leaves_a_device_at_rest_where_it_was(at_rest: bool) -> None:
     device = XbusSimulator(measuring=True)
-    wire = Wire(device, "xbus")
+    wire = PlayedWire(device, "xbus")
     if at_rest:
         play(DRIVER.run("GoToConfig", {}, DeviceContext()), wire)
     known = DeviceContext(at_rest=at_rest)

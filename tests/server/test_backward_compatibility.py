@@ -1,8 +1,9 @@
 """Upgrading keeps what was kept: files of every earlier format open, with their values; a later one is refused.
 
-tests/golden/previous_formats/N holds files as a server of format N left them: a recording of each family (of the twins,
-0.6 s), what a person changed about one, a snapshot, a trial, a configuration file, and what `imuscope decode` made of
-the recordings then. They are never made anew: a format that changes gets a folder of its own beside them.
+tests/golden/previous_formats/N holds files as a server of format N left them: a recording of each family (of the
+simulators,
+0.6 s), what a person changed about one, a snapshot, a rollback record, a configuration file, and what `imuscope decode`
+made of the recordings then. They are never made anew: a format that changes gets a folder of its own beside them.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ def test_it_stays_small() -> None:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_recording_opens_with_its_values(kept: Path, family: str) -> None:
     """Every message, as many samples as then, and the values of the last one. Times are mapped anew at each opening,
-    better than before where that is possible, so of them only the arrival is held."""
+    better than before where that is possible, so of them only the arrival is held.
+    """
     then = json.loads((kept / "decoded.json").read_text(encoding="utf-8"))
     made = decode_file(kept / f"{family}.mcap", kept / f"{family}.csv", DecodeOptions(), io.StringIO())
     assert sorted(path.name for path in made) == sorted(name for name in then if name.startswith(family))
@@ -113,13 +115,13 @@ def test_a_snapshot_is_read(kept: Path) -> None:
     assert snapshot.missing == {"CanConfig": "message unknown"}
 
 
-def test_a_trial_that_was_under_way_is_found(kept: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "trials"
+def test_a_rollback_record_is_found(kept: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "rollbacks"
     folder.mkdir()
     shutil.copy(kept / "trial.json", folder / "xbus-0080A1B2.json")
     (record,) = RollbackStore(folder).all()
     assert record.old == {"Baudrate": {"baudrate": 2}}
-    assert (record.old_baud, record.new_baud, record.restart, record.state) == (115_200, 921_600, True, "asking")
+    assert (record.old_baud, record.new_baud, record.restart, record.state) == (115_200, 921_600, True, "pending")
     assert (record.serial_number, record.deadline) == ("0080A1B2", 1795252300.5)
 
 
@@ -128,7 +130,7 @@ def test_a_configuration_file_is_read(kept: Path) -> None:
     assert (config.host, config.port, config.data) == ("0.0.0.0", 8081, Path("/var/lib/imuscope"))
     assert config.sources == ("/dev/ttyUSB0", "tcp://10.0.0.7:4000")
     assert config.reading().key == bytes(range(16))
-    assert (config.min_mode, config.trial_s, config.history_s, config.memory_mb) == ("safety", 30, 300, 128)
+    assert (config.min_mode, config.rollback_s, config.history_s, config.memory_mb) == ("safety", 30, 300, 128)
     assert (config.view_token, config.control_token) == ("look-but-do-not-touch", "touch-if-you-must")
     assert (config.record, config.recordings_quota_gb, config.split_mb, config.split_min) == (True, 20, 2000, 60)
     assert (config.foxglove, config.rerun_connect) == (8765, "rerun+http://desk.local:9876/proxy")
@@ -138,7 +140,7 @@ def test_a_configuration_file_is_read(kept: Path) -> None:
 # ── what is only a cache ─────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def test_an_index_of_before_is_found_out_anew(kept: Path) -> None:
+def test_an_old_index_is_rebuilt(kept: Path) -> None:
     """What the list knows of a recording beyond its file; an older one may know less, or say it otherwise."""
     path = kept / "xbus.mcap"
     stat = path.stat()
@@ -164,14 +166,14 @@ def test_columns_of_another_version_are_made_again(tmp_path: Path) -> None:
 # ── later formats ────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def test_what_is_written_tells_its_format(tmp_path: Path) -> None:
+def test_written_files_name_their_format(tmp_path: Path) -> None:
     writer = McapWriter(tmp_path / "new.mcap", {"title": "New"})
     writer.close()
     with McapReader(tmp_path / "new.mcap") as recording:
         assert recording.meta(mcap_writer.RECORDING)["format"] == str(mcap_writer.FORMAT)
     sidecar.write(tmp_path / "new.mcap", sidecar.Edits(title="Newer"))
     assert json.loads((tmp_path / "new.mcap.json").read_text())["imuscope"] == sidecar.VERSION
-    RollbackStore(tmp_path).keep(RollbackRecord("s", "xbus", "", "1", "", {}, {}, None, None, False))
+    RollbackStore(tmp_path).save(RollbackRecord("s", "xbus", "", "1", "", {}, {}, None, None, False))
     assert json.loads((tmp_path / "xbus-1.json").read_text())["imuscope"] == 1
 
 
@@ -206,7 +208,7 @@ def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
     assert entry.peek.damaged == f"It {words}"
 
 
-def test_what_a_newer_imuscope_changed_about_a_recording_is_not_overwritten(tmp_path: Path) -> None:
+def test_edits_by_a_newer_imuscope_are_not_overwritten(tmp_path: Path) -> None:
     shutil.copy(KEPT / "1" / "xbus.mcap", tmp_path)
     beside = sidecar.sidecar_path(tmp_path / "xbus.mcap")
     beside.write_text('{"imuscope": 2, "title": {"en": "Pond"}}')
@@ -228,11 +230,11 @@ def test_a_snapshot_of_a_later_format_is_refused() -> None:
     with pytest.raises(SnapshotError, match="This snapshot was written by a newer imuscope") as error:
         from_text(text.replace("imuscope: 1", "imuscope: 2"))
     assert error.value.hint.startswith("Update imuscope")
-    with pytest.raises(SnapshotError, match="This is no snapshot"):
+    with pytest.raises(SnapshotError, match="This is not a snapshot"):
         from_text(text.replace("imuscope: 1", "imuscope: old"))
 
 
-def test_a_trial_of_a_later_format_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_rollback_record_of_a_later_format_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     body = json.loads((KEPT / "1" / "trial.json").read_text())
     path = tmp_path / "xbus-1.json"
     path.write_text(json.dumps({"imuscope": 2, **body, "old": "elsewhere"}))

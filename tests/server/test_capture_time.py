@@ -1,4 +1,4 @@
-"""Where nobody noted when bytes came, time is the device's clock: its spacing, its length, its pauses, its date."""
+"""Time of captures without arrival times is the device's clock: its spacing, its length, its pauses, its date."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_a_pause_in_a_log_is_a_pause(tmp_path: Path, suffix: str) -> None:
     np.testing.assert_allclose(rows.arrival, rows.time, atol=1e-6)
     assert len(np.unique(rows.time)) == len(ups)
     assert store.manifest["ended"] - store.manifest["started"] == pytest.approx(119.99, abs=0.02)
-    assert clock_events(store) == ["Nothing was captured for 100.0 s, by the device's clock."]
+    assert clock_events(store) == ["No data was captured for 100.0 s, by the device's clock."]
 
 
 def test_two_devices_in_one_capture_keep_a_clock_each(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_two_devices_in_one_capture_keep_a_clock_each(tmp_path: Path) -> None:
     assert store.manifest["ended"] - store.manifest["started"] == pytest.approx(9.99, abs=0.02)
 
 
-def test_one_device_that_was_set_is_no_pause_of_the_other(tmp_path: Path) -> None:
+def test_a_clock_set_on_one_device_is_not_a_pause_of_the_other(tmp_path: Path) -> None:
     frames, sequence = [], 0
     for i in range(400):
         for device, jump in ((1, 0), (2, 60_000_000 if i > 200 else 0)):
@@ -170,10 +170,10 @@ def test_an_mtb_with_utc_is_listed_under_it_before_it_is_opened(tmp_path: Path) 
     assert listed.started == pytest.approx(UTC_2026 - 1, abs=1e-4)
 
 
-def test_times_that_are_guessed_are_said_to_be(tmp_path: Path) -> None:
+def test_guessed_times_are_marked(tmp_path: Path) -> None:
     frames = [xbus(0x36, struct.pack(">HB3f", 0x4020, 12, 0.0, 0.0, 9.81)) for _ in range(6000)]
     store = opened(tmp_path / "a.bin", b"".join(frames))
-    assert any("guessed at 11520 B/s" in text for text in clock_events(store))
+    assert any("estimated at 11520 B/s" in text for text in clock_events(store))
 
 
 # ── the device's own clock in exports ────────────────────────────────────────────────────────────────────────────────
@@ -251,7 +251,7 @@ def test_two_coordinate_systems_are_two_quantities_by_name(tmp_path: Path) -> No
     assert schema.field("RotationMatrix[NED from body].m11").metadata[b"frame"] == b"NED from body"
 
 
-def test_other_viewers_are_told_the_coordinate_system(tmp_path: Path) -> None:
+def test_other_viewers_receive_the_coordinate_system(tmp_path: Path) -> None:
     frames = [sample(i, 100 * i, struct.pack(">HB3f", 0xD014, 12, 1, 2, 3)) for i in range(20)]
     store = opened(tmp_path / "a.bin", b"".join(frames))
     (path,) = export("mcap", ExportRequest(store), tmp_path / "out.mcap")

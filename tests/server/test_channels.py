@@ -10,7 +10,7 @@ import pytest
 from protocols.events import Batch
 from protocols.isb.decoder import IsbDecoder
 from protocols.schema import Bits, Field, Message
-from server.streaming.channels import Channels
+from server.streaming.channels import ChannelRegistry
 from server.wire import ChannelInfo
 from tests.protocols.isb_vectors import by_did
 
@@ -23,7 +23,7 @@ def batch(message: Message, columns: dict[str, Any], offsets: list[int], *, time
     return Batch(message, "", at * 1_000_000_000, at, at * 1000 if timed else None, columns if n else {})
 
 
-class Page:
+class FakePage:
     """What was advertised."""
 
     def __init__(self) -> None:
@@ -37,15 +37,15 @@ class Page:
         return [info for info in self.infos if info.name == name][-1]
 
 
-def split(page: Page, *batches: Batch, channels: Channels | None = None) -> dict[str, list[np.ndarray]]:
-    channels = channels or Channels("1", page)
+def split(page: FakePage, *batches: Batch, channels: ChannelRegistry | None = None) -> dict[str, list[np.ndarray]]:
+    channels = channels or ChannelRegistry("1", page)
     pieces = channels.split([(one, one.offset * 1.0) for one in batches])
     return {page.infos[piece.channel - 1].name: piece.columns for piece in pieces}
 
 
 def one(field: Field, array: Any, **message: Any) -> tuple[ChannelInfo, list[np.ndarray]]:
-    page = Page()
-    row = Message(1, "MTData2", (field,), split=True, **message)
+    page = FakePage()
+    row = Message(1, "MTData2", (field,), channel_per_field=True, **message)
     array = np.asarray(array)
     columns = split(page, batch(row, {field.name: array}, list(range(len(array)))))
     return page[field.name], columns[field.name]
@@ -96,12 +96,12 @@ def test_a_matrix_is_row_by_row() -> None:
 
 
 def test_flags_and_choices_travel_as_words() -> None:
-    bits = (Bits("ClipAccX", 8, severity="caution", doc="Out of range."), Bits("Mode", 23, 3, choices={1: "hold"}))
+    bits = (Bits("ClipAccX", 8, severity="warning", doc="Out of range."), Bits("Mode", 23, 3, choices={1: "hold"}))
     info, _ = one(Field("StatusWord", bits=bits, title="Status"), np.zeros(1, "u4"))
     (column,) = info.columns
     assert column.label == "Status"
     assert [(bit.name, bit.low, bit.width, bit.severity, bit.choices) for bit in column.bits] == [
-        ("ClipAccX", 8, 1, "caution", {}),
+        ("ClipAccX", 8, 1, "warning", {}),
         ("Mode", 23, 3, "", {"1": "hold"}),
     ]
 
@@ -127,7 +127,7 @@ def test_satellites_are_rows_of_one_time() -> None:
     array["satellites"]["svId"] = [[1, 2, 3], [4, 5, 6]]
     fields = (Field("itow", "u4"), Field("satellites", shape=(-1,), fields=SATELLITE))
     info, columns = one(Field("GnssSatInfo", fields=fields), array)
-    assert info.kind == "rows"
+    assert info.kind == "table"
     assert [(c.name, c.unit) for c in info.columns] == [("itow", ""), ("svId", ""), ("cno", "dBHz")]
     assert columns[0].tolist() == [0, 0, 0, 1, 1, 1]
     assert columns[2].tolist() == [100, 100, 100, 200, 200, 200]
@@ -136,15 +136,15 @@ def test_satellites_are_rows_of_one_time() -> None:
 
 def test_bytes_are_no_channel() -> None:
     """They are shown as bytes: tests/server/test_unknown_payloads.py."""
-    page = Page()
-    row = Message(1, "M", (Field("0x4FF0", "bytes", (3,)),), split=True)
+    page = FakePage()
+    row = Message(1, "M", (Field("0x4FF0", "bytes", (3,)),), channel_per_field=True)
     assert split(page, batch(row, {"0x4FF0": np.zeros((2, 3), "u1")}, [0, 10])) == {}
     assert page.infos == []
 
 
-def test_text_is_no_channel() -> None:
-    page = Page()
-    row = Message(1, "M", (Field("words"),), split=True)
+def test_text_is_not_a_channel() -> None:
+    page = FakePage()
+    row = Message(1, "M", (Field("words"),), channel_per_field=True)
     array = np.array(["a"], object)
     assert split(page, batch(row, {"words": array}, [0])) == {}
     assert page.infos == []
@@ -152,10 +152,10 @@ def test_text_is_no_channel() -> None:
 
 def test_layouts_of_one_drain_are_merged_in_stream_order() -> None:
     """A device with acceleration at every frame and pressure at some sends two layouts, which come as two batches."""
-    page = Page()
+    page = FakePage()
     acc, pressure = Field("Acceleration", "f4", (3,), axes=("x", "y", "z")), Field("BaroPressure", "u4")
-    both = Message(1, "MTData2", (acc, pressure), split=True)
-    some = Message(1, "MTData2", (acc,), split=True)
+    both = Message(1, "MTData2", (acc, pressure), channel_per_field=True)
+    some = Message(1, "MTData2", (acc,), channel_per_field=True)
     offsets = {"both": [0, 30, 60], "some": [10, 20, 40, 50]}
     values = {name: np.array(at, "f4")[:, None].repeat(3, 1) for name, at in offsets.items()}
     found = split(
@@ -170,26 +170,26 @@ def test_layouts_of_one_drain_are_merged_in_stream_order() -> None:
 
 
 def test_a_channel_keeps_its_id_and_a_changed_one_gets_a_new_one() -> None:
-    page = Page()
-    channels = Channels("1", page)
+    page = FakePage()
+    channels = ChannelRegistry("1", page)
     for _ in range(3):  # new Message objects of the same layout, as after a reconnection
-        row = Message(1, "MTData2", (Field("Velocity", "f4", (3,), frame="ENU"),), split=True)
+        row = Message(1, "MTData2", (Field("Velocity", "f4", (3,), frame="ENU"),), channel_per_field=True)
         split(page, batch(row, {"Velocity": np.zeros((1, 3), "f4")}, [0]), channels=channels)
     assert len(page.infos) == 1
-    row = Message(1, "MTData2", (Field("Velocity", "f8", (3,), frame="NED"),), split=True)
+    row = Message(1, "MTData2", (Field("Velocity", "f8", (3,), frame="NED"),), channel_per_field=True)
     split(page, batch(row, {"Velocity": np.zeros((1, 3), "f8")}, [0]), channels=channels)
     assert [info.frame for info in page.infos] == ["ENU", "NED"]
 
 
 def test_of_a_duplicate_item_the_second_counts() -> None:
-    row = Message(1, "MTData2", (Field("T", "f4", unit="a"), Field("T", "f4", unit="b")), split=True)
-    page = Page()
+    row = Message(1, "MTData2", (Field("T", "f4", unit="a"), Field("T", "f4", unit="b")), channel_per_field=True)
+    page = FakePage()
     split(page, batch(row, {"T": np.zeros(1, "f4")}, [0]))
     assert [info.unit for info in page.infos] == ["b"]
 
 
 def test_any_other_message_is_one_channel() -> None:
-    page = Page()
+    page = FakePage()
     row = Message(1, "INS", (Field("theta", "f4", (3,)), Field("week", "u4"), Field("week2", "u4")), title="Inertial")
     columns = {"theta": np.zeros((2, 3), "f4"), "week": np.zeros(2, "u4"), "week2": np.zeros(2, "u4")}
     found = split(page, batch(row, columns, [0, 1], timed=False))
@@ -199,7 +199,7 @@ def test_any_other_message_is_one_channel() -> None:
     assert len(found["INS"]) == 7
 
 
-def test_people_read_degrees_and_metres() -> None:
+def test_displayed_units_are_degrees_and_metres() -> None:
     """What stands in SHOWN is converted once, in numbers, unit, dtype and digits."""
     turn = Field("RateOfTurn", ">f4", (3,), unit="rad/s", axes=("x", "y", "z"), decimals=4)
     info, columns = one(turn, np.array([[0.0, np.pi, -np.pi / 2]], "f4"))
@@ -221,8 +221,8 @@ def test_fields_that_stand_apart() -> None:
     """Vectors and status words of an Inertial Sense set are channels of their own; a clock alone is the time axis."""
     decoder = IsbDecoder()
     decoder.feed(by_did(4) + by_did(58), 0)
-    page = Page()
-    channels = Channels("d", page)
+    page = FakePage()
+    channels = ChannelRegistry("d", page)
     channels.split([(event, np.zeros(len(event))) for event in decoder.drain() if isinstance(event, Batch)])
     found = page.infos
     kinds = {info.name: info.kind for info in found}

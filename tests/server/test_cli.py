@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -13,14 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from httpx import Client
 
-from protocols import native_cache
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.frames import get_data, stop
-from server import jit_cache
 from tests.server_process import ROOT, ServerProcess, begun, imuscope
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, http_client
 
 
 def test_version_and_help_are_answered() -> None:
@@ -39,25 +35,25 @@ def test_heavy_parts_are_not_imported_for_help() -> None:
     ("arguments", "words"),
     [
         (("serve", "nothing://x"), "nothing://x"),
-        (("serve", "--protocol", "morse"), "there is no protocol 'morse'"),
-        (("serve", "twin:xbus?protocol=morse"), "there is no protocol 'morse'"),
-        (("serve", "--key", "0g"), "a key is an even number of hex digits"),
-        (("serve", "twin:idtp?key=0g"), "a key is an even number of hex digits"),
+        (("serve", "--protocol", "morse"), "unknown protocol 'morse'"),
+        (("serve", "sim:xbus?protocol=morse"), "unknown protocol 'morse'"),
+        (("serve", "--key", "0g"), "a key must be an even number of hex digits"),
+        (("serve", "sim:idtp?key=0g"), "a key must be an even number of hex digits"),
         (("serve", "--key", "@none.key"), "the key cannot be read from none.key"),
-        (("serve", "--min-mode", "strong"), "invalid choice: 'strong'"),
+        (("serve", "--min-mode", "strong"), "invalid choice 'strong'"),
         (("serve", "--schema", "none.toml"), "the schema cannot be read from none.toml"),
-        (("inspect", "pyproject.toml", "--key", "0g"), "a key is an even number of hex digits"),
+        (("inspect", "pyproject.toml", "--key", "0g"), "a key must be an even number of hex digits"),
         (("serve", "--port", "70000"), "port 70000 is outside"),
         (("serve", "--config", "none.toml"), "none.toml cannot be read"),
         (("serve", "--host", "203.0.113.1"), "cannot listen on 203.0.113.1:8080"),
-        (("inspect", "none.bin"), "there is no file none.bin"),
+        (("inspect", "none.bin"), "file not found: none.bin"),
         (("inspect", "tests"), "tests is a folder"),
         (("inspect",), "the following arguments are required: FILE"),
-        (("inpsect", "none.bin"), "there is no file inpsect. See `imuscope --help`"),
+        (("inpsect", "none.bin"), "file not found: inpsect. See `imuscope --help`"),
         (("serve", "--port", "abc"), "invalid int value: 'abc'"),
     ],
 )
-def test_what_is_wrong_is_one_line(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
+def test_errors_are_one_line(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
     done = imuscope(*arguments, "--data", str(tmp_path))
     assert done.returncode == 1
     lines = [line for line in done.stderr.splitlines() if "compiling" not in line]
@@ -76,8 +72,8 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_without_a_source_twins_of_three_families_stream(tmp_path: Path) -> None:
-    with ServerProcess(data=tmp_path, fresh=True) as server, Client(base_url=server.url, timeout=PATIENCE_S) as client:
+def test_without_a_source_simulators_of_three_families_stream(tmp_path: Path) -> None:
+    with ServerProcess(data=tmp_path, fresh=True) as server, http_client(base_url=server.url) as client:
         found: dict[str, dict[str, Any]] = {}
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
@@ -97,8 +93,8 @@ def test_a_key_on_the_command_line_verifies_and_is_printed_nowhere(tmp_path: Pat
     (tmp_path / "robot.key").write_text(key + "\n")
     arguments = ("--key", f"@{tmp_path / 'robot.key'}")
     with (
-        ServerProcess("twin:idtp?mode=secure", data=tmp_path, arguments=arguments) as server,
-        Client(base_url=server.url, timeout=PATIENCE_S) as client,
+        ServerProcess("sim:idtp?mode=secure", data=tmp_path, arguments=arguments) as server,
+        http_client(base_url=server.url) as client,
     ):
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
@@ -116,7 +112,7 @@ def test_inspect_reaches_every_family(tmp_path: Path) -> None:
     path.write_bytes(IdtpSimulator(mode=2, key=key).advance(100_000_000))
     data = ("--data", str(tmp_path))
     done = imuscope("inspect", str(path), "--rejects", *data)
-    assert "no_key: a Secure frame, and no key to check it with" in done.stdout
+    assert "no_key: a Secure frame, but no key to check it with" in done.stdout
     done = imuscope("inspect", str(path), "--key", key.hex(), "--format", "jsonl", "--rejects", *data)
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(lines) == 22
@@ -141,95 +137,7 @@ def test_beyond_loopback_the_address_carries_a_token(tmp_path: Path) -> None:
     lines = [process.stdout.readline(), process.stdout.readline()]
     process.terminate()
     process.communicate(timeout=PATIENCE_S)
-    assert lines[0].startswith("to look:")
+    assert lines[0].startswith("to view:")
     assert lines[1].startswith("to control:")
     assert all("?token=" in line for line in lines)
     assert process.returncode == 0
-
-
-# ── compiled code ──
-
-
-@pytest.fixture(autouse=True)
-def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    if "NUMBA_DISABLE_JIT" in os.environ:
-        monkeypatch.delenv("NUMBA_DISABLE_JIT")
-
-
-@pytest.fixture
-def unset(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No place for compiled code is set; what a test sets is taken back."""
-    for variable in (jit_cache.VARIABLE, native_cache.VARIABLE):
-        monkeypatch.setenv(variable, "")
-        monkeypatch.delenv(variable)
-
-
-@pytest.mark.usefixtures("unset")
-def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not jit_cache.is_there(tmp_path / "data")
-    first, words = jit_cache.prepare_cache(tmp_path / "data")
-    assert (first, words) == (True, [])
-    place = Path(os.environ[jit_cache.VARIABLE])
-    assert place.parent == tmp_path / "data" / "compiled"
-    assert os.environ[native_cache.VARIABLE] == str(place / native_cache.NAME)
-    native_cache.save(place / native_cache.NAME, {})
-    monkeypatch.delenv(jit_cache.VARIABLE)
-    assert jit_cache.is_there(tmp_path / "data")
-    assert jit_cache.prepare_cache(tmp_path / "data") == (False, [])
-
-
-@pytest.mark.usefixtures("unset")
-def test_other_sources_have_other_compiled_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A function may call one of another file, which has changed; what was compiled before is swept away."""
-    jit_cache.prepare_cache(tmp_path)
-    before = Path(os.environ[jit_cache.VARIABLE])
-    native_cache.save(before / native_cache.NAME, {})
-    monkeypatch.delenv(jit_cache.VARIABLE)
-    package = tmp_path / "protocols"
-    package.mkdir()
-    (package / "native_cache.py").write_text("changed = True")
-    monkeypatch.setattr(native_cache, "__file__", str(package / "native_cache.py"))
-    monkeypatch.setattr(native_cache, "sources_mark", native_cache.sources_mark.__wrapped__)
-    assert jit_cache.prepare_cache(tmp_path) == (True, [])
-    assert os.environ[jit_cache.VARIABLE] != str(before)
-    assert not before.exists()
-
-
-@pytest.mark.usefixtures("unset")
-def test_a_place_that_is_given_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(jit_cache.VARIABLE, str(tmp_path / "given"))
-    jit_cache.prepare_cache(tmp_path / "data")
-    assert os.environ[jit_cache.VARIABLE] == str(tmp_path / "given")
-
-
-@pytest.mark.usefixtures("unset")
-def test_a_read_only_place_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A container image is warmed when it is built and read-only when it runs."""
-    given = tmp_path / "given"
-    given.mkdir()
-    native_cache.save(given / native_cache.NAME, {})
-    monkeypatch.setenv(jit_cache.VARIABLE, str(given))
-    monkeypatch.setattr(jit_cache, "_writable", lambda folder: False)
-    assert jit_cache.prepare_cache(tmp_path) == (False, [])
-    assert os.environ[native_cache.VARIABLE] == str(given / native_cache.NAME)
-    damaged = bytearray((given / native_cache.NAME).read_bytes())
-    damaged[-3] ^= 1
-    (given / native_cache.NAME).write_bytes(damaged)
-    first, (words,) = jit_cache.prepare_cache(tmp_path)
-    assert first
-    assert "for this run only" in words
-    assert os.environ[jit_cache.VARIABLE] != str(given)
-
-
-@pytest.mark.usefixtures("unset")
-def test_nowhere_to_write_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(jit_cache.VARIABLE, "/proc/none")
-
-    def refuse(prefix: str) -> str:
-        raise OSError("read-only")
-
-    monkeypatch.setattr("tempfile.mkdtemp", refuse)
-    first, (words,) = jit_cache.prepare_cache(tmp_path)
-    assert first
-    assert "for this run only" in words
-    assert jit_cache.VARIABLE not in os.environ

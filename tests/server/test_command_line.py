@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import re
@@ -20,6 +21,7 @@ import pytest
 from protocols.idtp.frames import SAFETY, SECURE, build
 from server.commands import arguments
 from server.commands.completion import script
+from server.config import Config
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S
 
@@ -110,7 +112,7 @@ def test_one_word_for_one_format_option() -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_what_is_written_wrongly_is_one_line_and_no_traceback(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_usage_errors_are_one_line_without_a_traceback(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     words, given = arguments_of(COMMANDS[name])
     wrong = [[name, *words, "--no-such-option"]]
     wrong += [[name, *words, option[0]] for option in given if len(option) > 1 and option[0] != "--foxglove"]
@@ -127,12 +129,13 @@ def test_what_is_written_wrongly_is_one_line_and_no_traceback(name: str, capsys:
         assert f"See `imuscope {name} --help`." in said
 
 
-def test_the_readme_names_every_command_and_variable() -> None:
-    text = (ROOT / "README.md").read_text()
+def test_the_guide_names_every_command_variable_and_setting() -> None:
+    commands = (ROOT / "docs" / "guide" / "command-line.md").read_text()
     for name in COMMANDS:
-        assert re.search(rf"imuscope {name}\b", text), name
-    for variable in arguments.ENVIRONMENT.values():
-        assert variable in text, variable
+        assert re.search(rf"imuscope {name}\b", commands), name
+    settings = (ROOT / "docs" / "guide" / "settings.md").read_text()
+    for name in [*arguments.ENVIRONMENT.values(), *(field.name for field in dataclasses.fields(Config))]:
+        assert f"`{name}`" in settings or f"`[{name}]`" in settings, name
 
 
 def test_an_option_between_arguments_was_not_recognised() -> None:
@@ -182,16 +185,16 @@ def test_nowhere_to_write_was_a_traceback() -> None:
     ("words", "said"),
     [
         ("serve udp://:1 udp://:1", "udp://:1 is given twice"),
-        ("record nofile -o q.mcap", "there is no file nofile"),
-        ("record twin:idtp -o nowhere/q.mcap", "no folder nowhere; name another with -o"),
-        ("record twin:idtp -o q.mcap --duration 0", "is not a valid time"),
+        ("record nofile -o q.mcap", "file not found: nofile"),
+        ("record sim:idtp -o nowhere/q.mcap", "Folder not found: nowhere. Name another with -o"),
+        ("record sim:idtp -o q.mcap --duration 0", "is not a valid time"),
         ("serv", "The nearest command is serve"),
         ("ports --data pyproject.toml", "is a file; name a folder with --data"),
         ("serve --host 203.0.113.1", "Give an address of this machine with --host"),
-        ("compose --jsonl pyproject.toml --protocol morse", "there is no protocol 'morse'"),
+        ("compose --jsonl pyproject.toml --protocol morse", "unknown protocol 'morse'"),
     ],
 )
-def test_what_is_said_names_the_cause(words: str, said: str) -> None:
+def test_messages_name_the_cause(words: str, said: str) -> None:
     done = imuscope(*words.split())
     assert done.returncode == 1
     assert said in done.stderr
@@ -201,11 +204,11 @@ def test_what_is_said_names_the_cause(words: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("serve twin:idtp --key 00 --unverified", "leave one out"),
+        ("serve sim:idtp --key 00 --unverified", "leave one out"),
         ("inspect README.md --key 00 --unverified", "leave one out"),
         ("doctor --udev-rule --systemd-unit", "give one of the two"),
         ("doctor --udev-rule --format json", "leave one out"),
-        ("simulate xbus --key 00 --tcp :0", "--key is for Secure frames of IDTP"),
+        ("simulate xbus --key 00 --tcp :0", "--key is for Secure frames"),
         ("compose Imu3Acc --min-mode lite", "unrecognized arguments: --min-mode"),
         ("inspect README.md --rotation enu_from_body", "unrecognized arguments: --rotation"),
         ("commands --key 00", "unrecognized arguments: --key"),
@@ -217,11 +220,11 @@ def test_an_option_that_did_nothing_is_refused(words: str, said: str) -> None:
     assert said in done.stderr
 
 
-def test_a_key_for_replay_is_said_to_be_needless(tmp_path: Path) -> None:
+def test_a_key_for_replay_is_reported_as_needless(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(frames())
     done = imuscope("replay", str(tmp_path / "a.bin"), "--udp", "127.0.0.1:9", "--speed", "1000", "--key", "00")
     assert done.returncode == 0
-    assert "--key is not needed: the bytes are sent as they came" in done.stderr
+    assert "--key is not needed: the bytes are sent unchanged" in done.stderr
 
 
 # -- files and pipes ---------------------------------------------------------------------------------------------------
@@ -295,7 +298,7 @@ def test_jsonl_takes_the_protocol_that_is_named() -> None:
     assert (done.returncode, done.stdout) == (0, "faff3000d1\n")
     done = imuscope("compose", "--jsonl", "-", given=line)
     assert done.returncode == 1
-    assert "names no protocol" in done.stderr
+    assert "has no protocol" in done.stderr
 
 
 def test_a_missing_key_was_not_mentioned(tmp_path: Path) -> None:
@@ -303,7 +306,7 @@ def test_a_missing_key_was_not_mentioned(tmp_path: Path) -> None:
     path.write_bytes(frames(SECURE))
     done = imuscope("inspect", str(path))
     assert done.returncode == 1
-    assert "40 frames are not accepted: a Secure frame, and no key to check it with (--key)" in done.stderr
+    assert "40 frames are not accepted: a Secure frame, but no key to check it with (--key)" in done.stderr
     done = imuscope("decode", str(path), "-o", str(tmp_path / "x.csv"))
     assert done.returncode == 1
     assert "--key @FILE" in done.stderr
@@ -311,7 +314,7 @@ def test_a_missing_key_was_not_mentioned(tmp_path: Path) -> None:
     assert (done.returncode, len(done.stdout.splitlines())) == (0, 40)
 
 
-def test_a_successor_or_nothing_is_no_success(tmp_path: Path) -> None:
+def test_a_successor_or_nothing_is_not_a_success(tmp_path: Path) -> None:
     path = tmp_path / "indt.bin"
     path.write_bytes(frames().replace(b"IDTP", b"INDT"))
     for more in ([], ["--protocol", "idtp"]):
@@ -338,7 +341,7 @@ def test_inspect_saw_phantom_frames_in_recordings_and_noise(tmp_path: Path) -> N
     noise.write_bytes(b"\xfa\xff\x30\x00\xd1".join(bytes(range(256)) * 8 for _ in range(8)))
     done = imuscope("inspect", str(noise))
     assert done.returncode == 1
-    assert "nothing known" in done.stderr
+    assert "no known protocol" in done.stderr
 
 
 def test_decode_takes_a_part(tmp_path: Path) -> None:
@@ -355,9 +358,9 @@ def test_decode_takes_a_part(tmp_path: Path) -> None:
     assert "Imu3Gyr" in made
     assert 20 <= len(Path(made).read_text().splitlines()) <= 32
     for wrong, said in (
-        (["--device", "9"], "holds no device '9'"),
+        (["--device", "9"], "has no device '9'"),
         (["--channel", "Imu3Gyrr"], "nearest are: Imu3Gyr"),
-        (["--from", "70"], "nothing lies in that range"),
+        (["--from", "70"], "that range is empty"),
     ):
         done = imuscope("decode", str(capture), "-o", str(out), *wrong)
         assert done.returncode == 1

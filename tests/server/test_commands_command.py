@@ -8,8 +8,9 @@ import pytest
 
 from protocols.registry import PROTOCOLS
 from protocols.transactions import DeviceContext
-from server.commands.commands import WIDTH, CommandListRow, all_forms, manual
+from server.commands.commands import WIDTH, CommandListRow, manual
 from server.commands.compose import ComposeError
+from server.configuration.form_builder import all_forms
 from tests.server_process import imuscope
 
 
@@ -27,15 +28,15 @@ def test_every_command_and_setting_is_listed_and_described() -> None:
     assert {forms.protocol for forms in all_forms()} == {"xbus", "isb", "idtp"}
 
 
-def test_a_command_is_told_with_ranges_meaning_and_source() -> None:
+def test_a_command_is_described_with_ranges_meaning_and_source() -> None:
     text = "\n".join(manual("xbus", "SetPeriod"))
     assert "period  u2, 1/115200 s, 225 to 65535, usually 1152" in text
     assert "Source: MT0101P 5.3.5" in text
-    assert "`send` wants --yes" in " ".join("\n".join(manual("", "RestoreFactoryDef")).split())
+    assert "`send` requires --yes" in " ".join("\n".join(manual("", "RestoreFactoryDef")).split())
 
 
-def test_what_is_not_there_is_answered_with_the_nearest() -> None:
-    with pytest.raises(ComposeError, match="near: SetPeriod"):
+def test_missing_names_are_answered_with_the_nearest() -> None:
+    with pytest.raises(ComposeError, match="similar: SetPeriod"):
         list(manual("", "SetPeriot"))
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from server.library.compaction_worker import CompactionWorker
 from tests.fault_injection.fault_harness import frames
-from tests.fault_injection.test_kill import recording
-from tests.server.control_harness import until
+from tests.fault_injection.recorded_files import recording
+from tests.waiting import until
 
 
 def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
@@ -36,9 +36,9 @@ def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
 
     async def check() -> None:
         await packer.resume(tmp_path)
-        await until(lambda: not packer.busy, "all are seen to")
+        await until(lambda: not packer.is_busy, "all are seen to")
 
     asyncio.run(check())
     assert [path.stem for path in packed] == ["a", "b", "d", "e"]
-    assert "c.mcap could not be packed" in caplog.text
+    assert "c.mcap could not be compacted" in caplog.text
     assert len(begun) == 1

@@ -1,4 +1,4 @@
-"""Does a frame lead back to itself through the real command line, and do words become the frame they mean?"""
+"""Frames round-trip through the real command line, and words become the intended frame."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 
 from protocols.idtp.frames import LITE, SAFETY, build
 from protocols.idtp.simulator import IdtpSimulator
-from protocols.isb.encoder import sentence
 from protocols.isb.simulator.device import IsbSimulator
+from protocols.nmea import sentence
 from protocols.transactions import DeviceContext
 from protocols.xbus.simulator.device import XbusSimulator
-from server.commands.compose import ComposeError, chosen, composers, frame_of, frames_of, parse
+from server.commands.compose import ComposeError, composers, find_composer, frame_of, frames_of, parse
 from server.commands.inspect import inspect_file
 from server.devices.decode_options import DecodeOptions
 from tests.server_process import imuscope
@@ -28,7 +28,7 @@ S = 10**9
 
 def composed(message: str, *pairs: str, protocol: str = "", key: bytes | None = None) -> str:
     spoken = composers(key)
-    return frame_of(chosen(spoken, message, protocol, pairs), message, pairs, DeviceContext(key=key))[0].hex()
+    return frame_of(find_composer(spoken, message, protocol, pairs), message, pairs, DeviceContext(key=key))[0].hex()
 
 
 def both_ways(data: bytes, path: Path, reading: DecodeOptions, **how: Any) -> None:
@@ -73,7 +73,7 @@ def test_every_golden_frame_of_idtp(tmp_path: Path) -> None:
         both_ways(bytes.fromhex(row["frame_hex"]), tmp_path / f"{number}.bin", reading)
 
 
-def test_what_twins_send_with_what_passes_through_their_ports(tmp_path: Path) -> None:
+def test_what_simulators_send_with_what_passes_through_their_ports(tmp_path: Path) -> None:
     isb = IsbSimulator().advance(3 * S)
     both_ways(isb + sentence("INFO,1,2") + isb, tmp_path / "isb.bin", DecodeOptions("isb"))
     both_ways(XbusSimulator().advance(2 * S), tmp_path / "xbus.bin", DecodeOptions("xbus"))
@@ -91,7 +91,7 @@ def test_a_capture_through_the_real_command_line(name: str, captures: Path) -> N
 def test_files_through_the_real_command_line(tmp_path: Path) -> None:
     _through_the_command_line(GOLDEN / "xbus" / "sample.mtb")
     log = tmp_path / "imx.raw"
-    log.write_bytes(IsbSimulator(road=1.0).advance(8 * S))
+    log.write_bytes(IsbSimulator(vibration=1.0).advance(8 * S))
     _through_the_command_line(log)
 
 
@@ -225,7 +225,7 @@ def test_angles_may_be_typed_in_degrees_where_they_say_so() -> None:
     radians = composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,1.5707963267948966]")
     assert composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,90deg]") == radians
     assert composed("SET_DID_FLASH_CONFIG", "insRotation=0, 0, 90°") == radians
-    with pytest.raises(ComposeError, match="startupNavDtMs is a number"):
+    with pytest.raises(ComposeError, match="startupNavDtMs must be a number"):
         composed("SET_DID_FLASH_CONFIG", "startupNavDtMs=90deg")
 
 
@@ -243,11 +243,11 @@ def test_paths_lead_into_lists() -> None:
         (["SET_DID_FLASH_CONFIG", "dynamicModel=AIRBORNE"], "nearest are: AIRBORNE_"),
         (["SET_DID_FLASH_CONFIG", "startupGPSDtMs=100"], "lies between 200 and 4294967295 ms, given 100"),
         (["SET_DID_FLASH_CONFIG", "startupNavDtMs"], "is not valid; write it as FIELD=VALUE"),
-        (["GET_DATA", "id=no"], "none of its choices"),
+        (["GET_DATA", "id=no"], "is not an allowed value"),
         (["SetOutputConfiguration", "outputs.1.data_identifier=1"], "the next is outputs.0"),
     ],
 )
-def test_what_is_not_known_is_answered_with_the_nearest(words: list[str], said: str) -> None:
+def test_unknown_names_are_answered_with_the_nearest(words: list[str], said: str) -> None:
     with pytest.raises(ComposeError, match=said):
         composed(words[0], *words[1:])
 
@@ -256,14 +256,14 @@ def test_one_line_and_status_1_for_what_cannot_be() -> None:
     done = imuscope("compose", "NoSuchThing")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.count("\n") == 1
-    assert "no message is called 'NoSuchThing'" in done.stderr
+    assert "unknown message: 'NoSuchThing'" in done.stderr
     done = imuscope("compose", "--jsonl", "-", given=b'{"protocol":"isb","message":"GET_DATA","fields":{}}\n')
     assert (done.returncode, done.stderr) == (1, "imuscope: line 1: id is missing.\n")
 
 
 def test_values_without_a_field() -> None:
     assert parse([], ()) == {}
-    with pytest.raises(ComposeError, match="this message has none"):
+    with pytest.raises(ComposeError, match="this message has no fields"):
         parse(["a=1"], ())
 
 

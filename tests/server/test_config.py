@@ -11,15 +11,20 @@ from server.config import Config, ConfigError, is_loopback, load
 
 def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
     file = tmp_path / "imuscope.toml"
-    file.write_text('host = "0.0.0.0"\nport = 9000\nhistory_s = 60\nsources = ["twin:xbus"]\n')
+    file.write_text('host = "0.0.0.0"\nport = 9000\nhistory_s = 60\nsources = ["sim:xbus"]\n')
     config = load(file, port=9001, host=None)
-    assert (config.host, config.port, config.history_s, config.sources) == ("0.0.0.0", 9001, 60.0, ("twin:xbus",))
+    assert (config.host, config.port, config.history_s, config.sources) == ("0.0.0.0", 9001, 60.0, ("sim:xbus",))
     assert not config.is_loopback
 
 
 def test_a_relative_data_folder_is_found_from_everywhere() -> None:
     """Processes that decode and export work in other folders."""
     assert load(data=Path("data")).data == Path.cwd() / "data"
+
+
+def test_a_name_that_is_not_utf_8_is_kept() -> None:
+    config = load(sources=["/x/\udcff.bin"], data=Path("/x/\udcff"))
+    assert (config.sources, config.data) == (("/x/\udcff.bin",), Path("/x/\udcff"))
 
 
 def test_defaults_are_loopback() -> None:
@@ -48,7 +53,7 @@ def test_defaults_are_loopback() -> None:
         ("= 1", "not valid TOML"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path: Path, text: str, words: str) -> None:
+def test_errors_are_reported(tmp_path: Path, text: str, words: str) -> None:
     file = tmp_path / "imuscope.toml"
     file.write_text(text)
     with pytest.raises(ConfigError, match=words):

@@ -1,4 +1,4 @@
-"""Configuring over HTTP and the WebSocket, as the page does it: the real server, two twins, several people."""
+"""Configuring over HTTP and the WebSocket, as the page does it: the real server, two simulators, several people."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from httpx import Client
 from server.wire import SUBPROTOCOL
 from tests.server.control_harness import at_rate, outputs
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, connect
+from tests.timeouts import PATIENCE_S, connect, http_client
 
 VIEW, CONTROL = "only-looking", "may-command"
 
@@ -24,24 +24,24 @@ VIEW, CONTROL = "only-looking", "may-command"
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     data = tmp_path_factory.mktemp("data")
     config = data / "imuscope.toml"
-    config.write_text(f'trial_s = 1.0\nview_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
-    sources = ("twin:xbus?seed=1", "twin:xbus?seed=2", "twin:isb", "twin:idtp")
+    config.write_text(f'rollback_s = 1.0\nview_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
+    sources = ("sim:xbus?seed=1", "sim:xbus?seed=2", "sim:isb", "sim:idtp")
     with ServerProcess(*sources, data=data, arguments=("--config", str(config))) as process:
-        with Client(base_url=process.url, timeout=PATIENCE_S) as http:
+        with http_client(base_url=process.url) as http:
             until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 4, http)
         yield process
 
 
 @pytest.fixture
 def http(server: ServerProcess) -> Iterator[Client]:
-    with Client(base_url=server.url, timeout=PATIENCE_S) as client:
+    with http_client(base_url=server.url) as client:
         yield client
 
 
 def until(condition: Callable[[], object], http: Client) -> None:
     end = time.monotonic() + PATIENCE_S
     while not condition():
-        assert time.monotonic() < end, http.get("/api/devices/1/control").text
+        assert time.monotonic() < end, http.get("/api/devices/1/jobs").text
         time.sleep(0.02)
 
 
@@ -51,7 +51,7 @@ def done(http: Client, answer: Any, device: int = 1) -> Any:
     number = answer.json()["id"]
 
     def found() -> Any:
-        control = http.get(f"/api/devices/{device}/control").json()
+        control = http.get(f"/api/devices/{device}/jobs").json()
         return next((job for job in control["done"] if job["id"] == number), None)
 
     until(found, http)
@@ -69,12 +69,12 @@ def read(http: Client, device: int = 1) -> Any:
 
 def sent(http: Client, since: int = 0) -> list[str]:
     """Requests to device 1, in order; of what is sent again and again one."""
-    log = http.get("/api/devices/1/exchange?limit=2000").json()
+    log = http.get("/api/devices/1/traffic?limit=2000").json()
     return [entry["name"] for entry in log if entry["way"] == "tx" and entry["seq"] > since]
 
 
 def newest(http: Client) -> int:
-    return max((entry["seq"] for entry in http.get("/api/devices/1/exchange?limit=1").json()), default=0)
+    return max((entry["seq"] for entry in http.get("/api/devices/1/traffic?limit=1").json()), default=0)
 
 
 def command(http: Client, name: str, values: dict[str, Any], **more: Any) -> Any:
@@ -88,14 +88,14 @@ def test_an_orientation_reset_is_stored_with_nothing_between(http: Client) -> No
     before = read(http)["AlignmentRotation.RotLocal"]
     since = newest(http)
     command(http, "ResetOrientation", {"code": 4}, confirmed=True)
-    assert "not stored" in http.get("/api/devices/1/control").json()["unfinished"]
+    assert "not stored" in http.get("/api/devices/1/jobs").json()["unfinished"]
     command(http, "ResetOrientation", {"code": 0}, confirmed=True)
     frames = sent(http, since)
     assert frames[:4] == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
     assert {"ReqAlignmentRotation"} == {name for name in frames[4:] if "Rotation" in name or "Orientation" in name}
     stored = http.get("/api/devices/1/values").json()["values"]["AlignmentRotation.RotLocal"]
     assert stored != before, "the form has the new one without being asked"
-    assert http.get("/api/devices/1/control").json()["unfinished"] == ""
+    assert http.get("/api/devices/1/jobs").json()["unfinished"] == ""
     assert read(http)["AlignmentRotation.RotLocal"] != before
     command(http, "ResetOrientation.Stored", {"code": 7}, confirmed=True)
     assert read(http)["AlignmentRotation.RotLocal"] == before
@@ -119,7 +119,7 @@ def test_what_would_discard_an_orientation_reset_is_asked_about_first(
     assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
     assert "discarded" in answer.json()["message"]
     assert done(http, post(http, path, {**body, "confirmed": True}))["state"] == "done"
-    until(lambda: http.get("/api/devices/1/control").json()["unfinished"] == "", http)
+    until(lambda: http.get("/api/devices/1/jobs").json()["unfinished"] == "", http)
 
 
 def test_a_baud_rate_of_the_600_series_is_written_as_its_port_on_trial(http: Client) -> None:
@@ -129,12 +129,12 @@ def test_a_baud_rate_of_the_600_series_is_written_as_its_port_on_trial(http: Cli
     answer = post(http, "run", body)
     assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
     job = done(http, post(http, "run", {**body, "confirmed": True}))
-    assert "nobody kept" in job["message"]
-    assert http.get("/api/devices/1/control").json()["trial"]["state"] == "reverted"
+    assert "not confirmed in time" in job["message"]
+    assert http.get("/api/devices/1/jobs").json()["pending_rollback"]["state"] == "rolled-back"
     assert "SetBaudrate" not in sent(http)
 
 
-def test_a_compass_calibration_is_not_interrupted_and_a_question_is_no_danger(http: Client) -> None:
+def test_a_compass_calibration_is_not_interrupted_and_a_query_is_harmless(http: Client) -> None:
     """Reading everything before each command ended the motion between its start and its stop."""
     read(http)
     since = newest(http)
@@ -161,7 +161,7 @@ def test_every_form_of_every_family_opens_and_previews(http: Client, device: int
             assert nothing or shown["problems"] or shown["frames"], row["name"]
 
 
-def test_what_the_device_has_previews_without_a_problem(http: Client) -> None:
+def test_present_values_preview_without_a_problem(http: Client) -> None:
     values = read(http)
     forms = {row["name"]: row for row in http.get("/api/devices/1/forms").json()["settings"]}
     for name, fields in values.items():
@@ -175,20 +175,20 @@ def test_what_the_device_has_previews_without_a_problem(http: Client) -> None:
             assert all(end == start for (_, end), (start, _) in pairwise(covered))
 
 
-def test_the_load_is_told_before_anything_is_sent(http: Client) -> None:
+def test_the_load_is_shown_before_anything_is_sent(http: Client) -> None:
     shown = post(http, "preview", {"setting": "OutputConfiguration", "values": outputs(400)}).json()
     load = shown["load"]
     # 400 messages/s of header 4, counter 5, time 7, quaternion 19, acceleration 15, checksum 1
     assert load["total"] == 400 * (4 + 5 + 7 + 19 + 15 + 1)
     assert (load["baud"], load["capacity"]) == (115_200, 11_520)
-    fitted = post(http, "fit", {"setting": "OutputConfiguration", "values": outputs(400)}).json()
+    fitted = post(http, "fit-rates", {"setting": "OutputConfiguration", "values": outputs(400)}).json()
     assert fitted["load"]["total"] <= 11_520
     assert any(words.startswith("Quaternion 400 Hz → ") for words in fitted["words"])
     again = post(http, "preview", {"setting": "OutputConfiguration", "values": fitted["values"]}).json()
     assert again["load"]["total"] == fitted["load"]["total"]
 
 
-def test_a_wrong_value_is_told_where_it_stands(http: Client) -> None:
+def test_a_wrong_value_is_reported_at_its_field(http: Client) -> None:
     wrong = {"outputs": [{"data_identifier": 0x2010, "output_frequency": -1}]}
     shown = post(http, "preview", {"setting": "OutputConfiguration", "values": wrong}).json()
     assert [problem["path"] for problem in shown["problems"]] == ["outputs.0.output_frequency"]
@@ -203,7 +203,7 @@ def test_the_same_profile_goes_to_two_devices(http: Client) -> None:
     changes = {"OutputConfiguration": outputs(50), "LocationID": {"location_id": 42}}
     job = done(http, post(http, "apply", {"changes": changes, "devices": ["2"], "reason": "new mast"}))
     assert (job["state"], job["outcomes"]) == ("done", [])
-    until(lambda: http.get("/api/devices/2/control").json()["running"] is None, http)
+    until(lambda: http.get("/api/devices/2/jobs").json()["running"] is None, http)
     for device, old in ((1, before[0]), (2, before[1])):
         now = read(http, device)
         assert {name: now[name] for name in changes} == changes
@@ -277,7 +277,7 @@ def test_the_factory_and_another_device_are_sides_too(http: Client) -> None:
     assert (answer.status_code, answer.json()["kind"]) == (409, "not-alike")
 
 
-def test_what_could_harm_is_asked_once_more_in_words(http: Client) -> None:
+def test_harmful_changes_need_confirmation_in_words(http: Client) -> None:
     answer = post(http, "run", {"command": "RestoreFactoryDef"})
     assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
     assert "All settings" in answer.json()["message"]
@@ -293,32 +293,41 @@ def test_a_command_is_answered_and_raw_bytes_are_seen(http: Client) -> None:
     job = done(http, post(http, "run", {"command": "ReqFWRev"}))
     assert (job["state"], job["values"]["major"]) == ("done", 1)
     done(http, post(http, "raw", {"hex": "faff1000f1", "confirmed": True}))
-    log = http.get("/api/devices/1/exchange?limit=20").json()
+    log = http.get("/api/devices/1/traffic?limit=20").json()
     assert ("tx", "GoToMeasurement") in [(one["way"], one["name"]) for one in log]
     newest = log[-1]["seq"]
-    older = http.get(f"/api/devices/1/exchange?before={newest}&limit=5").json()
+    older = http.get(f"/api/devices/1/traffic?before={newest}&limit=5").json()
     assert [one["seq"] < newest for one in older] == [True] * 5
     assert post(http, "raw", {"hex": "xy", "confirmed": True}).status_code == 422
 
 
-def test_everybody_is_told_what_is_done(http: Client, server: ServerProcess) -> None:
-    """Two browsers see one's job begin and end, and its frames in order; one that comes late is told how it stands."""
+def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess) -> None:
+    """Two browsers see the job of one and its frames in order; a later browser gets the finished job."""
 
     def ops(socket: Any, enough: Callable[[list[Any]], bool]) -> list[Any]:
         found: list[Any] = []
+        ends = time.monotonic() + PATIENCE_S
         while not enough(found):
+            assert time.monotonic() < ends, found
             message = json.loads(socket.recv(timeout=PATIENCE_S))
-            if message["op"] in ("control", "exchange"):
+            if message["op"] in ("jobs", "traffic"):
                 found.append(message)
         return found
 
     def first(message: Any) -> Any:
         return next(one for one in message["devices"] if one["device"] == "1")
 
-    def is_over(found: list[Any]) -> bool:
-        states = [first(one) for one in found if one["op"] == "control"]
-        return any(one["running"] for one in states) and states[-1]["running"] is None and not states[-1]["queue"]
+    def requests(found: list[Any]) -> list[str]:
+        entries = [entry for message in found for entry in message.get("entries", ())]
+        return [entry["name"] for entry in entries if entry["way"] == "tx"]
 
+    def is_over(found: list[Any]) -> bool:
+        """A short job may be over before its first message is sent, so that no message says that it runs."""
+        states = [first(one) for one in found if one["op"] == "jobs"]
+        is_done = any(job["id"] > earlier for one in states for job in one["done"])
+        return is_done and states[-1]["running"] is None and not states[-1]["queue"] and len(requests(found)) >= 3
+
+    earlier = max((job["id"] for job in http.get("/api/devices/1/jobs").json()["done"]), default=0)
     ws = server.url.replace("http", "ws", 1) + "/ws"
     with (
         connect(ws, subprotocols=[SUBPROTOCOL]) as one,
@@ -328,44 +337,42 @@ def test_everybody_is_told_what_is_done(http: Client, server: ServerProcess) -> 
         seen = [pool.submit(ops, socket, is_over) for socket in (one, other)]
         done(http, post(http, "run", {"command": "ReqFWRev"}))
         for future in seen:
-            entries = [entry for message in future.result(PATIENCE_S) for entry in message.get("entries", ())]
-            names = [entry["name"] for entry in entries if entry["way"] == "tx"]
-            assert names[:3] == ["GoToConfig", "ReqFWRev", "GoToMeasurement"]
+            assert requests(future.result(PATIENCE_S))[:3] == ["GoToConfig", "ReqFWRev", "GoToMeasurement"]
     with connect(ws, subprotocols=[SUBPROTOCOL]) as late:
         told = ops(late, lambda found: len(found) == 1)[0]
         assert first(told)["done"][0]["title"]
 
 
-def test_two_people_at_once_and_a_trial_that_nobody_keeps(http: Client, server: ServerProcess) -> None:
+def test_two_users_at_once_and_an_unconfirmed_trial(http: Client, server: ServerProcess) -> None:
     """The browser that changed the rate is gone; another's wish waits and is done after the way back."""
     ports = at_rate(read(http)["PortConfig"], 0x80)
-    with Client(base_url=server.url, timeout=PATIENCE_S) as gone:
+    with http_client(base_url=server.url) as gone:
         assert post(gone, "apply", {"changes": {"PortConfig": ports}, "confirmed": True}).status_code == 202
     waits = post(http, "run", {"command": "ReqFWRev"})
-    until(lambda: (http.get("/api/devices/1/control").json()["trial"] or {}).get("state") == "asking", http)
-    control = http.get("/api/devices/1/control").json()
+    until(lambda: (http.get("/api/devices/1/jobs").json()["pending_rollback"] or {}).get("state") == "pending", http)
+    control = http.get("/api/devices/1/jobs").json()
     assert [job["id"] for job in control["queue"]] == [waits.json()["id"]]
     assert http.delete(f"/api/devices/1/jobs/{control['running']['id']}").status_code == 409
     job = done(http, waits)
     assert job["values"]["major"] == 1
-    control = http.get("/api/devices/1/control").json()
-    assert control["trial"]["state"] == "reverted"
+    control = http.get("/api/devices/1/jobs").json()
+    assert control["pending_rollback"]["state"] == "rolled-back"
     assert http.get("/api/devices").json()[0]["baud"] == 115_200
 
 
-def test_who_may_only_look_commands_nothing(server: ServerProcess) -> None:
-    with Client(base_url=server.url, timeout=PATIENCE_S, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
+def test_viewers_cannot_send_commands(server: ServerProcess) -> None:
+    with http_client(base_url=server.url, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
         for path in ("read", "apply", "run", "raw", "keep", "revert", "restore", "snapshots"):
             answer = post(viewer, path, {})
             assert (answer.status_code, answer.json()["kind"]) == (403, "view-only"), path
-        for path in ("control", "forms", "exchange", "snapshots", "values"):
+        for path in ("jobs", "forms", "traffic", "snapshots", "values"):
             assert viewer.get(f"/api/devices/1/{path}").status_code == 200, path
         assert viewer.delete("/api/devices/1/jobs/1").status_code == 403
-        before = viewer.get("/api/devices/1/exchange").json()
+        before = viewer.get("/api/devices/1/traffic").json()
         assert post(viewer, "preview", {"command": "Reset", "values": {}}).json()["frames"][0]["hex"] == "faff4000c1"
-        assert post(viewer, "fit", {"setting": "OutputConfiguration", "values": outputs(400)}).status_code == 200
+        assert post(viewer, "fit-rates", {"setting": "OutputConfiguration", "values": outputs(400)}).status_code == 200
         assert post(viewer, "compare", {"left": {"side": "factory"}, "right": {"side": "factory"}}).json()["rows"] == []
-        assert viewer.get("/api/devices/1/exchange").json() == before, "looking sends nothing"
+        assert viewer.get("/api/devices/1/traffic").json() == before, "looking sends nothing"
         assert viewer.get("/api/build").json()["role"] == "view"
 
 
@@ -374,16 +381,16 @@ def test_nothing_but_json_is_a_body(http: Client) -> None:
     assert (answer.status_code, answer.json()["kind"]) == (415, "not-json")
 
 
-@pytest.mark.parametrize("path", ["forms", "control", "exchange", "snapshots", "values"])
-def test_a_device_that_is_not_there_is_told(http: Client, path: str) -> None:
+@pytest.mark.parametrize("path", ["forms", "jobs", "traffic", "snapshots", "values"])
+def test_a_missing_device_is_reported(http: Client, path: str) -> None:
     answer = http.get(f"/api/devices/99/{path}")
     assert (answer.status_code, answer.json()["kind"]) == (404, "not-found")
 
 
-def test_what_there_is_not_is_told(http: Client) -> None:
+def test_missing_names_are_reported(http: Client) -> None:
     assert post(http, "run", {"command": "Nonsense"}).status_code == 404
     assert post(http, "apply", {"changes": {"Nonsense": {}}}).status_code == 404
     assert post(http, "apply", {"changes": {"ProductCode": {"product_code": "x"}}}).status_code == 404
     assert post(http, "apply", {"changes": {}}).status_code == 422
-    assert post(http, "keep", {}).json()["kind"] == "not-now"
+    assert post(http, "confirm", {}).json()["kind"] == "not-now"
     assert post(http, "read", {}, 4).json()["kind"] == "no-settings"

@@ -1,4 +1,6 @@
-"""Commands to a real twin behind a real pseudo-terminal: one at a time, seen by everybody; it measures afterwards."""
+"""Commands to a real simulator behind a real pseudo-terminal: one at a time, seen by everybody; it measures
+afterwards.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,9 @@ from protocols.xbus.driver import XbusDriver
 from server.configuration.device_controller import MOST_WAITING, ControlError, DeviceController
 from server.configuration.transaction_runner import Runner
 from server.links.base import LinkError
-from server.wire import ExchangeEntry
-from tests.server.control_harness import house, outputs, over, until
+from server.wire import TrafficEntry
+from tests.server.control_harness import house, outputs, over
+from tests.waiting import until
 
 GO_TO_MEASUREMENT = "faff1000f1"
 
@@ -24,19 +27,19 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def sent(desk: DeviceController) -> list[ExchangeEntry]:
+def sent(desk: DeviceController) -> list[TrafficEntry]:
     return [entry for entry in desk.log.tail(limit=2000) if entry.way == "tx"]
 
 
 def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus?rate=100&baud=921600")
+            desk = await here.add("sim:xbus?rate=100&baud=921600")
             job = await here.apply(desk, {"OutputConfiguration": outputs(400)})
             assert (job.state, job.outcomes) == ("done", [])
 
             def rate() -> float:
-                return desk.session.health(here.hub.now()).rate
+                return desk.session.health(here.telemetry.bus.now()).rate
 
             await until(lambda: 380 < rate() < 420, "400 samples/s")
             assert desk.values["OutputConfiguration"] == outputs(400)
@@ -45,10 +48,10 @@ def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
     run(check())
 
 
-def test_what_the_device_rounds_is_told_field_by_field(tmp_path: Path) -> None:
+def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus")
+            desk = await here.add("sim:xbus")
             job = await here.apply(desk, {"OutputConfiguration": outputs(130, 0x2010)})
             assert job.state == "done"
             assert [(one.path, one.asked, one.got) for one in job.outcomes] == [
@@ -58,10 +61,10 @@ def test_what_the_device_rounds_is_told_field_by_field(tmp_path: Path) -> None:
     run(check())
 
 
-def test_what_is_so_already_is_not_written(tmp_path: Path) -> None:
+def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus")
+            desk = await here.add("sim:xbus")
             await here.apply(desk, {"LocationID": {"location_id": 7}})
             job = await here.apply(desk, {"LocationID": {"location_id": 7}})
             assert "Nothing to change" in job.message
@@ -70,20 +73,20 @@ def test_what_is_so_already_is_not_written(tmp_path: Path) -> None:
     run(check())
 
 
-def test_two_people_command_at_once_and_take_turns(tmp_path: Path) -> None:
+def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
     """Their exchanges never mix: between GoToConfig and GoToMeasurement there is one job's."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus")
+            desk = await here.add("sim:xbus")
             first = desk.add("first", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 1}}, ""))
             second = desk.add("second", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 2}}, ""))
-            assert [job.title for job in desk.control.queue] == ["first", "second"]
-            await until(lambda: desk.control.running is not None, "the first runs")
-            running = desk.control.running
+            assert [job.title for job in desk.job_report.queue] == ["first", "second"]
+            await until(lambda: desk.job_report.running is not None, "the first runs")
+            running = desk.job_report.running
             assert running is not None
             assert running.title == "first"
-            assert here.hub.controls[desk.device].queue[0].title == "second"  # as browsers are told
+            assert here.telemetry.bus.jobs.latest[desk.device].queue[0].title == "second"  # as browsers are told
             jobs = [await over(first), await over(second)]
             assert [job.state for job in jobs] == ["done", "done"]
             ended = jobs[0].ended
@@ -98,7 +101,7 @@ def test_two_people_command_at_once_and_take_turns(tmp_path: Path) -> None:
 def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus?baud=9600&rate=5")
+            desk = await here.add("sim:xbus?baud=9600&rate=5")
             task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
             await until(lambda: desk.state == "Config", "the device is in Config")
             await desk.drop(task.job.id)
@@ -124,7 +127,7 @@ def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
     async def check() -> None:
         desk: DeviceController
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus?baud=9600&rate=5")
+            desk = await here.add("sim:xbus?baud=9600&rate=5")
             desk.add("Read", here.desks.jobs.read(desk, None, ""))
             await until(lambda: desk.state == "Config", "the device is in Config")
         assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
@@ -132,28 +135,28 @@ def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
     run(check())
 
 
-def test_a_job_that_waits_is_taken_out_and_an_unknown_one_is_told(tmp_path: Path) -> None:
+def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus")
+            desk = await here.add("sim:xbus")
             tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
             await desk.drop(tasks[2].job.id)
             assert tasks[2].job.state == "stopped"
-            with pytest.raises(ControlError, match="No job 99"):
+            with pytest.raises(ControlError, match="Job 99 is not queued"):
                 await desk.drop(99)
             await over(tasks[1])
 
     run(check())
 
 
-def test_a_full_queue_says_so(tmp_path: Path) -> None:
+def test_a_full_queue_is_reported(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus")
+            desk = await here.add("sim:xbus")
             work = here.desks.jobs.read(desk, ["LocationID"], "")
             for _ in range(MOST_WAITING):
                 desk.add("Read", work)
-            with pytest.raises(ControlError, match="that is the most"):
+            with pytest.raises(ControlError, match="is full"):
                 desk.add("Read", work)
 
     run(check())
@@ -164,10 +167,10 @@ def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus?baud=9600&rate=20")
+            desk = await here.add("sim:xbus?baud=9600&rate=20")
             seen: set[str] = set()
             task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
-            while not task.over.is_set():
+            while not task.finished.is_set():
                 seen.add(desk.session.info.status)
                 await asyncio.sleep(0.02)
             assert seen == {"live"}
@@ -175,10 +178,10 @@ def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
     run(check())
 
 
-def test_the_exchange_is_told_in_both_directions(tmp_path: Path) -> None:
+def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus")
+            desk = await here.add("sim:xbus")
             await here.apply(desk, {"LocationID": {"location_id": 3}})
             entries = desk.log.tail(limit=500)
             at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
@@ -189,7 +192,7 @@ def test_the_exchange_is_told_in_both_directions(tmp_path: Path) -> None:
             assert answered.ms is not None
             assert 0 <= answered.ms < 500
             assert [one.seq for one in entries] == sorted(one.seq for one in entries)
-            told = [event for event in here.hub.log if event.kind == "command"]
+            told = [event for event in here.telemetry.log if event.kind == "command"]
             assert "SetLocationID" in [event.data["message"] for event in told]
 
     run(check())
@@ -198,7 +201,7 @@ def test_the_exchange_is_told_in_both_directions(tmp_path: Path) -> None:
 def test_a_stubborn_device_is_reset_and_caught(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus?stubborn=1")
+            desk = await here.add("sim:xbus?stubborn=1")
             job = await here.read(desk)
             assert job.state == "done", job.message
             assert "Reset" in [entry.name for entry in sent(desk)]
@@ -209,7 +212,7 @@ def test_a_stubborn_device_is_reset_and_caught(tmp_path: Path) -> None:
 # ── the runner alone ─────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-class Wire:
+class ControlWire:
     """A channel that the test holds."""
 
     def __init__(self) -> None:
@@ -221,7 +224,7 @@ class Wire:
     async def send(self, data: bytes) -> None:
         self.sent.append(data)
 
-    async def relink(self, baud: int | None) -> None:
+    async def reopen(self, baud: int | None) -> None:
         if self.refuses:
             raise LinkError("refused", "No such rate.")
         self.linked.append(baud)
@@ -247,13 +250,13 @@ class Ear:
 
     def matched(self, event: Event) -> None: ...
 
-    def note(self, text: str, *, fault: bool = False) -> None:
+    def add_note(self, text: str, *, error: bool = False) -> None:
         self.notes.append(text)
 
 
 def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
     async def check() -> None:
-        wire = Wire()
+        wire = ControlWire()
 
         def ask() -> Any:
             yield Send(b"?")
@@ -267,7 +270,7 @@ def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
 
 def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
     async def check() -> None:
-        wire = Wire()
+        wire = ControlWire()
 
         def ask() -> Any:
             yield Send(b"1")
@@ -281,9 +284,9 @@ def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
     run(check())
 
 
-def test_a_rate_that_cannot_be_had_is_told_and_noted() -> None:
+def test_an_unavailable_rate_is_reported_and_logged() -> None:
     async def check() -> None:
-        wire, ear = Wire(), Ear()
+        wire, ear = ControlWire(), Ear()
         wire.refuses = True
 
         def ask() -> Any:
@@ -297,7 +300,7 @@ def test_a_rate_that_cannot_be_had_is_told_and_noted() -> None:
 
 def test_a_runner_that_is_cancelled_writes_the_last_words() -> None:
     async def check() -> None:
-        wire = Wire()
+        wire = ControlWire()
 
         def ask() -> Any:
             try:
@@ -323,7 +326,7 @@ def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: P
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:isb")
+            desk = await here.add("sim:isb")
             await here.read(desk)
             before = dict(desk.values["DID_FLASH_CONFIG"])
             job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21, "dynamicModel": 8}})
@@ -342,7 +345,7 @@ def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: P
 def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:idtp")
+            desk = await here.add("sim:idtp")
             assert desk.rows == {}
             job = await over(desk.add("Send", here.desks.jobs.raw(desk, b"\x00\x01")))
             assert job.state == "done"

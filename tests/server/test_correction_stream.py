@@ -1,6 +1,6 @@
-"""Do corrections reach the receiver whole, whatever the caster is like, and is everything that is lost told?
+"""Corrections reach the receiver intact from any caster, and every loss is reported.
 
-Casters are real ones on a socket of this host; receivers are twins, or stand in for one by counting what they get.
+Casters are real ones on a socket of this host; receivers are simulators, or stand in for one by counting what they get.
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from protocols.checksums import crc24q
 from protocols.events import Event
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.simulator.device import IsbSimulator
@@ -30,51 +28,35 @@ from server.configuration.ntrip import Caster, CorrectionError, mounts
 from server.devices.position_tracker import Position
 from server.links.base import LinkError
 from server.wire import DeviceInfo
-from tests.timeouts import PATIENCE_S
+from tests.server.correction_messages import NUMBERS, STREAM, message
+from tests.waiting import until
 
 pytestmark = pytest.mark.anyio
 S = 10**9
 
 
-def message(number: int, epoch: int = 0, length: int = 40) -> bytes:
-    """An RTCM 3 message: its number, station 0, an epoch, and filling."""
-    body = _head(number, epoch)
-    payload = body.ljust(length, b"\x5a")
-    frame = b"\xd3" + len(payload).to_bytes(2, "big") + payload
-    return frame + crc24q(np.frombuffer(frame, np.uint8), 0, len(frame)).to_bytes(3, "big")
-
-
-def _head(number: int, epoch: int) -> bytes:
-    """12 bits of number, 12 of station, 30 of epoch, and two more."""
-    return (number << 44 | 7 << 32 | epoch << 2).to_bytes(7, "big")
-
-
-STREAM = message(1005) + message(1077, 1000, 300) + message(1087, 5, 120) + message(1230, 0, 12)
-NUMBERS = {"1005": 1, "1077": 1, "1087": 1, "1230": 1}
-
-
 class Receiver:
     """A device as CorrectionForwarder sees one; `got` is what reached it."""
 
-    def __init__(self, protocol: str, twin: Any = None) -> None:
-        self.info = DeviceInfo("1", "device", "twin", "twin", "live", protocol=protocol)
+    def __init__(self, protocol: str, sim: Any = None) -> None:
+        self.info = DeviceInfo("1", "device", "simulator", "simulator", "live", protocol=protocol)
         self.got = bytearray()
         self.listeners: list[Callable[[Event], None]] = []
         self.broken = False
-        self._twin = twin
+        self._simulator = sim
         self._now = 2 * S
         self._decoder = (XbusDecoder if protocol == "xbus" else IsbDecoder)()
 
-    async def idle(self) -> None:
+    async def wait_idle(self) -> None:
         return
 
     async def send(self, data: bytes) -> None:
         if self.broken:
             raise LinkError("gone", "It is unplugged.")
         self.got += data
-        if self._twin is not None:
+        if self._simulator is not None:
             self._now += 10_000_000
-            self.tell(self._twin.receive(data, self._now))
+            self.tell(self._simulator.receive(data, self._now))
 
     def tell(self, data: bytes) -> None:
         """Bytes from the device."""
@@ -113,14 +95,6 @@ async def caster(answer: Answer) -> AsyncIterator[tuple[int, list[bytes]]]:
     finally:
         server.close()
         await server.wait_closed()
-
-
-async def until(true: Callable[[], bool], what: str, seconds: float = PATIENCE_S) -> None:
-    for _ in range(round(seconds * 100)):
-        if true():
-            return
-        await asyncio.sleep(0.01)
-    raise AssertionError(f"it never came to: {what}")
 
 
 async def forwarded(receiver: Receiver, source: str, enough: Callable[[Corrections], bool]) -> Corrections:
@@ -173,9 +147,9 @@ async def test_an_imx_gets_the_messages_as_they_are(answer: Answer) -> None:
 
 
 async def test_an_mti_680g_gets_each_message_inside_forward_gnss_data() -> None:
-    twin = XbusSimulator(product="MTi-680G")
-    twin.advance(2 * S)
-    receiver = Receiver("xbus", twin)
+    simulator = XbusSimulator(product="MTi-680G")
+    simulator.advance(2 * S)
+    receiver = Receiver("xbus", simulator)
     acks: list[str] = []
     receiver.listen(lambda event: acks.append(getattr(getattr(event, "message", None), "name", "")))
     async with caster(_version_1) as (port, _):
@@ -191,16 +165,16 @@ async def test_an_mti_680g_gets_each_message_inside_forward_gnss_data() -> None:
 
 
 async def test_an_mti_that_refuses_is_counted() -> None:
-    twin = XbusSimulator(product="MTi-680G")
-    twin.advance(2 * S)
-    twin.receive(bytes.fromhex("FAFF3000D1"), 2 * S)  # GoToConfig: it does not forward there
-    receiver = Receiver("xbus", twin)
+    simulator = XbusSimulator(product="MTi-680G")
+    simulator.advance(2 * S)
+    simulator.receive(bytes.fromhex("FAFF3000D1"), 2 * S)  # GoToConfig: it does not forward there
+    receiver = Receiver("xbus", simulator)
     async with caster(_version_1) as (port, _):
         state = await forwarded(receiver, f"ntrip://127.0.0.1:{port}/NEAR", lambda one: one.refused == 4)
     assert state.refused == 4
 
 
-async def test_a_wrong_mount_point_is_told_with_those_there_are() -> None:
+async def test_a_wrong_mount_point_is_reported_with_the_available_ones() -> None:
     table = (
         "STR;BERLIN1;Berlin;RTCM 3.2;1004(1);2;GPS;N;DEU;52.5;13.4;0;0;x;none;B;N;0;\r\n"
         "STR;PARIS;Paris;RTCM 3.1;;2;GPS;N;FRA;48.8;2.3;0;0;x;none;B;N;0;\r\nENDSOURCETABLE\r\n"
@@ -212,7 +186,11 @@ async def test_a_wrong_mount_point_is_told_with_those_there_are() -> None:
     async def version_2(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(f"HTTP/1.1 200 OK\r\nContent-Type: gnss/sourcetable\r\n\r\n{table}".encode())
 
-    for answer in (version_1, version_2):
+    async def chunked(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: gnss/sourcetable\r\nTransfer-Encoding: chunked\r\n\r\n")
+        writer.write(f"{len(table):x}\r\n{table}\r\n0\r\n\r\n".encode())
+
+    for answer in (version_1, version_2, chunked):
         async with caster(answer) as (port, _):
             source = f"ntrip://127.0.0.1:{port}/BERLIN"
             state = await forwarded(Receiver("isb"), source, lambda one: "mount point" in one.message)
@@ -221,15 +199,25 @@ async def test_a_wrong_mount_point_is_told_with_those_there_are() -> None:
     assert mounts(table)["PARIS"] == "Paris, RTCM 3.1"
 
 
-async def test_a_wrong_password_is_told_and_the_right_one_never() -> None:
+async def test_a_wrong_password_is_reported_and_the_right_one_never() -> None:
     async def refuse(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(b"HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Basic\r\n\r\n")
 
     async with caster(refuse) as (port, _):
         source = f"ntrip://me:hunter2@127.0.0.1:{port}/NEAR"
         state = await forwarded(Receiver("isb"), source, lambda one: "password" in one.message)
-    assert state.message == "The caster refuses name or password for NEAR."
+    assert state.message == "The caster rejects name or password for NEAR."
     assert "hunter2" not in repr(state)
+
+
+async def test_a_chunk_that_is_none_is_named() -> None:
+    async def garbled(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nno size\r\n")
+
+    async with caster(garbled) as (port, _):
+        source = f"ntrip://127.0.0.1:{port}/NEAR"
+        state = await forwarded(Receiver("isb"), source, lambda one: "not HTTP" in one.message)
+    assert state.message == "The caster's response is not HTTP."
 
 
 async def test_a_caster_that_only_knows_version_1_is_asked_again() -> None:
@@ -267,9 +255,9 @@ async def test_a_broken_stream_comes_back_and_what_was_damaged_is_counted() -> N
     assert state.rejected >= 1
 
 
-async def test_a_caster_is_told_where_the_receiver_is() -> None:
+async def test_a_caster_receives_the_position() -> None:
     receiver = Receiver("isb")
-    twin = IsbSimulator()
+    simulator = IsbSimulator()
     got: list[bytes] = []
 
     async def listens(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -278,7 +266,7 @@ async def test_a_caster_is_told_where_the_receiver_is() -> None:
 
     async with caster(listens) as (port, requests):
         stream = CorrectionForwarder(receiver, f"ntrip://127.0.0.1:{port}/VRS", first_retry_s=0.05)
-        receiver.tell(twin.advance(6 * S))  # after its first fix
+        receiver.tell(simulator.advance(6 * S))  # after its first fix
         await until(lambda: bool(got) and got[-1].startswith(b"$GPGGA"), "a sentence upstream")
         await stream.close()
     words = got[-1].decode().split(",")
@@ -298,9 +286,9 @@ def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> 
     diary.refused()
     diary.stopped("The stream broke.")
     diary.forwarded("1005", b"again", 25)
-    diary.ended()
+    diary.log_end()
     assert [(frame, level) for frame, _, level in told] == [
-        *((b"", "caution"), (b"frame 0", "info"), (b"", "caution"), (b"", "caution"), (b"again", "info"), (b"", "info"))
+        *((b"", "warning"), (b"frame 0", "info"), (b"", "warning"), (b"", "warning"), (b"again", "info"), (b"", "info"))
     ]
     assert told[3][1] == (
         "Corrections stopped: The stream broke. Forwarded so far: 50 messages, 15 kB (1077 × 50), 2 refused."
@@ -337,7 +325,7 @@ async def test_a_removed_device_ends_its_stream(tmp_path: Path) -> None:
     path.write_bytes(STREAM)
     stream = CorrectionForwarder(Receiver("isb"), str(path), lambda: False)
     await until(lambda: not stream.state().running, "the end")
-    assert stream.state().message == "The device was removed."
+    assert stream.state().message == "The device has been removed."
     await stream.close()
 
 
@@ -349,7 +337,7 @@ async def test_a_file_is_played_at_its_own_pace_and_then_is_over(tmp_path: Path)
     state = await forwarded(receiver, str(path), lambda one: not one.running)
     assert asyncio.get_running_loop().time() - begin >= 0.29  # three steps of 0.1 s
     assert state.messages == {"1077": 4, "1005": 4}
-    assert state.message == "base.rtcm3 has been played."
+    assert state.message == "base.rtcm3 has finished."
 
 
 def test_messages_are_whole_however_the_stream_is_cut() -> None:

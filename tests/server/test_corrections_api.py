@@ -1,4 +1,4 @@
-"""Corrections over HTTP, on a running server with real twins."""
+"""Corrections over HTTP, on a running server with real simulators."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import pytest
 from httpx import Client
 
 from recordings.sources import McapSource
-from tests.server.test_correction_stream import NUMBERS, STREAM
+from tests.server.correction_messages import NUMBERS, STREAM
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, http_client
 
 
 @pytest.fixture
 def client(serve: Callable[..., ServerProcess]) -> Iterator[Client]:
-    server = serve("twin:isb", "twin:idtp")
-    with Client(base_url=server.url, timeout=PATIENCE_S, headers={"x-data": str(server.data)}) as client:
+    server = serve("sim:isb", "sim:idtp")
+    with http_client(base_url=server.url, headers={"x-data": str(server.data)}) as client:
         yield client
 
 
@@ -80,14 +80,14 @@ def test_a_source_that_refuses_is_not_called_forwarding(client: Client) -> None:
     client.delete(path).raise_for_status()
 
 
-def test_what_was_forwarded_is_in_the_log_and_in_the_recording(client: Client, base: int) -> None:
+def test_forwarded_corrections_are_logged_and_recorded(client: Client, base: int) -> None:
     """The bytes were there; that and how long corrections were forwarded was nowhere to be read."""
     until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
     client.post("/api/recordings/start", json={"devices": ["1"], "title": "corrected"}).raise_for_status()
     client.put("/api/devices/1/corrections", json={"source": f"tcp://127.0.0.1:{base}"}).raise_for_status()
     until(client, "/api/devices/1/corrections", lambda body: body["messages"] == NUMBERS)
     client.delete("/api/devices/1/corrections").raise_for_status()
-    log = client.get("/api/devices/1/exchange").json()
+    log = client.get("/api/devices/1/traffic").json()
     [first] = [entry for entry in log if "are forwarded" in entry["text"]]  # one entry, not one a message
     assert first["way"] == "tx"
     assert STREAM.startswith(bytes.fromhex(first["hex"]))
@@ -100,11 +100,11 @@ def test_what_was_forwarded_is_in_the_log_and_in_the_recording(client: Client, b
     assert "Forwarded: 4 messages" in told[1]
     assert "1077 × 1" in told[1]
     path = next(Path(str(client.headers["x-data"])).glob("recordings/*.mcap"))
-    sent = b"".join(part.data for part in McapSource(path).parts() if part.way == "tx")
+    sent = b"".join(part.data for part in McapSource(path).parts() if part.direction == "tx")
     assert STREAM in sent
 
 
-def test_what_cannot_be_is_answered_in_words(client: Client) -> None:
+def test_invalid_requests_are_answered_in_words(client: Client) -> None:
     until(client, "/api/devices", lambda devices: all(one["status"] == "live" for one in devices[:2]))
     wrong = client.put("/api/devices/1/corrections", json={"source": "ntrip://me:secret@host"})
     assert (wrong.status_code, wrong.json()["message"]) == (400, "The caster lacks a mount point.")

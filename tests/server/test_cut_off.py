@@ -8,14 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from server.configuration import cut_off
 from server.configuration.device_controller import DeviceController, QueuedJob
 from server.links.simulator import SimulatorLink
-from tests.server.control_harness import ControlHarness, house, outputs, over, until
+from tests.server.control_harness import ControlHarness, house, outputs, over
+from tests.waiting import until
 
-SOURCE = "twin:xbus?baud=921600&unplug_s=86400"
+SOURCE = "sim:xbus?baud=921600&unplug_s=86400"
 BOTH: dict[str, dict[str, object]] = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(10)}
 
 
@@ -24,15 +23,15 @@ def run(coroutine: Any) -> Any:
 
 
 def files(data: Path) -> list[Path]:
-    return list((data / "trials").glob("*.json"))
+    return list((data / "rollbacks").glob("*.json"))
 
 
 def unplug(desk: DeviceController) -> None:
     link = desk.session._link
     assert isinstance(link, SimulatorLink)
-    assert link._bench is not None
-    link._bench.unplug()
-    link._bench.join()
+    assert link._simulator is not None
+    link._simulator.unplug()
+    link._simulator.join()
 
 
 def when(desk: DeviceController, step: str, act: Callable[[DeviceController], None]) -> None:
@@ -78,14 +77,11 @@ def test_a_device_unplugged_while_it_was_written_kept_showing_old_values(tmp_pat
     run(check())
 
 
-def test_the_way_back_of_a_device_that_stayed_away_was_forgotten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_way_back_of_a_device_that_stayed_away_was_forgotten(tmp_path: Path) -> None:
     """It is on disk for the next server, until this one has read what the device took; old values are not shown."""
-    monkeypatch.setattr(cut_off, "RETURN_S", 0.2)
 
     async def check() -> None:
-        async with house(tmp_path) as here:
+        async with house(tmp_path, return_s=0.2) as here:
             desk, task = await cut(here, 1.0)
             job = await over(task)
             assert job.message == "The device stopped answering while it was written, and did not come back."

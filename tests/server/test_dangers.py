@@ -1,4 +1,6 @@
-"""What could harm is asked about at every door: as a setting, as a data set, by the page, the API, the command line."""
+"""Risky changes need confirmation on every route: as a setting, as a data set, by the page, the API, the command
+line.
+"""
 
 from __future__ import annotations
 
@@ -79,9 +81,9 @@ def test_a_port_that_may_be_ours_is_looked_for_at_every_rate() -> None:
         ("SET_DID_WHEEL_ENCODER", {}, False),
     ],
 )
-def test_a_data_set_that_does_harm_is_told_as_its_command_is(command: str, values: dict[str, Any], harms: bool) -> None:
+def test_a_harmful_data_set_is_reported_like_its_command(command: str, values: dict[str, Any], harms: bool) -> None:
     row = COMMAND_ROWS[command]
-    assert row.harms(values) == harms
+    assert row.is_risky(values) == harms
     assert bool(row.consequence) or not harms
 
 
@@ -93,13 +95,13 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:isb")
+            desk = await here.add("sim:isb")
             await here.read(desk)
             values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}
             wish = plan_command(desk, "SET_DID_FLASH_CONFIG", values)
             assert wish.setting == "DID_FLASH_CONFIG"
             assert {"size", "key", "checksum"}.isdisjoint(wish.values["DID_FLASH_CONFIG"])
-            assert {one.caution for one in wish.dangers} == {"cuts-line", "restarts"}
+            assert {one.caution for one in wish.risks} == {"cuts-line", "restarts"}
 
     asyncio.run(check())
 
@@ -115,7 +117,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
 )
 def test_the_command_line_asks_for_a_yes_where_the_page_asks(message: str, pairs: list[str], words: str) -> None:
     """What cuts the line or turns the frame went through, although its help promises a question."""
-    wish = send.SendRequest("twin:isb", message, pairs)
+    wish = send.SendRequest("sim:isb", message, pairs)
     with pytest.raises(SendError, match=words) as refused:
         asyncio.run(send.send(wish, DecodeOptions(), io.StringIO(), io.StringIO()))
     assert "--yes" in str(refused.value)

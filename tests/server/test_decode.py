@@ -12,8 +12,8 @@ import pytest
 from protocols.xbus.frames import build
 from server.cli import main
 from server.commands.decode import Bar
-from tests.recordings.test_importers import LOGS, NAME, needs_logs
-from tests.server.test_opening import drive
+from tests.recordings.recorded_drive import drive
+from tests.recordings.vendor_logs import LOGS, NAME, needs_logs
 
 CONFIGURATION = bytes.fromhex("FAFF0D76")  # its first bytes: 118 of payload
 
@@ -67,7 +67,7 @@ def test_devices_that_share_a_line_have_a_file_each(tmp_path: Path) -> None:
     assert sorted(found) == [list(range(100)), list(range(30_000, 30_100))]
 
 
-def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_arguments_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "noise.bin").write_bytes(b"\x55" * 5000)
     drive(tmp_path / "a.mcap", seconds=0.2)
     before = sorted(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""What is said about a source: on the command line, in the source, over HTTP; and that a key is told to nobody."""
+"""Decode options of a source: on the command line, in the source, over HTTP; and that a key is told to nobody."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from server.api.devices import DecodeOptionsBody
 from server.commands import arguments as options
-from server.commands.common import reading_of
+from server.commands.common import decode_options_of
 from server.config import ConfigError, load
 from server.devices.decode_options import (
     DecodeOptions,
@@ -38,7 +38,7 @@ def test_words_become_a_reading() -> None:
     assert reading() == DecodeOptions()
 
 
-def test_a_protocol_is_told_what_it_knows() -> None:
+def test_a_protocol_gets_only_options_it_knows() -> None:
     said = reading("", KEY, "lite", schema=SCHEMA)
     assert said.settings(()) == {}
     assert said.settings(("key", "min_mode")) == {"key": bytes.fromhex(KEY), "min_mode": 0}
@@ -55,7 +55,7 @@ def test_a_protocol_is_told_what_it_knows() -> None:
         ({"schema": "[[message]]\ntype = 1"}, "the schema cannot be used"),
     ],
 )
-def test_what_cannot_be_used(arguments: dict[str, str], words: str) -> None:
+def test_unusable_options(arguments: dict[str, str], words: str) -> None:
     with pytest.raises(ReadingError, match=words) as caught:
         reading(**arguments)  # type: ignore[arg-type]
     if "key" in arguments:
@@ -65,8 +65,8 @@ def test_what_cannot_be_used(arguments: dict[str, str], words: str) -> None:
 def test_a_source_says_more_of_itself() -> None:
     rest, said = parse_source_options(f"udp://:5000?protocol=idtp&key={KEY}&min_mode=secure", DecodeOptions("isb"))
     assert (rest, said) == ("udp://:5000", DecodeOptions("idtp", bytes.fromhex(KEY), 2))
-    rest, said = parse_source_options("twin:idtp?mode=secure&unverified=1&rate=50", DecodeOptions())
-    assert (rest, said.unverified) == ("twin:idtp?mode=secure&rate=50", True)
+    rest, said = parse_source_options("sim:idtp?mode=secure&unverified=1&rate=50", DecodeOptions())
+    assert (rest, said.unverified) == ("sim:idtp?mode=secure&rate=50", True)
     assert parse_source_options("/dev/ttyUSB0?protocol=auto&baud=9600", DecodeOptions("isb")) == (
         "/dev/ttyUSB0?baud=9600",
         DecodeOptions(),
@@ -82,7 +82,7 @@ def test_the_unit_of_timestamps_and_the_direction_of_the_quaternion_could_not_be
     rest, said = parse_source_options("udp://:5000?time_unit=ms&rotation=body_from_enu", DecodeOptions("idtp"))
     assert (rest, said) == ("udp://:5000", wanted)
     words = "serve udp://:5000 --protocol idtp --time-unit ms --rotation body_from_enu"
-    assert reading_of(options.parse(words.split()), "idtp") == wanted
+    assert decode_options_of(options.parse(words.split()), "idtp") == wanted
     assert load(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
     assert DecodeOptionsBody(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
     assert wanted.settings(("time_unit", "rotation")) == {"time_unit": "ms", "rotation": "body_from_enu"}

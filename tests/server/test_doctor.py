@@ -16,7 +16,7 @@ import pytest
 
 from server.commands import doctor
 from server.diagnostics import checks
-from server.diagnostics.checks import Finding, Machine, look
+from server.diagnostics.checks import Finding, Machine, run_checks
 from tests.server_process import imuscope
 
 NOW = 1_760_000_000.0
@@ -72,7 +72,7 @@ def process(root: Path, number: int, name: str, *opened: str, command: str = "")
 
 
 def wrong(machine: Machine) -> list[Finding]:
-    return [one for one in look(machine) if one.status != "ok"]
+    return [one for one in run_checks(machine) if one.status != "ok"]
 
 
 def only(machine: Machine, status: str, about: str) -> Finding:
@@ -86,7 +86,7 @@ def only(machine: Machine, status: str, about: str) -> Finding:
 
 def test_nothing_is_wrong_with_a_good_machine(machine: Machine) -> None:
     assert wrong(machine) == []
-    told = {one.about for one in look(machine)}
+    told = {one.about for one in run_checks(machine)}
     assert told >= {"/dev/ttyUSB0", "ModemManager", "data folder", "disk", "clock", "memory", "processor"}
     assert list(machine.data.iterdir()) == [], "a look leaves nothing behind"
 
@@ -179,7 +179,7 @@ def test_a_slow_disk(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "1500.0 ms" in only(machine, "warning", "disk").found
 
 
-def test_a_clock_that_nobody_keeps(machine: Machine) -> None:
+def test_an_unsynchronised_clock(machine: Machine) -> None:
     assert "timedatectl" in only(replace(machine, synchronised=lambda: False), "warning", "clock").todo[0]
     assert wrong(replace(machine, synchronised=lambda: None)) == []
     assert checks.kernel_clock() in (True, False, None)
@@ -268,6 +268,6 @@ def test_doctor_said_no_port_where_ports_lists_one(machine: Machine) -> None:
     for number, uart in ((0, "4"), (1, "0")):
         port(machine.root, f"ttyS{number}")
         put(machine.root, f"sys/class/tty/ttyS{number}/type", uart + "\n")
-    places = {one.about for one in look(machine) if "ttyS" in one.about}
+    places = {one.about for one in run_checks(machine) if "ttyS" in one.about}
     assert places == {"/dev/ttyS0"}
-    assert not [one for one in look(machine) if one.about == "serial ports"]
+    assert not [one for one in run_checks(machine) if one.about == "serial ports"]

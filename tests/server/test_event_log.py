@@ -1,4 +1,4 @@
-"""What a browser is told that connects late: all that is drawn over the samples it is given."""
+"""Events for clients that connect later: all that is drawn over the samples it is given."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from server.wire import EventInfo, EventKind
 def event(seq: int, kind: EventKind, *, device: str = "1", time: float | None = None) -> EventInfo:
     when = float(seq) if time is None else time
     span = (when - 0.1, when) if kind == "gap" else (None, None)
-    return EventInfo(seq, when, device, kind, "fault", "", *span, 1, {})
+    return EventInfo(seq, when, device, kind, "error", "", *span, 1, {})
 
 
 def told(log: EventLog) -> list[EventInfo]:
     return [one for piece in log.for_late() for one in piece]
 
 
-def test_an_outage_is_told_however_much_happened_since() -> None:
+def test_an_outage_is_reported_however_much_happened_since() -> None:
     """Holes of minutes ago had no hatch after a page load: a thousand answers had been heard since."""
     log = EventLog(history_s=600.0)
     log.append(event(0, "gap"))
@@ -48,7 +48,7 @@ def test_marks_go_with_their_samples_and_their_device() -> None:
     assert [one.seq for one in log] == [1]
 
 
-def test_it_is_told_in_its_order_in_pieces() -> None:
+def test_it_is_sent_in_order_in_pieces() -> None:
     log = EventLog(history_s=600.0)
     for seq in range(2000):
         log.append(event(seq, "gap" if seq % 2 else "reply", device=str(seq % 3)))

@@ -1,19 +1,19 @@
-"""What is refused on and on is told with exact counts, and ever more rarely."""
+"""Repeated rejects are reported with exact counts, at growing intervals."""
 
 from __future__ import annotations
 
 from protocols.events import RejectedFrame
 from server.devices.event_reporter import EventReporter
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 
 
 def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]], int]:
     """When what was refused is told, and how many each time; reasons[i] comes `rate` times in second i ("": none)."""
     now = 1000.0
-    hub = Hub(lambda: now)
-    incidents = EventReporter(hub, "1")
+    telemetry = Telemetry.create(lambda: now)
+    incidents = EventReporter(telemetry.bus, "1")
     found: list[tuple[float, int]] = []
-    hub.heard_event.add(lambda event: found.append((round(now - 1000.0, 1), event.samples)))
+    telemetry.bus.events.subscribe(lambda event: found.append((round(now - 1000.0, 1), event.samples)))
     incidents.tick(now)
     sent = 0
     for second, reason in enumerate(reasons):
@@ -33,12 +33,12 @@ def test_one_stale_event_a_second_came_without_end() -> None:
     assert sum(count for _, count in found) == sent
 
 
-def test_another_reason_is_told_at_once() -> None:
+def test_another_reason_is_reported_at_once() -> None:
     found, _ = told(["stale"] * 100 + ["bad_hmac"] * 2)
     assert any(100 <= at <= 101.2 for at, _ in found)
 
 
-def test_what_has_ended_is_told_soon_and_news_again_later() -> None:
+def test_an_ended_event_is_reported_soon_and_reported_again_later() -> None:
     found, sent = told(["stale"] * 3 + [""] * 57 + ["stale"] * 2 + [""] * 2)
     first = [one for one in found if one[0] < 50]
     assert first[-1][0] < 5

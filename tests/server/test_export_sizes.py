@@ -18,7 +18,7 @@ from server.devices import protocol_set
 from server.library import export_sizes
 from server.library.decode import decode
 from server.library.one_file import one_file
-from tests.server.test_opening import START
+from tests.recordings.recorded_drive import START
 
 SECONDS = 14
 STEP_NS = 50_000_000
@@ -37,7 +37,7 @@ def recorded(folder: Path, device: Any, protocol: str) -> ExportRequest:
 
 
 @pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
-def test_the_size_that_is_said_is_that_of_the_file_within_30_percent(protocol: str, tmp_path: Path) -> None:
+def test_the_estimated_size_is_that_of_the_file_within_30_percent(protocol: str, tmp_path: Path) -> None:
     device: Any = {"xbus": XbusSimulator(measuring=True), "isb": IsbSimulator(), "idtp": IdtpSimulator()}[protocol]
     wish = recorded(tmp_path, device, protocol)
     first, _ = wish.columns.span() or (0.0, 0.0)
@@ -49,6 +49,6 @@ def test_the_size_that_is_said_is_that_of_the_file_within_30_percent(protocol: s
             out.mkdir(exist_ok=True)
             made = export(format, part, out / f"drive{FORMATS[format].suffix}")
             assert size == pytest.approx(one_file(made, out, "zip").stat().st_size, rel=0.3), format
-    (came,) = export_sizes.came(wish).values()
+    (received,) = export_sizes.received_bytes(wish).values()
     (bytes_,) = export("bytes", wish, tmp_path / "drive.bin")
-    assert came == pytest.approx(bytes_.stat().st_size, rel=0.02)
+    assert received == pytest.approx(bytes_.stat().st_size, rel=0.02)

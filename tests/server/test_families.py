@@ -1,5 +1,5 @@
-"""Twins of the other families, from their bytes to what a page is told: who sends, how well it is protected, what is
-refused and why. The protocols are the real ones; link and clock are moved by the test.
+"""Simulators of the other families, from their bytes to what a page is told: who sends, how well it is protected, what
+is refused and why. The protocols are the real ones; link and clock are moved by the test.
 """
 
 from __future__ import annotations
@@ -21,72 +21,26 @@ from protocols.xbus.simulator.device import XbusSimulator
 from server import wire, wire_codec
 from server.devices.decode_options import DecodeOptions, changed
 from server.devices.protocol_set import speech
-from server.devices.session import Session
-from server.links.base import LinkError, LinkSettings
-from server.streaming.hub import Hub
-from tests.server.fakes import Clock, FakeLink
+from server.links.base import LinkError
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import FakeLink
+from tests.server.family_harness import FamilyHarness, FamilyWire
 
 KEY = bytes(range(32))
 
 
-class Wire(FakeLink):
-    """A fake link that can be written to."""
-
-    def __init__(self, source: str, settings: LinkSettings) -> None:
-        super().__init__(source, settings)
-        self.written: list[bytes] = []
-
-    async def write(self, data: bytes) -> None:
-        self.written.append(data)
-
-
-class Stage:
-    """A device, a link and a session with the real protocols."""
-
-    def __init__(self, reading: DecodeOptions, link: type[FakeLink] = Wire) -> None:
-        self.clock = Clock()
-        self.hub = Hub(self.clock)
-        self.link: Any = link("/dev/ttyTWIN", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.hub, speech(), reading)
-        self._began = self.clock.ns
-
-    async def run(self, device: Any, seconds: float) -> None:
-        """What a device sends in some seconds, in chunks of 20 ms."""
-        for step in range(round(seconds / 0.02)):
-            self.clock.move(0.02)
-            if data := device.advance(self.clock.ns - self._began):
-                self.link.send(data)
-                await asyncio.sleep(0)
-                await asyncio.sleep(0)
-            if step % 5 == 0:
-                self.session.tick(self.clock())
-            self.hub.flush()
-        await asyncio.sleep(0.001)
-
-    @property
-    def info(self) -> wire.DeviceInfo:
-        return self.hub.devices["1"]
-
-    @property
-    def health(self) -> wire.DeviceHealth:
-        return self.session.health(self.clock())
-
-    def events(self, kind: str) -> list[wire.EventInfo]:
-        return [event for event in self.hub.log if event.kind == kind]
-
-
 def play(
-    test: Callable[[Stage], Coroutine[Any, Any, None]],
+    test: Callable[[FamilyHarness], Coroutine[Any, Any, None]],
     reading: DecodeOptions = DecodeOptions(),  # noqa: B008
-    link: type[FakeLink] = Wire,
+    link: type[FakeLink] = FamilyWire,
 ) -> None:
     async def run() -> None:
-        stage = Stage(reading, link)
+        stage = FamilyHarness(reading, link)
         stage.session.start()
         await asyncio.sleep(0.001)
         await test(stage)
         told = "".join(
-            wire_codec.encode_text(wire.Events(list(stage.hub.log)))
+            wire_codec.encode_text(wire.Events(list(stage.telemetry.log)))
             + wire_codec.encode_text(wire.Devices([stage.info]))
         )
         assert KEY.hex() not in told
@@ -98,18 +52,18 @@ def play(
 # -- who it is ---------------------------------------------------------------------------------------------------------
 
 
-def test_an_imx_tells_who_it_is_and_its_first_fix_is_one_event() -> None:
-    async def test(stage: Stage) -> None:
+def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(IsbSimulator(), 6)
         assert (stage.info.name, stage.info.product, stage.info.serial_number) == ("IMX-5", "IMX-5.0.4", "62000")
         assert (stage.info.firmware, stage.info.status, stage.info.protection) == ("2.7.1", "live", "")
         [step] = stage.events("clock")
-        assert step.text.startswith("The device has learned the date")
+        assert step.text.startswith("The device has received the date")
         assert stage.link.written == []  # it has said so by itself
         health = stage.health
         assert (health.rejects_by, health.verified, health.unverified) == ({}, None, None)
         assert health.rate == pytest.approx(100, abs=3)
-        for channel in stage.hub.channels.values():
+        for channel in stage.telemetry.store.all:
             arrival, time = channel.ring.read()[:2]
             assert abs(time - arrival)[time == time].max() < 0.2, (
                 channel.info.name
@@ -119,7 +73,7 @@ def test_an_imx_tells_who_it_is_and_its_first_fix_is_one_event() -> None:
 
 
 def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         device = IsbSimulator()
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
@@ -139,11 +93,11 @@ def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None
     play(test)
 
 
-def test_nobody_greets_a_file_or_a_link_without_a_way_back() -> None:
-    class File(Wire):
+def test_files_and_one_way_links_get_no_greeting() -> None:
+    class File(FamilyWire):
         kind = "file"
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         device = IsbSimulator()
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
@@ -155,8 +109,8 @@ def test_nobody_greets_a_file_or_a_link_without_a_way_back() -> None:
     play(test, link=FakeLink)  # its write raises
 
 
-def test_nothing_is_said_to_families_that_have_no_greeting() -> None:
-    async def test(stage: Stage) -> None:
+def test_families_without_a_greeting_are_sent_nothing() -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(XbusSimulator(measuring=True), 1)
         assert stage.info.status == "live"
         assert stage.link.written == []
@@ -165,8 +119,8 @@ def test_nothing_is_said_to_families_that_have_no_greeting() -> None:
 
 
 @pytest.mark.parametrize("device", [IsbSimulator, IdtpSimulator, XbusSimulator])
-def test_a_clock_that_jumps_is_told_once(device: Any) -> None:
-    async def test(stage: Stage) -> None:
+def test_a_clock_jump_is_reported_once(device: Any) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(device(clock_jump=(8.0, 10.0)), 12)
         kinds = [event.data["kind"] for event in stage.events("clock")]
         assert kinds == (["sync", "jump"] if device is IsbSimulator else ["jump"])
@@ -187,7 +141,7 @@ def test_a_clock_that_jumps_is_told_once(device: Any) -> None:
     ],
 )
 def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, verified: bool, suffix: str) -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(IdtpSimulator(mode=mode, key=KEY), 2)
         assert (stage.info.name, stage.info.serial_number) == ("IDTP device 102", "102")
         assert stage.info.protection == words
@@ -195,7 +149,7 @@ def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, veri
         assert count is not None
         assert count > 300
         assert (stage.health.unverified if verified else stage.health.verified) == 0
-        infos = [channel.info for channel in stage.hub.channels.values()]
+        infos = [channel.info for channel in stage.telemetry.store.all]
         assert {info.verified for info in infos} == {verified}
         assert f"Acceleration{suffix}" in {info.name for info in infos}
 
@@ -203,7 +157,7 @@ def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, veri
 
 
 def test_without_a_key_one_event_and_the_remedy() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(IdtpSimulator(mode=2, key=KEY), 4)
         assert stage.info.status == "connecting"
         assert stage.info.message.startswith("Secure frames are arriving, but there is no key")
@@ -221,8 +175,8 @@ def test_without_a_key_one_event_and_the_remedy() -> None:
     ("reading", "mode", "reason"),
     [(DecodeOptions(key=b"other"), 2, "bad_hmac"), (DecodeOptions(min_mode=2), 1, "below_min_mode")],
 )
-def test_the_wrong_key_and_a_weak_mode_are_told(reading: DecodeOptions, mode: int, reason: str) -> None:
-    async def test(stage: Stage) -> None:
+def test_the_wrong_key_and_a_weak_mode_are_reported(reading: DecodeOptions, mode: int, reason: str) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(IdtpSimulator(mode=mode, key=KEY), 3)
         assert stage.info.status == "connecting"
         assert {event.data.get("reason") for event in stage.events("device")} >= {reason}
@@ -233,7 +187,7 @@ def test_the_wrong_key_and_a_weak_mode_are_told(reading: DecodeOptions, mode: in
 
 
 def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(IdtpSimulator(mode=2, key=KEY, corrupt=0.1, seed=4), 3)
         assert stage.info.status == "live"
         assert stage.health.rejects_by["bad_hmac"] > 0
@@ -257,7 +211,7 @@ class Several:
 
 
 def test_every_sender_is_a_device_of_its_own() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=102, mode=0, rate=50)), 3)
         first, second = stage.session.infos
         assert (first.id, first.parent, first.name) == ("1", "", "IDTP device 7")
@@ -265,13 +219,13 @@ def test_every_sender_is_a_device_of_its_own() -> None:
         assert (first.serial_number, second.serial_number) == ("7", "102")
         assert (first.protection, second.protection) == ("Safety, CRC-32", "Lite, CRC-8 of the header alone")
         assert (first.status, second.status) == ("live", "live")
-        assert [*stage.hub.devices] == ["1", "1.102"]
-        channels = [channel.info for channel in stage.hub.channels.values()]
+        assert [*stage.telemetry.bus.devices.latest] == ["1", "1.102"]
+        channels = [channel.info for channel in stage.telemetry.store.all]
         for device in "1", "1.102":
             names = [info.name for info in channels if info.device == device]
             assert "Quaternion" in names
             assert len(names) == len(set(names))
-        one, other = stage.session.healths(stage.clock())
+        one, other = stage.session.health_of_all(stage.clock())
         assert one.rate == pytest.approx(100, abs=3)
         assert other.rate == pytest.approx(50, abs=3)
         assert one.bytes == other.bytes  # the link's
@@ -281,10 +235,10 @@ def test_every_sender_is_a_device_of_its_own() -> None:
     play(test)
 
 
-def test_what_one_of_several_loses_is_its_own() -> None:
-    async def test(stage: Stage) -> None:
+def test_losses_of_one_of_several_devices_are_its_own() -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, drop=0.1, seed=3)), 3)
-        first, second = stage.session.healths(stage.clock())
+        first, second = stage.session.health_of_all(stage.clock())
         assert (first.gaps, first.lost) == (0, 0)
         assert second.lost > 20
         assert {event.device for event in stage.events("gap")} == {"1.9"}
@@ -292,10 +246,10 @@ def test_what_one_of_several_loses_is_its_own() -> None:
     play(test)
 
 
-def test_what_is_refused_on_a_shared_link_is_shown_with_each_of_its_devices() -> None:
-    async def test(stage: Stage) -> None:
+def test_refusals_on_a_shared_link_are_shown_with_each_device() -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, corrupt=0.2, seed=3)), 3)
-        first, second = stage.session.healths(stage.clock())
+        first, second = stage.session.health_of_all(stage.clock())
         assert first.rejects > 50
         assert (first.rejects, first.rejects_by) == (second.rejects, second.rejects_by)
         assert {event.device for event in stage.events("reject")} == {"1"}, "told once"
@@ -305,13 +259,13 @@ def test_what_is_refused_on_a_shared_link_is_shown_with_each_of_its_devices() ->
 
 @pytest.mark.parametrize("stops", [7, 9])
 def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         pair = Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9), stop_s={stops: 2})
         await stage.run(pair, 6)
         states = {info.serial_number: info for info in stage.session.infos}
         other = 16 - stops
         assert (states[str(stops)].status, states[str(other)].status) == ("lost", "live")
-        assert "others on its link go on" in states[str(stops)].message
+        assert "others on its link continue" in states[str(stops)].message
         pair.stop_s = {}
         await stage.run(pair, 1)
         assert [info.status for info in stage.session.infos] == ["live", "live"]
@@ -320,10 +274,10 @@ def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
 
 
 def test_all_devices_of_a_link_share_its_fate() -> None:
-    hubs: list[Hub] = []
+    hubs: list[Telemetry] = []
 
-    async def test(stage: Stage) -> None:
-        hubs.append(stage.hub)
+    async def test(stage: FamilyHarness) -> None:
+        hubs.append(stage.telemetry)
         await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9)), 2)
         stage.link.die(LinkError("gone", "gone.", "?"))
         await asyncio.sleep(0.001)
@@ -334,11 +288,11 @@ def test_all_devices_of_a_link_share_its_fate() -> None:
         assert [(info.status, info.serial_number) for info in stage.session.infos] == [("live", "7"), ("live", "9")]
 
     play(test)
-    assert (hubs[0].devices, hubs[0].channels) == ({}, {}), "they leave together"
+    assert (dict(hubs[0].bus.devices.latest), hubs[0].store.all) == ({}, []), "they leave together"
 
 
 def test_devices_beyond_the_most_are_counted() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(Several(*(IdtpSimulator(device_id=n, rate=10) for n in range(1, 19))), 1)
         assert len(stage.session.infos) == 16
         assert len([event for event in stage.events("device") if "most" in event.data]) == 1
@@ -372,7 +326,7 @@ def test_messages_that_pass_through_are_counted_by_name() -> None:
                 second = (second + first) & 0xFF
             return self.device.advance(now_ns) + b"$HCHDM,123.45,M*18\r\n" + ubx + bytes((first, second))
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(Port(), 2)
         counts = {message.name: message.count for message in stage.health.messages}
         assert counts["nmea HCHDM"] > 90
@@ -386,7 +340,7 @@ def test_messages_that_pass_through_are_counted_by_name() -> None:
 # -- two protocols in one stream ---------------------------------------------------------------------------------------
 
 
-def test_a_mixed_stream_is_told_so() -> None:
+def test_a_mixed_stream_is_reported() -> None:
     class Mixed:
         next_ns = 0
 
@@ -396,7 +350,7 @@ def test_a_mixed_stream_is_told_so() -> None:
         def advance(self, now_ns: int) -> bytes:
             return b"".join(device.advance(now_ns) for device in self.devices)
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(Mixed(), 12)
         [notice] = stage.info.notices
         assert "IDTP 2.1" in notice
@@ -409,10 +363,10 @@ def test_a_mixed_stream_is_told_so() -> None:
 
 
 def test_a_stream_read_as_what_it_is_not() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(IdtpSimulator(), 7)
         assert stage.info.status == "connecting"
-        assert stage.info.message.startswith("These bytes are IDTP 2.1, and are read as Xsens")
+        assert stage.info.message.startswith("These bytes are IDTP 2.1, but are decoded as Xsens")
         assert stage.info.hint
 
     play(test, DecodeOptions("xbus"))
@@ -420,7 +374,7 @@ def test_a_stream_read_as_what_it_is_not() -> None:
 
 @pytest.mark.parametrize("device", [IsbSimulator(), IdtpSimulator(), XbusSimulator("MTi-680G", measuring=True)])
 def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         await stage.run(device, 12)
         assert stage.info.notices == []
 
@@ -431,10 +385,10 @@ def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
 
 
 def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         device = IdtpSimulator(mode=2, key=KEY)
         await stage.run(device, 2)
-        unverified = {channel.info.name: channel for channel in stage.hub.channels.values()}
+        unverified = {channel.info.name: channel for channel in stage.telemetry.store.all}
         before = stage.health.unverified
         assert before
         kept = len(unverified["Quaternion?"].ring)
@@ -445,14 +399,14 @@ def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
         assert (stage.health.unverified, stage.health.rejects) == (0, 0)
         assert stage.health.verified
         assert len(unverified["Quaternion?"].ring) == kept
-        assert "Quaternion" in {channel.info.name for channel in stage.hub.channels.values()}
+        assert "Quaternion" in {channel.info.name for channel in stage.telemetry.store.all}
         assert stage.link.opened == 1, "the link stays open"
 
     play(test, DecodeOptions(unverified=True))
 
 
 def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: FamilyHarness) -> None:
         device = IdtpSimulator(mode=2, key=KEY)
         await stage.run(device, 3)
         assert stage.health.rejects_by.keys() == {"no_key"}
@@ -464,7 +418,7 @@ def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
     play(test)
 
 
-def test_what_is_given_changes_and_the_rest_stays() -> None:
+def test_given_options_change_and_the_rest_stays() -> None:
     row, other = Message(0x80, "A"), Message(0x81, "B")
     old = DecodeOptions("idtp", key=b"k", min_mode=1, schema={0x80: row})
     assert changed(old, DecodeOptions(key=b"new"), {"key"}) == DecodeOptions("idtp", b"new", 1, schema={0x80: row})

@@ -1,4 +1,4 @@
-"""What is live over the Foxglove WebSocket protocol, read by a client written from the protocol's specification.
+"""Live data over the Foxglove WebSocket protocol, read by a client written from the protocol's specification.
 
     text     JSON: serverInfo, advertise {channels: [{id, topic, encoding, schemaName, schema, schemaEncoding}]},
              unadvertise; from the client: subscribe {subscriptions: [{id, channelId}]}, unsubscribe
@@ -10,92 +10,30 @@ Source: Foxglove WebSocket protocol v1 (foxglove/ws-protocol, docs/spec.md).
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import os
 import signal
 import struct
 import subprocess
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
 from recordings.topics import Encoder, fields_of, schema_of, topic_of
+from tests.server.foxglove_client import attached, channel, protobuf
 from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S, connecting, get
-
-SUBPROTOCOL = "foxglove.sdk.v1"
-
-
-class Client:
-    """A viewer: what is advertised, and what comes of what it subscribed to."""
-
-    def __init__(self, socket: ClientConnection) -> None:
-        self._socket = socket
-        self.info: dict[str, Any] = {}
-        self.channels: dict[str, dict[str, Any]] = {}
-        self._topics: dict[int, str] = {}
-
-    async def until(self, *topics: str) -> None:
-        """Read until these are advertised."""
-        async with asyncio.timeout(60):
-            while not self.info or not set(topics) <= self.channels.keys():
-                self._text(await self._socket.recv())
-
-    def _text(self, data: str | bytes) -> None:
-        if isinstance(data, bytes):
-            return
-        message = json.loads(data)
-        if message["op"] == "serverInfo":
-            self.info = message
-        elif message["op"] == "advertise":
-            self.channels |= {channel["topic"]: channel for channel in message["channels"]}
-        elif message["op"] == "unadvertise":
-            gone = set(message["channelIds"])
-            self.channels = {topic: one for topic, one in self.channels.items() if one["id"] not in gone}
-
-    async def subscribe(self, *topics: str) -> None:
-        wanted = []
-        for topic in topics:
-            number = 1000 + len(self._topics)
-            self._topics[number] = topic
-            wanted.append({"id": number, "channelId": self.channels[topic]["id"]})
-        await self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-
-    async def messages(self, wanted: int) -> list[tuple[str, float, bytes]]:
-        """So many of what comes: topic, unix s, payload."""
-        found: list[tuple[str, float, bytes]] = []
-        async with asyncio.timeout(60):
-            while len(found) < wanted:
-                data = await self._socket.recv()
-                if isinstance(data, str):
-                    self._text(data)
-                    continue
-                opcode, number, time_ns = struct.unpack_from("<BIQ", data)
-                assert opcode == 1
-                found.append((self._topics[number], time_ns / 1e9, data[13:]))
-        return found
-
-
-@contextlib.asynccontextmanager
-async def attached(server: ServerProcess, path: str = "/foxglove", **options: Any) -> AsyncIterator[Client]:
-    """A client behind our own port; the bridge may still be starting."""
-    address = server.url.replace("http", "ws") + path
-    async with asyncio.timeout(90), connecting(address, subprotocols=[SUBPROTOCOL], max_size=None, **options) as socket:
-        assert socket.subprotocol == SUBPROTOCOL
-        yield Client(socket)
+from tests.timeouts import PATIENCE_S, get
 
 
 @pytest.fixture(scope="module")
 def bridged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     data = tmp_path_factory.mktemp("data")
-    with ServerProcess("twin:isb", data=data, arguments=("--foxglove", "0")) as server:
+    with ServerProcess("sim:isb", data=data, arguments=("--foxglove", "0")) as server:
         yield server
 
 
@@ -173,34 +111,6 @@ def test_foxgloves_own_client_gets_what_a_plot_needs(bridged: ServerProcess) -> 
     assert np.diff(at) / 1e9 == pytest.approx(0.01, abs=0.002)
 
 
-def protobuf(data: bytes) -> dict[int, bytes]:
-    """The fields of a message, as bytes: the wire format of protocol buffers, as far as it is needed here."""
-    fields: dict[int, bytes] = {}
-    at = 0
-    while at < len(data):
-        key, at = _varint(data, at)
-        if key & 7 == 1:
-            fields[key >> 3], at = data[at : at + 8], at + 8
-        elif key & 7 == 2:
-            size, at = _varint(data, at)
-            fields[key >> 3], at = data[at : at + size], at + size
-        else:
-            assert key & 7 == 0
-            value, at = _varint(data, at)
-            fields[key >> 3] = value.to_bytes(8, "little")
-    return fields
-
-
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    value = shift = 0
-    while True:
-        byte = data[at]
-        value |= (byte & 0x7F) << shift
-        at, shift = at + 1, shift + 7
-        if not byte & 0x80:
-            return value, at
-
-
 def test_only_what_is_subscribed_to_comes(bridged: ServerProcess) -> None:
     async def play() -> None:
         async with attached(bridged) as client:
@@ -211,7 +121,7 @@ def test_only_what_is_subscribed_to_comes(bridged: ServerProcess) -> None:
     asyncio.run(play())
 
 
-def test_who_attaches_can_only_look(bridged: ServerProcess) -> None:
+def test_attached_clients_are_read_only(bridged: ServerProcess) -> None:
     async def play() -> None:
         async with attached(bridged) as client:
             await client.until()
@@ -242,7 +152,7 @@ def test_our_rules_hold_for_it_as_for_every_websocket(bridged: ServerProcess) ->
 def test_beyond_this_machine_it_asks_for_the_token(tmp_path: Path, serve: Callable[..., ServerProcess]) -> None:
     config = tmp_path / "imuscope.toml"
     config.write_text('foxglove = 0\nview_token = "may-look-only"\ncontrol_token = "may-change-too"\n')
-    server = serve("twin:xbus", arguments=("--config", str(config)))
+    server = serve("sim:xbus", arguments=("--config", str(config)))
     forwarded = {"X-Forwarded-For": "1.2.3.4"}
     assert status_of(server, additional_headers=forwarded) == 401
     assert status_of(server, additional_headers=forwarded, path="/foxglove?token=wrong") == 401
@@ -278,7 +188,7 @@ def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
     asyncio.run(play())
 
 
-def test_a_client_that_reads_nothing_holds_up_nobody(bridged: ServerProcess) -> None:
+def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:
     """It is subscribed to everything and takes nothing; another client and the device do not notice."""
 
     async def play() -> None:
@@ -315,11 +225,6 @@ def column(name: str, unit: str = "", dtype: str = "f4", **more: Any) -> dict[st
     return {"name": name, "unit": unit, "dtype": dtype, "label": "", "doc": "", "choices": {}, "bits": [], **more}
 
 
-def channel(*columns: dict[str, Any], **more: Any) -> dict[str, Any]:
-    about = {"id": 7, "name": "Q", "title": "Rate of turn", "group": "", "kind": "vector", "doc": "", "frame": ""}
-    return {**about, "columns": list(columns), **more}
-
-
 def test_names_are_letters_that_a_path_needs_no_quotes_for() -> None:
     device = "MTi-630 (left)"
     assert topic_of(device, channel(), set()) == "/MTi-630_left/Rate_of_turn"
@@ -342,7 +247,7 @@ def test_flags_are_fields_and_what_is_not_finite_is_left_out() -> None:
 
 
 def test_a_table_is_one_message_a_time() -> None:
-    info = channel(column("svId", dtype="u1"), kind="rows")
+    info = channel(column("svId", dtype="u1"), kind="table")
     clock = np.array([1.0, 1.0, 2.0])
     rows = [clock, clock, np.array([5, 6, 7], "u1")]
     found = [json.loads(body) for _, body in Encoder(info).messages(rows)]

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from recordings.topics import Encoder, bodies, stamps, tables
 from server.cli import main
 from tests.recordings.store_fixtures import channel, column
-from tests.server.test_foxglove import attached, protobuf
+from tests.server.foxglove_client import attached, protobuf
 from tests.server_process import ServerProcess
 from tests.timeouts import get
 
@@ -48,7 +48,7 @@ def read(path: Path) -> tuple[dict[str, Topic], Messages]:
 def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Topic], Messages, Path]:
     """What was advertised and sent live of two devices while they were recorded, and the export of that recording."""
     data = tmp_path_factory.mktemp("data")
-    sources = ("twin:xbus?product=MTi-680G", "twin:isb")
+    sources = ("sim:xbus?product=MTi-680G", "sim:isb")
     with ServerProcess(*sources, data=data, arguments=("--foxglove", "0", "--record")) as server:
 
         async def listen() -> tuple[dict[str, Topic], Messages]:
@@ -110,7 +110,7 @@ def info_of(kind: str = "record") -> dict[str, Any]:
     return channel(1, "1", "M", 'A "name"', kind, columns)
 
 
-@pytest.mark.parametrize("kind", ["record", "rows"])
+@pytest.mark.parametrize("kind", ["record", "table"])
 def test_many_messages_at_once_are_what_they_are_one_by_one(kind: str) -> None:
     rng = np.random.default_rng(1)
     n = 300
@@ -125,7 +125,7 @@ def test_many_messages_at_once_are_what_they_are_one_by_one(kind: str) -> None:
     info = info_of(kind)
     wanted = [(at, json.loads(body)) for at, body in Encoder(info).messages([time, time, *own])]
     at, many = stamps(time, time), bodies(info, own)
-    if kind == "rows":
+    if kind == "table":
         first = np.arange(0, n, 3)
         at, many = at[first], tables(many, first)
     found = [(when, json.loads(body)) for when, body in zip(at.tolist(), many.to_pylist(), strict=True)]

@@ -1,4 +1,4 @@
-"""What the Foxglove bridge tells of two devices of one product, and of a place whose height comes beside it."""
+"""Foxglove topics of two devices of one product, and of a position with a separate height."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from server.wire_codec import SampleFrame
 from tests.recordings.store_fixtures import channel, column
 
 
-class Server:
+class FakeServer:
     """Takes what the bridge advertises and sends."""
 
     def __init__(self, *_: Any) -> None:
@@ -49,11 +49,11 @@ def quaternion(number: int, device: str) -> dict[str, Any]:
     return channel(number, device, "MTData2", "Quaternion", "quaternion", columns, frame="ENU from body")
 
 
-def bridge(monkeypatch: pytest.MonkeyPatch, told: Told) -> tuple[foxglove_worker.FoxgloveBridge, Server]:
-    server = Server()
+def bridge(monkeypatch: pytest.MonkeyPatch, told: Told) -> tuple[foxglove_worker.FoxgloveBridge, FakeServer]:
+    server = FakeServer()
     monkeypatch.setattr(foxglove_worker, "FoxgloveServer", lambda *_: server)
     made = foxglove_worker.FoxgloveBridge(told)  # type: ignore[arg-type]
-    made.arrange()
+    made.configure()
     return made, server
 
 
@@ -67,7 +67,7 @@ def test_two_devices_of_one_product_have_topics_and_frames_of_their_own(monkeypa
     made, server = bridge(monkeypatch, Told(devices, [quaternion(1, "1"), quaternion(2, "2")]))
     assert "/MTi-630/Quaternion" in server.topics
     assert "/MTi-630-2/Quaternion" in server.topics
-    made.hear([samples(1, [1.0], [0.0], [0.0], [0.0]), samples(2, [1.0], [0.0], [0.0], [0.0])])
+    made.on_message([samples(1, [1.0], [0.0], [0.0], [0.0]), samples(2, [1.0], [0.0], [0.0], [0.0])])
     told = [body for topic, body in server.sent if topic.endswith("attitude")]
     assert sorted(b"MTi-630-2" in body for body in told) == [False, True]
     assert FrameTransform.get_schema().name == "foxglove.FrameTransform"
@@ -83,7 +83,7 @@ def test_a_place_has_the_height_that_comes_beside_it(monkeypatch: pytest.MonkeyP
     told = Told([{"id": "1", "name": "MTi-680G"}], [quaternion(1, "1"), place, height])
     made, server = bridge(monkeypatch, told)
     assert 3 in told.asked
-    made.hear([samples(2, [52.0, 52.1], [5.0, 5.1]), samples(3, [100.0, 101.0])])
+    made.on_message([samples(2, [52.0, 52.1], [5.0, 5.1]), samples(3, [100.0, 101.0])])
     fixes = [body for topic, body in server.sent if topic.endswith("position")]
     assert len(fixes) == 2
     assert np.float64(101.0).tobytes() in fixes[1]

@@ -1,4 +1,4 @@
-"""Who a device is, learned from what it says by itself: nobody interrupts a measurement to ask."""
+"""Identity of a device, learned from its own messages: nobody interrupts a measurement to ask."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from protocols.xbus.enums import STATUS_BITS
 from protocols.xbus.simulator.device import XbusSimulator
 from server.devices.device_state import DeviceState
 from server.devices.ingest import DeviceIdentity
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 from server.wire import DeviceInfo
 
 
@@ -22,9 +22,9 @@ def said_by(product: str) -> list[Reply]:
 
 
 @pytest.mark.parametrize("product", ["MTi-630", "MTi-680G"])
-def test_a_600_tells_its_product_code_in_configuration(product: str) -> None:
+def test_a_600_has_its_product_code_in_configuration(product: str) -> None:
     identity = DeviceIdentity(xbus_identity)
-    assert sum(identity.learn(reply) for reply in said_by(product)) > 0
+    assert sum(identity.update(reply) for reply in said_by(product)) > 0
     assert identity.product.startswith(product)
     assert identity.serial_number != ""
 
@@ -33,7 +33,7 @@ def test_a_600_without_a_code_is_at_least_of_its_series() -> None:
     [configuration] = [reply for reply in said_by("MTi-630") if reply.message.name == "Configuration"]
     silent = Reply(configuration.message, {**configuration.values, "reserved_host": bytes(32)}, 0, 118, 0)
     identity = DeviceIdentity(xbus_identity)
-    identity.learn(silent)
+    identity.update(silent)
     assert identity.product == "MTi-600 series"
 
 
@@ -51,7 +51,9 @@ def test_a_product_is_not_faulted_for_a_filter_that_it_does_not_have(
     product: str, absent: set[str], present: set[str]
 ) -> None:
     """An IMU showed a permanent red "Filter valid: not set"."""
-    portrait = DeviceState(Hub(lambda: 0.0), DeviceInfo("1", "d", "test", "file", "live", protocol="xbus"), str)
+    portrait = DeviceState(
+        Telemetry.create(lambda: 0.0).bus, DeviceInfo("1", "d", "test", "file", "live", protocol="xbus"), str
+    )
     portrait.set(product=product)
     assert absent <= set(portrait.info.absent)
     assert not present & set(portrait.info.absent)

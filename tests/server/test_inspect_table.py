@@ -45,7 +45,7 @@ def test_version_33_mode_1_and_bare_numbers(tmp_path: Path) -> None:
     assert "version 2.1  mode Safety  acc_x 0.5 m/s²  acc_y -1.25 m/s²  acc_z 9.81 m/s²" in row
 
 
-def test_what_is_odd_is_said_in_words(tmp_path: Path) -> None:
+def test_irregularities_are_described_in_words(tmp_path: Path) -> None:
     quaternion = build(6, struct.pack("<4f", 2, 0, 0, 0), mode=LITE)
     short = build(0, bytes(4), sequence=1, mode=LITE)
     nan = build(0, struct.pack("<3f", float("nan"), float("inf"), 0), sequence=2, mode=LITE)

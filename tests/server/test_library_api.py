@@ -21,10 +21,10 @@ from recordings.tabular import TableSource
 from server.config import Config
 from server.library.one_file import one_file
 from server.links.base import Link, LinkSettings
+from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
-from tests.server.test_api import assert_problem
-from tests.server.test_opening import drive
+from tests.server.problems import assert_problem
 
 FILE = {"content-type": "application/octet-stream"}
 URL = "/api/recordings"
@@ -128,7 +128,7 @@ def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcess
         ("DELETE", "exports/9", None, 404),
     ],
 )
-def test_what_cannot_be_is_said(
+def test_invalid_requests_are_reported(
     running: InProcessServer, folder: Path, method: str, path: str, body: Any, status: int
 ) -> None:
     drive(folder / "a.mcap", seconds=0.2)
@@ -173,7 +173,7 @@ def test_a_download_is_one_file_with_everything_in_it(running: InProcessServer, 
     entry = Library(tmp_path / "b").get("b")
     assert (entry.title, entry.edits.tags, entry.markers) == ("Höhe", ("x",), 2)
     source = McapSource(tmp_path / "b" / "b.mcap")
-    assert b"".join(part.data for part in source.parts() if part.way == "rx") == kept
+    assert b"".join(part.data for part in source.parts() if part.direction == "rx") == kept
     assert make_reader(io.BytesIO(got.content)).get_summary() is not None
     assert running.client.get(f"{URL}/a/original").content == kept
 
@@ -190,7 +190,7 @@ def test_a_capture_is_downloaded_as_a_recording(running: InProcessServer, folder
     assert not source.damage
 
 
-def test_what_others_made_is_handed_over_with_what_was_changed_about_it(running: InProcessServer, folder: Path) -> None:
+def test_files_of_others_are_downloaded_with_the_users_changes(running: InProcessServer, folder: Path) -> None:
     """A table has no place for a title, tags, markers; they went lost with the download."""
     table = "time (s),acc.x (m/s²)\n" + "".join(f"{1.76e9 + n / 100:.2f},{n}\n" for n in range(50))
     (folder / "table.csv").write_text(table, encoding="utf-8-sig")
@@ -263,7 +263,7 @@ def test_sizes_of_exports_are_measured_before_anything_is_exported(running: InPr
     assert_problem(running.client.post(f"{URL}/a/export-sizes", json={"t0": 2.0, "t1": 1.0}), 422)
 
 
-def test_several_files_are_one_zip_and_what_cannot_be_is_told(running: InProcessServer, folder: Path) -> None:
+def test_several_files_are_one_zip_and_failures_are_reported(running: InProcessServer, folder: Path) -> None:
     (folder / "t.csv").write_text("time,x\n1760000000,1\n1760000001,2\n")
     drive(folder / "a.mcap", seconds=1.0)
     failed = finished(running, running.client.post(f"{URL}/t/exports", json={"format": "mtb"}).json()["id"])

@@ -1,6 +1,7 @@
 """Many at once, small enough for every run: nobody's manners cost anybody else a sample.
 
-The same at length, with its figures, is tests/bench/load.py."""
+The same at length, with its figures, is tests/bench/load.py.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +10,6 @@ import contextlib
 import json
 import time
 import urllib.request
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S, RequestThrottle
+from server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S
 from server.config import Config
+from server.limiters import TokenBucket
 from server.wire import SUBPROTOCOL
 from tests import load_clients
 from tests.bench.serial_devices import Speakers, heard_in
@@ -26,16 +27,10 @@ from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect
+from tests.waiting import until
 
 PROTOCOL = Subprotocol(SUBPROTOCOL)
 RATE, SECONDS, DEVICES = 500.0, 3.0, 2
-
-
-async def until(done: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + 60
-    while not done():
-        assert time.monotonic() < deadline, what
-        await asyncio.sleep(0.05)
 
 
 async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[load_clients.Good, dict[str, Any]]:
@@ -64,7 +59,7 @@ async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[load_clien
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def test_a_crowd_costs_nobody_a_sample(tmp_path: Path) -> None:
+def test_a_crowd_of_clients_loses_no_sample(tmp_path: Path) -> None:
     with Speakers(DEVICES, RATE, SECONDS) as speakers:
         sources = [f"serial://{terminal}?baud=2000000&protocol=xbus" for terminal in speakers.terminals]
         with ServerProcess(*sources, data=tmp_path, arguments=("--record",)) as server:
@@ -77,16 +72,22 @@ def test_a_crowd_costs_nobody_a_sample(tmp_path: Path) -> None:
         assert heard[device] == {"bytes": told["bytes"], "crc32": told["crc32"]}, "all that was sent is there"
 
 
-def test_who_asks_too_often_waits() -> None:
-    pace = RequestThrottle(10.0, 5.0, now=100.0)
-    assert [pace.wait(100.0) for _ in range(5)] == [0.0] * 5
-    assert [pace.wait(100.0) for _ in range(3)] == [pytest.approx(0.1), pytest.approx(0.2), pytest.approx(0.3)]
-    assert pace.wait(101.0) == 0.0
-    assert [pace.wait(1000.0) for _ in range(5)] == [0.0] * 5, "patience is not saved up"
-    assert pace.wait(1000.0) > 0
+def test_too_frequent_requests_wait() -> None:
+    bucket = TokenBucket(10.0, 5.0, now=100.0)
+
+    def wait(now: float) -> float:
+        needed = bucket.wait_s(now)
+        bucket.acquire(now)
+        return needed
+
+    assert [wait(100.0) for _ in range(5)] == [0.0] * 5
+    assert [wait(100.0) for _ in range(3)] == [pytest.approx(0.1), pytest.approx(0.2), pytest.approx(0.3)]
+    assert wait(101.0) == 0.0
+    assert [wait(1000.0) for _ in range(5)] == [0.0] * 5, "tokens are not saved up beyond the burst"
+    assert wait(1000.0) > 0
 
 
-def test_who_sends_a_flood_of_the_protocols_own_pings_is_cut_off(tmp_path: Path) -> None:
+def test_a_flood_of_protocol_pings_ends_the_connection(tmp_path: Path) -> None:
     with (
         InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connect(running.ws, subprotocols=[PROTOCOL]) as polite,

@@ -8,6 +8,7 @@ import pytest
 
 from server.auth import Access, Guard, RefusedError
 from server.config import Config
+from server.errors import status_of
 from server.login_throttle import ADDRESSES, MOST, UNGUESSABLE, LoginThrottle, client_group, short_tokens
 from tests.server.asgi_client import Answer, ask
 
@@ -15,7 +16,7 @@ SHORT, LONG = "short-one", "a-token-that-cannot-be-guessed"
 HOST = {"host": "192.0.2.1:8080"}
 
 
-class Clock:
+class ThrottleClock:
     now = 0.0
 
     def __call__(self) -> float:
@@ -27,20 +28,20 @@ def tried(rules: Access, token: str, client: str = "198.51.100.7") -> str | int:
         headers = {**HOST, "authorization": f"Bearer {token}"}
         return rules.check("/api/devices", "GET", headers, client=client)
     except RefusedError as refused:
-        return refused.status
+        return status_of(refused.kind)
 
 
 @pytest.fixture
-def clock() -> Clock:
-    return Clock()
+def clock() -> ThrottleClock:
+    return ThrottleClock()
 
 
 @pytest.fixture
-def rules(clock: Clock) -> Access:
+def rules(clock: ThrottleClock) -> Access:
     return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), LoginThrottle(clock))
 
 
-def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: Clock) -> None:
+def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: ThrottleClock) -> None:
     assert [tried(rules, f"guess-{n}") for n in range(12)] == [401] * MOST + [429] * 2
     clock.now = 5.9
     assert tried(rules, "guess") == 429
@@ -50,7 +51,7 @@ def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: Cl
     assert [tried(rules, "guess") for _ in range(12)] == [401] * MOST + [429] * 2
 
 
-def test_a_guess_that_is_right_is_no_success_while_its_address_is_locked(rules: Access, clock: Clock) -> None:
+def test_a_guess_that_is_right_is_no_success_while_its_address_is_locked(rules: Access, clock: ThrottleClock) -> None:
     """Otherwise guessing would not be slowed down: only the answers to wrong guesses would change."""
     for n in range(MOST):
         tried(rules, f"guess-{n}")
@@ -71,11 +72,11 @@ def test_a_token_that_cannot_be_guessed_passes_whoever_else_fails_there(rules: A
     assert tried(made, made.view_token) == "view"
 
 
-def test_no_token_is_no_guess(rules: Access) -> None:
+def test_a_missing_token_is_not_a_guess(rules: Access) -> None:
     for _ in range(100):
         with pytest.raises(RefusedError) as refused:
             rules.check("/api/devices", "GET", HOST, client="198.51.100.7")
-        assert refused.value.status == 401
+        assert status_of(refused.value.kind) == 401
     assert tried(rules, SHORT) == "view"
 
 
@@ -90,7 +91,7 @@ def test_where_no_token_is_needed_a_wrong_one_does_nothing() -> None:
     for _ in range(MOST + 1):
         with pytest.raises(RefusedError) as refused:
             rules.check("/api/devices", "GET", proxied, client="127.0.0.1")
-        statuses.append(refused.value.status)
+        statuses.append(status_of(refused.value.kind))
     assert statuses == [401] * MOST + [429]
 
 
@@ -110,7 +111,7 @@ def test_whom_an_address_stands_for(address: str, group: str) -> None:
     assert client_group(address) == group
 
 
-def test_memory_is_constant(clock: Clock) -> None:
+def test_memory_is_constant(clock: ThrottleClock) -> None:
     failures = LoginThrottle(clock)
     for n in range(3 * ADDRESSES):
         failures.count(f"10.{n >> 16}.{n >> 8 & 255}.{n & 255}")
@@ -120,7 +121,7 @@ def test_memory_is_constant(clock: Clock) -> None:
     assert failures.wait_s("192.0.2.7") > 0
 
 
-def test_short_tokens_are_told() -> None:
+def test_short_tokens_are_reported() -> None:
     assert short_tokens(Config(view_token=SHORT, control_token=LONG)) == ["view_token"]
     assert short_tokens(Config()) == []
 
@@ -129,7 +130,9 @@ def test_short_tokens_are_told() -> None:
 
 
 @pytest.mark.parametrize("way", ["bearer", "query", "cookie", "page", "websocket"])
-def test_every_way_of_trying_counts_and_is_told_when_to_come_back(way: str, rules: Access, clock: Clock) -> None:
+def test_every_way_of_trying_counts_and_is_told_when_to_come_back(
+    way: str, rules: Access, clock: ThrottleClock
+) -> None:
     async def app(scope: Any, receive: Any, send: Any) -> None:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b""})

@@ -10,22 +10,22 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from server.api.map_tiles import MOST_BYTES
 from server.config import Config, ConfigError, MapTiles, load
+from server.integrations.map_tiles import MOST_BYTES
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
 PNG = bytes.fromhex("89504e470d0a1a0a")
 
 
-class Maps(ThreadingHTTPServer):
+class TileServer(ThreadingHTTPServer):
     """A tile server that misbehaves at some places."""
 
     asked: list[str]
 
 
-class Handler(BaseHTTPRequestHandler):
-    server: Maps
+class TileHandler(BaseHTTPRequestHandler):
+    server: TileServer
 
     def do_GET(self) -> None:
         self.server.asked.append(self.path)
@@ -47,8 +47,8 @@ class Handler(BaseHTTPRequestHandler):
 
 
 @pytest.fixture(scope="module")
-def maps() -> Iterator[Maps]:
-    with Maps(("127.0.0.1", 0), Handler) as server:
+def maps() -> Iterator[TileServer]:
+    with TileServer(("127.0.0.1", 0), TileHandler) as server:
         server.asked = []
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
@@ -58,13 +58,13 @@ def maps() -> Iterator[Maps]:
 
 
 @pytest.fixture(scope="module")
-def client(maps: Maps) -> Iterator[Client]:
+def client(maps: TileServer) -> Iterator[Client]:
     settings = MapTiles(f"http://127.0.0.1:{maps.server_port}/{{z}}/{{x}}/{{y}}.png", "© somebody")
     with InProcessServer(Config(sources=("/dev/one",), map=settings), FakeLink) as running:
         yield running.client
 
 
-def test_a_tile_comes_through_our_own_port_and_is_asked_for_once(client: Client, maps: Maps) -> None:
+def test_a_tile_comes_through_our_own_port_and_is_asked_for_once(client: Client, maps: TileServer) -> None:
     assert client.get("/api/map").json() == {"tiles": True, "attribution": "© somebody"}
     for _ in range(3):
         answer = client.get("/api/tiles/3/4/5")
@@ -79,7 +79,9 @@ def test_a_tile_comes_through_our_own_port_and_is_asked_for_once(client: Client,
     [("2/0/0", 404), ("2/1/0", 502), ("2/2/0", 502), ("2/3/0", 502), ("2/0/1", 502)],
     ids=["none there", "a redirection", "no picture", "too large", "a fault"],
 )
-def test_what_is_no_tile_is_not_passed_on(client: Client, maps: Maps, place: str, status: int) -> None:
+def test_responses_that_are_not_tiles_are_not_passed_on(
+    client: Client, maps: TileServer, place: str, status: int
+) -> None:
     before = len(maps.asked)
     answer = client.get(f"/api/tiles/{place}")
     assert answer.status_code == status
@@ -88,7 +90,7 @@ def test_what_is_no_tile_is_not_passed_on(client: Client, maps: Maps, place: str
 
 
 @pytest.mark.parametrize("place", ["0/1/0", "3/0/8", "-1/0/0", "23/0/0", "1/a/0", "1/0/0.png", "1/..%2f..%2fx/0"])
-def test_only_places_of_the_world_reach_the_tile_server(client: Client, maps: Maps, place: str) -> None:
+def test_only_places_of_the_world_reach_the_tile_server(client: Client, maps: TileServer, place: str) -> None:
     before = len(maps.asked)
     assert client.get(f"/api/tiles/{place}").status_code in (404, 422)
     assert len(maps.asked) == before
@@ -100,7 +102,7 @@ def test_without_a_configured_server_nobody_is_asked() -> None:
         assert running.client.get("/api/tiles/0/0/0").status_code == 404
 
 
-def test_a_tile_server_that_is_not_there_is_told() -> None:
+def test_a_missing_tile_server_is_reported() -> None:
     settings = MapTiles("http://127.0.0.1:1/{z}/{x}/{y}.png")
     with InProcessServer(Config(sources=("/dev/one",), map=settings), FakeLink) as running:
         answer = running.client.get("/api/tiles/0/0/0")

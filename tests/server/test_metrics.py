@@ -97,7 +97,7 @@ def test_a_browser_is_told_by_what_it_was_sent(running: InProcessServer) -> None
         running.call(links["/dev/one"].send, sample(1))
         got = 0
         while True:
-            message = socket.recv(30)
+            message = socket.recv(PATIENCE_S)
             got += len(message)
             if isinstance(message, bytes):
                 break

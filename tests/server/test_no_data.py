@@ -13,6 +13,7 @@ from server import wire
 from tests.bench.serial_device import Feed
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, get
+from tests.waiting import block_until
 
 RATE, SECONDS = 500, 2
 
@@ -21,10 +22,13 @@ def test_a_port_that_is_silent_at_first_loses_nothing_when_it_speaks(serve: Call
     """The benchmarks of the stream got no samples. It was not this; it is held, for it is what they rest on."""
     with Feed(RATE, SECONDS) as feed:
         url = serve(f"serial://{feed.terminal}?baud=2000000").url
-        time.sleep(1.0)  # in which it is told that nothing came, and nothing is guessed
-        (device,) = get(f"{url}/api/devices").json()
-        assert (device["status"], device["protocol"]) == ("connecting", "")
-        assert "0 B so far" in device["message"]
+
+        def silent() -> dict[str, Any] | None:
+            (device,) = get(f"{url}/api/devices").json()
+            return device if "0 B so far" in device["message"] else None
+
+        device = block_until(silent, "told that nothing came")
+        assert (device["status"], device["protocol"]) == ("connecting", ""), "and nothing is guessed"
         with connect(url.replace("http", "ws") + "/ws", subprotocols=[Subprotocol(wire.SUBPROTOCOL)]) as socket:
             feed.go()
             health: dict[str, Any] = {"messages": []}

@@ -12,37 +12,15 @@ from protocols.registry import PROTOCOLS
 from protocols.xbus.simulator.device import XbusSimulator
 from recordings.column_store import ColumnStore
 from recordings.compaction import compact
-from recordings.health_history import fared
+from recordings.health_history import health_history
 from recordings.importers import open_file
 from recordings.mcap_writer import McapWriter
 from recordings.sources import McapSource
 from server.devices import protocol_set
 from server.library.decode import decode
-from server.streaming.channels import Channels
+from server.streaming.channels import ChannelRegistry
 from server.wire import ChannelInfo
-
-START = 1_760_000_000_000_000_000
-
-
-def drive(path: Path, seconds: float = 4.0, *, named: bool = True) -> bytes:
-    """Records an MTi that streams, in chunks of 10 ms, with a hole of 50 ms; the bytes that were kept."""
-    device = XbusSimulator(start_ns=0)
-    writer = McapWriter(path, {"title": "A drive"})
-    writer.device(
-        "1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "xbus" if named else ""}
-    )
-    kept = b""
-    for n in range(1, round(seconds * 100)):
-        data = device.advance(n * 10_000_000)
-        if not 200 <= n < 205 and data:
-            writer.chunk("1", "rx", data, START + n * 10_000_000)
-            kept += data
-    writer.chunk("1", "tx", b"\xfa\xff\x30\x00\xd1", START + 1)
-    writer.note("marker", "bump", START + 2_000_000_000)
-    writer.event({"kind": "link", "level": "info", "text": "Opened.", "device": "1"}, START)
-    writer.event({"kind": "gap", "level": "fault", "text": "told live", "device": "1"}, START)
-    writer.close()
-    return kept
+from tests.recordings.recorded_drive import START, drive
 
 
 def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
@@ -60,7 +38,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
         return len(names)
 
     batches = events.batches(decoder.drain(stalled=True))
-    pieces = Channels("1", advertise).split([(batch, np.full(len(batch), np.nan)) for batch in batches])
+    pieces = ChannelRegistry("1", advertise).split([(batch, np.full(len(batch), np.nan)) for batch in batches])
     found = {info["name"]: info["id"] for info in store.manifest["channels"]}
     assert found.keys() == {*names, "EulerAngles"}  # and what is worked out of them
     for piece in pieces:
@@ -205,15 +183,15 @@ def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_pat
     again = tmp_path / "b.mcap"
     source = McapSource(path)
     writer = McapWriter(again, {"title": "A drive"})
-    writer.device("1", dict(source.devices["1"].about))
+    writer.device("1", dict(source.devices["1"].identity))
     for part in source.parts():
-        if part.way == "rx":
+        if part.direction == "rx":
             start = 0
             for end, at in zip(part.ends.tolist(), part.times.tolist(), strict=True):
                 writer.chunk("1", "rx", bytes(part.data[start:end]), at)
                 start = end
     first = START / 1e9
-    outage = {"kind": "gap", "level": "fault", "device": "1", "samples": 0, "data": {"counter": "", "by": "link"}}
+    outage = {"kind": "gap", "level": "error", "device": "1", "samples": 0, "data": {"counter": "", "by": "link"}}
     writer.event({**outage, "text": "counted too", "t0": first + 1.9, "t1": first + 2.2}, START)
     writer.event({**outage, "text": "down", "t0": first + 3.0, "t1": first + 3.1, "time": first + 3.1}, START)
     writer.event({**outage, "text": "no time", "t0": None, "t1": float("nan")}, START)
@@ -230,7 +208,7 @@ def test_how_it_fared_is_known_for_every_second(tmp_path: Path) -> None:
     kept = drive(path)
     store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
     second = START // 1_000_000_000
-    told = fared(store.folder, store.manifest["fared"], "1", "1", second - 1, second + 4)
+    told = health_history(store.folder, store.manifest["health"], "1", "1", second - 1, second + 4)
     assert told.bytes[0] == 0
     assert sum(told.bytes) == len(kept)
     (message,) = told.messages
@@ -243,7 +221,7 @@ def test_how_it_fared_is_known_for_every_second(tmp_path: Path) -> None:
     assert late is not None
     assert 0 < late <= 12  # chunks of 10 ms
     assert told.uncertainty_ms[5] is not None
-    tail = fared(store.folder, store.manifest["fared"], "1", "1", second + 2, second + 2)
+    tail = health_history(store.folder, store.manifest["health"], "1", "1", second + 2, second + 2)
     assert tail.before == sum(told.bytes[:3])
     assert tail.counted[message] == sum(counts[:3])
-    assert fared(store.folder, {}, "1", "1", second, second).bytes == [0]  # a table has no such file
+    assert health_history(store.folder, {}, "1", "1", second, second).bytes == [0]  # a table has no such file

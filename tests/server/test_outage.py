@@ -1,4 +1,4 @@
-"""What a lost connection missed is counted where the device counts, and not known where it does not."""
+"""Samples lost in an outage are counted if the device counts them, and unknown otherwise."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import speech
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
-from server.streaming.hub import Hub
-from tests.server.fakes import NOW_NS, Clock, FakeLink
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import NOW_NS, FakeClock, FakeLink
 
 
 def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -> tuple[Any, Any]:
@@ -24,10 +24,10 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
     found: list[Any] = []
 
     async def run() -> None:
-        clock = Clock()
-        hub, link = Hub(clock), FakeLink("tcp://robot:4000", LinkSettings(now_ns=clock.now_ns))
+        clock = FakeClock()
+        telemetry, link = Telemetry.create(clock), FakeLink("tcp://robot:4000", LinkSettings(now_ns=clock.now_ns))
         link.kind = "tcp"
-        session = Session("1", link, hub, speech(), DecodeOptions(protocol))
+        session = Session("1", link, telemetry.bus, speech(), DecodeOptions(protocol))
         session.start()
 
         async def stream(device: Any, seconds: float) -> None:
@@ -37,7 +37,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
                     link.send(data)
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
-                hub.flush()
+                session.decode()
 
         await stream(device, 3)
         link.die(LinkError("gone", "It closed the connection.", ""))
@@ -47,7 +47,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
         session.retry()
         await asyncio.sleep(0.001)
         await stream(XbusSimulator(measuring=True, start_ns=clock.ns - NOW_NS) if restarted else device, 1)
-        found.append(next(event for event in hub.log if event.kind == "gap"))
+        found.append(next(event for event in telemetry.log if event.kind == "gap"))
         found.append(session.health(clock()))
         await session.close()
 
@@ -56,7 +56,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
 
 
 @pytest.mark.parametrize(("protocol", "counter"), [("xbus", "PacketCounter"), ("idtp", "sequence")])
-def test_what_a_reconnect_missed_is_counted_by_the_device(protocol: str, counter: str) -> None:
+def test_losses_during_a_reconnect_are_counted_by_the_device(protocol: str, counter: str) -> None:
     gap, health = dropout(4.0, protocol=protocol)
     assert (gap.data["counter"], gap.data["by"]) == (counter, "link")
     sent = {"xbus": 100, "idtp": 200}[protocol]  # frames a second
@@ -68,4 +68,4 @@ def test_what_a_reconnect_missed_is_counted_by_the_device(protocol: str, counter
 def test_what_a_reconnect_missed_is_not_known_where_no_counter_goes_on() -> None:
     for gap, health in (dropout(4.0, restarted=True), dropout(4.0, protocol="isb")):
         assert (gap.samples, gap.data["counter"], health.lost) == (0, "", 0)
-        assert gap.text.endswith("the link was down. How many samples is not known.")
+        assert gap.text.endswith("the link was down. The number of lost samples is not known.")

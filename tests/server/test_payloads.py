@@ -22,7 +22,7 @@ from recordings.rrd.chunks import name_of
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import speech
 from server.library.decode import decode
-from tests.recordings.test_rrd import column, entities
+from tests.recordings.rrd_tables import column, entities
 
 COUNT = 30
 OWN = [bytes([k, 0xAA]) * (1 + k % 3) for k in range(COUNT)]  # of three lengths

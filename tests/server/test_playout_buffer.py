@@ -22,7 +22,7 @@ def message(t0: float, dt: float, n: int, *, sent: float | None = None, device: 
 
 
 def shown(playout: PlayoutBuffer, *times: float) -> list[float]:
-    return [row[0] for t in times if (row := playout.at(t)) is not None]
+    return [row[0] for t in times if (row := playout.due(t)) is not None]
 
 
 def test_motion_is_as_even_on_screen_as_it_was_in_the_device() -> None:
@@ -34,7 +34,7 @@ def test_motion_is_as_even_on_screen_as_it_was_in_the_device() -> None:
     for tick in range(90):
         now = 0.1 + tick / 60
         while heard[0] <= now:
-            playout.hear(messages.pop(0), heard.pop(0))
+            playout.add(messages.pop(0), heard.pop(0))
         found += shown(playout, now)
     apart = np.diff(found)
     assert len(found) > 80
@@ -43,32 +43,32 @@ def test_motion_is_as_even_on_screen_as_it_was_in_the_device() -> None:
 
 def test_a_row_is_shown_its_delay_after_it_was_measured() -> None:
     playout = PlayoutBuffer()
-    playout.hear(message(10.0, 0.001, 33), 10.032)
+    playout.add(message(10.0, 0.001, 33), 10.032)
     assert shown(playout, 10.0 + DELAY_S + 0.0105) == [pytest.approx(10.010)]
     assert playout.waits
     assert shown(playout, 11.0) == [pytest.approx(10.032)]
     assert not playout.waits
-    assert playout.at(12.0) is None
+    assert playout.due(12.0) is None
 
 
 def test_device_time_counts_where_it_is_there_and_sane() -> None:
     burst = message(10.0, 0.001, 16)
     burst.columns[0][:] = burst.columns[0][-1]  # an adapter kept them and gave all at once
     playout = PlayoutBuffer()
-    playout.hear(burst, 10.015)
+    playout.add(burst, 10.015)
     assert shown(playout, 10.005 + DELAY_S + 0.0001) == [pytest.approx(10.005)]
     for device in (math.nan, 2 * FAR_S, -2 * FAR_S):
         playout = PlayoutBuffer()
-        playout.hear(message(10.0, 0.001, 16, device=device), 10.015)
+        playout.add(message(10.0, 0.001, 16, device=device), 10.015)
         assert shown(playout, 10.005 + DELAY_S + 0.0001) == [pytest.approx(10.005)]
 
 
 def test_what_has_a_time_that_never_comes_is_shown_all_the_same_and_memory_is_bounded() -> None:
     playout = PlayoutBuffer()
-    playout.hear(message(10.0, 0.001, 3), 10.002)
-    playout.hear(message(99.0, 0.001, 3, sent=10.0), 10.0)
+    playout.add(message(10.0, 0.001, 3), 10.002)
+    playout.add(message(99.0, 0.001, 3, sent=10.0), 10.0)
     assert shown(playout, 10.0 + OVERDUE_S - 0.01) == [pytest.approx(10.002)]
     assert shown(playout, 10.1 + OVERDUE_S) == [pytest.approx(99.002)]
     for i in range(3 * MOST_WAITING):
-        playout.hear(message(float(i), 0.001, 3), float(i))
+        playout.add(message(float(i), 0.001, 3), float(i))
     assert len(shown(playout, *np.arange(0, 3 * MOST_WAITING, 0.001).tolist())) <= 3 * MOST_WAITING

@@ -91,11 +91,11 @@ def test_the_newest_row_is_the_pose_and_nonsense_leaves_it() -> None:
     one = look(info(7, "quaternion", "Quaternion", "w x y z", frame="NED from body"), info(8, "scalar", "T", "value"))
     assert one.q_enu_from_body is None
     assert one.frame == "NED"
-    one.hear(samples(7, [1, 0, 0, 0], [0, 2, 0, 0]))
+    one.update(samples(7, [1, 0, 0, 0], [0, 2, 0, 0]))
     assert one.q_frame_from_body == (0, 1, 0, 0)
-    one.hear(samples(7, [0, 0, 0, 0], [math.nan, 0, 0, 0]))
+    one.update(samples(7, [0, 0, 0, 0], [math.nan, 0, 0, 0]))
     assert one.q_frame_from_body == (0, 1, 0, 0)
-    one.hear(samples(8, [3.0]))
+    one.update(samples(8, [3.0]))
 
 
 def test_gravity_is_the_opposite_of_what_is_felt() -> None:
@@ -105,8 +105,8 @@ def test_gravity_is_the_opposite_of_what_is_felt() -> None:
         info(3, "vector", "Magnetic field", "x y z", "a.u."),
     )
     assert one.channels == [2, 3, 1]
-    one.hear(samples(2, [0, 0, 9.80665]))
-    one.hear(samples(3, [0.4, 0, -0.9]))
+    one.update(samples(2, [0, 0, 9.80665]))
+    one.update(samples(3, [0.4, 0, -0.9]))
     assert one.gravity == pytest.approx((0, 0, -1))
     assert one.field == pytest.approx((0.4, 0, -0.9))
 
@@ -119,8 +119,8 @@ def test_a_track_has_its_past_before_it_and_ten_points_a_second_at_most() -> Non
     one = look(
         info(1, "quaternion", "Quaternion", "w x y z"), info(2, "vector", "Local position", "north east down", "m")
     )
-    one.hear(samples(2, *[[i, 0, -5] for i in range(100)], t0=100, dt=0.01))
-    one.hear(samples(2, [-2, 0, -5], [-1, 0, -5], history=True, t0=98, dt=1))
+    one.update(samples(2, *[[i, 0, -5] for i in range(100)], t0=100, dt=0.01))
+    one.update(samples(2, [-2, 0, -5], [-1, 0, -5], history=True, t0=98, dt=1))
     track = one.track(600)
     assert track[:3].tolist() == [[0, -2, 5], [0, -1, 5], [0, 0, 5]]  # east, north, up
     assert 10 <= len(track) <= 13
@@ -132,7 +132,7 @@ def test_a_track_has_its_past_before_it_and_ten_points_a_second_at_most() -> Non
 
 def test_places_become_metres_and_what_is_no_place_is_left_out() -> None:
     one = look(info(1, "quaternion", "Quaternion", "w x y z"), info(2, "vector", "Position", "lat lon alt", "°"))
-    one.hear(samples(2, [0, 0, 0], [math.nan, 8, 400], [47.0, 8.0, 400.0], [47.001, 8.0, 410.0]))
+    one.update(samples(2, [0, 0, 0], [math.nan, 8, 400], [47.0, 8.0, 400.0], [47.001, 8.0, 410.0]))
     assert one.place is not None
     track = one.track(600)
     assert track[-1].tolist() == pytest.approx([0, 0, 0], abs=0.01)  # the first that came is the newest of them
@@ -190,16 +190,16 @@ def test_a_glb_goes_on_as_it_is_with_its_scale() -> None:
         (b"PK\x03\x04", "neither"),
         (bytes(meshes.MOST_BYTES + 1), "20 MB"),
         (stl(np.zeros((3, 3), "<f4")), "the same"),
-        (stl(np.full((3, 3), np.inf, "<f4")), "no number"),
-        (b"solid nothing\nendsolid", "no whole triangle"),
-        (glb() + b"x", "no whole GLB"),
-        (glb()[:-1], "broken"),
+        (stl(np.full((3, 3), np.inf, "<f4")), "is not a number"),
+        (b"solid nothing\nendsolid", "no complete triangle"),
+        (glb() + b"x", "not a complete GLB"),
+        (glb()[:-1], "damaged"),
         (glb(extensionsUsed=["KHR_draco_mesh_compression"]), "another host"),
         (glb(buffers=[{"uri": "https://elsewhere.example/a.bin"}]), "another file"),
         (glb(images=[{"uri": "skin.png"}]), "another file"),
         (glb(accessors=[{"count": 10**9}]), "triangles"),
-        (glb(accessors=[]), "how large"),
-        (glb(meshes=[]), "nothing to see"),
+        (glb(accessors=[]), "no bounds"),
+        (glb(meshes=[]), "no geometry"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -246,20 +246,20 @@ def test_the_head_goes_on_between_two_words_of_the_page() -> None:
     clock = [0.0]
     replayed = ReplayFollower(Store(), lambda: clock[0])  # type: ignore[arg-type] # as much of a store as is read
     replayed.move(2.0, 2.0)
-    first = replayed.news()
+    first = replayed.changes()
     assert first is not None
     assert first["rows"]["1"][0] == [2.0]
     assert first["past"]["2"][0] == [0.0, 1.0, 2.0]
-    assert replayed.news() is None
+    assert replayed.changes() is None
     clock[0] = 0.5
-    second = replayed.news()
+    second = replayed.changes()
     assert second is not None
     assert (second["rows"]["1"][0], "past" in second) == ([3.0], False)
     replayed.move(1.0, 0.0)
-    back = replayed.news()
+    back = replayed.changes()
     assert back is not None
     assert back["past"]["2"][0] == [0.0, 1.0]
     clock[0] = 5.0
-    assert replayed.news() is None
+    assert replayed.changes() is None
     replayed.move(100.0, 1.0)
     assert replayed.head == 9.0

@@ -1,4 +1,4 @@
-"""Whatever a page sends as values: problems at their fields, never a fault; and what a form is made of."""
+"""Preview of any values a client may send: problems at their fields, never a fault; and what a form is made of."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Field
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
-from server.configuration.form_builder import field_form, forms_of, output_choices
-from server.configuration.preview import DevicePresentState, Line, fit, preview_command, preview_setting
+from protocols.xbus.family import output_choices
+from server.configuration.form_builder import field_form, forms_of
+from server.configuration.preview import DevicePresentState, SerialLine, fit, preview_command, preview_setting
 from server.configuration.value_format import numbers, words
 from tests.server.control_harness import outputs
 
-XBUS = DevicePresentState(PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-680G"), Line(115_200, 11_520.0))  # type: ignore[arg-type]
-ISB = DevicePresentState(PROTOCOLS["isb"].driver, DeviceContext(product="IMX-5"), Line(921_600, 92_160.0))  # type: ignore[arg-type]
+XBUS = DevicePresentState(PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-680G"), SerialLine(115_200, 11_520.0))  # type: ignore[arg-type]
+ISB = DevicePresentState(PROTOCOLS["isb"].driver, DeviceContext(product="IMX-5"), SerialLine(921_600, 92_160.0))  # type: ignore[arg-type]
 IDTP = DevicePresentState(PROTOCOLS["idtp"].driver, DeviceContext())  # type: ignore[arg-type]
 FAMILIES = {"xbus": XBUS, "isb": ISB, "idtp": IDTP}
 
@@ -128,7 +129,7 @@ def test_values_have_words() -> None:
 def test_no_two_outputs_have_one_title() -> None:
     """Two rows were called "Status"; which was which only their identifiers told."""
     for product in ("MTi-3", "MTi-300", "MTi-G-710", "MTi-630", "MTi-680G"):
-        titles = [choice.title for choice in output_choices(DeviceContext(product=product))]
+        titles = [choice.title for choice in output_choices(DeviceContext(product=product), {})]
         assert len(set(titles)) == len(titles), product
         assert "Status" in titles
 

@@ -1,4 +1,4 @@
-"""One question, live or recorded: the same rows, the same buckets, as frames and as tables."""
+"""One query, live or recorded: the same rows, the same buckets, as frames and as tables."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from server.library.decode import decode
 from server.library.range_query import arrow_of, frame_of, json_of, live, recorded, statistics_in
 from server.library.recording_detail import channels_of, detail
 from server.streaming.channels import ChannelRows
-from server.streaming.hub import Hub
-from tests.server.test_opening import drive
+from server.streaming.telemetry import Telemetry
+from tests.recordings.recorded_drive import drive
 
 
 @pytest.fixture
@@ -32,27 +32,27 @@ def store(tmp_path: Path) -> ColumnStore:
     return decode(McapSource(tmp_path / "a.mcap"), tmp_path / "store", protocol_set.speech())
 
 
-def hub_with(store: ColumnStore) -> tuple[Hub, dict[int, int]]:
-    """A hub that was told live what the store holds; id of each channel there."""
-    hub = Hub(lambda: 0.0, history_s=1e12)
+def hub_with(store: ColumnStore) -> tuple[Telemetry, dict[int, int]]:
+    """Telemetry that was given live what the store holds; id of each channel there."""
+    telemetry = Telemetry.create(lambda: 0.0, history_s=1e12)
     ids: dict[int, int] = {}
     for number, info in channels_of(store).items():
-        ids[number] = hub.advertise(info)
+        ids[number] = telemetry.bus.advertise(info)
         rows = store.exact(number, 0, store.rows(number))
-        hub.publish([ChannelRows(ids[number], [rows.arrival, rows.time, *rows.columns])])
-    return hub, ids
+        telemetry.bus.publish([ChannelRows(ids[number], [rows.arrival, rows.time, *rows.columns])])
+    return telemetry, ids
 
 
 @pytest.mark.parametrize("base", ["device", "arrival"])
 @pytest.mark.parametrize("width", [0, 40, 100_000])
 def test_live_and_recorded_answer_alike(store: ColumnStore, width: int, base: str) -> None:
-    hub, ids = hub_with(store)
+    telemetry, ids = hub_with(store)
     whole = store.span()
     assert whole is not None
     t0, t1 = whole[0] + 1.0, whole[1] - 1.5
     for number, info in channels_of(store).items():
         one = recorded(store, info, t0, t1, width, base=base)  # type: ignore[arg-type]
-        other = live(hub.channels[ids[number]], t0, t1, width, base=base)  # type: ignore[arg-type]
+        other = live(telemetry.store.of(ids[number]), t0, t1, width, base=base)  # type: ignore[arg-type]
         assert type(one.rows) is type(other.rows)
         if isinstance(one.rows, ExactRows) and isinstance(other.rows, ExactRows):
             np.testing.assert_array_equal(one.rows.arrival, other.rows.arrival)
@@ -167,7 +167,7 @@ def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: P
     asyncio.run(run())
 
 
-def test_two_who_open_at_once_wait_for_the_same(tmp_path: Path) -> None:
+def test_concurrent_openings_share_one_decoding(tmp_path: Path) -> None:
     drive(tmp_path / "a.mcap", seconds=1.0)
 
     async def run() -> None:
@@ -180,7 +180,7 @@ def test_two_who_open_at_once_wait_for_the_same(tmp_path: Path) -> None:
     asyncio.run(run())
 
 
-def test_what_cannot_be_opened_is_told_in_a_sentence(tmp_path: Path) -> None:
+def test_unopenable_recordings_are_reported(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"\x55" * 3000)
 
     async def run() -> None:

@@ -14,7 +14,7 @@ from server.rate_limit import ADDRESSES, AT_ONCE, IN_A_PASS, PER_S, READING, WAI
 ONE = "/api/recordings/20261121T044324Z"
 
 
-class Clock:
+class LimitClock:
     t = 1000.0
 
     def __call__(self) -> float:
@@ -52,7 +52,7 @@ def statuses(turnstile: RateLimiter, times: int, **asked: str) -> list[int]:
 
 
 def test_a_flood_is_answered_so_often_and_told_to_be_slower() -> None:
-    clock = Clock()
+    clock = LimitClock()
     turnstile = RateLimiter(hello, clock)
     most = int(AT_ONCE)
     assert statuses(turnstile, most + 50) == [200] * most + [429] * 50
@@ -67,10 +67,10 @@ def test_a_flood_is_answered_so_often_and_told_to_be_slower() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    turnstile = RateLimiter(hello, Clock())
+    turnstile = RateLimiter(hello, LimitClock())
     for n in range(2 * ADDRESSES):
-        turnstile.take(f"10.0.{n >> 8}.{n & 255}")
-    assert len(turnstile._left) == ADDRESSES
+        turnstile.acquire(f"10.0.{n >> 8}.{n & 255}")
+    assert len(turnstile._requests) == ADDRESSES
 
 
 def test_requests_that_come_at_once_do_not_hold_up_who_watches() -> None:
@@ -83,7 +83,7 @@ def test_requests_that_come_at_once_do_not_hold_up_who_watches() -> None:
             begun.append(scope["path"])
             await hello(scope, receive, send)
 
-        turnstile = RateLimiter(noted, Clock())
+        turnstile = RateLimiter(noted, LimitClock())
         asked = [asyncio.create_task(ask(turnstile)) for _ in range(100)]
         before = 0
         while len(begun) < len(asked):

@@ -1,4 +1,4 @@
-"""What was said about reading a device holds for its recordings, too: unit of time, rotation, vendor types, key."""
+"""Decode options of a device also apply to its recordings: unit of time, rotation, vendor types, key."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from protocols.idtp.custom_payloads import parse, written
 from protocols.idtp.frames import SAFETY, SECURE, build
 from recordings.importers import open_file
-from server.devices.decode_options import DecodeOptions, reading, recorded, words_of
+from server.devices.decode_options import DecodeOptions, reading, recorded, to_text_options
 from server.devices.protocol_set import speech
 from server.library.column_cache import ColumnCache
 from server.library.decode import decode
@@ -53,10 +53,10 @@ def test_a_schema_is_written_as_it_is_read() -> None:
 
 def test_what_another_process_is_told_says_the_same() -> None:
     said = DecodeOptions("idtp", KEY, 1, True, True, parse(SCHEMA), "ms", "body_from_enu")
-    assert reading("idtp", **words_of(said)) == said
+    assert reading("idtp", **to_text_options(said)) == said
 
 
-def test_who_is_heard_first() -> None:
+def test_the_first_device_seen() -> None:
     """A person who speaks of this file, then the recording, then what is usual here."""
     about: dict[str, Any] = {"time_unit": "s", "rotation": "nonsense"}
     assert recorded(DecodeOptions(), about, SAID).time_unit == "ms", "nothing of a recording that makes no sense"
@@ -73,7 +73,7 @@ def test_a_dropped_capture_had_only_the_key_of_the_server(tmp_path: Path) -> Non
     assert {info["name"] for info in columns.manifest["channels"]} == {"0x80Status"}
 
 
-def test_the_shelf_tells_its_process(tmp_path: Path) -> None:
+def test_the_cache_reports_to_its_process(tmp_path: Path) -> None:
     capture(tmp_path, SECURE)
     told = DecodeOptions(key=KEY, schema=SAID.schema)
 
@@ -101,6 +101,6 @@ def test_a_recording_keeps_how_its_device_is_read(tmp_path: Path, schema: Path) 
     done = imuscope("record", source, "--schema", str(schema), "-o", str(made))
     assert done.returncode == 0, done.stderr
     (device,) = open_file(made).devices.values()
-    assert device.about["rotation"] == "body_from_enu"
+    assert device.identity["rotation"] == "body_from_enu"
     done = imuscope("decode", str(made), "-o", str(tmp_path / "x.csv"))
     assert done.stdout.split() == [str(tmp_path / "x_Wheels.csv")]

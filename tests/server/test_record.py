@@ -12,8 +12,8 @@ from recordings.compaction import is_uncompacted
 from recordings.importers import open_file
 from recordings.mcap_reader import McapReader
 from server.commands.record import amount
+from tests.server.recorder_harness import chunks
 from tests.server.tcp_device import TcpDevice
-from tests.server.test_recorder import chunks
 from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S
 
@@ -24,7 +24,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("data")
 
 
-def test_what_came_in_its_time_is_in_the_file(tmp_path: Path, data: Path) -> None:
+def test_data_received_in_time_is_in_the_file(tmp_path: Path, data: Path) -> None:
     path = tmp_path / "drive.mcap"
     with TcpDevice(500) as line:
         done = imuscope("record", line.source, "-o", str(path), "--duration", "1", "--data", str(data))
@@ -72,18 +72,18 @@ def test_a_file_that_is_played_ends_the_recording(tmp_path: Path, data: Path) ->
     assert chunks(tmp_path / "second.mcap", "rx/1") == capture.read_bytes()
 
 
-def test_what_cannot_be_recorded_is_said_in_a_line_and_leaves_nothing(tmp_path: Path, data: Path) -> None:
+def test_a_failed_recording_is_one_line_and_leaves_nothing(tmp_path: Path, data: Path) -> None:
     there = tmp_path / "there.mcap"
     there.write_bytes(b"somebody's")
     empty = tmp_path / "empty.bin"
     empty.touch()
     wrong = [
-        (("twin:isb", "-o", str(there)), "a file of that name already"),
-        (("twin:isb", "-o", str(tmp_path / "a.bin")), ".mcap"),
-        (("twin:nothing", "-o", str(tmp_path / "a.mcap")), "no twin"),
-        (("twin:isb", "-o", str(tmp_path / "none" / "a.mcap")), "There is no folder"),
+        (("sim:isb", "-o", str(there)), "a file of that name already"),
+        (("sim:isb", "-o", str(tmp_path / "a.bin")), ".mcap"),
+        (("sim:nothing", "-o", str(tmp_path / "a.mcap")), "Unknown simulator"),
+        (("sim:isb", "-o", str(tmp_path / "none" / "a.mcap")), "Folder not found"),
         ((str(empty), "-o", str(tmp_path / "a.mcap"), "--protocol", "xbus"), "nothing was recorded"),
-        (("twin:isb", "-o", str(tmp_path / "a.mcap"), "--duration", "0"), "is not a valid time"),
+        (("sim:isb", "-o", str(tmp_path / "a.mcap"), "--duration", "0"), "is not a valid time"),
     ]
     for arguments, words in wrong:
         done = imuscope("record", *arguments, "--data", str(data))
@@ -95,7 +95,7 @@ def test_what_cannot_be_recorded_is_said_in_a_line_and_leaves_nothing(tmp_path: 
     assert there.read_bytes() == b"somebody's"
 
 
-def test_amounts_are_read_by_people() -> None:
+def test_amounts_are_readable() -> None:
     assert [amount(size) for size in (0, 912, 1240, 1_240_000, 5_000_000_000)] == [
         "0 B",
         "912 B",

@@ -12,8 +12,9 @@ from recordings.mcap_reader import McapReader, json_messages
 from server import wire_codec
 from server.library.recorded_settings import settings_of
 from server.library.recorder import RecordingOptions
-from tests.server.control_harness import outputs, until
-from tests.server.test_recorder import chunks, in_a_loop, recorder
+from tests.server.control_harness import outputs
+from tests.server.recorder_harness import chunks, in_a_loop, recorder
+from tests.waiting import until
 
 OUTPUTS = [
     {"data_identifier": 0x4020, "output_frequency": 400},
@@ -77,23 +78,23 @@ def test_what_the_tables_do_not_know_is_told_as_it_stands(protocol: str, values:
 
 
 @pytest.mark.parametrize("body", [{}, {"values": 3}, {"values": {"a": 1}}, {"values": None, "missing": [1]}])
-def test_a_strangers_snapshot_tells_nothing(body: dict[str, Any]) -> None:
+def test_a_foreign_snapshot_shows_nothing(body: dict[str, Any]) -> None:
     assert settings_of(body).settings == []
 
 
 @in_a_loop
 async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
     async with recorder(tmp_path) as (made, one):
-        desk = await made.add("twin:xbus")
+        desk = await made.add("sim:xbus")
 
         async def refuse(data: bytes) -> None:
             return  # nothing reaches the device
 
         desk.session._link.write = refuse  # type: ignore[method-assign]
         state = await one.start()
-        await until(lambda: desk.control.done, "it has been given up")
-        assert desk.control.done[0].state == "failed"
-        assert any("no Configuration of" in event.text for event in made.hub.log)
+        await until(lambda: desk.job_report.done, "it has been given up")
+        assert desk.job_report.done[0].state == "failed"
+        assert any("no Configuration of" in event.text for event in made.telemetry.log)
         await one.stop()
         assert len(chunks(tmp_path / "recordings" / f"{state.id}.mcap", "rx/1")) > 1000
 
@@ -101,7 +102,7 @@ async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: 
 @in_a_loop
 async def test_settings_that_are_known_are_in_the_recording_and_those_read_later_too(tmp_path: Path) -> None:
     async with recorder(tmp_path, RecordingOptions(tmp_path / "recordings", ask_head=False)) as (made, one):
-        desk = await made.add("twin:xbus")
+        desk = await made.add("sim:xbus")
         await made.read(desk)
         state = await one.start()
         path = tmp_path / "recordings" / f"{state.id}.mcap"

@@ -18,7 +18,7 @@ import pytest
 from server.cli import main
 from server.commands.replay import ReplayError, address
 from tests.fork_server import Child
-from tests.links.test_replay import of, recording
+from tests.links.replayed import of, recording
 from tests.server_process import begun
 from tests.timeouts import PATIENCE_S
 
@@ -131,12 +131,12 @@ def test_a_loop_goes_on_until_it_is_stopped(tmp_path: Path) -> None:
         assert process.wait(PATIENCE_S) == 0
 
 
-def test_what_cannot_be_played_is_said_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unplayable_files_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(recording(tmp_path))
     wrong = [
-        ((str(tmp_path / "none.mcap"),), "there is no file"),
+        ((str(tmp_path / "none.mcap"),), "file not found"),
         ((path,), "name one with --device: 1 (xbus), 2 (xbus)"),
-        ((path, "--device", "7"), "holds no device '7'"),
+        ((path, "--device", "7"), "has no device '7'"),
         ((path, "--device", "1", "--speed", "0"), "--speed 0 is outside"),
         ((path, "--device", "1", "--from", "5"), "lasts 0.990 s"),
         ((path, "--device", "1", "--tcp", "nowhere"), "is not a valid address"),

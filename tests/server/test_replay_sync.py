@@ -33,7 +33,7 @@ def recorded(tmp_path: Path) -> Iterator[ServerProcess]:
             writer.chunk("1", "rx", data, round(STARTED * 1e9) + step * 10_000_000)
     writer.close()
     compact(tmp_path / "recordings" / "turn.mcap")
-    with ServerProcess("twin:isb", data=tmp_path) as server:
+    with ServerProcess("sim:isb", data=tmp_path) as server:
         yield server
 
 

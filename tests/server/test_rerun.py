@@ -29,29 +29,29 @@ from server import wire
 from server.integrations.proxy import ViewError
 from server.integrations.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, RerunFeed, RerunViewer
 from server.streaming.channels import ChannelRows
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 from server.wire_codec import SampleFrame
-from tests.recordings.test_rrd import entities, numbers
-from tests.server.test_opening import drive
+from tests.recordings.recorded_drive import drive
+from tests.recordings.rrd_tables import entities, numbers
 from tests.server_process import ROOT, ServerProcess, imuscope
-from tests.timeouts import PATIENCE_S, connect
+from tests.timeouts import PATIENCE_S, connect, http_client
 
 PAGE = ROOT / "server" / "integrations" / "rerun_page"
 
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """A server with a twin and one recording of four seconds."""
+    """A server with a simulator and one recording of four seconds."""
     data = tmp_path_factory.mktemp("data")
     (data / "recordings").mkdir()
     drive(data / "recordings" / "drive.mcap")
-    with ServerProcess("twin:xbus", data=data) as server:
+    with ServerProcess("sim:xbus", data=data) as server:
         yield server
 
 
 @pytest.fixture(scope="module")
 def client(running: ServerProcess) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=running.url, timeout=120) as client:
+    with http_client(base_url=running.url, timeout=120) as client:
         yield client
 
 
@@ -118,7 +118,7 @@ def saved(answer: httpx.Response, path: Path) -> dict[str, list[object]]:
     ("address", "status"),
     [("/api/recordings/none/recording.rrd", 404), ("/api/recordings/drive/recording.rrd?t0=5&t1=4", 422)],
 )
-def test_what_cannot_be_streamed_is_told_in_words(client: httpx.Client, address: str, status: int) -> None:
+def test_unstreamable_requests_are_reported(client: httpx.Client, address: str, status: int) -> None:
     answer = client.get(address)
     assert answer.status_code == status
     assert answer.json()["message"]
@@ -159,14 +159,14 @@ def looked(url: str, wanted: int) -> tuple[dict[str, float], list[bytes]]:
 
 def test_a_stream_of_a_device_that_is_not_there_is_refused_in_words(running: ServerProcess) -> None:
     address = running.url.replace("http", "ws") + "/rerun/live?device=none"
-    with connect(address) as socket, pytest.raises(ConnectionClosed, match="There is no device none"):
+    with connect(address) as socket, pytest.raises(ConnectionClosed, match="Device none not found"):
         socket.recv(timeout=PATIENCE_S)
 
 
 def test_a_viewer_that_does_not_keep_up_loses_the_oldest_and_is_told_how_many() -> None:
     async def look() -> None:
         viewer = RerunViewer()
-        viewer.still.append(b"still")
+        viewer.is_idle.append(b"still")
         for n in range(MOST_LIVE + 5):
             viewer.offer(float(n + 1), b"live %d" % n)
         viewer.remember(b"newest of before")
@@ -196,7 +196,7 @@ def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
         viewer.acknowledge(1)
         assert (await viewer.take())[1] == b"%d" % AHEAD
         viewer.lost = "The stream has ended."
-        viewer.wake.set()
+        viewer.wake_event.set()
         with pytest.raises(ViewError):
             await viewer.take()
 
@@ -211,13 +211,13 @@ def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False
 
 def test_who_comes_late_gets_the_newest_first_and_what_is_kept_is_bounded() -> None:
     async def look() -> None:
-        feed = RerunFeed(Hub(lambda: 100.0))
-        feed._told(batch(0.0, b"still", still=True))
+        feed = RerunFeed(Telemetry.create(lambda: 100.0))
+        feed._on_report(batch(0.0, b"still", still=True))
         for n in range(40):
-            feed._told(batch(n + 1.0, b"%02d" % n + bytes(1 << 20)))
-        assert sum(len(data) for _, data in feed._kept) <= KEPT_BYTES
+            feed._on_report(batch(n + 1.0, b"%02d" % n + bytes(1 << 20)))
+        assert sum(len(data) for _, data in feed._backlog) <= KEPT_BYTES
         viewer = feed.join()
-        feed._told(batch(99.0, b"now"))  # what is live overtakes what was before
+        feed._on_report(batch(99.0, b"now"))  # what is live overtakes what was before
         taken = [await viewer.take() for _ in range(AHEAD)]
         assert [data[:5].rstrip(b"\0") for _, data in taken] == [b"still", b"now", b"39", b"38"]
         assert feed.lag_ms(taken[1][0]) == 1000
@@ -230,14 +230,14 @@ def test_who_comes_late_gets_the_newest_first_and_what_is_kept_is_bounded() -> N
     asyncio.run(look())
 
 
-class Said:
+class RerunMessage:
     """What a feed's process is told and what it says, without the process."""
 
     def __init__(self, devices: list[Any], channels: dict[int, Any]) -> None:
         self.devices, self.channels, self.changed = devices, channels, True
         self.batches: list[dict[str, Any]] = []
 
-    def say(self, **words: Any) -> None:
+    def send(self, **words: Any) -> None:
         self.batches.append(words)
 
     def subscribe(self, channels: list[int], past: list[int], history: float) -> None:
@@ -255,7 +255,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     monkeypatch.setattr(rerun_worker, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
     columns = [{"name": name, "unit": "m/s²", "label": "", "axis": name, "bits": []} for name in "xyz"]
     info = {"id": 7, "device": "d", "message": "m", "name": "a", "title": "Acceleration", "group": "", "doc": ""}
-    told = Said(
+    told = RerunMessage(
         [{"id": "d", "name": "D"}], {7: info | {"kind": "vector", "unit": "m/s²", "frame": "", "columns": columns}}
     )
     feed = rerun_worker.RerunBatcher(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
@@ -265,7 +265,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
         clock.now = 50.0 + tick / 60
         n = rate * (tick + 1) // 60 - sent
         at = np.arange(sent, sent + n) / rate
-        feed.take([SampleFrame(7, sent, n, 0, False, 0.0, [at, at, at, at, at])])
+        feed.add([SampleFrame(7, sent, n, 0, False, 0.0, [at, at, at, at, at])])
         sent += n
     live = [words for words in told.batches if words["op"] == "batch" and not words["still"]]
     assert 30 <= len(live) <= 3 * 60
@@ -308,7 +308,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
         )
     try:
         address = f"rerun+http://127.0.0.1:{port}/proxy"
-        with ServerProcess("twin:xbus", data=tmp_path / "data", arguments=("--rerun-connect", address)):
+        with ServerProcess("sim:xbus", data=tmp_path / "data", arguments=("--rerun-connect", address)):
             listens(port)
             taker = subprocess.Popen(
                 [program(), "--save", str(out), address],
@@ -337,19 +337,21 @@ def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> 
 
     async def look(address: str) -> None:
         now = asyncio.get_running_loop().time
-        hub = Hub(now)
-        hub.set_device(wire.DeviceInfo("1", "D", "twin:xbus", "twin", "live"))
+        telemetry = Telemetry.create(now)
+        telemetry.bus.set_device(wire.DeviceInfo("1", "D", "sim:xbus", "simulator", "live"))
         columns = [wire.ColumnInfo(name, "f8", axis=name) for name in "xyz"]
-        channel = hub.advertise(wire.ChannelInfo(0, "1", "M", "a", "Acceleration", "vector", "m/s²", "", columns))
-        elsewhere = rerun_remote.RemoteRerun(hub, address, again_s=0.1, stuck_s=1.0)
+        channel = telemetry.bus.advertise(
+            wire.ChannelInfo(0, "1", "M", "a", "Acceleration", "vector", "m/s²", "", columns)
+        )
+        elsewhere = rerun_remote.RemoteRerun(telemetry, address, again_s=0.1, stuck_s=1.0)
         elsewhere.start()
         highest, pids = 0, set[int]()
         try:
             async with asyncio.timeout(120):
                 while len(pids) < 2:  # until it is begun again
                     at = now() - np.arange(2000, 0, -1) / 2000 * 0.02
-                    hub.publish([ChannelRows(channel, [at, at, at, at, at])])
-                    hub.request_flush()
+                    telemetry.bus.publish([ChannelRows(channel, [at, at, at, at, at])])
+                    telemetry.clients.request_flush()
                     await asyncio.sleep(0.02)  # fifty times what a device sends
                     if elsewhere.pid is not None:
                         pids.add(elsewhere.pid)
@@ -357,9 +359,9 @@ def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> 
         finally:
             await elsewhere.stop()
         assert 0 < highest < 400, f"{highest} MB"
-        texts = [event.text for event in hub.log if address in event.text]
+        texts = [event.text for event in telemetry.log if address in event.text]
         assert len(texts) == 1
-        assert "does not take" in texts[0]
+        assert "does not accept data" in texts[0]
 
     with socket.create_server(("127.0.0.1", 0)) as hole:
         asyncio.run(look(f"rerun+http://127.0.0.1:{hole.getsockname()[1]}/proxy"))

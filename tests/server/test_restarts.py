@@ -20,41 +20,44 @@ from server.devices.decode_options import DecodeOptions
 from server.devices.sequence_store import MOST, SequenceStore, check_format_version
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
-from server.streaming.hub import Hub
-from tests.server.control_harness import until
-from tests.server.fakes import Clock, FakeLink
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import FakeClock, FakeLink
 from tests.server.in_process_server import InProcessServer
+from tests.waiting import until
 
 KEY = bytes(range(32))
 SECURELY = DecodeOptions("idtp", KEY)
 
 
-class Stage:
+class RestartHarness:
     """A session with the real IDTP decoder; time passes with the frames that are sent."""
 
     def __init__(
         self, reading: DecodeOptions = SECURELY, store: SequenceStore | None = None, kind: str = "serial"
     ) -> None:
-        self.clock = Clock()
-        self.hub = Hub(self.clock)
+        self.clock = FakeClock()
+        self.telemetry = Telemetry.create(self.clock)
         self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
         self.link.kind = kind  # type: ignore[assignment]
-        self.session = Session("1", self.link, self.hub, protocol_set.speech(), reading, store)
+        self.session = Session("1", self.link, self.telemetry.bus, protocol_set.speech(), reading, store)
 
     async def settle(self) -> None:
         for _ in range(3):
             await asyncio.sleep(0)
         await asyncio.sleep(0.001)
-        self.hub.flush()
+        self.session.decode()
 
     async def send(self, *frames: bytes, every: float = 0.01) -> None:
-        for frame in frames:
+        """Frames at their pace, each decoded as it comes; of those that come at once, a hundred together."""
+        together = 1 if every else 100
+        for count, frame in enumerate(frames, 1):
             self.clock.move(every)
             self.link.send(frame)
             await asyncio.sleep(0)
             await asyncio.sleep(0)
-            self.hub.flush()
-            self.session.tick(self.clock())
+            if count % together == 0 or count == len(frames):
+                self.session.decode()
+                self.session.tick(self.clock())
         await self.settle()
 
     async def reconnect(self) -> None:
@@ -67,18 +70,20 @@ class Stage:
 
     @property
     def info(self) -> Any:
-        return self.hub.devices["1"]
+        return self.telemetry.bus.devices.latest["1"]
 
     @property
     def samples(self) -> int:
-        return sum(meter.total for meter in self.session._figures.messages.values())
+        return sum(meter.total for meter in self.session._stats.messages.values())
 
     @property
     def refused(self) -> dict[str, int]:
-        return dict(self.session._figures.rejects_by)
+        return dict(self.session._stats.rejects_by)
 
 
-def play(test: Callable[[Stage], Coroutine[Any, Any, None]], stage: Callable[[], Stage] = Stage) -> None:
+def play(
+    test: Callable[[RestartHarness], Coroutine[Any, Any, None]], stage: Callable[[], RestartHarness] = RestartHarness
+) -> None:
     async def run() -> None:
         made = stage()
         made.session.start()
@@ -99,7 +104,7 @@ def captured(first: int = 0, count: int = 50) -> list[bytes]:
 
 
 def test_captured_frames_were_accepted_again_after_a_reconnect() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*captured())
         assert stage.samples == 50
         for _ in range(2):
@@ -114,17 +119,17 @@ def test_captured_frames_were_accepted_again_after_a_reconnect() -> None:
 
 
 def test_captured_frames_were_accepted_again_after_a_new_start(tmp_path: Path) -> None:
-    async def first(stage: Stage) -> None:
+    async def first(stage: RestartHarness) -> None:
         await stage.send(*captured(7))
 
-    async def second(stage: Stage) -> None:
+    async def second(stage: RestartHarness) -> None:
         await stage.send(*captured(7), *captured(57, 5))
         assert (stage.samples, stage.refused) == (5, {"stale": 50})
 
     store = SequenceStore(tmp_path)
-    play(first, lambda: Stage(store=store))
+    play(first, lambda: RestartHarness(store=store))
     store.save()
-    play(second, lambda: Stage(store=SequenceStore(tmp_path)))
+    play(second, lambda: RestartHarness(store=SequenceStore(tmp_path)))
     path = tmp_path / "secure-sequences.json"
     assert KEY.hex() not in path.read_text()
     assert stat.S_IMODE(path.stat().st_mode) & 0o022 == 0
@@ -132,23 +137,23 @@ def test_captured_frames_were_accepted_again_after_a_new_start(tmp_path: Path) -
 
 def test_another_key_is_another_device(tmp_path: Path) -> None:
     store = SequenceStore(tmp_path)
-    store.note(KEY, {102: 500})
+    store.update(KEY, {102: 500})
     store.save()
-    assert SequenceStore(tmp_path).recall(KEY) == {102: 500}
-    assert SequenceStore(tmp_path).recall(bytes(32)) == {}
+    assert SequenceStore(tmp_path).restore(KEY) == {102: 500}
+    assert SequenceStore(tmp_path).restore(bytes(32)) == {}
 
 
-def test_what_is_played_again_is_no_replay_attack(tmp_path: Path) -> None:
+def test_a_replay_is_not_a_replay_attack(tmp_path: Path) -> None:
     """A recording of Secure frames is heard each time, and leaves nothing behind."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*captured())
         await stage.reconnect()
         await stage.send(*captured())
         assert stage.samples == 100
 
     store = SequenceStore(tmp_path)
-    play(test, lambda: Stage(store=store, kind="file"))
+    play(test, lambda: RestartHarness(store=store, kind="file"))
     store.save()
     assert not (tmp_path / "secure-sequences.json").exists()
 
@@ -156,7 +161,7 @@ def test_what_is_played_again_is_no_replay_attack(tmp_path: Path) -> None:
 def test_a_restarted_secure_device_was_locked_out_without_a_word() -> None:
     """It is said what happened, not that a rate is wrong, and an operator lets it in again."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*captured(1000))
         assert stage.info.status == "live"
         await stage.send(*captured(0, 250))
@@ -179,7 +184,7 @@ def test_a_restarted_secure_device_was_locked_out_without_a_word() -> None:
 
 
 def test_a_replay_beside_the_device_itself_is_no_restart() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         for k in range(60):
             await stage.send(frame(1000 + k), frame(k))
         assert stage.info.rearm == []
@@ -189,7 +194,7 @@ def test_a_replay_beside_the_device_itself_is_no_restart() -> None:
 
 
 def test_a_safety_device_that_restarted_was_told_as_a_wrong_rate() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(1000 + k, SAFETY) for k in range(20)))
         await stage.send(*(frame(k, SAFETY) for k in range(250)))
         assert "old sequence numbers" in stage.info.message
@@ -197,45 +202,45 @@ def test_a_safety_device_that_restarted_was_told_as_a_wrong_rate() -> None:
         await stage.send(*(frame(250 + k, SAFETY) for k in range(100)))
         assert stage.info.status == "live"
 
-    play(test, lambda: Stage(DecodeOptions("idtp")))
+    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
 def test_refused_frames_were_told_as_damaged_on_the_wire() -> None:
     """A device that mixes modes: what a setting refuses is neither lost nor damaged."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         for k in range(0, 60, 3):
             await stage.send(frame(k, LITE), frame(k + 1, SECURE), frame(k + 2, LITE))
         assert stage.refused == {"no_key": 20}
-        assert stage.session._figures.lost == 0
-        assert not [event for event in stage.hub.log if event.kind == "gap"]
+        assert stage.session._stats.lost == 0
+        assert not [event for event in stage.telemetry.log if event.kind == "gap"]
         await stage.send(frame(60, SECURE), frame(63, LITE))
-        (gap,) = [event for event in stage.hub.log if event.kind == "gap"]
+        (gap,) = [event for event in stage.telemetry.log if event.kind == "gap"]
         assert gap.samples == 2
         assert "damaged frame" not in gap.text
 
-    play(test, lambda: Stage(DecodeOptions("idtp")))
+    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
 def test_a_forged_jump_was_counted_as_a_billion_lost_samples() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY) for k in range(10)))
         await stage.send(frame(1 << 30, SAFETY), frame((1 << 30) + 1, SAFETY))
-        assert stage.session._figures.lost == 0
-        assert any("jumped ahead by 10737418" in event.text for event in stage.hub.log)
+        assert stage.session._stats.lost == 0
+        assert any("jumped ahead by 10737418" in event.text for event in stage.telemetry.log)
 
-    play(test, lambda: Stage(DecodeOptions("idtp")))
+    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
-def test_a_missing_key_is_asked_for() -> None:
-    async def test(stage: Stage) -> None:
+def test_a_missing_key_is_requested() -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*captured())
         assert (stage.info.status, stage.info.wants) == ("connecting", "key")
         await stage.session.read_as(SECURELY)
         await stage.send(*captured(50))
         assert (stage.info.status, stage.info.wants) == ("live", "")
 
-    play(test, lambda: Stage(DecodeOptions("idtp")))
+    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
 @pytest.fixture
@@ -251,16 +256,21 @@ def secured(tmp_path: Path) -> Iterator[tuple[InProcessServer, FakeLink]]:
     with InProcessServer(config, open_link, protocol_set.speech()) as running:
         for sequence in (1000, 0):
             running.call(links[0].send, b"".join(captured(sequence)))
-        asyncio.run(until(lambda: running.state.hub.devices["1"].rearm == ["102"], "the server says that it waits"))
+        asyncio.run(
+            until(
+                lambda: running.services.telemetry.bus.devices.latest["1"].rearm == ["102"],
+                "the server says that it waits",
+            )
+        )
         yield running, links[0]
 
 
 def samples_of(running: InProcessServer) -> int:
-    return sum(meter.total for meter in running.state.sessions.get("1")._figures.messages.values())
+    return sum(meter.total for meter in running.services.sessions.get("1")._stats.messages.values())
 
 
 @pytest.mark.parametrize("door", ["api", "command", "command for all"])
-def test_a_restarted_device_could_be_rearmed_by_nobody(
+def test_a_restarted_device_could_not_be_rearmed(
     secured: tuple[InProcessServer, FakeLink], door: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The decoder knew how, and neither a route nor a command called it."""
@@ -277,14 +287,14 @@ def test_a_restarted_device_could_be_rearmed_by_nobody(
 
 def test_a_device_is_rearmed_where_no_server_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = SequenceStore(tmp_path)
-    store.note(KEY, {102: 500, 103: 7})
+    store.update(KEY, {102: 500, 103: 7})
     store.save()
     with socket.socket() as held:
         held.bind(("127.0.0.1", 0))  # bound, and nobody listens: refused
         server = f"http://127.0.0.1:{held.getsockname()[1]}"
         assert main(["rearm", "102", "--server", server, "--data", str(tmp_path)]) == 0
-    assert "was forgotten" in capsys.readouterr().out
-    assert SequenceStore(tmp_path).recall(KEY) == {103: 7}
+    assert "was deleted" in capsys.readouterr().out
+    assert SequenceStore(tmp_path).restore(KEY) == {103: 7}
 
 
 # -- the unit of timestamps --------------------------------------------------------------------------------------------
@@ -294,39 +304,39 @@ def test_a_device_is_rearmed_where_no_server_runs(tmp_path: Path, capsys: pytest
 def test_seconds_of_data_lay_on_milliseconds(unit: str, ticks: float, every: float) -> None:
     """A sender in another unit: it is noticed within some seconds, with the reason, and read rightly from then on."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY, stamp=round(1000 + k * ticks)) for k in range(250)), every=every)
         assert stage.info.time_unit == unit
         (notice,) = stage.info.notices
         assert notice.startswith(f"Timestamps are read with time_unit={unit}: they advance by")
-        channel = next(iter(stage.hub.channels.values()))
+        channel = next(iter(stage.telemetry.store.all))
         time = channel.ring.read()[1]
         assert time[-1] - time[-101] == pytest.approx(100 * every, abs=0.02 if unit != "s" else 1.1)
 
-    play(test, lambda: Stage(DecodeOptions("idtp")))
+    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
 def test_a_named_unit_is_kept_and_the_contradiction_told() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY, stamp=1000 + k * 10) for k in range(150)))
         assert stage.info.time_unit == "us"
         (notice,) = stage.info.notices
         assert "contradict their arrival" in notice
         assert "time_unit=ms" in notice
 
-    play(test, lambda: Stage(DecodeOptions("idtp", time_unit="us")))
+    play(test, lambda: RestartHarness(DecodeOptions("idtp", time_unit="us")))
 
 
 def test_a_backlog_says_nothing_of_the_unit() -> None:
     """A minute that a link held back arrives at once, and then the device goes on as usual."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY) for k in range(6000)), every=0.0)
         await stage.send(*(frame(6000 + k, SAFETY) for k in range(200)))
         assert stage.info.time_unit == ""
         assert stage.info.notices == []
 
-    play(test, lambda: Stage(DecodeOptions("idtp")))
+    play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
 # -- the store ---------------------------------------------------------------------------------------------------------
@@ -334,24 +344,24 @@ def test_a_backlog_says_nothing_of_the_unit() -> None:
 
 def test_the_store_is_bounded_and_survives_rubbish(tmp_path: Path) -> None:
     store = SequenceStore(tmp_path)
-    store.note(KEY, {device: device for device in range(MOST + 100)})
+    store.update(KEY, {device: device for device in range(MOST + 100)})
     store.save()
     path = tmp_path / "secure-sequences.json"
     assert sum(len(one) for one in json.loads(path.read_text()).values()) == MOST
     for rubbish in ("", "null", "[1]", '{"a": 1}', '{"a": {"x": [1, 2]}}', '{"a": {"1": [-1, 2]}}', "{" * 100_000):
         path.write_text(rubbish)
-        assert SequenceStore(tmp_path).recall(KEY) == {}
+        assert SequenceStore(tmp_path).restore(KEY) == {}
 
 
 def test_two_processes_keep_the_newer_number(tmp_path: Path) -> None:
     one, two = SequenceStore(tmp_path), SequenceStore(tmp_path)
-    one.note(KEY, {1: 500, 2: 7})
+    one.update(KEY, {1: 500, 2: 7})
     one.save()
-    two.note(KEY, {1: 400, 3: 9})
+    two.update(KEY, {1: 400, 3: 9})
     two.save()
-    assert SequenceStore(tmp_path).recall(KEY) == {1: 500, 2: 7, 3: 9}
+    assert SequenceStore(tmp_path).restore(KEY) == {1: 500, 2: 7, 3: 9}
     assert two.forget(KEY, 1) == 1
-    assert SequenceStore(tmp_path).recall(KEY) == {2: 7, 3: 9}
+    assert SequenceStore(tmp_path).restore(KEY) == {2: 7, 3: 9}
     assert check_format_version(3, 0xFFFFFFFE)
     assert not check_format_version(5, 5)
 
@@ -362,6 +372,6 @@ def test_a_full_disk_takes_nothing_with_it(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr("server.devices.sequence_store.atomic_write.write_atomic", refuse)
     store = SequenceStore(tmp_path)
-    store.note(KEY, {1: 5})
+    store.update(KEY, {1: 5})
     store.save()
-    assert store.recall(KEY) == {1: 5}
+    assert store.restore(KEY) == {1: 5}

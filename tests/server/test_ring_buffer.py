@@ -19,7 +19,7 @@ def rows(start: int, n: int) -> list[np.ndarray]:
 
 
 @given(st.lists(st.integers(1, 300), min_size=1, max_size=12), st.data())
-def test_what_goes_in_comes_out(sizes: list[int], data: st.DataObject) -> None:
+def test_stored_samples_are_returned(sizes: list[int], data: st.DataObject) -> None:
     ring = RingBuffer(DTYPES)
     for size in sizes:
         ring.append(rows(ring.total, size))

@@ -1,4 +1,4 @@
-"""What a person's wish becomes before it is a job."""
+"""Change requests before they become jobs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from server.configuration.risk_check import plan_command
 PRESENT = SimpleNamespace(kept_by=lambda command: None)
 DESK = cast(
     DeviceController,
-    SimpleNamespace(driver=IsbDriver(), known=DeviceContext(), values={}, unfinished={}, present=PRESENT),
+    SimpleNamespace(driver=IsbDriver(), context=DeviceContext(), values={}, unfinished={}, present=PRESENT),
 )
 
 

@@ -28,9 +28,9 @@ SAFE = {"GET", "HEAD", "OPTIONS"}
 METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", "PROPFIND", "get", "post", "X")
 
 # POST, because they carry values: what would be sent, would it fit, in what do two sides differ. They change nothing.
-ASKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit", "compare")}
+ASKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")}
 # Without a token: they hold nothing of the devices.
-OPEN = {"/healthz", "/{name:path}"}
+OPEN = {"/healthz", "/{name:path}", "/docs", "/docs/{name}"}
 # WebSockets, all of which only look; a scene's panel is dealt with in test_viewer_secrets.py.
 SOCKETS = {"/ws", "/ws/scene/{recording}", "/viser", "/viser/{key}", "/rerun/live", "/foxglove", "/foxglove/"}
 
@@ -50,7 +50,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Guard:
 @pytest.fixture(scope="module")
 def routes(guarded: Guard) -> list[Any]:
     """Every route of the application, those that are in no document among them."""
-    application: Any = guarded._app
+    application: Any = guarded.app
     found = list(_leaves(application.routes))
     documented = {(path, method.upper()) for path, ways in application.openapi()["paths"].items() for method in ways}
     assert documented <= {(route.path, method) for route in found for method in getattr(route, "methods", None) or ()}
@@ -115,7 +115,7 @@ def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
                 assert (answer.status, reached, answer.json()["kind"]) == (403, "", "view-only"), what
 
 
-def test_what_only_looks_is_what_is_listed(routes: list[Any]) -> None:
+def test_read_only_routes_are_those_listed(routes: list[Any]) -> None:
     """A list that has more in it than there is would let something in that comes later."""
     paths = {route.path for route in routes}
     assert paths >= ASKING | OPEN | SOCKETS
@@ -134,7 +134,7 @@ def test_every_websocket_with_every_role(routes: list[Any], tmp_path: Path) -> N
         assert (answer.status, reached) == wanted, (path, role)
 
 
-def test_what_a_browser_may_say_on_the_websocket_changes_nothing() -> None:
+def test_websocket_messages_change_nothing() -> None:
     """All three requests: what is sent, how often, and a question for the time. All else goes over HTTP."""
     asked = {
         one
@@ -167,7 +167,7 @@ def test_no_way_of_writing_a_path_leads_around_the_guard(path: str, guarded: Gua
     assert ask(guarded, "GET", path).status in (401, 404)
 
 
-def test_a_token_for_one_says_nothing_of_the_other(tmp_path: Path) -> None:
+def test_a_token_of_one_role_reveals_nothing_of_the_other(tmp_path: Path) -> None:
     """Two tokens in one request: the one that was given by hand decides, not the cookie of another visit."""
     headers = {"cookie": f"{Access(settings(tmp_path)).cookie_name}={CONTROL}"}
     reached = Reached()

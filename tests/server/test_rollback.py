@@ -13,18 +13,18 @@ from httpx import Client
 
 from protocols.xbus.simulator.device import XbusSimulator
 from recordings import atomic_write
-from server.configuration import rollback
 from server.configuration.device_controller import ControlError, DeviceController
 from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.links.base import LinkError
 from server.links.simulator import SimulatorLink, SimulatorThread
-from server.wire import Trial
-from tests.server.control_harness import ControlHarness, at_rate, bench, house, over, until
+from server.wire import PendingRollback
+from tests.server.control_harness import ControlHarness, at_rate, bench, house, over
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
+from tests.timeouts import PATIENCE_S, http_client
+from tests.waiting import until
 
 FAST = 0x80  # the code of 921 600 Bd
-SOURCE = "twin:xbus?baud=115200"
+SOURCE = "sim:xbus?baud=115200"
 
 
 def run(coroutine: Any) -> Any:
@@ -32,33 +32,35 @@ def run(coroutine: Any) -> Any:
 
 
 async def faster(here: ControlHarness, desk: DeviceController) -> Any:
-    """Put 921 600 Bd on trial; the task."""
+    """Apply 921 600 Bd, to be confirmed; the task."""
     await here.read(desk)
     new = at_rate(dict(desk.values["PortConfig"]), FAST)
     return desk.add("Write Ports", here.desks.jobs.apply(desk, {"PortConfig": new}, ""))
 
 
 def files(data: Path) -> list[Path]:
-    return list((data / "trials").glob("*.json"))
+    return list((data / "rollbacks").glob("*.json"))
 
 
-def test_nobody_keeps_it_so_it_goes_back(tmp_path: Path) -> None:
+def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
     async def check() -> None:
-        async with house(tmp_path, trial_s=1.0) as here:
+        async with house(tmp_path, rollback_s=1.0) as here:
             desk = await here.add(SOURCE)
             task = await faster(here, desk)
-            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
-            assert desk.session.baud == 921_600
-            assert desk.trial is not None
-            assert desk.trial.words == (
-                "The device answers at 921 600 Bd. If you say nothing, it goes back to 115 200 Bd."
+            await until(
+                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
             )
-            assert desk.trial.deadline is not None
-            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["asking"]
+            assert desk.session.baud == 921_600
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.words == (
+                "The device answers at 921 600 Bd. Unless confirmed, it is rolled back to 115 200 Bd."
+            )
+            assert desk.pending_rollback.deadline is not None
+            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["pending"]
             job = await over(task)
             assert job.state == "failed"
-            assert "as nobody kept the new ones in time" in job.message
-            assert desk.trial.state == "reverted"
+            assert "because the change was not confirmed in time" in job.message
+            assert desk.pending_rollback.state == "rolled-back"
             assert desk.session.baud == 115_200
             assert files(tmp_path) == []
             await until(lambda: desk.session.info.status == "live", "it streams again")
@@ -68,24 +70,26 @@ def test_nobody_keeps_it_so_it_goes_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("keep", [True, False])
-def test_a_person_answers(tmp_path: Path, keep: bool) -> None:
+def test_the_user_answers(tmp_path: Path, keep: bool) -> None:
     async def check() -> None:
-        async with house(tmp_path, trial_s=30.0) as here:
+        async with house(tmp_path, rollback_s=30.0) as here:
             desk = await here.add(SOURCE)
             task = await faster(here, desk)
-            with pytest.raises(ControlError, match="No settings are on trial"):
+            with pytest.raises(ControlError, match="No change is waiting to be confirmed"):
                 desk.decide(keep=True)
-            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            await until(
+                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
+            )
             with pytest.raises(ControlError, match="cannot be stopped now"):
                 await desk.drop(task.job.id)
             desk.decide(keep=keep)
             job = await over(task)
-            assert desk.trial is not None
-            assert desk.trial.state == ("kept" if keep else "reverted")
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
             assert job.state == ("done" if keep else "failed")
             assert desk.session.baud == (921_600 if keep else 115_200)
             if keep:
-                assert job.hint == "Open it as twin:xbus?baud=921600 when this server is started again."
+                assert job.hint == "Open it as sim:xbus?baud=921600 when this server is started again."
             assert files(tmp_path) == []
             assert (await here.read(desk)).state == "done"
 
@@ -99,13 +103,13 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
 
     def noting(path: Path, text: str) -> None:
         write(path, text)
-        if path.parent.name == "trials":
+        if path.parent.name == "rollbacks":
             steps.append(f"disk {json.loads(text)['state']}")
 
     monkeypatch.setattr(atomic_write, "write_atomic", noting)
 
     async def check() -> None:
-        async with house(tmp_path, trial_s=1.0) as here:
+        async with house(tmp_path, rollback_s=1.0) as here:
             desk = await here.add(SOURCE)
             desk.session.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
             await over(await faster(here, desk))
@@ -119,7 +123,7 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
 
 def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, text: str) -> None:
-        if path.parent.name == "trials":
+        if path.parent.name == "rollbacks":
             raise OSError(28, "No space left on device")
 
     async def check() -> None:
@@ -130,56 +134,52 @@ def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monkeypatc
             task = await faster(here, desk)
             job = await over(task)
             assert job.state == "failed"
-            assert "could not be kept on disk" in job.message
+            assert "could not be saved" in job.message
             assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
 
     run(check())
 
 
-def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
     """Neither end hears the other at either rate: said so, kept on disk, and put right by restoring communication."""
-    monkeypatch.setattr(rollback, "ROUNDS", 1)
 
     async def check() -> None:
-        async with bench(dead_baud=921_600) as there, house(tmp_path) as here:
+        async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1) as here:
             desk = await here.add(f"serial://{there.slave}?baud=115200")
             job = await over(await faster(here, desk))
-            assert desk.trial is not None
-            assert desk.trial.state == "unreachable"
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.state == "unreachable"
             assert "unreachable until its power is cycled" in job.message
             assert "Restore communication" in job.hint
             assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["unreachable"]
             restore = desk.add("Restore", here.desks.jobs.restore(desk))
-            await until(lambda: desk.control.running is not None, "it waits for power")
-            await asyncio.sleep(0.3)
+            await until(lambda: is_called(desk), "it calls for a device that gets power")
             cycle(there)
             job = await over(restore)
             assert job.state == "done", job.message
             assert "has its old settings" in job.message
-            assert desk.trial.state == "reverted"
+            assert desk.pending_rollback.state == "rolled-back"
             assert files(tmp_path) == []
             assert desk.session.baud == 115_200
 
     run(check())
 
 
-def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -> None:
     """Restoring communication ended when the plug was pulled, which is how such a device is switched off."""
-    monkeypatch.setattr(rollback, "ROUNDS", 1)
 
     async def check() -> None:
-        async with house(tmp_path) as here:
+        async with house(tmp_path, rounds=1) as here:
             desk = await here.add(f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1")
             await over(await faster(here, desk))
-            assert desk.trial is not None
-            assert desk.trial.state == "unreachable"
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.state == "unreachable"
             restore = desk.add("Restore", here.desks.jobs.restore(desk))
-            await until(lambda: desk.control.running is not None, "it waits for power")
-            await asyncio.sleep(0.3)
+            await until(lambda: is_called(desk), "it calls for a device that gets power")
             link = desk.session._link
             assert isinstance(link, SimulatorLink)
-            assert link._bench is not None
-            link._bench.unplug()
+            assert link._simulator is not None
+            link._simulator.unplug()
             job = await over(restore)
             assert (job.state, job.message) == ("done", "The device answers again and has its old settings.")
             assert files(tmp_path) == []
@@ -194,16 +194,18 @@ def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_eit
     """Only the first port was guarded: a host on the UART, whose rate alone changed, lost the device for good."""
 
     async def check() -> None:
-        async with bench(port) as there, house(tmp_path, trial_s=1.0) as here:
+        async with bench(port) as there, house(tmp_path, rollback_s=1.0) as here:
             desk = await here.add(f"serial://{there.slave}?baud=115200")
             await here.read(desk)
             change = {"PortConfig": {"words": [0x10002, 0x10000 | FAST, 0]}}
             task = desk.add("Write Ports", here.desks.jobs.apply(desk, change, ""))
-            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            await until(
+                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
+            )
             assert desk.session.baud == rate
             await over(task)
-            assert desk.trial is not None
-            assert (desk.trial.state, desk.session.baud) == ("reverted", 115_200)
+            assert desk.pending_rollback is not None
+            assert (desk.pending_rollback.state, desk.session.baud) == ("rolled-back", 115_200)
             assert desk.values["PortConfig"]["words"][1] == 0x10002
 
     run(check())
@@ -212,15 +214,20 @@ def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_eit
 def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:xbus?product=MTi-300&baud=921600")
+            desk = await here.add("sim:xbus?product=MTi-300&baud=921600")
             jobs = here.desks.jobs
             await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
             assert desk.session.baud == 921_600
             job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
             assert (job.state, desk.session.baud) == ("done", 115_200), job
-            assert job.message == "The device speaks at 115 200 Bd after its restart; the link follows it."
+            assert job.message == "The device uses 115 200 Bd after its restart; the link was changed to it."
 
     run(check())
+
+
+def is_called(desk: DeviceController) -> bool:
+    """Whether bytes that restore communication are being sent."""
+    return "restore communication" in [entry.name for entry in desk.log.tail(limit=500)]
 
 
 def cycle(there: SimulatorThread) -> None:
@@ -238,11 +245,11 @@ def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
             source = f"serial://{there.slave}?baud=115200"
             old = {"PortConfig": {"words": [65538, 65538, 0]}}
             record = RollbackRecord(source, "xbus", "MTi-630", "00FFFFFF", "", old, old, 115_200, 115_200, False)
-            here.desks.trials.keep(record)
+            here.desks.rollbacks.save(record)
             await here.desks.resume()
-            desk = next(iter(here.desks._desks.values()))
-            await until(lambda: desk.control.done, "it gave up")
-            assert "Another device is at this port: 0080800001, not 00FFFFFF" in desk.control.done[0].message
+            desk = next(iter(here.desks._controllers.values()))
+            await until(lambda: desk.job_report.done, "it gave up")
+            assert "Another device is at this port: 0080800001, not 00FFFFFF" in desk.job_report.done[0].message
             assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
             assert files(tmp_path) == []
 
@@ -251,7 +258,7 @@ def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ['{"source": "twi', "[" * 100_000, "null"])
 def test_a_damaged_file_does_not_keep_the_server_from_starting(tmp_path: Path, text: str) -> None:
-    folder = tmp_path / "trials"
+    folder = tmp_path / "rollbacks"
     folder.mkdir()
     (folder / "xbus-1.json").write_text(text)
     assert RollbackStore(folder).all() == []
@@ -261,25 +268,25 @@ def test_a_damaged_file_does_not_keep_the_server_from_starting(tmp_path: Path, t
 def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again(tmp_path: Path) -> None:
     async def check() -> None:
         async with bench() as there:
-            there.hold()  # the port outlives the server
+            there.hold_open()  # the port outlives the server
             await asyncio.to_thread(killed, there)
 
     def killed(there: SimulatorThread) -> None:
         source = f"serial://{there.slave}?baud=115200"
-        with ServerProcess(source, data=tmp_path) as first, Client(base_url=first.url, timeout=PATIENCE_S) as http:
+        with ServerProcess(source, data=tmp_path) as first, http_client(base_url=first.url) as http:
             answers(http, lambda: http.get("/api/devices").json()[0]["status"] == "live")
             http.post("/api/devices/1/read", json={})
             answers(http, lambda: http.get("/api/devices/1/values").json()["values"])
             values = http.get("/api/devices/1/values").json()["values"]["PortConfig"]
             body = {"changes": {"PortConfig": at_rate(values, FAST)}, "confirmed": True}
             assert http.post("/api/devices/1/apply", json=body).status_code == 202
-            answers(http, lambda: trial(http) == "asking")
+            answers(http, lambda: rollback_state(http) == "pending")
             first.process.kill()
         assert there.device is not None
         assert there.device.baud == 921_600
         assert len(files(tmp_path)) == 1
-        with ServerProcess(source, data=tmp_path) as second, Client(base_url=second.url, timeout=PATIENCE_S) as http:
-            answers(http, lambda: trial(http) == "reverted")
+        with ServerProcess(source, data=tmp_path) as second, http_client(base_url=second.url) as http:
+            answers(http, lambda: rollback_state(http) == "rolled-back")
             answers(http, lambda: http.get("/api/devices").json()[0]["status"] == "live")
         assert there.device.baud == 115_200
         assert files(tmp_path) == []
@@ -287,19 +294,19 @@ def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again
     run(check())
 
 
-def trial(http: Client) -> str:
-    state = http.get("/api/devices/1/control").json()["trial"]
+def rollback_state(http: Client) -> str:
+    state = http.get("/api/devices/1/jobs").json()["pending_rollback"]
     return state["state"] if state else ""
 
 
-def answers(http: Client, condition: Any, patience_s: float = 40.0) -> None:
-    end = time.monotonic() + patience_s
+def answers(http: Client, condition: Any) -> None:
+    end = time.monotonic() + PATIENCE_S
     while not condition():
-        assert time.monotonic() < end, http.get("/api/devices/1/control").text
+        assert time.monotonic() < end, http.get("/api/devices/1/jobs").text
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize("state", ["applying", "reverting"])
+@pytest.mark.parametrize("state", ["applying", "rolling-back"])
 def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_settings(
     tmp_path: Path, state: str
 ) -> None:
@@ -307,7 +314,7 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
 
     async def check() -> None:
         async with bench() as there, house(tmp_path) as here:
-            there.hold()
+            there.hold_open()
             source = f"serial://{there.slave}?baud=115200"
             desk = await here.add(source)
             await here.read(desk)
@@ -317,14 +324,14 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
             old = {"PortConfig": dict(desk.values["PortConfig"])}
             new = {"PortConfig": at_rate(old["PortConfig"], FAST)}
             record = RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, new, 115_200, 921_600, True)
-            record.state = "applying" if state == "applying" else "reverting"
-            here.desks.trials.keep(record)
+            record.state = "applying" if state == "applying" else "rolling-back"
+            here.desks.rollbacks.save(record)
             await here.desks.resume()
-            desk = next(iter(here.desks._desks.values()))
-            await until(lambda: desk.control.done, "it is over")
-            assert desk.control.done[0].state == "done", desk.control.done[0].message
-            assert desk.trial is not None
-            assert desk.trial.state == "reverted"
+            desk = next(iter(here.desks._controllers.values()))
+            await until(lambda: desk.job_report.done, "it is over")
+            assert desk.job_report.done[0].state == "done", desk.job_report.done[0].message
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.state == "rolled-back"
             assert files(tmp_path) == []
             await until(lambda: desk.session.info.status == "live", "it streams")
 
@@ -335,19 +342,22 @@ def test_a_trial_of_a_port_that_is_written_otherwise_now_does_not_add_it_twice(t
     """A server that was started with another text for the same port opened it once more, which failed as "in use"."""
 
     async def check() -> None:
-        async with bench() as there, house(tmp_path) as here:
-            there.hold()
+        async with bench(measuring=True) as there, house(tmp_path) as here:
+            there.hold_open()
             desk = await here.add(str(there.slave))
             await here.read(desk)
             old = {"PortConfig": dict(desk.values["PortConfig"])}
             source = f"serial://{there.slave}?baud=115200"
-            here.desks.trials.keep(
+            here.desks.rollbacks.save(
                 RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, old, 115_200, 115_200, False)
             )
             await here.desks.resume()
             assert [one.info.id for one in here.sessions.all] == [desk.device]
-            await until(lambda: desk.trial is not None and desk.trial.state == "reverted", "it went back")
-            with pytest.raises(LinkError, match="open already"):
+            await until(
+                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "rolled-back",
+                "it was rolled back",
+            )
+            with pytest.raises(LinkError, match="already open"):
                 here.sessions.add(source)
 
     run(check())
@@ -357,13 +367,12 @@ def test_what_was_unreachable_is_not_called_so_once_it_answers(tmp_path: Path) -
     async def check() -> None:
         async with bench() as there, house(tmp_path) as here:
             desk = await here.add(f"serial://{there.slave}?baud=115200")
-            desk.trial = Trial(desk.device, "unreachable", [], "gone")
+            desk.pending_rollback = PendingRollback(desk.device, "unreachable", [], "gone")
             task = desk.add("Restore communication", here.desks.jobs.restore(desk))
-            await until(lambda: desk.control.running is not None, "it waits for power")
-            await asyncio.sleep(0.3)
+            await until(lambda: is_called(desk), "it calls for a device that gets power")
             cycle(there)
             await over(task)
             assert task.job.state == "done", task.job.message
-            assert desk.control.trial is None
+            assert desk.job_report.pending_rollback is None
 
     run(check())

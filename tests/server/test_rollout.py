@@ -14,12 +14,12 @@ from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
 from server.configuration.budget import overload
-from server.configuration.preview import DevicePresentState, Line
+from server.configuration.preview import DevicePresentState, SerialLine
 from server.configuration.products import alike, base_name, mismatch
 from server.configuration.settings_diff import SideValues, compare
 from tests.server.control_harness import house, outputs
 
-LINE = Line(115_200, 11_520.0)
+LINE = SerialLine(115_200, 11_520.0)
 OVER = outputs(400, 0x2010, 0x4020, 0x8020, 0xC020)
 
 
@@ -32,7 +32,7 @@ def test_what_the_line_cannot_carry_is_refused_by_the_job_too(tmp_path: Path) ->
 
     async def play() -> None:
         async with house(tmp_path) as there:
-            desk = await there.add("twin:xbus")
+            desk = await there.add("sim:xbus")
             job = await there.apply(desk, {"OutputConfiguration": OVER, "LocationID": {"location_id": 7}})
             assert job.state == "failed"
             assert "% of the link (115 200 Bd)" in job.message
@@ -49,23 +49,25 @@ def test_more_than_the_line_carries_is_told_and_less_than_now_is_not() -> None:
     over_already = mti({"OutputConfiguration": high, "LocationID": {"location_id": 0}})
     assert overload(over_already, {"LocationID": {"location_id": 7}}) == ""
     assert overload(over_already, {"OutputConfiguration": outputs(300, 0x2010, 0x4020, 0x8020, 0xC020)}) == ""
-    assert overload(replace(mti({}), line=Line()), {"OutputConfiguration": high}) == "", "a network has no such limit"
+    assert overload(replace(mti({}), line=SerialLine()), {"OutputConfiguration": high}) == "", (
+        "a network has no such limit"
+    )
 
 
-def test_somebody_elses_change_is_not_undone_without_a_word(tmp_path: Path) -> None:
+def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -> None:
     """Two people had the form open; what the first one wrote was written over by the second one's whole setting."""
 
     async def play() -> None:
         async with house(tmp_path) as there:
-            desk = await there.add("twin:xbus")
+            desk = await there.add("sim:xbus")
             await there.read(desk)
             seen = {"OutputConfiguration": desk.values["OutputConfiguration"]}
             assert (await there.apply(desk, {"OutputConfiguration": outputs(50)})).state == "done"
             late = there.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", seen)
             task = desk.add("Write", late)
-            await task.over.wait()
+            await task.finished.wait()
             assert task.job.state == "failed"
-            assert "was changed elsewhere" in task.job.message
+            assert "was changed by another client" in task.job.message
             assert desk.values["OutputConfiguration"] == outputs(50)
 
     asyncio.run(play())
@@ -78,7 +80,7 @@ def test_every_product_is_itself_whatever_the_version_of_its_hardware(model: Any
     assert [other.name for other in MODELS.values() if alike(other.name, model.name)] == [model.name]
 
 
-def test_a_profile_of_another_product_is_told() -> None:
+def test_a_profile_of_another_product_is_reported() -> None:
     """A profile of an MTi-300 once took position and velocity from an MTi-680G without a word."""
     assert "“MTi-680G” has" in mismatch("MTi-300-2A8G4", "MTi-680G-8A1G6")
     assert mismatch("", "MTi-680G-8A1G6") == ""
@@ -86,7 +88,7 @@ def test_a_profile_of_another_product_is_told() -> None:
     assert not alike("IMX-5.0.4", "uINS-4.0.0")
 
 
-def test_what_is_wrong_with_a_file_is_told_before_it_is_applied() -> None:
+def test_file_errors_are_reported_before_applying() -> None:
     """Misspelt names once stood among what "could not be compared", and wrong values were met at Apply only."""
     position = {"latitude": 51.0, "longitude": 6.0, "altitude": 30.0}
     present = {"LocationID": {"location_id": 0}, "LatLonAlt": position}

@@ -12,15 +12,16 @@ from server.configuration.risk_check import plan_changes
 from server.links import LinkError, open_link
 from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.source_url import SourceUrl
-from tests.server.control_harness import house, over, until
+from tests.server.control_harness import house, over
+from tests.waiting import until
 
-UART, FAST = "twin:xbus?product=MTi-680G&port=uart&baud=115200", 0x10080
+UART, FAST = "sim:xbus?product=MTi-680G&port=uart&baud=115200", 0x10080
 XBUS_115200 = 0x10002
 
 
 def test_the_host_is_on_the_port_that_the_source_names() -> None:
     for port, word in (("rs232", 0), ("uart", 1)):
-        device = make_device(SimulatorOptions.of(SourceUrl.parse(f"twin:xbus?port={port}")), 0)
+        device = make_device(SimulatorOptions.of(SourceUrl.parse(f"sim:xbus?port={port}")), 0)
         assert isinstance(device, XbusSimulator)
         words = [XBUS_115200] * 2
         words[word] = FAST
@@ -34,16 +35,18 @@ def test_the_host_is_on_the_port_that_the_source_names() -> None:
 @pytest.mark.parametrize(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
 def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
     async def check() -> None:
-        async with house(tmp_path, trial_s=60.0) as here:
+        async with house(tmp_path, rollback_s=60.0) as here:
             desk = await here.add(UART)
             await here.read(desk)
             task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
-            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            await until(
+                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
+            )
             assert desk.session.baud == rate
             desk.decide(keep=False)
             await over(task)
-            assert desk.trial is not None
-            assert (desk.trial.state, desk.session.baud) == ("reverted", 115_200)
+            assert desk.pending_rollback is not None
+            assert (desk.pending_rollback.state, desk.session.baud) == ("rolled-back", 115_200)
             assert desk.values["PortConfig"]["words"][:2] == [XBUS_115200] * 2
 
     asyncio.run(check())
@@ -59,11 +62,11 @@ def test_what_may_cut_the_line_is_asked_about_on_either_port(tmp_path: Path) -> 
                     words = [XBUS_115200, XBUS_115200, 0]
                     words[place] = word
                     wish = plan_changes(desk, {"PortConfig": {"words": words}})
-                    assert "cuts-line" in [danger.caution for danger in wish.dangers], (place, hex(word))
+                    assert "cuts-line" in [danger.caution for danger in wish.risks], (place, hex(word))
 
     asyncio.run(check())
 
 
 def test_a_product_with_one_port_has_no_second() -> None:
     with pytest.raises(LinkError, match="an MTi-3 has one port"):
-        open_link("twin:xbus?product=MTi-3&port=uart")
+        open_link("sim:xbus?product=MTi-3&port=uart")

@@ -14,7 +14,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, connecting
+from tests.timeouts import connecting, http_client
 
 VIEW, CONTROL, NEAR = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
 SECRETS = (VIEW, CONTROL, NEAR)  # also one that is nearly right: who mistypes a token has given most of it away
@@ -29,12 +29,12 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]
     config = folder / "imuscope.toml"
     config.write_text(f'view_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\nlog_level = "debug"\nfoxglove = 0\n')
     arguments = ("--config", str(config), "--record")
-    with ServerProcess("twin:xbus", data=folder / "data", arguments=arguments, fresh=True) as server:
+    with ServerProcess("sim:xbus", data=folder / "data", arguments=arguments, fresh=True) as server:
         yield server
 
 
 def test_after_its_first_use_a_token_is_in_no_address(guarded: ServerProcess) -> None:
-    with httpx.Client(base_url=guarded.url, headers=PROXIED, timeout=PATIENCE_S) as client:
+    with http_client(base_url=guarded.url, headers=PROXIED) as client:
         answer = client.get("/recordings", params={"token": CONTROL, "open": "7"}, headers={"accept": "text/html"})
         assert answer.status_code == 303
         assert answer.headers["location"] == "/recordings?open=7"
@@ -72,7 +72,7 @@ def test_a_token_is_in_nothing_that_is_printed_or_written(guarded: ServerProcess
 def use(url: str) -> list[httpx.Response]:
     """Hit a server with tokens, rightly and wrongly, in every way there is."""
     answers = []
-    with httpx.Client(base_url=url, headers=PROXIED, timeout=PATIENCE_S) as client:
+    with http_client(base_url=url, headers=PROXIED) as client:
         for token in (VIEW, CONTROL, NEAR):
             bearer = {"authorization": f"Bearer {token}"}
             answers += [

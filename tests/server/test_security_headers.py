@@ -1,4 +1,4 @@
-"""What every answer says to a browser about itself, path by path: policies, types, and who may take it in."""
+"""Security headers of every response, path by path: policies, types, and who may take it in."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
 # Of a page, beyond "only this server": what it may do that the strict one may not. All else has no page in it.
-WASM, INLINE = "'wasm-unsafe-eval'", "'unsafe-inline'"
-PAGES = {"/": set(), "/rerun/": {WASM}, "/rerun/start.js": {WASM}}
+WASM = "'wasm-unsafe-eval'"
+PAGES = {"/": set(), "/docs": set(), "/docs/websocket": set(), "/rerun/": {WASM}, "/rerun/start.js": {WASM}}
 DATA = (
     *("/api/devices", "/api/build", "/api/recordings", "/healthz", "/metrics", "/openapi.json", "/api/nothing"),
     *("/api/recordings/none", "/assets/none.js", "/api/ports/scan", "/viser", "/api/map", "/nothing.html"),
@@ -42,7 +42,7 @@ def policy_of(running: InProcessServer, path: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("path", DATA)
-def test_what_is_no_page_can_do_nothing_in_a_browser(path: str, running: InProcessServer) -> None:
+def test_responses_other_than_pages_can_do_nothing_in_a_browser(path: str, running: InProcessServer) -> None:
     nothing = "'none'"
     wanted = {"default-src": nothing, "frame-ancestors": nothing, "base-uri": nothing, "form-action": nothing}
     assert policy_of(running, path) == wanted

@@ -1,4 +1,4 @@
-"""One command to a device from a script: what is answered, read back, refused, and never sent without a yes."""
+"""`imuscope send`: what is answered, read back, refused, and never sent without a yes."""
 
 from __future__ import annotations
 
@@ -26,61 +26,61 @@ def refused(*arguments: str) -> str:
 
 
 def test_an_mti_is_asked_and_set_and_measures_again() -> None:
-    [answer] = sent("twin:xbus?baud=921600", "ReqDID")
+    [answer] = sent("sim:xbus?baud=921600", "ReqDID")
     assert answer["message"] == "DeviceID"
-    acknowledged, kept = sent("twin:xbus?baud=921600", "SetLocationID", "location_id=77")
+    acknowledged, kept = sent("sim:xbus?baud=921600", "SetLocationID", "location_id=77")
     assert acknowledged["message"] == "SetLocationIDAck"
     assert kept == {"setting": "LocationID", "fields": {"location_id": 77}}
 
 
 def test_a_field_of_an_imx_is_written_and_read_back() -> None:
-    acknowledged, kept = sent("twin:isb", "SET_DID_FLASH_CONFIG", "magDeclination=0.25")
+    acknowledged, kept = sent("sim:isb", "SET_DID_FLASH_CONFIG", "magDeclination=0.25")
     assert acknowledged == {"message": "ACK", "fields": {}}
     assert kept["fields"]["magDeclination"] == 0.25
 
 
 def test_one_element_of_a_vector_was_refused() -> None:
     """The device has the others, which stay; without a device they are not known."""
-    before = sent("twin:isb", "DID_FLASH_CONFIG")[0]["fields"]["refLla"]
-    [kept] = sent("twin:isb", "DID_FLASH_CONFIG", "refLla.2=50.5", "--yes")
+    before = sent("sim:isb", "DID_FLASH_CONFIG")[0]["fields"]["refLla"]
+    [kept] = sent("sim:isb", "DID_FLASH_CONFIG", "refLla.2=50.5", "--yes")
     assert kept["fields"]["refLla"] == [*before[:2], 50.5]
-    _, kept = sent("twin:isb", "SET_DID_FLASH_CONFIG", "refLla.1=7.25", "--yes")
+    _, kept = sent("sim:isb", "SET_DID_FLASH_CONFIG", "refLla.1=7.25", "--yes")
     assert kept["fields"]["refLla"] == [before[0], 7.25, before[2]]
-    assert "the last is 2" in refused("twin:isb", "DID_FLASH_CONFIG", "refLla.3=1")
+    assert "the last is 2" in refused("sim:isb", "DID_FLASH_CONFIG", "refLla.3=1")
     done = imuscope("compose", "SET_DID_FLASH_CONFIG", "gps1AntOffset.1=0.3")
     assert done.returncode == 1
     assert "give gps1AntOffset=[…,…,…]" in done.stderr
 
 
 def test_a_setting_is_read_and_written_by_its_name() -> None:
-    [kept] = sent("twin:isb", "streams", 'streams=[{"did": "DID_INS_1", "period": 4}]')
+    [kept] = sent("sim:isb", "streams", 'streams=[{"did": "DID_INS_1", "period": 4}]')
     assert [(row["did"], row["period"]) for row in kept["fields"]["streams"]] == [(4, 4)]
-    [info] = sent("twin:isb", "DID_DEV_INFO")
+    [info] = sent("sim:isb", "DID_DEV_INFO")
     assert info["fields"]["manufacturer"] == "Inertial Sense Inc"
 
 
-def test_what_the_device_made_of_it_is_told() -> None:
-    done = imuscope("send", "twin:isb", "DID_FLASH_CONFIG", "startupNavDtMs=4", "startupImuDtMs=9")
+def test_the_devices_resulting_value_is_reported() -> None:
+    done = imuscope("send", "sim:isb", "DID_FLASH_CONFIG", "startupNavDtMs=4", "startupImuDtMs=9")
     assert done.returncode == 0
-    assert "startupImuDtMs is not as asked: 4 instead of 9" in done.stderr
+    assert "startupImuDtMs was changed by the device: 4 instead of 9" in done.stderr
 
 
-def test_what_does_harm_is_sent_only_with_a_yes() -> None:
-    line = refused("twin:isb", "DID_SYS_CMD.SOFTWARE_RESET")
+def test_harmful_commands_need_a_yes() -> None:
+    line = refused("sim:isb", "DID_SYS_CMD.SOFTWARE_RESET")
     assert "The device restarts" in line
     assert "Add --yes" in line
-    assert sent("twin:isb", "DID_SYS_CMD.SOFTWARE_RESET", "--yes") == [{"message": "ACK", "fields": {}}]
+    assert sent("sim:isb", "DID_SYS_CMD.SOFTWARE_RESET", "--yes") == [{"message": "ACK", "fields": {}}]
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("twin:isb", "DID_SYS_CMD.MANF_CHIP_ERASE", "--yes"), "refused"),
-        (("twin:isb", "DID_GPX_FLASH_CFG"), "refused"),
-        (("twin:isb", "NoSuchThing"), "no message is called"),
-        (("twin:isb", "SET_DID_FLASH_CONFIG", "startupNavDtMs=x"), "is a number"),
+        (("sim:isb", "DID_SYS_CMD.MANF_CHIP_ERASE", "--yes"), "refused"),
+        (("sim:isb", "DID_GPX_FLASH_CFG"), "refused"),
+        (("sim:isb", "NoSuchThing"), "unknown message"),
+        (("sim:isb", "SET_DID_FLASH_CONFIG", "startupNavDtMs=x"), "must be a number"),
         (("/dev/no-such-port", "ReqDID"), "/dev/no-such-port"),
-        (("twin:nothing", "ReqDID"), "no twin"),
+        (("sim:nothing", "ReqDID"), "Unknown simulator"),
     ],
 )
 def test_one_line_says_why_not(arguments: tuple[str, ...], said: str) -> None:
@@ -88,4 +88,4 @@ def test_one_line_says_why_not(arguments: tuple[str, ...], said: str) -> None:
 
 
 def test_a_frame_of_idtp_is_sent_and_nothing_answers() -> None:
-    assert sent("twin:idtp", "Imu3Acc", "acc_x=1") == [{"message": "Imu3Acc", "fields": {}}]
+    assert sent("sim:idtp", "Imu3Acc", "acc_x=1") == [{"message": "Imu3Acc", "fields": {}}]

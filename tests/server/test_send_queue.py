@@ -20,10 +20,10 @@ def frame(channel: int, sequence: int, n: int) -> Frame:
 
 def outbox(limit: int = 10_000, channels: list[int] | None = None) -> SendQueue:
     box = SendQueue(limit=limit)
-    box.subscribe(channels, NOTHING, "backfilled")
+    box.subscribe(channels, NOTHING, "history_end")
     assert box.take_history(0.0) is None
-    assert box.take() == "backfilled"
-    assert box.idle
+    assert box.pop() == "history_end"
+    assert box.is_idle
     return box
 
 
@@ -39,10 +39,10 @@ def test_sent_plus_dropped_is_everything(steps: list[tuple[int, int, bool]]) -> 
         box.offer(Packet.of([frame(channel, total[channel], n), frame(3, total[3] + (n if channel == 3 else 0), 1)]))
         total[channel] += n
         total[3] += 1
-        if is_taken and (message := box.take()) is not None:
+        if is_taken and (message := box.pop()) is not None:
             assert isinstance(message, bytes)
             received += message
-    while (message := box.take()) is not None:
+    while (message := box.pop()) is not None:
         assert isinstance(message, bytes)
         received += message
     for samples in decode_samples(received, {1: ["f8"], 2: ["f8"], 3: ["f8"]}):
@@ -81,7 +81,7 @@ def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps
     box = SendQueue(limit=20_000, send_now=send_now)
     box.subscribe(None, NOTHING, "")
     assert box.take_history(0.0) is None
-    assert box.take() == ""
+    assert box.pop() == ""
     total, said = 0, 0
     for step in [*steps, *["take"] * len(steps)]:
         if step in ("offer", "large"):
@@ -89,10 +89,10 @@ def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps
             box.offer(Packet.of([frame(1, total, n)]))
             total += n
         elif step == "say":
-            box.say(f"{total}")
+            box.put_message(f"{total}")
             said += 1
         elif step == "take":
-            if (message := box.take()) is not None:
+            if (message := box.pop()) is not None:
                 wire.append(message)
         else:
             is_open = step == "open"
@@ -115,23 +115,23 @@ def test_while_a_message_is_on_its_way_nothing_goes_at_once() -> None:
     box = SendQueue(send_now=lambda data: went.append(data) is None)
     box.subscribe(None, NOTHING, "")
     assert box.take_history(0.0) is None
-    assert box.take() == ""
+    assert box.pop() == ""
     box.sending_since = 1.0
     box.offer(Packet.of([frame(1, 0, 5)]))
     assert not went
-    assert isinstance(box.take(), bytes)
+    assert isinstance(box.pop(), bytes)
     box.sending_since = None
     box.offer(Packet.of([frame(1, 5, 5)]))
     assert len(went) == 1
-    assert box.idle
+    assert box.is_idle
     assert box.sent_bytes == len(payload(went[0]))
 
 
-def test_a_slow_browser_is_told_exactly_how_many() -> None:
+def test_a_slow_browser_receives_the_exact_number_of_dropped_samples() -> None:
     box = outbox(limit=3 * len(frame(1, 0, 10).data))
     for k in range(10):
         box.offer(Packet.of([frame(1, 10 * k, 10)]))
-    message = box.take()
+    message = box.pop()
     assert isinstance(message, bytes)
     got = decode_samples(message, {1: ["f8"]})
     assert [samples.sequence for samples in got] == [70, 80, 90]  # the oldest went
@@ -143,8 +143,8 @@ def test_events_are_never_dropped_and_go_first() -> None:
     box = outbox(limit=100)
     for k in range(500):
         box.offer(Packet.of([frame(1, k, 1)]))
-        box.say(f"event {k}")
-    assert [box.take() for _ in range(500)] == [f"event {k}" for k in range(500)]
+        box.put_message(f"event {k}")
+    assert [box.pop() for _ in range(500)] == [f"event {k}" for k in range(500)]
 
 
 def test_only_the_newest_state_waits() -> None:
@@ -152,13 +152,13 @@ def test_only_the_newest_state_waits() -> None:
     for k in range(5):
         box.say_latest("health", f"health {k}")
         box.say_latest("devices", f"devices {k}")
-    assert [box.take(), box.take(), box.take()] == ["health 4", "devices 4", None]
+    assert [box.pop(), box.pop(), box.pop()] == ["health 4", "devices 4", None]
 
 
 def test_nothing_flows_before_the_first_subscribe() -> None:
     box = SendQueue()
     box.offer(Packet.of([frame(1, 0, 5)]))
-    assert box.idle
+    assert box.is_idle
 
 
 def test_only_what_was_asked_for() -> None:
@@ -166,9 +166,9 @@ def test_only_what_was_asked_for() -> None:
     shared = Packet.of([frame(1, 0, 5), frame(2, 0, 5)])
     box.offer(shared)
     box.offer(Packet.of([frame(1, 5, 5)]))
-    message = box.take()
+    message = box.pop()
     assert message == shared.frames[1].data
-    assert box.take() is None
+    assert box.pop() is None
 
 
 def test_a_packet_is_shared_and_not_copied() -> None:
@@ -176,15 +176,15 @@ def test_a_packet_is_shared_and_not_copied() -> None:
     packet = Packet.of([frame(1, 0, 5)])
     for box in boxes:
         box.offer(packet)
-    assert boxes[0].take() is packet.data
-    assert boxes[1].take() is packet.data
+    assert boxes[0].pop() is packet.data
+    assert boxes[1].pop() is packet.data
 
 
 def test_subscribing_again_forgets_what_waits() -> None:
     box = outbox()
     box.offer(Packet.of([frame(1, 0, 5)]))
     box.subscribe(None, NOTHING, "again")
-    assert box.take() is None
+    assert box.pop() is None
     assert box.dropped_of == {}  # forgotten on request is not dropped
 
 
@@ -196,7 +196,7 @@ def test_history_is_newest_first_and_one_message_at_a_time() -> None:
     history = HistoryStream({number: (ring, 0, ring.total) for number, ring in rings.items()})
     ends = {1: 20_000, 2: 10_000}
     newest = float("inf")
-    while (message := history.take(0.0, limit=50_000)) is not None:
+    while (message := history.pop(0.0, limit=50_000)) is not None:
         assert len(message) < 50_000 + 70_000
         found = decode_samples(message, {1: ["f4"], 2: ["f8"]})
         for samples in found:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,64 +14,13 @@ from server.devices.decode_options import DecodeOptions
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.links.base import LinkError, LinkSettings
-from server.streaming.hub import Hub
-from tests.server.fakes import SPEECH, Clock, FakeLink, sample
-
-
-class Stage:
-    """A hub, a fake link and a session that runs."""
-
-    def __init__(self, protocol: str = "fake") -> None:
-        self.clock = Clock()
-        self.hub = Hub(self.clock)
-        self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.hub, SPEECH, DecodeOptions(protocol))
-
-    async def settle(self, seconds: float = 0.0) -> None:
-        """Let the tasks run; then time passes in ticks of 0.1 s."""
-        await asyncio.sleep(0.001)
-        self.hub.flush()
-        ticks = round(seconds / 0.1)
-        for _ in range(ticks):
-            self.clock.move(0.1)
-            self.session.tick(self.clock())
-            self.hub.flush()
-        await asyncio.sleep(0.001)
-
-    async def send(self, *chunks: bytes, every: float = 0.01) -> None:
-        for chunk in chunks:
-            self.clock.move(every)
-            self.link.send(chunk)
-            await asyncio.sleep(0)
-            await asyncio.sleep(0)
-            self.hub.flush()
-        await self.settle()
-
-    @property
-    def status(self) -> str:
-        return self.hub.devices["1"].status
-
-    def events(self, kind: str) -> list[Any]:
-        return [event for event in self.hub.log if event.kind == kind]
-
-    def channel(self, name: str) -> Any:
-        return next(one for one in self.hub.channels.values() if one.info.name == name)
-
-
-def play(test: Callable[[Stage], Coroutine[Any, Any, None]], protocol: str = "fake") -> None:
-    async def run() -> None:
-        stage = Stage(protocol)
-        stage.session.start()
-        await stage.settle()
-        await test(stage)
-        await stage.session.close()
-        assert stage.hub.devices == {}
-
-    asyncio.run(run())
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
+from tests.server.session_harness import SessionHarness, play
 
 
 def test_samples_arrive_with_both_times() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         assert stage.status == "connecting"
         await stage.send(*(sample(k, 100 + k) for k in range(20)))
         assert stage.status == "live"
@@ -85,8 +32,8 @@ def test_samples_arrive_with_both_times() -> None:
     play(test)
 
 
-def test_a_gap_says_who_lost_it_and_where() -> None:
-    async def test(stage: Stage) -> None:
+def test_a_gap_names_where_it_was_lost() -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(*(sample(k) for k in range(10)))
         await stage.send(sample(13), every=0.04)
         (gap,) = stage.events("gap")
@@ -103,7 +50,7 @@ def test_a_gap_says_who_lost_it_and_where() -> None:
 
 
 def test_many_gaps_are_summed_up_and_lose_no_count() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(*(sample(k) for k in range(0, 250, 2)), every=0.001)
         await stage.settle(1.2)
         gaps = stage.events("gap")
@@ -115,7 +62,7 @@ def test_many_gaps_are_summed_up_and_lose_no_count() -> None:
 
 
 def test_noise_cannot_flood_the_log() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         for k in range(30):
             await stage.send(b"?" * 1000 + sample(k))
             await stage.settle(0.1)
@@ -131,21 +78,21 @@ def test_noise_cannot_flood_the_log() -> None:
 
 
 def test_a_dead_link_shows_at_once_and_comes_back() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(*(sample(k) for k in range(5)))
         stage.link.refuses = [LinkError("gone", "/dev/ttyFAKE is gone.", "Plug it in.")]
         stage.link.die(LinkError("gone", "/dev/ttyFAKE is gone.", "Plug it in."))
         await stage.settle()
-        device = stage.hub.devices["1"]
+        device = stage.telemetry.bus.devices.latest["1"]
         assert (device.status, device.message, device.hint) == ("lost", "/dev/ttyFAKE is gone.", "Plug it in.")
-        assert device.next_try == pytest.approx(stage.clock() + 0.5)
-        ids = set(stage.hub.channels)
+        assert device.next_attempt == pytest.approx(stage.clock() + 0.5)
+        ids = {one.info.id for one in stage.telemetry.store.all}
         for _ in range(2):  # once refused, then open
             stage.session.retry()
             await stage.settle()
         await stage.send(*(sample(k) for k in range(5)))
         assert stage.status == "live"
-        assert set(stage.hub.channels) == ids  # the same channels go on
+        assert {one.info.id for one in stage.telemetry.store.all} == ids  # the same channels go on
         assert [event.data["kind"] for event in stage.events("link")] == ["live", "gone", "back"]
         (gap,) = stage.events("gap")  # so that the page hatches what the link missed
         assert gap.data["by"] == "link"
@@ -164,15 +111,15 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(Session, "_pause", pause)
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         assert waits == [0.5, 1, 2, 4, 8, 10, 10, 10]
         assert stage.status == "denied"
         (event,) = stage.events("link")  # said once, not at every retry
-        assert event.level == "fault"
-        assert len(stage.hub.devices["1"].tries) <= device_state.TRIES_KEPT
+        assert event.level == "error"
+        assert len(stage.telemetry.bus.devices.latest["1"].attempts) <= device_state.ATTEMPTS_KEPT
 
     async def run() -> None:
-        stage = Stage()
+        stage = SessionHarness()
         stage.link.refuses = [LinkError("denied", "No permission.", "Join the group dialout.") for _ in range(20)]
         stage.session.start()
         await stage.settle()
@@ -182,34 +129,8 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
     asyncio.run(run())
 
 
-def test_a_silent_link_is_lost_within_a_second_and_back_with_the_next_sample() -> None:
-    async def test(stage: Stage) -> None:
-        await stage.send(*(sample(k) for k in range(10)))
-        await stage.settle(0.5)
-        assert stage.status == "live"
-        await stage.settle(0.5)
-        assert stage.status == "lost"
-        assert "No byte from /dev/ttyFAKE" in stage.hub.devices["1"].message
-        await stage.send(sample(11))
-        assert stage.status == "live"
-
-    play(test)
-
-
-def test_a_slow_device_is_not_called_silent() -> None:
-    async def test(stage: Stage) -> None:
-        for k in range(5):
-            await stage.send(sample(k))
-            await stage.settle(2.0)
-            assert stage.status == "live"
-        await stage.settle(7.0)
-        assert stage.status == "lost"
-
-    play(test)
-
-
 def test_an_incomplete_frame_is_given_up_after_a_stall() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(sample(0), b"F")
         assert stage.session.health(stage.clock()).rejects == 0
         await stage.settle(0.4)
@@ -219,12 +140,12 @@ def test_an_incomplete_frame_is_given_up_after_a_stall() -> None:
 
 
 def test_an_ended_file_waits_for_a_retry() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(sample(0), b"F")
-        stage.link.die(LinkError("ended", "The file has been played.", "Retry plays it again."))
+        stage.link.die(LinkError("ended", "The file has finished.", "Retry plays it again."))
         await stage.settle()
-        device = stage.hub.devices["1"]
-        assert (device.status, device.next_try) == ("ended", None)
+        device = stage.telemetry.bus.devices.latest["1"]
+        assert (device.status, device.next_attempt) == ("ended", None)
         assert stage.session.health(stage.clock()).rejects == 1  # what was incomplete at the end is counted
         stage.session.retry()
         await stage.send(sample(0))
@@ -235,12 +156,12 @@ def test_an_ended_file_waits_for_a_retry() -> None:
 
 
 def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(*(sample(k) for k in range(10)))
         assert stage.status == "connecting"
         stage.clock.move(protocol_detection.GUESS_S)
         await stage.send(sample(10))
-        device = stage.hub.devices["1"]
+        device = stage.telemetry.bus.devices.latest["1"]
         assert (device.status, device.protocol, device.name) == ("live", "fake", "Fake sensor")
         assert stage.channel("Count").ring.total == 11
 
@@ -250,16 +171,18 @@ def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
 def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is guessed, decoded or told again and again while no byte comes, and no time is lost when one does."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         guessed: list[int] = []
         told: list[object] = []
-        guess = stage.session._speech.guess
+        guess = SPEECH.guess
         monkeypatch.setattr(
-            stage.session, "_speech", replace(SPEECH, guess=lambda data: guessed.append(len(data)) or guess(data))
+            stage.session._pipeline,
+            "_protocols",
+            replace(SPEECH, guess=lambda data: guessed.append(len(data)) or guess(data)),
         )
         await stage.settle(1.0)
-        monkeypatch.setattr(stage.hub, "set_device", told.append)
-        monkeypatch.setattr(stage.hub, "request_flush", lambda: told.append("flush"))
+        monkeypatch.setattr(stage.telemetry.bus, "set_device", told.append)
+        monkeypatch.setattr(stage.session._scheduler, "request", lambda: told.append("decode"))
         await stage.settle(60.0)
         assert (guessed, told, stage.link.opened) == ([], [], 1)
         monkeypatch.undo()
@@ -270,23 +193,23 @@ def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypa
     play(test, protocol="")
 
 
-def test_bytes_that_mean_nothing_are_described() -> None:
-    async def test(stage: Stage) -> None:
+def test_unknown_bytes_are_described() -> None:
+    async def test(stage: SessionHarness) -> None:
         for _ in range(40):
             await stage.send(b"hello world " * 100)
-        device = stage.hub.devices["1"]
+        device = stage.telemetry.bus.devices.latest["1"]
         assert device.status == "connecting"
-        assert "look like no known protocol" in device.message
+        assert "do not match a known protocol" in device.message
         assert device.hint
-        assert stage.session._unknown.size <= protocol_detection.UNKNOWN_BYTES + 1200
+        assert stage.session._pipeline.detector.size <= protocol_detection.UNKNOWN_BYTES + 1200
 
     play(test, protocol="")
 
 
-def test_a_reply_tells_who_the_device_is() -> None:
-    async def test(stage: Stage) -> None:
+def test_a_reply_identifies_the_device() -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(b"W", sample(0))
-        device = stage.hub.devices["1"]
+        device = stage.telemetry.bus.devices.latest["1"]
         assert (device.product, device.serial_number, device.name) == ("MTi-630", "03800001", "MTi-630")
         (reply,) = stage.events("reply")
         assert reply.data["values"]["product_code"] == "MTi-630"
@@ -295,7 +218,7 @@ def test_a_reply_tells_who_the_device_is() -> None:
 
 
 def test_a_clock_step_is_an_event() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(sample(100), sample(101), sample(0), sample(1))
         (step,) = stage.events("clock")
         assert step.text == "The device's clock started again from zero."
@@ -309,7 +232,7 @@ def test_a_clock_step_is_an_event() -> None:
 def test_a_turn_of_a_looped_file_is_told_once_and_is_no_jump_and_no_loss(protocol: str) -> None:
     """It was told as a clock that had jumped by -880 ms, at each turn, and as lost samples."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         for turn in range(3):
             for k in range(100, 140):
                 stage.clock.move(0.01)
@@ -334,7 +257,7 @@ def test_a_turn_of_a_looped_file_is_told_once_and_is_no_jump_and_no_loss(protoco
 def test_a_device_that_speaks_in_sentences_alone_is_live() -> None:
     """It stood as "connecting, no byte yet", beside a plot of its heading."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(b"$", b"$")
         assert stage.status == "live"
         (heading,) = [column for column in stage.channel("HCHDM").info.columns if column.name == "value"]
@@ -346,26 +269,26 @@ def test_a_device_that_speaks_in_sentences_alone_is_live() -> None:
 def test_a_device_that_speaks_in_sentences_alone_is_called_by_them() -> None:
     """Any port with NMEA on it was called an Xsens MTi."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(b"$", b"$")
-        assert stage.hub.devices["1"].name == "NMEA 0183 device"
+        assert stage.telemetry.bus.devices.latest["1"].name == "NMEA 0183 device"
         (link,) = stage.events("link")
         assert link.text == "NMEA 0183 device is sending."
         await stage.send(sample(0))  # it was one after all
-        assert stage.hub.devices["1"].name == "Fake sensor"
+        assert stage.telemetry.bus.devices.latest["1"].name == "Fake sensor"
         await stage.send(b"$", b"W")
-        assert stage.hub.devices["1"].name == "MTi-630"
+        assert stage.telemetry.bus.devices.latest["1"].name == "MTi-630"
         await stage.send(b"$")
-        assert stage.hub.devices["1"].name == "MTi-630"
+        assert stage.telemetry.bus.devices.latest["1"].name == "MTi-630"
 
     play(test)
 
 
-def test_a_decoder_that_breaks_is_told_and_replaced(caplog: pytest.LogCaptureFixture) -> None:
-    async def test(stage: Stage) -> None:
+def test_a_broken_decoder_is_reported_and_replaced(caplog: pytest.LogCaptureFixture) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(sample(0), b"!", sample(1))
         (fault,) = stage.events("device")
-        assert fault.level == "fault"
+        assert fault.level == "error"
         await stage.send(sample(2))
         assert stage.channel("Count").ring.read()[2].tolist()[-1] == 2
 
@@ -374,7 +297,7 @@ def test_a_decoder_that_breaks_is_told_and_replaced(caplog: pytest.LogCaptureFix
 
 
 def test_health_is_of_the_last_second() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         await stage.send(*(sample(k) for k in range(250)), every=0.005)
         health = stage.session.health(stage.clock())
         assert health.rate == pytest.approx(200, abs=5)
@@ -390,18 +313,18 @@ def test_health_is_of_the_last_second() -> None:
 
 def test_a_step_of_the_wall_clock_is_an_event_and_moves_no_sample() -> None:
     async def run() -> None:
-        clock = Clock()
-        hub = Hub(clock)
+        clock = FakeClock()
+        telemetry = Telemetry.create(clock)
         wall = [clock.ns]
         settings = LinkSettings(now_ns=clock.now_ns)
-        sessions = Sessions(hub, FakeLink, SPEECH, settings, wall_ns=lambda: wall[0])
+        sessions = Sessions(telemetry.bus, FakeLink, SPEECH, settings, wall_ns=lambda: wall[0])
         sessions.tick()
         wall[0] += 3_600_000_000_000
         sessions.tick()
         sessions.tick()
-        (event,) = hub.log
+        (event,) = telemetry.log
         assert event.text.startswith("This host's clock was set ahead by 3 600 s")
-        assert hub.now() == clock()
+        assert telemetry.bus.now() == clock()
         await sessions.close()
 
     asyncio.run(run())
@@ -409,10 +332,10 @@ def test_a_step_of_the_wall_clock_is_an_event_and_moves_no_sample() -> None:
 
 def test_one_source_is_opened_once() -> None:
     async def run() -> None:
-        clock = Clock()
-        sessions = Sessions(Hub(clock), FakeLink, SPEECH, LinkSettings(now_ns=clock.now_ns))
+        clock = FakeClock()
+        sessions = Sessions(Telemetry.create(clock).bus, FakeLink, SPEECH, LinkSettings(now_ns=clock.now_ns))
         first = sessions.add("/dev/ttyFAKE", DecodeOptions("fake"))
-        with pytest.raises(LinkError, match="open already"):
+        with pytest.raises(LinkError, match="already open"):
             sessions.add("/dev/ttyFAKE")
         await sessions.remove(first.info.id)
         assert sessions.add("/dev/ttyFAKE", DecodeOptions("fake")).info.id == "2"  # ids are never used again
@@ -421,10 +344,10 @@ def test_one_source_is_opened_once() -> None:
     asyncio.run(run())
 
 
-def test_what_comes_and_what_is_sent_is_told_to_who_listens() -> None:
+def test_received_and_sent_bytes_reach_listeners() -> None:
     """On these three hooks stand device commands and recordings: each chunk once, each event once, both directions."""
 
-    async def test(stage: Stage) -> None:
+    async def test(stage: SessionHarness) -> None:
         chunks: list[tuple[bytes, int, str]] = []
         events: list[Event] = []
         sent: list[tuple[bytes, int]] = []
@@ -464,8 +387,8 @@ def test_what_comes_and_what_is_sent_is_told_to_who_listens() -> None:
     play(test)
 
 
-def test_a_listener_that_fails_harms_nobody(caplog: pytest.LogCaptureFixture) -> None:
-    async def test(stage: Stage) -> None:
+def test_a_failing_listener_does_not_affect_others(caplog: pytest.LogCaptureFixture) -> None:
+    async def test(stage: SessionHarness) -> None:
         heard: list[object] = []
 
         def broken(*news: object) -> None:
@@ -483,8 +406,8 @@ def test_a_listener_that_fails_harms_nobody(caplog: pytest.LogCaptureFixture) ->
     assert caplog.text.count("RuntimeError: a listener that breaks") == 2
 
 
-def test_two_who_send_at_once_do_not_mix_their_bytes() -> None:
-    async def test(stage: Stage) -> None:
+def test_concurrent_senders_do_not_mix_their_bytes() -> None:
+    async def test(stage: SessionHarness) -> None:
         async def slow(data: bytes) -> None:
             for byte in data:
                 await asyncio.sleep(0)

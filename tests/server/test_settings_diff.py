@@ -8,12 +8,12 @@ from typing import Any
 
 from protocols.registry import PROTOCOLS
 from protocols.transactions import DeviceContext
-from server.api.errors import ApiError
 from server.api.snapshots import compare_sides
 from server.configuration.api_models import Compare, SideRef
 from server.configuration.device_controller import DeviceController
 from server.configuration.form_builder import forms_of
 from server.configuration.settings_diff import SideValues, compare
+from server.errors import DomainError
 from tests.server.control_harness import house
 
 IMX = DeviceContext(product="IMX-5", serial_number="1", firmware="2.7.1.0")
@@ -24,13 +24,13 @@ def test_temperatures_and_up_time_counted_as_differences(tmp_path: Path) -> None
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("twin:isb?rate=50")
+            desk = await here.add("sim:isb?rate=50")
             await here.read(desk)
             first = SideValues("First", desk.values)
             await asyncio.sleep(0.02)
             await here.read(desk)
             assert first.values["DID_SYS_PARAMS"] != desk.values["DID_SYS_PARAMS"]
-            found = compare(desk.driver, desk.known, SideValues("Now", desk.values), first)
+            found = compare(desk.driver, desk.context, SideValues("Now", desk.values), first)
             assert found.rows == []
             assert found.same > 50
             assert "DID_SYS_PARAMS" not in {*found.missing, *found.profile, *found.changes}
@@ -52,26 +52,26 @@ def test_a_profile_taken_during_a_calibration_began_one_wherever_it_was_written(
     assert "state" not in found.profile["DID_SURVEY_IN"]
 
 
-def test_factory_settings_that_nobody_tells_agreed_with_everything(tmp_path: Path) -> None:
-    """ "No difference, 0 values agree": that was an empty side."""
+def test_unknown_factory_settings_agreed_with_everything(tmp_path: Path) -> None:
+    """An empty side was shown as "No difference, 0 values agree"."""
 
-    async def refusal(desk: DeviceController, here: Any) -> ApiError | None:
+    async def refusal(desk: DeviceController, here: Any) -> DomainError | None:
         try:
             await compare_sides(Compare(SideRef("device"), SideRef("factory")), desk, here.desks)
-        except ApiError as error:
+        except DomainError as error:
             return error
         return None
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            imx, mti = await here.add("twin:isb?rate=50"), await here.add("twin:xbus?baud=921600")
+            imx, mti = await here.add("sim:isb?rate=50"), await here.add("sim:xbus?baud=921600")
             for desk in (imx, mti):
                 await here.read(desk)
             error = await refusal(imx, here)
             assert error is not None
-            assert error.body.kind == "no-defaults"
-            assert "IMX-5" in error.body.message
+            assert error.kind == "no-defaults"
+            assert "IMX-5" in error.message
             assert await refusal(mti, here) is None
-            assert [forms_of(desk.driver, "x", desk.known).factory for desk in (imx, mti)] == [False, True]
+            assert [forms_of(desk.driver, "x", desk.context).factory for desk in (imx, mti)] == [False, True]
 
     asyncio.run(check())

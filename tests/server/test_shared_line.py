@@ -20,7 +20,6 @@ from protocols.xbus.simulator.device import XbusSimulator
 from recordings.mcap_reader import McapReader, json_messages
 from recordings.mcap_writer import McapWriter
 from recordings.sources import McapSource
-from server.api.errors import ApiError
 from server.cli import main
 from server.configuration.budget import overload
 from server.configuration.correction_manager import CorrectionManager
@@ -28,31 +27,23 @@ from server.configuration.device_controller import DeviceController
 from server.configuration.preview import fit, preview_setting
 from server.configuration.risk_check import SHARED, plan_changes
 from server.devices.protocol_set import speech
+from server.errors import DomainError
 from server.library.decode import decode
 from server.library.recorder import Recorder, RecordingOptions
 from server.links import LinkError, open_link
 from server.links.simulated_device import SharedLine, SimulatorOptions, make_device
 from server.links.source_url import SourceUrl
-from tests.server.control_harness import ControlHarness, house, outputs, over, until
-from tests.server.test_correction_stream import NUMBERS, STREAM
-from tests.transaction_player import Wire, play
+from tests.server.control_harness import house, outputs, over
+from tests.server.correction_messages import NUMBERS, STREAM
+from tests.server.shared_line import SOURCE, both
+from tests.transaction_player import PlayedWire, play
+from tests.waiting import until
 
-SOURCE = "twin:xbus?bus_ids=1,2&rate=20&baud=115200"
 DRIVER = XbusDriver()
 
 
 def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
-
-
-async def both(here: ControlHarness, source: str = SOURCE) -> list[DeviceController]:
-    """The desks of both devices of a line, the one that was heard first in front."""
-    own = await here.add(source)
-    further = lambda: [desk for desk in here.desks.on_link_of(own.device) if desk is not own]  # noqa: E731
-    await until(further, "the other is heard")
-    desks = [own, *further()]
-    await until(lambda: all(desk.known.device for desk in desks), "their addresses are sure")
-    return desks
 
 
 def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> None:
@@ -63,7 +54,7 @@ def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> 
             desks = await both(here)
             sent: list[bytes] = []
             desks[0].session.on_sent(lambda data, time: sent.append(data))
-            assert {int(desk.known.device) for desk in desks} == {1, 2}
+            assert {int(desk.context.device) for desk in desks} == {1, 2}
             for place, desk in enumerate(desks):
                 job = await here.read(desk)
                 assert job.state == "done", job.message
@@ -79,7 +70,9 @@ def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> 
                 names = {entry.name for entry in desk.log.tail()}
                 assert {"ReqDID", "DeviceID"} <= names
                 assert all(
-                    bytes.fromhex(entry.hex[2:4])[0] == int(desk.known.device) for entry in desk.log.tail() if entry.hex
+                    bytes.fromhex(entry.hex[2:4])[0] == int(desk.context.device)
+                    for entry in desk.log.tail()
+                    if entry.hex
                 )
 
     run(check())
@@ -94,7 +87,7 @@ def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
             tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
             jobs = [await over(task) for task in tasks]
             assert [job.state for job in jobs] == ["done", "done"]
-            assert [bid for bid, _ in itertools.groupby(sent)] == [int(desk.known.device) for desk in desks]
+            assert [bid for bid, _ in itertools.groupby(sent)] == [int(desk.context.device) for desk in desks]
 
     run(check())
 
@@ -104,13 +97,13 @@ def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path: Path)
         async with house(tmp_path) as here:
             desks = await both(here)
             said: list[str] = []
-            here.hub.heard_event.add(lambda event: said.append(f"{event.kind} {event.text}"))
+            here.telemetry.bus.events.subscribe(lambda event: said.append(f"{event.kind} {event.text}"))
 
             async def wait(task: Any) -> None:
                 await asyncio.sleep(0)
                 line = desks[0].session
-                far = here.hub.now() + 60
-                line.senders.tick(far, None)  # type: ignore[union-attr]
+                far = here.telemetry.bus.now() + 60
+                line.tick(far)  # type: ignore[union-attr]
 
             for desk in desks:
                 await over(desk.add("Wait", wait))
@@ -143,7 +136,8 @@ def test_a_device_keeps_its_place_whoever_speaks_first_after_a_loss(tmp_path: Pa
 @pytest.mark.parametrize("noise", [b"", build(0x3E, b"", 0xE0), build(0x36, bytes.fromhex("1020020001"), 0xE0)])
 def test_noise_does_not_take_the_place_of_a_device(noise: bytes) -> None:
     """A valid frame by chance, at a wrong rate, was the line's own device from then on, over connections: the real one
-    was a further device, and what it answered was heard by nobody."""
+    was a further device, and what it answered was heard by nobody.
+    """
     first, second = XbusDecoder(), XbusDecoder()
     first.feed(noise, 0)
     first.drain()
@@ -157,7 +151,7 @@ def test_noise_does_not_take_the_place_of_a_device(noise: bytes) -> None:
     assert first.addresses == {"": 0xFF}
 
 
-def test_what_a_device_says_when_it_wakes_up_is_its_own() -> None:
+def test_wake_up_messages_belong_to_their_device() -> None:
     """Who the second device is was taken for who the first is, as neither had sent data yet."""
     decoder, line = XbusDecoder(), [XbusSimulator(seed=bid, bid=bid) for bid in (3, 4)]
     events: list[Event] = []
@@ -200,8 +194,8 @@ def test_the_frames_of_a_device_that_shares_its_line_name_it() -> None:
     assert DRIVER.frame("ReqDID", {}, DeviceContext("MTi-630")) == build(0x00)
 
 
-def test_a_device_under_its_identifier_hears_nothing_else() -> None:
-    wire = Wire(XbusSimulator(bid=7, measuring=True), "xbus")
+def test_a_device_under_its_identifier_accepts_nothing_else() -> None:
+    wire = PlayedWire(XbusSimulator(bid=7, measuring=True), "xbus")
     with pytest.raises(NoReplyError):
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), wire)
     known = DeviceContext(device="7")
@@ -210,7 +204,7 @@ def test_a_device_under_its_identifier_hears_nothing_else() -> None:
     assert (told.product, told.device) == ("MTi-630-8A1G6", "7")
     wire.sent.clear()
     play(DRIVER.store_and_restart(known), wire)
-    assert play(DRIVER.alive(known), wire)
+    assert play(DRIVER.is_alive(known), wire)
     wire.pass_time(1.0)
     play(DRIVER.within(DRIVER.run("ResetOrientation.Stored", {"code": 4}, known), known), wire)
     assert {send.frame[1] for send in wire.sent} <= {7}
@@ -219,7 +213,7 @@ def test_a_device_under_its_identifier_hears_nothing_else() -> None:
 @pytest.mark.parametrize("ids", ["0", "255", "1,1", "1,2,3,4,5", "a", "1,,2", ""])
 def test_identifiers_that_cannot_be_are_refused(ids: str) -> None:
     with pytest.raises(LinkError, match="bus_ids"):
-        open_link(f"twin:xbus?bus_ids={ids}")
+        open_link(f"sim:xbus?bus_ids={ids}")
 
 
 def test_every_device_of_a_simulated_line_has_its_own_counter() -> None:
@@ -240,7 +234,7 @@ def test_every_device_of_a_simulated_line_has_its_own_counter() -> None:
 
 def test_a_script_names_one_device_of_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["send", SOURCE, "ReqDID"]) == 1
-    assert "its line is shared by the bus identifiers 1, 2; choose one with --device" in capsys.readouterr().err
+    assert "the line is shared by the bus identifiers 1, 2; choose one with --device" in capsys.readouterr().err
     told = []
     for device in ("1", "2"):
         assert main(["send", SOURCE, "ReqDID", "--device", device]) == 0
@@ -249,10 +243,10 @@ def test_a_script_names_one_device_of_a_line(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize("device", ["0", "256", "x"])
-def test_what_is_no_bus_identifier_is_refused(device: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_bus_identifier_is_refused(device: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["send", SOURCE, "ReqDID", "--device", device])
-    assert "is no bus identifier; give a number from 1 to 255" in capsys.readouterr().err
+    assert "is not a bus identifier; give a number from 1 to 255" in capsys.readouterr().err
 
 
 def test_another_rate_on_a_shared_line_is_asked_about(tmp_path: Path) -> None:
@@ -264,7 +258,7 @@ def test_another_rate_on_a_shared_line_is_asked_about(tmp_path: Path) -> None:
                 await here.read(desk)
                 words = [word & ~0xFF | 0x80 for word in desk.values["PortConfig"]["words"][:2]]
                 wish = plan_changes(desk, {"PortConfig": {"words": [*words, 0]}})
-                assert SHARED in [danger.consequence for danger in wish.dangers]
+                assert SHARED in [danger.consequence for danger in wish.risks]
 
     run(check())
 
@@ -277,29 +271,33 @@ def uart_at_921600(desk: DeviceController) -> dict[str, dict[str, object]]:
 @pytest.mark.parametrize("keep", [False, True])
 def test_the_rate_of_a_further_device_is_on_trial(keep: bool, tmp_path: Path) -> None:
     """At its new rate the others are noise, in which no protocol was recognised: it answered, was not heard, and was
-    lost at a rate that nobody had kept."""
+    lost at a rate that nobody had kept.
+    """
 
     async def check() -> None:
-        async with house(tmp_path, trial_s=60.0) as here:
+        async with house(tmp_path, rollback_s=60.0) as here:
             first, desk = await both(here, f"{SOURCE}&port=uart")
             await here.read(desk)
             task = desk.add("Ports", here.desks.jobs.apply(desk, uart_at_921600(desk), ""))
-            await until(lambda: desk.trial is not None or task.over.is_set(), "it begins")
-            await until(lambda: (desk.trial and desk.trial.state == "asking") or task.over.is_set(), "it asks")
-            assert not task.over.is_set(), task.job.message
+            await until(lambda: desk.pending_rollback is not None or task.finished.is_set(), "it begins")
+            await until(
+                lambda: (desk.pending_rollback and desk.pending_rollback.state == "pending") or task.finished.is_set(),
+                "it asks",
+            )
+            assert not task.finished.is_set(), task.job.message
             assert {one.session.baud for one in (first, desk)} == {921_600}
-            (record,) = here.desks.trials.all()
-            assert (record.device, record.address) == (desk.known.device, int(desk.known.device))
+            (record,) = here.desks.rollbacks.all()
+            assert (record.device, record.address) == (desk.context.device, int(desk.context.device))
             desk.decide(keep=keep)
             job = await over(task)
             assert job.state == ("done" if keep else "failed"), job.message
-            assert desk.trial is not None
-            assert desk.trial.state == ("kept" if keep else "reverted")
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.state == ("confirmed" if keep else "rolled-back")
             assert {one.session.baud for one in (first, desk)} == {921_600 if keep else 115_200}
             await until(lambda: desk.session.info.status == "live", "it is heard again")
             if keep:
                 await until(lambda: first.session.info.status == "lost", "the other speaks at another rate")
-                assert "others on its link go on" in first.session.info.message
+                assert "others on its link continue" in first.session.info.message
             else:
                 await until(lambda: first.session.info.status == "live", "the other is heard again")
                 assert (await here.read(first)).state == "done"
@@ -321,14 +319,14 @@ def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path: Path
                     lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
                 )
             corrections = CorrectionManager(here.sessions)
-            assert corrections.takes(further.session)
+            assert corrections.accepts(further.session)
             tasks = len(asyncio.all_tasks())
             base = await asyncio.start_server(_corrections, "127.0.0.1", 0)
             source = f"tcp://127.0.0.1:{base.sockets[0].getsockname()[1]}"
             await corrections.begin(further.session, source, further.log.streamed)
             await until(lambda: len(heard) == len(sent) == len(NUMBERS), "each is acknowledged")
             assert corrections.state(further.session).refused == 0
-            assert {(data[1], data[2]) for data in sent} == {(int(further.known.device), 0xE2)}
+            assert {(data[1], data[2]) for data in sent} == {(int(further.context.device), 0xE2)}
             assert set(heard) == {(further, "ForwardGnssDataAck")}
             assert any("Corrections from" in entry.text for entry in further.log.tail())
             assert not any("Corrections from" in entry.text for entry in first.log.tail())
@@ -360,7 +358,7 @@ def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) -> None:
             assert job.state == "done", job.message
             words = {"OutputConfiguration": wish}
             assert "of the link (115 200 Bd)" in overload(first.present, words)
-            with pytest.raises(ApiError, match="of the link"):
+            with pytest.raises(DomainError, match="of the link"):
                 plan_changes(first, words)
             load = preview_setting(first.present, "OutputConfiguration", wish).load
             assert load is not None
@@ -378,7 +376,11 @@ def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path
             desks = await both(here)
             await here.read(desks[0])
             tape = Recorder(
-                here.hub, here.sessions, here.desks, RecordingOptions(tmp_path / "recordings", ask_head=False), None
+                here.telemetry.bus,
+                here.sessions,
+                here.desks,
+                RecordingOptions(tmp_path / "recordings", ask_head=False),
+                None,
             )
             state = await tape.start()
             await here.read(desks[1])
@@ -386,8 +388,8 @@ def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path
             with McapReader(tmp_path / "recordings" / f"{state.id}.mcap") as recording:
                 for desk in desks:
                     _, body = list(json_messages(recording, f"snapshot/{desk.device}"))[-1]
-                    assert body["serial_number"] == desk.known.serial_number
-                    assert body["address"] == int(desk.known.device)
+                    assert body["serial_number"] == desk.context.serial_number
+                    assert body["address"] == int(desk.context.device)
 
     run(check())
 

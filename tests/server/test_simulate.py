@@ -34,7 +34,7 @@ def simulated(*words: str) -> Iterator[str]:
         process.stderr.close()
 
 
-class Client:
+class TcpClient:
     """Another program at the port."""
 
     def __init__(self, port: serial.Serial) -> None:
@@ -58,7 +58,7 @@ def test_another_program_opens_it_as_a_serial_port(tmp_path: Path) -> None:
         assert said.startswith(f"MTi-680G at {path} (/dev/pts/")
         assert stat.S_ISCHR(path.stat().st_mode)
         with serial.Serial(str(path), 115_200, timeout=PATIENCE_S) as port:
-            client = Client(port)
+            client = TcpClient(port)
             client.until(0x36)
             client.until(0x31, GO_TO_CONFIG)
             client.until(0x01, REQUEST_ID)
@@ -80,7 +80,7 @@ def test_a_file_in_its_place_is_left_alone(tmp_path: Path) -> None:
     path.write_bytes(b"mine")
     done = imuscope("simulate", "xbus", "--pty", str(path), "--data", str(tmp_path))
     assert done.returncode == 1
-    assert "is no link to a port" in done.stderr
+    assert "is not a link to a port" in done.stderr
     assert path.read_bytes() == b"mine"
 
 

@@ -10,22 +10,23 @@ from typing import cast
 
 import pytest
 
+from server.devices import slices
 from server.devices.event_reporter import TEXT_SORTS
 from server.devices.link_stats import MOST_MESSAGES
+from server.devices.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
 from server.links import open_link
 from server.links.base import CHUNK_COST, Chunk, LinkSettings
 from server.links.reader_thread import ChunkQueue
 from server.links.tcp import TcpLink
 from server.links.udp import UdpLink
 from server.metrics import Metrics, Sources
-from server.streaming import slices
-from server.streaming.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
 from server.wire import RecorderState
-from tests.fault_injection.fault_harness import stage, until
-from tests.protocols.test_nmea import sentence
+from tests.fault_injection.fault_harness import stage
+from tests.protocols.nmea_sentences import sentence
+from tests.waiting import until
 
 
-class Clock:
+class SliceClock:
     """Moved by the work that is done."""
 
     def __init__(self) -> None:
@@ -38,11 +39,11 @@ class Clock:
 @pytest.mark.parametrize("byte_s", [1e-9, 1e-7, 1e-6])
 def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
     async def check() -> None:
-        clock = Clock()
+        clock = SliceClock()
         made = Slices(clock)
         for _ in range(40):
-            made.take(made.size)
-            assert made.full
+            made.add(made.size)
+            assert made.is_full
             made.begin()
             clock.s += made.size * byte_s
             made.end()
@@ -53,9 +54,9 @@ def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
 
 def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
     async def check() -> None:
-        clock = Clock()
+        clock = SliceClock()
         made = Slices(clock)
-        made.take(FIRST)
+        made.add(FIRST)
         made.begin()
         clock.s += 0.1
         made.end()
@@ -69,19 +70,20 @@ def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
 def test_what_any_slice_costs_does_not_make_slices_small(constant: float, full: float) -> None:
     """Three senders on one UDP port, on a slow machine: each slice cost 3 ms for a kilobyte and for four, became a
     kilobyte for it, and the server fell behind a stream of 36 kB/s. Once it was behind, every slice was as full as the
-    one before, and none told what bytes cost."""
+    one before, and none told what bytes cost.
+    """
 
     async def check() -> None:
-        clock, chance = Clock(), random.Random(3)
+        clock, chance = SliceClock(), random.Random(3)
         made = Slices(clock)
         for _ in range(200):
             size = made.size if chance.random() < full else chance.randrange(300, made.size)
-            made.take(size)
+            made.add(size)
             made.begin()
             clock.s += (constant + size * 1e-7) * chance.uniform(0.9, 1.2)
             made.end()
         assert made.size * 1e-7 > constant / 4, "most of the time goes into bytes"
-        made.take(made.size)
+        made.add(made.size)
         made.begin()
         clock.s += 100 * (constant + made.size * 1e-7)
         made.end()
@@ -90,9 +92,9 @@ def test_what_any_slice_costs_does_not_make_slices_small(constant: float, full: 
     asyncio.run(check())
 
 
-def test_one_that_always_has_more_starves_nobody() -> None:
+def test_a_permanently_busy_source_starves_no_other() -> None:
     """The turn ends when its time is over, and begins with who had none."""
-    clock, had = Clock(), [0, 0, 0]
+    clock, had = SliceClock(), [0, 0, 0]
     turns = Turns(clock)
 
     def work(number: int, more: bool) -> bool:
@@ -104,9 +106,9 @@ def test_one_that_always_has_more_starves_nobody() -> None:
         turns.add(lambda number=number, more=more: work(number, more))  # type: ignore[misc]
     for _ in range(30):
         before = clock.s
-        turns.turn()
+        turns.run()
         assert clock.s - before <= 2 * 0.6 * TURN_S + 1e-9
-        assert turns.more
+        assert turns.has_more
     assert min(had) >= 15
 
 
@@ -125,13 +127,13 @@ def test_what_waits_is_bounded_and_what_is_dropped_counted(monkeypatch: pytest.M
         link.flow.arrivals.add(heard.append)
         inbox = ChunkQueue(link)
         put(inbox, 100, 1000)
-        assert inbox.held <= 10_000
+        assert inbox.backlog <= 10_000
         link.flow.at_once = 1 << 20
         kept = inbox.take_now()
         assert len(heard) == 100
         assert kept == heard[-len(kept) :], "the oldest go"
-        assert link.flow.left_out == sum(len(chunk.data) for chunk in heard) - sum(len(chunk.data) for chunk in kept)
-        assert inbox.held == 0
+        assert link.flow.dropped == sum(len(chunk.data) for chunk in heard) - sum(len(chunk.data) for chunk in kept)
+        assert inbox.backlog == 0
 
     asyncio.run(check())
 
@@ -147,7 +149,7 @@ def test_a_read_gives_out_a_bounded_piece() -> None:
             assert sum(len(chunk.data) for chunk in chunks) <= 5000
             found += chunks
         assert b"".join(chunk.data for chunk in found) == b"".join(bytes([n]) * 8000 for n in range(3))
-        assert inbox.held == 0
+        assert inbox.backlog == 0
 
         udp = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
         udp.flow.at_once = 1000
@@ -178,13 +180,13 @@ def test_a_datagram_is_cut_where_nothing_is_framed_by_its_end(protocol: str, who
         async with stage(f"udp://127.0.0.1:0?protocol={protocol}" if protocol else "udp://127.0.0.1:0") as there:
             await until(lambda: there.info.is_open, "the port is open")
             link = cast(UdpLink, there.session._link)
-            inbox = link._inbox
+            inbox = link._queue
             assert inbox is not None
             link.flow.at_once = 4000
             with inbox._lock:
                 inbox._chunks.append(Chunk(bytes(60_000), 7))
                 inbox._size += 60_000 + CHUNK_COST
-                taken = inbox._some()
+                taken = inbox._take_some()
             assert [len(chunk.data) for chunk in taken] == ([60_000] if whole else [4000])
             inbox._chunks.clear()
 
@@ -201,11 +203,11 @@ def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.Mon
         looks = iter([False, False, True])
         inbox.wait(10_000, lambda seconds: next(looks))
         assert next(looks, None) is None, "it waited until the link was closed"
-        assert link.flow.left_out == 0
-        assert inbox.held == 20 * (1000 + CHUNK_COST)
+        assert link.flow.dropped == 0
+        assert inbox.backlog == 20 * (1000 + CHUNK_COST)
         off = link.flow.arrivals.add(lambda chunk: None)
         put(inbox, 1, 1000)
-        assert link.flow.left_out > 0
+        assert link.flow.dropped > 0
         inbox.wait(0, lambda seconds: pytest.fail("nobody waits for who only looks"))
         off()
 
@@ -220,20 +222,20 @@ def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatc
         async with stage("udp://127.0.0.1:0?protocol=xbus") as made:
             link = cast(UdpLink, made.session._link)
             await until(lambda: link._socket is not None, "it is open")
-            turns = made.hub._turns
+            turns = made.sessions._scheduler._turns
             longest = 0
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
                 for _ in range(1500):
                     sender.sendto(b"$GPGGA," * 190, link.address)
                     await asyncio.sleep(0)
-                    longest = max(longest, made.session._slices.size)
-            await until(lambda: made.info.notices[-1].startswith("Bytes come faster"), "a notice says so")
-            await until(lambda: not turns.more and not link.held, "the rest is decoded")
+                    longest = max(longest, made.session._pipeline._slices.size)
+            await until(lambda: made.info.notices[-1].startswith("Bytes arrive faster"), "a notice says so")
+            await until(lambda: not turns.has_more and not link.backlog, "the rest is decoded")
             told = [event for event in made.events("link") if event.data.get("kind") == "left-out"]
             assert told
             assert "A recording has them all" in told[0].text
-            figures = made.session._figures
-            assert figures.left_out == link.flow.left_out > 0
+            figures = made.session._stats
+            assert figures.left_out == link.flow.dropped > 0
             assert figures.left_out + figures.bytes.total == len(made.bytes), "what came is decoded or counted"
             assert longest < 64 * 1024, "a slice that costs so much is small"
 
@@ -248,16 +250,16 @@ def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.Monk
 
     async def check() -> None:
         async with stage("udp://127.0.0.1:0?protocol=isb") as there:
-            intake = there.session.senders.own
+            intake = there.session.devices.own
             await until(lambda: there.info.is_open, "the port is open")
             for at in range(0, len(names), 100):
                 lines = b"".join(sentence(f"{name},1,2") for name in names[at : at + 100])
-                there.session._take([Chunk(lines, there.session._link.settings.now_ns())])
+                there.session._on_chunks([Chunk(lines, there.session._link.settings.now_ns())])
                 there.session.decode()
-                there.session.tick(there.hub.now())
-            assert len(there.hub.channels) == 3
-            assert len(intake.figures.messages) == MOST_MESSAGES + 1
-            assert sum(meter.total for meter in intake.figures.messages.values()) == len(names)
+                there.session.tick(there.telemetry.bus.now())
+            assert len(there.telemetry.store.all) == 3
+            assert len(intake.stats.messages) == MOST_MESSAGES + 1
+            assert sum(meter.total for meter in intake.stats.messages.values()) == len(names)
             assert len(there.events("text")) == TEXT_SORTS + 1
             assert sum("quantities" in event.text for event in there.events("device")) == 1
 
@@ -267,8 +269,9 @@ def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.Monk
 def test_what_was_left_out_is_told_to_a_monitor() -> None:
     async def check() -> None:
         async with stage("udp://127.0.0.1:0?protocol=xbus") as there:
-            there.session._link.flow.left_out = 4711
-            sources = Sources(there.hub, [there.session], RecorderState(False), [], Path("/nowhere"))
-            assert 'imuscope_link_left_out_bytes_total{device="1"} 4711' in Metrics(there.hub).text(sources)
+            there.session._link.flow.dropped = 4711
+            bus, clients = there.telemetry.bus, there.telemetry.clients.statistics
+            sources = Sources(bus, clients, [there.session], RecorderState(False), [], Path("/nowhere"))
+            assert 'imuscope_link_left_out_bytes_total{device="1"} 4711' in Metrics(there.telemetry.bus).text(sources)
 
     asyncio.run(check())

@@ -15,7 +15,7 @@ from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
-from server.configuration.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
+from server.configuration.snapshots import MOST_FILES, Snapshot, SnapshotError, Snapshots, from_text, to_text
 from server.configuration.value_format import field_at, title_at, value_at
 
 ROWS = {row.name: row for row in XbusDriver().settings(DeviceContext(product="MTi-630"))}
@@ -42,7 +42,7 @@ def test_any_values_come_back(settings: dict[str, Any], title: str, why: str) ->
     assert again == snapshot
 
 
-def test_a_person_can_read_it() -> None:
+def test_it_is_readable() -> None:
     text = to_text(
         Snapshot(
             "xbus",
@@ -66,15 +66,15 @@ def test_a_person_can_read_it() -> None:
     [
         ("", "A snapshot must be names with values"),
         ("- 1", "A snapshot must be names with values"),
-        ("imuscope: 0", "no snapshot of imuscope"),
+        ("imuscope: 0", "not a snapshot of imuscope"),
         ("imuscope: 2", "newer imuscope"),
         ("imuscope: 1\nsettings: 5", "settings must be names with values"),
         ("imuscope: 1\nsettings: {A: 3}", "settings.A must be names with values"),
         ("imuscope: 1\nsettings: {A: {b: 2026-01-01}}", "settings.A.b is a date"),
-        ("a: &x [1]\nb: [*x, *x]", "no anchors"),
-        ("a: !!python/object:os.system x", "no tags"),
+        ("a: &x [1]\nb: [*x, *x]", "anchors and tags are not allowed"),
+        ("a: !!python/object:os.system x", "tags are not allowed"),
         ("a: [1", "not valid YAML"),
-        ("[" * 5000, "not nested so deeply"),
+        ("[" * 5000, "nested too deeply"),
         ("#" * (1 << 21), "too large"),
     ],
 )
@@ -84,7 +84,7 @@ def test_text_from_outside_is_refused_in_words(text: str, words: str) -> None:
 
 
 def keep(folder: Snapshots, title: str, taken: float = 1.0, **more: Any) -> str:
-    return folder.keep(Snapshot("xbus", "MTi-630", "0080", title=title, taken=taken, **more), ROWS).name
+    return folder.save(Snapshot("xbus", "MTi-630", "0080", title=title, taken=taken, **more), ROWS).name
 
 
 def test_they_are_kept_by_serial_number_newest_first(tmp_path: Path) -> None:
@@ -106,22 +106,22 @@ def test_names_are_never_paths(tmp_path: Path, name: str) -> None:
         folder.get("xbus", "0080", name)
     with pytest.raises(KeyError):
         folder.delete("xbus", "0080", name)
-    made = folder.keep(Snapshot(name, serial_number=name, title=name), {})
+    made = folder.save(Snapshot(name, serial_number=name, title=name), {})
     assert all(path.resolve().is_relative_to(tmp_path / "snapshots") for path in tmp_path.rglob(f"{made.name}.yaml"))
 
 
 def test_the_oldest_go_but_not_the_pinned(tmp_path: Path) -> None:
     folder = Snapshots(tmp_path)
     first = keep(folder, "First contact", 0.0, pinned=True)
-    for taken in range(1, KEPT + 3):
+    for taken in range(1, MOST_FILES + 3):
         keep(folder, "Before this change", float(taken))
     names = [info.name for info in folder.all("xbus", "0080")]
-    assert len(names) == KEPT
+    assert len(names) == MOST_FILES
     assert first in names
     assert "19700101T000001Z-before-this-change" not in names
 
 
-def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(handle: int) -> None:
         raise OSError(28, "No space left on device")
 
@@ -152,13 +152,13 @@ def test_outputs_are_compared_by_quantity_whatever_their_order() -> None:
     assert found.changes == {"OutputConfiguration": right}
 
 
-def test_what_a_side_lacks_is_told_with_its_reason() -> None:
+def test_missing_values_of_a_side_have_a_reason() -> None:
     found = difference({"LocationID": {"location_id": 1}, "CanConfig": {"word": 12}}, {})
     assert found.rows == []
     assert found.missing == {"LocationID": f"Right: {NO_DEFAULT}", "CanConfig": "Right: message unknown"}
 
 
-def test_what_is_only_told_is_compared_but_not_written() -> None:
+def test_read_only_values_are_compared_but_not_written() -> None:
     found = difference({"ProductCode": {"product_code": "A"}}, {"ProductCode": {"product_code": "B"}})
     assert [(row.left, row.right, row.writable) for row in found.rows] == [("A", "B", False)]
     assert found.changes == {}
@@ -200,9 +200,9 @@ def test_one_that_cannot_be_read_is_listed_with_the_reason_and_never_culled(tmp_
     assert (newest.title, newest.taken, newest.readable) == ("New mast", 86400.0, False)
     assert "newer imuscope" in newest.reason
     assert "Update imuscope" in newest.reason
-    assert "no text" in found["torn"].reason
+    assert "not text" in found["torn"].reason
     assert [info.readable for info in found.values()].count(True) == 1
-    for second in range(KEPT + 2):
+    for second in range(MOST_FILES + 2):
         keep(folder, "Loose", 10.0 + second)
     assert later.exists()
 
@@ -211,10 +211,10 @@ def test_a_snapshot_under_a_number_that_was_read_wrongly_is_still_found(tmp_path
     """The words of a 64-bit identifier were read in the wrong order: the device had a folder for each."""
     before = Snapshots(tmp_path)
     for number, title in (("80ABCDEF", "after reading"), ("80ABCDEF00000000", "first contact")):
-        before.keep(Snapshot("xbus", "MTi-680G", number, title=title, taken=1.0), ROWS)
+        before.save(Snapshot("xbus", "MTi-680G", number, title=title, taken=1.0), ROWS)
     driver = XbusDriver()
     now = Snapshots(tmp_path, lambda protocol, number: driver.formerly(number))
-    now.keep(Snapshot("xbus", "MTi-680G", "0080ABCDEF", title="now", taken=2.0), ROWS)
+    now.save(Snapshot("xbus", "MTi-680G", "0080ABCDEF", title="now", taken=2.0), ROWS)
     found = now.all("xbus", "0080ABCDEF")
     assert {info.title for info in found} == {"after reading", "first contact", "now"}
     for info in found:

@@ -29,13 +29,14 @@ def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
 def test_what_was_once_forgotten_counts_and_simulators_do_not() -> None:
     found = {str(path.relative_to(ROOT)) for path in sources.decoding_sources()}
     assert found >= {
-        *(f"recordings/{name}.py" for name in ("euler", "tabular", "importers", "inertial_sense_logs")),
+        *(f"recordings/{name}.py" for name in ("euler", "tabular", "importers", "vendor_logs")),
         *(f"recordings/{name}.py" for name in ("mcap_decoders", "health_history")),
         *(f"server/{name}.py" for name in ("wire_codec", "wire", "library/decode")),
         *(f"server/devices/{name}.py" for name in ("jitter_causes", "decode_options")),
         "protocols/registry.py",
         "protocols/xbus/decoder.py",
         "protocols/isb/time_base.py",
+        "protocols/isb/logs.py",
         "protocols/clock_sync.py",
     }
     assert not [name for name in found if name.startswith("protocols/") and "simulator" in name]

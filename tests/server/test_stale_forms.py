@@ -12,9 +12,10 @@ from protocols.registry import PROTOCOLS
 from protocols.transactions import DeviceContext
 from server.configuration.device_controller import DeviceController
 from server.configuration.preview import load_of
-from tests.server.control_harness import ControlHarness, house, outputs, over, until
+from tests.server.control_harness import ControlHarness, house, outputs, over
+from tests.waiting import until
 
-IMX, MTI = "twin:isb?rate=50", "twin:xbus?baud=921600"
+IMX, MTI = "sim:isb?rate=50", "sim:xbus?baud=921600"
 
 
 def run(coroutine: Any) -> Any:
@@ -70,13 +71,13 @@ def test_what_a_command_altered_is_marked_where_it_cannot_be_read(tmp_path: Path
         async with house(tmp_path) as here:
             desk = await here.add(MTI)
             await here.read(desk)
-            frame = desk.driver.frame("SetLocationID", {"location_id": 9}, desk.known)
+            frame = desk.driver.frame("SetLocationID", {"location_id": 9}, desk.context)
             job = await over(desk.add("Send 7 bytes", here.desks.jobs.raw(desk, frame)))
             assert job.state == "done"
             assert "LocationID" not in desk.values
             assert desk.missing["LocationID"] == "not read since “Send 7 bytes”"
             assert "OutputConfiguration" in desk.values
-            asked = desk.driver.frame("ReqDID", {}, desk.known)
+            asked = desk.driver.frame("ReqDID", {}, desk.context)
             await over(desk.add("Ask", here.desks.jobs.raw(desk, asked)))
             assert "OutputConfiguration" in desk.values
             await over(desk.add("Send 2 bytes", here.desks.jobs.raw(desk, b"\x00\x01")))
@@ -159,7 +160,8 @@ def test_a_silent_device_was_taken_for_an_unreachable_one(
     tmp_path: Path, source: str, silence: str, change: dict[str, dict[str, object]], speech: str
 ) -> None:
     """Its link is open all the while, and it answers. Streams that are written make it speak again; a device that was
-    sent to the config state stays there until it is sent back."""
+    sent to the config state stays there until it is sent back.
+    """
 
     async def check() -> None:
         async with house(tmp_path) as here:

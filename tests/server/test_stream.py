@@ -1,4 +1,4 @@
-"""Samples on a real WebSocket: the twin in a process of its own, slow browsers, stuck browsers."""
+"""Samples on a real WebSocket: the simulator in a process of its own, slow browsers, stuck browsers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from server import wire, wire_codec
 from server.api import websocket
 from server.config import Config
 from server.streaming.channels import ChannelRows
-from server.streaming.hub import Hub
+from server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
@@ -27,7 +27,7 @@ from tests.timeouts import PATIENCE_S, connect
 PROTOCOLS = [Subprotocol(wire.SUBPROTOCOL)]
 
 
-class Reader:
+class StreamReader:
     """Reads a WebSocket as a page does, and keeps the books: per channel what came, what was dropped."""
 
     def __init__(self, connection: ClientConnection) -> None:
@@ -66,7 +66,7 @@ class Reader:
         return next(number for number, one in self.channels.items() if one["name"] == name)
 
 
-def assert_whole(reader: Reader, channel: int) -> int:
+def assert_whole(reader: StreamReader, channel: int) -> int:
     """History and live join without gap or duplicate; live accounts for every sample. Returns how many were dropped."""
     first = reader.live[channel][0].sequence - reader.live[channel][0].dropped
     at = first
@@ -81,14 +81,14 @@ def assert_whole(reader: Reader, channel: int) -> int:
     return dropped
 
 
-def test_a_twin_streams_into_a_browser(server: ServerProcess) -> None:
+def test_a_simulator_streams_into_a_browser(server: ServerProcess) -> None:
     url = server.url.rstrip("/").replace("http", "ws", 1) + "/ws"
     with connect(url, subprotocols=PROTOCOLS, max_size=None) as connection:
-        reader = Reader(connection)
+        reader = StreamReader(connection)
         reader.subscribe()
         reader.read(PATIENCE_S, lambda r: any(len(frames) > 80 for frames in r.live.values()))
         (device,) = reader.said("devices")[-1]["devices"]
-        assert (device["status"], device["protocol"], device["link"]) == ("live", "xbus", "twin")
+        assert (device["status"], device["protocol"], device["link"]) == ("live", "xbus", "simulator")
         acceleration = reader.channels[reader.named("Acceleration")]
         assert (acceleration["kind"], acceleration["unit"]) == ("vector", "m/s²")
         assert [column["axis"] for column in acceleration["columns"]] == ["x", "y", "z"]
@@ -105,9 +105,9 @@ def test_a_twin_streams_into_a_browser(server: ServerProcess) -> None:
         assert abs(hello["server_time"] - time.time()) < 60
         assert 0 <= min(frame.now - frame.columns[0][-1] for frame in frames) < 0.02  # sent at once
     with connect(url, subprotocols=PROTOCOLS, max_size=None) as connection:  # a reload
-        late = Reader(connection)
+        late = StreamReader(connection)
         late.subscribe()
-        late.read(PATIENCE_S, lambda r: r.said("backfilled") and all(r.live[n] for n in (late.named("Acceleration"),)))
+        late.read(PATIENCE_S, lambda r: r.said("history_end") and all(r.live[n] for n in (late.named("Acceleration"),)))
         for number in [number for number in late.live if late.live[number]]:
             assert_whole(late, number)
         number = late.named("Acceleration")
@@ -121,15 +121,15 @@ def open_link(source: str, settings: Any) -> FakeLink:
 COLUMNS = 10
 
 
-class Source:
+class ChunkedSource:
     """A channel of ten values, fed from the test."""
 
     def __init__(self, running: InProcessServer) -> None:
         self.running = running
-        self.hub: Hub = running.state.hub
+        self.telemetry: Telemetry = running.services.telemetry
         columns = [wire.ColumnInfo(f"c{k}", "f8") for k in range(COLUMNS)]
         info = wire.ChannelInfo(0, "1", "M", "Fast", "Fast", "vector", "", "", columns)
-        self.channel = running.call(self.hub.advertise, info)
+        self.channel = running.call(self.telemetry.bus.advertise, info)
         self.sent = 0
 
     def send(self, n: int) -> None:
@@ -138,11 +138,11 @@ class Source:
         self.running.call(self._publish, numbers)
 
     def _publish(self, numbers: Any) -> None:
-        self.hub.publish(
-            [ChannelRows(self.channel, [np.full(len(numbers), self.hub.now()), *[numbers] * (1 + COLUMNS)])]
+        self.telemetry.bus.publish(
+            [ChannelRows(self.channel, [np.full(len(numbers), self.telemetry.bus.now()), *[numbers] * (1 + COLUMNS)])]
         )
-        self.hub.event("1", "text", "info", f"{self.sent}")
-        self.hub.flush()
+        self.telemetry.bus.event("1", "text", "info", f"{self.sent}")
+        self.telemetry.clients.flush()
 
 
 def small_socket(running: InProcessServer) -> socket.socket:
@@ -156,7 +156,7 @@ def small_socket(running: InProcessServer) -> socket.socket:
 
 def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server: ServerProcess) -> None:
     with connect(server.url.rstrip("/").replace("http", "ws", 1) + "/ws", subprotocols=PROTOCOLS) as connection:
-        reader = Reader(connection)
+        reader = StreamReader(connection)
         reader.read(PATIENCE_S, lambda reader: reader.said("channels"))
         connection.send(wire_codec.encode_text(wire.Interval(10.0)))  # a tenth of a second is the longest
         reader.subscribe(0)
@@ -167,16 +167,16 @@ def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server:
     assert np.diff(np.unique(sent)).min() > 0.09  # where a ring wraps, one flush has two frames
 
 
-def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:
+def test_a_slow_browser_learns_its_losses_and_slows_no_others() -> None:
     with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
-        source = Source(running)
+        source = ChunkedSource(running)
         slow = connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1)
         quick = connect(running.ws, subprotocols=PROTOCOLS, max_size=None)
         with slow, quick:
-            readers = [Reader(slow), Reader(quick)]
+            readers = [StreamReader(slow), StreamReader(quick)]
             for reader in readers:
                 reader.subscribe(0)
-                reader.read(PATIENCE_S, lambda r: r.said("backfilled"))
+                reader.read(PATIENCE_S, lambda r: r.said("history_end"))
             for _ in range(60):
                 source.send(1000)  # 96 kB each
                 readers[1].read(0.0)
@@ -195,31 +195,31 @@ def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:
             assert _dropped(readers[0]) == dropped[0]  # and health says the same
 
 
-def _end(reader: Reader, channel: int) -> int:
+def _end(reader: StreamReader, channel: int) -> int:
     return reader.live[channel][-1].sequence + reader.live[channel][-1].n
 
 
-def _dropped(reader: Reader) -> int:
+def _dropped(reader: StreamReader) -> int:
     return sum(device["dropped"] for text in reader.said("health")[-1:] for device in text["devices"])
 
 
 def test_a_browser_that_takes_nothing_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(websocket, "STUCK_S", 0.5)
     with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
-        source = Source(running)
+        source = ChunkedSource(running)
         with (
             connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1) as dead,
             connect(running.ws, subprotocols=PROTOCOLS, max_size=None) as alive,
         ):
-            reader = Reader(alive)
+            reader = StreamReader(alive)
             reader.subscribe(0)
-            Reader(dead).subscribe(0)
-            reader.read(PATIENCE_S, lambda r: r.said("backfilled"))
+            StreamReader(dead).subscribe(0)
+            reader.read(PATIENCE_S, lambda r: r.said("history_end"))
             end = time.monotonic() + PATIENCE_S
-            while len(source.hub.outboxes) > 1 and time.monotonic() < end:
+            while source.telemetry.clients.browsers > 1 and time.monotonic() < end:
                 source.send(2000)
                 reader.read(0.05)
-            assert len(source.hub.outboxes) == 1
+            assert source.telemetry.clients.browsers == 1
             reader.read(PATIENCE_S, lambda r: _end(r, source.channel) == source.sent)
             assert assert_whole(reader, source.channel) == 0
             with pytest.raises(ConnectionClosed):
@@ -234,30 +234,30 @@ def read_on(connection: ClientConnection) -> None:
 def test_live_data_do_not_wait_for_history() -> None:
     """While minutes of history are on their way, live samples arrive, and are answered by others that arrive."""
     with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
-        source = Source(running)
+        source = ChunkedSource(running)
         for _ in range(40):
             source.send(5000)  # 19 MB of history
         with connect(running.ws, subprotocols=PROTOCOLS, max_size=None) as connection:
-            reader = Reader(connection)
+            reader = StreamReader(connection)
             reader.subscribe()
             reader.read(PATIENCE_S, lambda r: r.history[source.channel])  # the first of many
             rounds = 0  # that came and went while history was on its way
-            while not reader.said("backfilled") and rounds < 1000:
+            while not reader.said("history_end") and rounds < 1000:
                 source.send(10)
                 reader.read(PATIENCE_S, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
-                rounds += not reader.said("backfilled")
+                rounds += not reader.said("history_end")
             assert assert_whole(reader, source.channel) == 0
             assert sum(frame.n for frame in reader.history[source.channel]) == 200_000
             assert rounds >= 3
 
 
-def test_text_that_is_none_ends_the_connection_without_a_fault_of_ours(server: ServerProcess) -> None:
-    """uvicorn closes with 1007 as RFC 6455 says, and used to write a traceback for it."""
+def test_invalid_text_ends_the_connection_without_an_error(server: ServerProcess) -> None:
+    """Uvicorn closes with 1007 as RFC 6455 says, and used to write a traceback for it."""
     url = server.url.rstrip("/").replace("http", "ws", 1) + "/ws"
     with connect(url, subprotocols=PROTOCOLS, max_size=None) as socket_:
         socket_.send(b'{"op": "subscr\xff', text=True)
         with pytest.raises(ConnectionClosed) as closed:
-            Reader(socket_).read(PATIENCE_S)
+            StreamReader(socket_).read(PATIENCE_S)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 1007
     assert "Traceback" not in server.log

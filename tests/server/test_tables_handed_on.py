@@ -7,8 +7,8 @@ import pytest
 from starlette.requests import Request
 
 from recordings.column_store import ExactRows
-from server.api.errors import ApiError
 from server.api.recording_data import _only_one
+from server.errors import DomainError
 from server.library.api_models import Export
 from server.library.export_jobs import _stem
 from server.library.range_query import QueryResult, ordered
@@ -30,7 +30,7 @@ def test_a_channel_named_twice_is_refused() -> None:
         return Request({"type": "http", "query_string": query, "headers": []})
 
     _only_one(asked(b"channel=A&width=3"))
-    with pytest.raises(ApiError):
+    with pytest.raises(DomainError):
         _only_one(asked(b"channel=A&channel=B"))
 
 

@@ -1,5 +1,5 @@
-"""From a twin's bytes to the times that a page draws, and to why they are uneven: line, adapter, session and hub are
-the real ones; the clock is moved by the test.
+"""From a simulator's bytes to the times that a page draws, and to why they are uneven: line, adapter and session
+are the real ones; the clock is moved by the test.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
 from server.links.simulated_line import LineFaults, SimulatedLine
-from server.streaming.hub import Hub
-from tests.protocols.timing_model import EPOCH_NS, Device, Way, mapped, stream
-from tests.server.fakes import Clock, FakeLink
+from server.streaming.telemetry import Telemetry
+from tests.protocols.timing_model import EPOCH_NS, ModelDevice, Way, mapped, stream
+from tests.server.fakes import FakeClock, FakeLink
 
 PPM = 50
 PERIOD_NS = 10e6 / (1 + PPM * 1e-6)  # of its samples, on the host's clock
 SPREAD_S, MS = 0.2e-3, 1e-3
 
 
-class Stage:
-    """An MTi-630 at 100 Hz whose clock runs 50 ppm fast, its cable, and a session."""
+class TimeHarness:
+    """An MTi-630 at 100 Hz whose clock runs 50 ppm fast, its cable, and a session, which decodes ten times a second."""
 
     def __init__(self, faults: LineFaults) -> None:
-        self.clock = Clock()
-        self.hub = Hub(self.clock)
-        self.link: Any = FakeLink("/dev/ttyTWIN", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.hub, speech(), DecodeOptions(protocol="xbus"))
+        self.clock = FakeClock()
+        self.telemetry = Telemetry.create(self.clock)
+        self.link: Any = FakeLink("/dev/ttySIM", LinkSettings(now_ns=self.clock.now_ns))
+        self.session = Session("1", self.link, self.telemetry.bus, speech(), DecodeOptions(protocol="xbus"))
         self.began = self.clock.ns
-        self.cable = SimulatedLine(faults)
+        self.cable = SimulatedLine(faults, 0, "xbus")
         self.device = self._powered(0)
         self._samples = 0
         self.asleep_until = 0  # until when the host reads nothing, ns
@@ -66,6 +66,7 @@ class Stage:
                 await self._read(due)
             self.cable.send(self.device.advance(now), now)
             if self._samples % 10 == 0:
+                self.session.decode()
                 self.session.tick(self.clock())
 
     async def _read(self, due: int) -> None:
@@ -73,7 +74,6 @@ class Stage:
         self.link.send(self.cable.arrived(max(due, self.asleep_until)))
         await asyncio.sleep(0)
         await asyncio.sleep(0)
-        self.hub.flush()
 
     @property
     def health(self) -> wire.DeviceHealth:
@@ -81,7 +81,7 @@ class Stage:
 
     def times(self, since_s: float) -> NDArray[np.float64]:
         """Of the samples of a channel, as a page gets them."""
-        channel = next(one for one in self.hub.channels.values() if one.info.name == "Acceleration")
+        channel = next(one for one in self.telemetry.store.all if one.info.name == "Acceleration")
         time = channel.ring.read()[1]
         return np.asarray(time[time > self.began / 1e9 + since_s])
 
@@ -91,9 +91,9 @@ class Stage:
         return np.asarray(times - self.began / 1e9 - k * PERIOD_NS / 1e9)
 
 
-def play(faults: LineFaults, test: Callable[[Stage], Any]) -> None:
+def play(faults: LineFaults, test: Callable[[TimeHarness], Any]) -> None:
     async def run() -> None:
-        stage = Stage(faults)
+        stage = TimeHarness(faults)
         stage.session.start()
         await asyncio.sleep(0.001)
         await test(stage)
@@ -102,7 +102,7 @@ def play(faults: LineFaults, test: Callable[[Stage], Any]) -> None:
     asyncio.run(run())
 
 
-def check(stage: Stage, since_s: float) -> wire.DeviceHealth:
+def check(stage: TimeHarness, since_s: float) -> wire.DeviceHealth:
     """What the issue promises of times after ten seconds."""
     times = stage.times(since_s)
     off = stage.off(times)
@@ -117,10 +117,10 @@ def check(stage: Stage, since_s: float) -> wire.DeviceHealth:
 
 
 def test_a_good_cable_is_drawn_evenly_and_nothing_is_said_of_it() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: TimeHarness) -> None:
         await stage.run(15)
         health = check(stage, 10)
-        assert health.time_cause is None
+        assert health.jitter_cause is None
         assert health.uncertainty_ms is not None
         assert health.uncertainty_ms < 0.5
         assert health.drift_ppm == pytest.approx(PPM, abs=10)
@@ -129,9 +129,9 @@ def test_a_good_cable_is_drawn_evenly_and_nothing_is_said_of_it() -> None:
 
 
 def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: TimeHarness) -> None:
         await stage.run(15)
-        cause = check(stage, 10).time_cause
+        cause = check(stage, 10).jitter_cause
         assert cause is not None
         assert cause.kind == "bursts"
         assert "latency timer" in cause.text
@@ -142,15 +142,15 @@ def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -
 
 
 def test_a_device_that_starts_again_is_a_break_that_is_told_and_named() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: TimeHarness) -> None:
         await stage.run(4)
         stage.reset()
         await stage.run(15)
-        cause = check(stage, 14.5).time_cause
+        cause = check(stage, 14.5).jitter_cause
         assert cause is not None
         assert cause.kind == "resets"
         assert "once" in cause.text
-        [step] = [event for event in stage.hub.log if event.kind == "clock"]
+        [step] = [event for event in stage.telemetry.log if event.kind == "clock"]
         assert step.text == "The device's clock started again from zero."
         assert step.time == pytest.approx(stage.began / 1e9 + 4, abs=0.02)
         assert (np.diff(stage.times(0)) > 0).all()
@@ -159,18 +159,18 @@ def test_a_device_that_starts_again_is_a_break_that_is_told_and_named() -> None:
 
 
 def test_a_host_that_did_not_read_moves_no_sample_and_is_named() -> None:
-    async def test(stage: Stage) -> None:
+    async def test(stage: TimeHarness) -> None:
         await stage.run(12)
         stage.asleep_until = 12_300_000_000
         await stage.run(4)
         health = check(stage, 10)
         assert health.lost == 0
-        cause = health.time_cause
+        cause = health.jitter_cause
         assert cause is not None
         assert cause.kind == "stalls"
         assert "0.3 s" in cause.text
         await stage.run(61)
-        assert stage.health.time_cause is None, "after a minute it is history"
+        assert stage.health.jitter_cause is None, "after a minute it is history"
 
     play(LineFaults(baud=115_200), test)
 
@@ -178,16 +178,16 @@ def test_a_host_that_did_not_read_moves_no_sample_and_is_named() -> None:
 def test_every_cause_is_a_sentence_and_says_what_helps() -> None:
     """Over a network nothing is put down to an adapter; an adapter at 1 ms is not told to be set to 1 ms."""
     way = Way(0, network_ms=3)
-    network = mapped(stream(Device(((100, 60),)), way, 10), ClockSync(unknown_ns=1e6)).clock
+    network = mapped(stream(ModelDevice(((100, 60),)), way, 10), ClockSync(unknown_ns=1e6)).clock
     now = EPOCH_NS / 1e9 + 10
     found = cause_of(network, [], kind="udp", port="", now=now)
     assert found is not None
     assert found.kind == "network"
-    late = mapped(stream(Device(), Way(timer_ms=16), 10), ClockSync(86_806, holds_ns=1e6)).clock
+    late = mapped(stream(ModelDevice(), Way(timer_ms=16), 10), ClockSync(86_806, holds_ns=1e6)).clock
     hub = cause_of(late, [], kind="serial", port="ttyUSB1", now=now)
     assert hub is not None
     assert "latency timer of the USB adapter is 1 ms" in hub.text
-    timer = mapped(stream(Device(), Way(timer_ms=16), 10), ClockSync(86_806, holds_ns=16e6)).clock
+    timer = mapped(stream(ModelDevice(), Way(timer_ms=16), 10), ClockSync(86_806, holds_ns=16e6)).clock
     bursts = cause_of(timer, [], kind="serial", port="ttyUSB1", now=now)
     assert bursts is not None
     assert "/sys/bus/usb-serial/devices/ttyUSB1/latency_timer" in bursts.remedy
@@ -204,7 +204,7 @@ def test_what_is_known_of_a_port_before_a_byte_has_come(tmp_path: Any) -> None:
     for name in ("ttyUSB0", "ttyUSB1"):
         (devices / name).mkdir(parents=True)
     (devices / "ttyUSB0/latency_timer").write_text("16\n")
-    link: Any = FakeLink("", LinkSettings(now_ns=Clock().now_ns, sys_root=tmp_path))
+    link: Any = FakeLink("", LinkSettings(now_ns=FakeClock().now_ns, sys_root=tmp_path))
     known = {}
     for name in ("ttyUSB0", "ttyUSB1", "ttyACM0", "ttyS0"):
         link.place = f"/dev/{name}"
@@ -242,23 +242,24 @@ def test_a_capture_played_faster_was_a_clock_that_jumped(speed: float) -> None:
     """`capture.bin?speed=2`: two seconds of the device's clock pass in one of the host's."""
 
     async def run() -> None:
-        clock = Clock()
-        hub = Hub(clock)
-        link: Any = FakeLink("/dev/ttyTWIN", LinkSettings(now_ns=clock.now_ns))
+        clock = FakeClock()
+        telemetry = Telemetry.create(clock)
+        link: Any = FakeLink("/dev/ttySIM", LinkSettings(now_ns=clock.now_ns))
         link.speed = speed
-        session = Session("1", link, hub, speech(), DecodeOptions(protocol="idtp"))
+        session = Session("1", link, telemetry.bus, speech(), DecodeOptions(protocol="idtp"))
         session.start()
         await asyncio.sleep(0.001)
         device, began = IdtpSimulator(), clock.ns
-        for k in range(1, 600):
+        for k in range(1, 601):
             clock.ns = began + round(k * 1e7 / speed)
             link.send(device.advance(k * 10_000_000))
             await asyncio.sleep(0)
             await asyncio.sleep(0)
-            hub.flush()
-            session.tick(clock())
-        said = [event.text for event in hub.log if event.kind == "clock" or event.data.get("reason") == "unit"]
-        channel = next(one for one in hub.channels.values() if one.info.name == "Acceleration")
+            if k % 10 == 0:
+                session.decode()
+                session.tick(clock())
+        said = [event.text for event in telemetry.log if event.kind == "clock" or event.data.get("reason") == "unit"]
+        channel = next(one for one in telemetry.store.all if one.info.name == "Acceleration")
         steps = np.diff(channel.ring.read()[1][100:])
         await session.close()
         assert said == []

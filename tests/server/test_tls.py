@@ -24,7 +24,7 @@ from cryptography.hazmat.primitives import serialization
 from server import handshakes, http_server, tls
 from server.config import Config, ConfigError, load
 from tests.server_process import ServerProcess, imuscope
-from tests.timeouts import PATIENCE_S, connecting
+from tests.timeouts import PATIENCE_S, connecting, http_client
 
 PEM = serialization.Encoding.PEM
 DAY = datetime.timedelta(days=1)
@@ -58,7 +58,7 @@ def test_a_made_certificate_says_who_it_is_for(tmp_path: Path, monkeypatch: pyte
     assert found.key.parent.stat().st_mode & 0o777 == 0o700
 
 
-def test_it_is_made_once_and_anew_before_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_made_once_and_renewed_before_it_expires(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.7"])
     first.key.chmod(0o644)
     assert tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address comes and goes
@@ -110,7 +110,7 @@ def test_a_given_certificate_is_used(pair: tls.Tls) -> None:
         ("not yet", "is valid from 20.*; it is 20.* here"),
     ],
 )
-def test_what_cannot_be_used_is_said_in_a_sentence(
+def test_unusable_certificates_are_reported(
     what: str, words: str, pair: tls.Tls, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cert, key, gone, text = pair.cert, pair.key, tmp_path / "gone.pem", tmp_path / "text.pem"
@@ -225,7 +225,7 @@ def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: 
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, old.key)  # half way
             async with asyncio.timeout(PATIENCE_S):
-                while "stays" not in caplog.text:
+                while "was not replaced" not in caplog.text:
                     await asyncio.sleep(0.01)
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, new.key)
@@ -242,13 +242,13 @@ def test_everything_is_served_over_tls(tmp_path: Path) -> None:
     config = tmp_path / "imuscope.toml"
     config.write_text('control_token = "control-token-of-this-test"\n')
     arguments = ("--tls", "--foxglove", "0", "--config", str(config))
-    with ServerProcess("twin:isb", data=tmp_path / "data", arguments=arguments) as server:
+    with ServerProcess("sim:isb", data=tmp_path / "data", arguments=arguments) as server:
         assert server.trust is not None
         assert server.url.startswith("https://127.0.0.1:")
         certificate = (tmp_path / "data" / "tls" / "certificate.pem").read_text()
         fingerprint = hashlib.sha256(ssl.PEM_cert_to_DER_cert(certificate)).digest().hex(":").upper()
-        assert f"SHA-256 of its certificate: {fingerprint}\n" in server.log
-        with httpx.Client(base_url=server.url, verify=server.trust, timeout=90) as client:
+        assert f"SHA-256 of the certificate: {fingerprint}\n" in server.log
+        with http_client(base_url=server.url, verify=server.trust) as client:
             assert client.get("/").status_code == 200
             assert client.get("/api/build").json()["role"] == "control"
             let_in = client.get("/", params={"token": "control-token-of-this-test"})

@@ -1,4 +1,4 @@
-"""The log of the exchange: what it tells, what it sums up, and that a talkative device does not fill it."""
+"""The traffic log: what it tells, what it sums up, and that a talkative device does not fill it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Field, Message
 from protocols.xbus.frames import build
 from server.configuration.controllers import decode
-from server.configuration.traffic_log import KEPT, MOST_A_SECOND, TrafficLog, said
-from server.streaming.hub import Hub
-from tests.server.fakes import Clock
+from server.configuration.traffic_log import MOST_A_SECOND, MOST_ENTRIES, TrafficLog, values_text
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import FakeClock
 
 
-class Session:
+class FakeSession:
     """What `decode` asks of one."""
 
     class reading:  # noqa: N801
@@ -25,27 +25,27 @@ class Session:
             return {}
 
 
-def log(clock: Clock, stream: bytes = b"") -> TrafficLog:
+def log(clock: FakeClock, stream: bytes = b"") -> TrafficLog:
     return TrafficLog(
-        Hub(clock),
+        Telemetry.create(clock).bus,
         "1",
-        lambda frame: decode("xbus", frame, Session()),  # type: ignore[arg-type]
+        lambda frame: decode("xbus", frame, FakeSession()),  # type: ignore[arg-type]
         PROTOCOLS["xbus"].driver.name_of,  # type: ignore[union-attr]
         lambda offset, size: stream[offset : offset + size],
     )
 
 
-def reply(clock: Clock, name: str = "GoToConfigAck", offset: int = 0, size: int = 5) -> Reply:
+def reply(clock: FakeClock, name: str = "GoToConfigAck", offset: int = 0, size: int = 5) -> Reply:
     return Reply(Message(0x31, name), {}, offset, size, clock.ns)
 
 
 def test_an_answer_has_its_time_since_the_request_and_its_bytes() -> None:
-    clock = Clock()
+    clock = FakeClock()
     one = log(clock, build(0x31))
     one.sent(build(0x30))
     clock.move(0.017)
     event = reply(clock)
-    one.hear(event)
+    one.on_received(event)
     one.matched(event)
     one.flush()
     asked, answered = one.tail()
@@ -55,18 +55,18 @@ def test_an_answer_has_its_time_since_the_request_and_its_bytes() -> None:
     assert round(answered.ms) == 17
 
 
-def test_what_nobody_asked_for_has_no_time() -> None:
-    clock = Clock()
+def test_unrequested_frames_have_no_time() -> None:
+    clock = FakeClock()
     one = log(clock, build(0x31))
     one.sent(build(0x30))
-    one.hear(reply(clock))
+    one.on_received(reply(clock))
     one.flush()
     assert one.tail()[-1].ms is None
 
 
 def test_a_frame_that_is_sent_again_and_again_is_one_line() -> None:
     """GoToConfig until it is heard; the byte that restores communication, three thousand times a second."""
-    clock = Clock()
+    clock = FakeClock()
     one = log(clock)
     for _ in range(1000):
         one.sent(build(0x30))
@@ -78,36 +78,36 @@ def test_a_frame_that_is_sent_again_and_again_is_one_line() -> None:
     ]
 
 
-def test_a_talkative_device_is_cut_off_and_that_is_said() -> None:
-    clock = Clock()
+def test_a_talkative_device_is_limited_and_reported() -> None:
+    clock = FakeClock()
     one = log(clock, build(0x31))
     for _ in range(MOST_A_SECOND + 7):
-        one.hear(reply(clock))
+        one.on_received(reply(clock))
     one.flush()
     assert len(one.tail(limit=500)) == MOST_A_SECOND
     clock.move(1.5)
-    one.hear(reply(clock))
+    one.on_received(reply(clock))
     one.flush()
-    assert one.tail()[-2].text == "7 more messages came, left out here."
+    assert one.tail()[-2].text == "7 more messages, not listed."
 
 
 def test_it_is_bounded_and_read_backwards() -> None:
-    one = log(Clock())
-    for number in range(KEPT + 10):
-        one.note(str(number))
-    assert len(one.tail(limit=10 * KEPT)) == KEPT
+    one = log(FakeClock())
+    for number in range(MOST_ENTRIES + 10):
+        one.add_note(str(number))
+    assert len(one.tail(limit=10 * MOST_ENTRIES)) == MOST_ENTRIES
     newest = one.tail(limit=3)
-    assert [entry.text for entry in newest] == [str(KEPT + n) for n in (7, 8, 9)]
+    assert [entry.text for entry in newest] == [str(MOST_ENTRIES + n) for n in (7, 8, 9)]
     older = one.tail(newest[0].seq, 2)
-    assert [entry.text for entry in older] == [str(KEPT + n) for n in (5, 6)]
+    assert [entry.text for entry in older] == [str(MOST_ENTRIES + n) for n in (5, 6)]
 
 
-def test_samples_are_no_exchange_unless_asked_for() -> None:
-    clock = Clock()
+def test_samples_are_logged_only_on_request() -> None:
+    clock = FakeClock()
     stream = build(0x36, bytes.fromhex("1020020001"))
     one = log(clock, stream)
     batch = Batch(Message(0x36, "MTData2"), "", np.array([clock.ns]), np.array([0]), None, {})
-    one.hear(batch)
+    one.on_received(batch)
     one.flush()
     assert one.tail() == []
     one.sent(build(0x34))
@@ -118,13 +118,13 @@ def test_samples_are_no_exchange_unless_asked_for() -> None:
 
 def test_an_error_code_is_in_words() -> None:
     fields = (Field("code", "u1", choices={4: "parameter invalid"}),)
-    assert said({"code": 4}, fields) == "code 4 (parameter invalid)"
-    assert said({"code": 99}, fields) == "code 99"
+    assert values_text({"code": 4}, fields) == "code 4 (parameter invalid)"
+    assert values_text({"code": 99}, fields) == "code 99"
 
 
 def test_values_are_short() -> None:
-    assert said({"outputs": [1, 2, 3, 4, 5], "reserved": 1, "a": 1.23456789}) == "outputs: 5 entries, a 1.23457"
-    assert said({str(n): n for n in range(9)}) == "0 0, 1 1, 2 2, 3 3 …"
-    assert len(said({"x": "y" * 1000})) == 160
+    assert values_text({"outputs": [1, 2, 3, 4, 5], "reserved": 1, "a": 1.23456789}) == "outputs: 5 entries, a 1.23457"
+    assert values_text({str(n): n for n in range(9)}) == "0 0, 1 1, 2 2, 3 3 …"
+    assert len(values_text({"x": "y" * 1000})) == 160
     ids = {"master_device_id": 0x0080003A, "device_id": 0x008010EC5D1D000F}
-    assert said(ids) == "master_device_id 0080003A, device_id 8010EC5D1D000F"
+    assert values_text(ids) == "master_device_id 0080003A, device_id 8010EC5D1D000F"

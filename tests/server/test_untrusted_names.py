@@ -20,9 +20,9 @@ from server.api.unicode_guard import is_whole
 from server.config import Config
 from server.configuration.snapshots import Snapshot, Snapshots
 from server.links.base import Link, LinkSettings
+from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
-from tests.server.test_opening import drive
 
 NASTY = {
     "parent": "../../escape.mcap",
@@ -171,7 +171,7 @@ def test_a_name_is_a_name(name: str, running: InProcessServer, folder: Path, rec
     ):
         sent(running, method, path.format(quoted(name)), {} if method == "POST" else None)
     sent(running, "POST", f"/api/devices/{device}/snapshots", {"title": name, "text": name})
-    sent(running, "POST", f"/api/devices/{device}/reading", {"protocol": name, "key": name, "schema": name})
+    sent(running, "POST", f"/api/devices/{device}/decode-options", {"protocol": name, "key": name, "schema": name})
     in_order(folder)
 
 
@@ -196,7 +196,7 @@ def test_a_snapshot_lies_where_snapshots_lie(name: str, tmp_path: Path) -> None:
     """Also the serial number comes from outside: from whatever is on the line."""
     kept = Snapshots(tmp_path / "data" / "snapshots")
     snapshot = Snapshot("xbus", name, name, name, title=name, taken=1.76e9, values={"a": {"b": 1}}, reason=name)
-    info = kept.keep(snapshot, {})
+    info = kept.save(snapshot, {})
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
     for path in tmp_path.rglob("*"):
         assert is_harmless(path.name), path
@@ -230,7 +230,7 @@ def test_every_text_has_a_limit(method: str, path: str, body: Any, running: InPr
 
 
 def test_a_body_beyond_a_megabyte_is_refused_before_it_is_read(running: InProcessServer) -> None:
-    for path in ("/api/devices", "/api/recordings/start", "/api/recordings/mark", "/api/devices/1/reading"):
+    for path in ("/api/devices", "/api/recordings/start", "/api/recordings/mark", "/api/devices/1/decode-options"):
         answer = running.client.post(path, json={"x": "y" * 1024 * 1024})
         assert answer.status_code == 413
 
@@ -247,5 +247,5 @@ def test_a_body_beyond_a_megabyte_is_refused_before_it_is_read(running: InProces
         (b"", True),
     ],
 )
-def test_half_a_character_is_told_from_a_whole_one(body: bytes, is_fine: bool) -> None:
+def test_an_unpaired_surrogate_is_detected(body: bytes, is_fine: bool) -> None:
     assert is_whole(body) == is_fine

@@ -1,5 +1,6 @@
 """The ports of viewers' processes, which are on loopback: no page of strangers and no other user of this machine comes
-through them past our rules; and what who may only look can do to a scene that all share."""
+through them past our rules; and what who may only look can do to a scene that all share.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +13,6 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-import httpx
 import msgspec
 import pytest
 from websockets.datastructures import Headers
@@ -56,7 +56,7 @@ def ports_of(parent: int) -> dict[str, int]:
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     """A server that needs tokens, with all its views."""
     data = tmp_path_factory.mktemp("data")
-    with ServerProcess("twin:isb", data=data, arguments=("--host", "0.0.0.0", "--foxglove", "0")) as server:
+    with ServerProcess("sim:isb", data=data, arguments=("--host", "0.0.0.0", "--foxglove", "0")) as server:
         yield server
 
 
@@ -69,7 +69,7 @@ def tokens(guarded: ServerProcess) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def ports(guarded: ServerProcess, tokens: dict[str, str]) -> dict[str, int]:
     """Where viser and Foxglove listen, once both do."""
-    asked = httpx.get(f"{guarded.url}/viser/", params={"token": tokens["view"]}, timeout=120)
+    asked = get(f"{guarded.url}/viser/", params={"token": tokens["view"]}, timeout=120)
     assert asked.status_code == 200
     asyncio.run(_status(guarded.url.replace("http", "ws") + f"/foxglove?token={tokens['view']}", FOXGLOVE))
     return ports_of(guarded.process.pid)
@@ -83,7 +83,9 @@ async def _status(address: str, *subprotocols: Any, **options: Any) -> int:
         return refused.response.status_code
 
 
-def test_viser_knows_nobody_but_us(ports: dict[str, int], guarded: ServerProcess, tokens: dict[str, str]) -> None:
+def test_viser_is_reachable_only_through_us(
+    ports: dict[str, int], guarded: ServerProcess, tokens: dict[str, str]
+) -> None:
     here = f"127.0.0.1:{ports['viser']}"
     for headers in ({}, {HEADER: "guess"}, {HEADER: ""}):
         for path in ("/", "/index.html", "/assets/x.js"):
@@ -116,7 +118,7 @@ def test_foxgloves_port_has_the_rules_of_ours(ports: dict[str, int], tokens: dic
     assert refused.json()["kind"] == "bad-host"
 
 
-class Connection:
+class FakeConnection:
     """As much of a connection as is asked of it."""
 
     remote_address = ("127.0.0.1", 5)
@@ -145,7 +147,7 @@ def test_where_no_token_is_needed_a_foreign_page_still_reads_nothing(
 ) -> None:
     porter = ConnectionGuard("secret", Access(Config(allowed_origins=("https://fleet.example",))).rules())
     request = Request("/", Headers({"Host": "127.0.0.1:8765", **headers}))
-    refused = porter.admit(Connection(), request)  # type: ignore[arg-type]
+    refused = porter.accept(FakeConnection(), request)  # type: ignore[arg-type]
     assert (refused and refused.status_code) == status
     if refused is not None:
         assert set(json.loads(refused.body)) == {"kind", "message", "hint"}
@@ -164,7 +166,7 @@ def test_nonsense_at_the_door_is_refused(ports: dict[str, int]) -> None:
     assert "secret" not in repr(door)
 
 
-def test_who_only_looks_changes_nothing_in_a_scene_that_all_share(
+def test_viewers_change_nothing_in_a_shared_scene(
     ports: dict[str, int], guarded: ServerProcess, tokens: dict[str, str]
 ) -> None:
     async def boxes(address: Any) -> dict[str, tuple[str, bool]]:

@@ -17,13 +17,13 @@ import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S, connecting, get
+from tests.timeouts import PATIENCE_S, connecting, get, http_client
 from tests.viser_client import looking, subprotocol, turns
 
 
 @pytest.fixture(scope="module")
 def shown(server: ServerProcess) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=server.url, timeout=120) as client:
+    with http_client(base_url=server.url, timeout=120) as client:
         yield client
 
 
@@ -81,8 +81,8 @@ def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, serv
     assert shown.get("/viser/", headers={"X-Forwarded-For": "1.2.3.4"}).status_code == 401
 
 
-def test_what_is_no_message_of_its_page_does_not_reach_it(server: ServerProcess) -> None:
-    """viser ended the connection on it, which was told as the end of viser."""
+def test_foreign_messages_do_not_reach_it(server: ServerProcess) -> None:
+    """Viser ended the connection on it, which was told as the end of viser."""
 
     async def turns_after(*said: str | bytes) -> int:
         async with asyncio.timeout(90), looking(server.url) as socket:
@@ -112,7 +112,7 @@ def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) 
     assert get(f"{server.url}/healthz").status_code == 200
 
 
-def test_it_survives_its_own_crash_and_tells(shown: httpx.Client, server: ServerProcess) -> None:
+def test_it_survives_its_own_crash_and_reports_it(shown: httpx.Client, server: ServerProcess) -> None:
     shown.get("/viser/")
     pid = children(server.process.pid)[0]
     os.kill(pid, signal.SIGKILL)
@@ -126,7 +126,7 @@ def test_it_survives_its_own_crash_and_tells(shown: httpx.Client, server: Server
                 raise
             time.sleep(0.1)
     assert children(server.process.pid)[0] != pid
-    assert any("ended by itself" in text for text in asyncio.run(events(server.url)))
+    assert any("crashed" in text for text in asyncio.run(events(server.url)))
 
 
 async def events(url: str) -> list[str]:
@@ -143,7 +143,7 @@ async def events(url: str) -> list[str]:
 
 
 def children(parent: int) -> list[int]:
-    """viser's processes of a server."""
+    """Viser's processes of a server."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -155,17 +155,17 @@ def children(parent: int) -> list[int]:
     return found
 
 
-def test_it_runs_only_while_somebody_looks(serve: Callable[..., ServerProcess]) -> None:
+def test_it_runs_only_while_a_client_views_it(serve: Callable[..., ServerProcess]) -> None:
     """And with the server it is gone, whatever happens to the server."""
-    server = serve("twin:xbus")
+    server = serve("sim:xbus")
     assert children(server.process.pid) == []
-    assert httpx.get(server.url + "/viser/", timeout=120).status_code == 200
+    assert get(server.url + "/viser/", timeout=120).status_code == 200
     [pid] = children(server.process.pid)
     deadline = time.monotonic() + 60
     while children(server.process.pid):
         assert time.monotonic() < deadline
         time.sleep(0.2)
-    assert httpx.get(server.url + "/viser/", timeout=120).status_code == 200
+    assert get(server.url + "/viser/", timeout=120).status_code == 200
     [again] = children(server.process.pid)
     assert again != pid
     server.process.kill()

@@ -1,4 +1,4 @@
-"""What a decoder says of a device is a sentence in its events."""
+"""Warnings of a decoder become sentences in the event log."""
 
 from __future__ import annotations
 

@@ -17,16 +17,17 @@ from protocols.isb.simulator.settings import FLASH, summed
 from protocols.layouts import EncodeError
 from protocols.transactions import DeviceContext
 from recordings import atomic_write
-from server.api.errors import ApiError
 from server.configuration import rollback
 from server.configuration.device_controller import DeviceController
 from server.configuration.risk_check import plan_changes
 from server.configuration.settings_diff import SideValues, compare
+from server.errors import DomainError
 from server.links.simulator import SimulatorLink
-from tests.server.control_harness import ControlHarness, house, over, until
+from tests.server.control_harness import ControlHarness, house, over
+from tests.waiting import until
 
 MODEL = 213  # of motion; the table knows no such one
-SOURCE = "twin:isb?baud=921600"
+SOURCE = "sim:isb?baud=921600"
 
 
 @pytest.fixture(autouse=True)
@@ -43,8 +44,8 @@ def run(coroutine: Any) -> Any:
 def device_of(desk: DeviceController) -> IsbSimulator:
     link = desk.session._link
     assert isinstance(link, SimulatorLink)
-    assert link._bench is not None
-    device = link._bench.device
+    assert link._simulator is not None
+    device = link._simulator.device
     assert isinstance(device, IsbSimulator)
     return device
 
@@ -73,15 +74,15 @@ CHANGES: Mapping[str, dict[str, Any]] = {"DID_FLASH_CONFIG": {"dynamicModel": 4,
 
 
 def test_a_trial_goes_back_to_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
-    """The rollback was refused by our own range: both new values stayed, and the trial hung in "reverting"."""
+    """The rollback was refused by our own range: both new values stayed, and the rollback hung in "rolling-back"."""
 
     async def check() -> None:
-        async with house(tmp_path, trial_s=0.2) as here:
+        async with house(tmp_path, rollback_s=0.2) as here:
             desk, device = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
-            assert "went back to the old settings" in job.message
-            assert desk.trial is not None
-            assert desk.trial.state == "reverted"
+            assert "rolled back to the old settings" in job.message
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.state == "rolled-back"
             assert (has(device, "dynamicModel", 1), has(device, "ser0BaudRate")) == (MODEL, 921_600)
 
     run(check())
@@ -96,28 +97,27 @@ def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_p
             await here.apply(desk, {"DID_FLASH_CONFIG": {"dynamicModel": 4}})
             assert has(device, "dynamicModel", 1) == 4
             back = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL}}
-            with pytest.raises(ApiError, match="dynamicModel"):
+            with pytest.raises(DomainError, match="dynamicModel"):
                 plan_changes(desk, back)
-            first = next(iter(here.desks.snapshots.told("isb", desk.serial_number)))
+            first = next(iter(here.desks.snapshots.describe("isb", desk.serial_number)))
             now = SideValues("now", desk.values)
             for told in (True, False):
-                found = compare(desk.driver, desk.known, now, SideValues("before", first, told=told))
+                found = compare(desk.driver, desk.context, now, SideValues("before", first, from_device=told))
                 assert bool(found.changes) == told
                 assert bool(found.problems) != told
-            wish = plan_changes(desk, back, lambda: here.desks.snapshots.told("isb", desk.serial_number))
-            job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.held)))
+            wish = plan_changes(desk, back, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
+            job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.current)))
             assert (job.state, job.outcomes) == ("done", [])
             assert has(device, "dynamicModel", 1) == MODEL
             other = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL + 1}}
-            with pytest.raises(ApiError, match="dynamicModel"):
-                plan_changes(desk, other, lambda: here.desks.snapshots.told("isb", desk.serial_number))
+            with pytest.raises(DomainError, match="dynamicModel"):
+                plan_changes(desk, other, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
 
     run(check())
 
 
-def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It stood in "reverting" for ever, where neither keeping nor going back is taken."""
-    monkeypatch.setattr(rollback, "ROUNDS", 1)
+def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stood in "rolling-back" for ever, where neither keeping nor going back is taken."""
     write = IsbDriver.write
 
     def broken(self: IsbDriver, setting: str, values: Any, known: DeviceContext, *, held: bool = False) -> Any:
@@ -128,13 +128,13 @@ def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(IsbDriver, "write", broken)
 
     async def check() -> None:
-        async with house(tmp_path, trial_s=0.2) as here:
+        async with house(tmp_path, rollback_s=0.2, rounds=1) as here:
             desk, _ = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
             assert job.state == "failed"
-            assert desk.trial is not None
-            assert (desk.trial.state, desk.trial.words) == ("unreachable", rollback.BROKEN)
-            assert [one.state for one in here.desks.trials.all()] == ["unreachable"]
+            assert desk.pending_rollback is not None
+            assert (desk.pending_rollback.state, desk.pending_rollback.words) == ("unreachable", rollback.BROKEN)
+            assert [one.state for one in here.desks.rollbacks.all()] == ["unreachable"]
 
     run(check())
 
@@ -142,7 +142,6 @@ def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: 
 def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rollback, "ROUNDS", 1)
     write = IsbDriver.write
 
     def broken(self: IsbDriver, setting: str, values: Any, known: DeviceContext, *, held: bool = False) -> Any:
@@ -153,7 +152,7 @@ def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
     monkeypatch.setattr(IsbDriver, "write", broken)
 
     async def check() -> None:
-        async with house(tmp_path, trial_s=0.2) as here:
+        async with house(tmp_path, rollback_s=0.2, rounds=1) as here:
             desk, _ = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
             assert job.message == rollback.NOT_TAKEN
@@ -169,18 +168,18 @@ def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
     write = atomic_write.write_atomic
 
     def full(path: Path, text: str) -> None:
-        if path.parent.name == "trials" and '"applying"' not in text:
+        if path.parent.name == "rollbacks" and '"applying"' not in text:
             raise OSError(28, "No space left on device")
         write(path, text)
 
     async def check() -> None:
-        async with house(tmp_path, trial_s=0.2) as here:
+        async with house(tmp_path, rollback_s=0.2) as here:
             desk, device = await strange(here)
             monkeypatch.setattr(atomic_write, "write_atomic", full)
             task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
-            await until(task.over.is_set, "it is over")
-            assert desk.trial is not None
-            assert desk.trial.state == "reverted"
+            await until(task.finished.is_set, "it is over")
+            assert desk.pending_rollback is not None
+            assert desk.pending_rollback.state == "rolled-back"
             assert has(device, "dynamicModel", 1) == MODEL
 
     run(check())

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import generate_ts_types, wire, wire_codec
+from server import generate_route_types, generate_ts_types, wire, wire_codec
+from server.reference import typescript
 
 DTYPES = list(wire.Dtype.__args__)  # type: ignore[attr-defined]
 
@@ -85,7 +86,7 @@ def test_text_round_trip() -> None:
     assert wire_codec.decode_text('{"op":"ping","t":1}') == wire.Ping(1.0)
     assert wire_codec.decode_text('{"op":"interval","s":0.05}') == wire.Interval(0.05)
     assert wire_codec.decode_text('{"op":"interval","s":-1}') == wire.Interval(0.0)
-    assert json.loads(wire_codec.encode_text(wire.Backfilled())) == {"op": "backfilled"}
+    assert json.loads(wire_codec.encode_text(wire.HistoryEnd())) == {"op": "history_end"}
 
 
 @pytest.mark.parametrize(
@@ -121,14 +122,31 @@ def test_any_text_is_a_request_or_refused(text: str) -> None:
         return
 
 
-@pytest.mark.parametrize("target", generate_ts_types.TARGETS, ids=lambda target: target.about)
-def test_types_of_the_page_are_not_stale(target: generate_ts_types.Target) -> None:
+@pytest.mark.parametrize("target", typescript.TARGETS, ids=lambda target: target.about)
+def test_types_of_the_page_are_not_stale(target: typescript.Target) -> None:
     """Run `python -m server.generate_ts_types` when this fails."""
-    assert target.path.read_text(encoding="utf-8") == generate_ts_types.generate(target)
+    assert target.path.read_text(encoding="utf-8") == typescript.generate(target)
+
+
+def test_routes_of_the_page_are_not_stale() -> None:
+    """Run `python -m server.generate_ts_types` when this fails."""
+    assert generate_ts_types.ROUTES.read_text(encoding="utf-8") == generate_ts_types.generate_routes()
+
+
+def test_every_answer_in_json_has_a_schema() -> None:
+    """What the page's clients are typed by must say something: a route without a response model would be unknown."""
+    for path, ways in generate_route_types.document()["paths"].items():
+        for method, operation in ways.items():
+            for status, response in operation["responses"].items():
+                for kind, content in response.get("content", {}).items():
+                    words = set(content.get("schema", {})) - {"title", "description"}
+                    assert words, f"{method.upper()} {path} answers {status} with {kind} of any shape"
 
 
 def test_the_generator_refuses_what_it_does_not_know() -> None:
     import ast
 
     with pytest.raises(ValueError, match="no TypeScript"):
-        generate_ts_types.typescript_type(ast.parse("set[int]", mode="eval").body)
+        typescript.typescript_type(ast.parse("set[int]", mode="eval").body)
+    with pytest.raises(ValueError, match="no TypeScript"):
+        generate_route_types.typescript_type({"not": {"type": "string"}})

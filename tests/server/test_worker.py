@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from recordings.mcap_writer import RecordingError
-from server.library.worker import Worker
+from server.workers import Worker
 
 ECHO = "import json, sys; print(json.dumps({'asked': json.load(sys.stdin), 'words': sys.argv[1:]}))"
 CUT_SHORT = """import os; print('{"progress": 0.5}\\n{"prog', end="", flush=True); os._exit(3)"""
@@ -33,10 +33,10 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], s
     return made
 
 
-def test_it_is_asked_and_tells(module: Callable[[str], str]) -> None:
+def test_it_answers_requests(module: Callable[[str], str]) -> None:
     async def check() -> None:
         worker = await Worker.start(module(ECHO))
-        worker.ask({"path": "ä.mcap"})
+        worker.request({"path": "ä.mcap"})
         assert [told async for told in worker] == [{"asked": {"path": "ä.mcap"}, "words": []}]
         assert await worker.wait() == 0
         assert not worker.is_running
@@ -44,7 +44,7 @@ def test_it_is_asked_and_tells(module: Callable[[str], str]) -> None:
     asyncio.run(check())
 
 
-def test_the_line_that_it_died_in_is_not_told(module: Callable[[str], str]) -> None:
+def test_an_unfinished_line_is_not_reported(module: Callable[[str], str]) -> None:
     async def check() -> None:
         worker = await Worker.start(module(CUT_SHORT), "a word")
         assert [told async for told in worker] == [{"progress": 0.5}]
@@ -56,7 +56,7 @@ def test_the_line_that_it_died_in_is_not_told(module: Callable[[str], str]) -> N
 def test_a_message_and_a_hint_are_its_failure(module: Callable[[str], str]) -> None:
     async def check() -> None:
         worker = await Worker.start(module(REFUSES))
-        worker.ask({})
+        worker.request({})
         with pytest.raises(RecordingError, match=r"It is damaged\.") as failed:
             await anext(worker)
         assert failed.value.hint == "Copy it again."
@@ -76,7 +76,7 @@ def test_it_ends_with_time_to_clean_up_or_at_once(module: Callable[[str], str], 
     asyncio.run(check())
 
 
-def test_one_that_was_never_asked_ends_when_it_is_dismissed(module: Callable[[str], str]) -> None:
+def test_an_unused_one_ends_when_dismissed(module: Callable[[str], str]) -> None:
     async def check() -> None:
         worker = await Worker.start(module(WAITS))
         worker.dismiss()

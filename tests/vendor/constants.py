@@ -34,6 +34,7 @@ def constants(
         headers: as they are included.
         folders: where includes are searched for.
         extra: lines before the first include.
+
     Raises:
         subprocess.CalledProcessError: the headers do not compile; the compiler's words are on standard error.
     """

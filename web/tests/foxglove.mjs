@@ -10,7 +10,9 @@ import { createRequire } from "node:module";
 const { FoxgloveClient } = createRequire(import.meta.url)("@foxglove/ws-protocol");
 
 const [address, topic, count] = process.argv.slice(2);
-const client = new FoxgloveClient({ ws: new WebSocket(address, [FoxgloveClient.SUPPORTED_SUBPROTOCOL, "foxglove.sdk.v1"]) });
+const client = new FoxgloveClient({
+  ws: new WebSocket(address, [FoxgloveClient.SUPPORTED_SUBPROTOCOL, "foxglove.sdk.v1"]),
+});
 const topics = [];
 const messages = [];
 let server;

@@ -1,1 +1,1 @@
-"""Simulated IMX, GPX and EVB: the other end of the wire."""
+"""Simulated IMX, GPX and EVB."""

@@ -1,21 +1,21 @@
-"""The other end of the wire: an IMX-5 that is not there, but answers.
+"""A simulated IMX-5.
 
-    power, SOFTWARE_RESET ──boot──> DID_DEV_INFO, then what is persistent streams
+    power, SOFTWARE_RESET ──boot──> DID_DEV_INFO, then the persistent streams
                                          ^   GET: a stream or one packet     SET, stops: ACK     refused: NACK
 
-`IsbSimulator` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
-device has sent by then. What it measures is simulator/signals.py, from the shared drive.
+`IsbSimulator` is pure: it has no clock, link or thread. The caller passes the current time and gets the bytes sent by
+then. simulator/signals.py computes its measurements, from the shared drive.
 
-    GET_DATA     period 0 sends the data set once and ends its stream, by whatever size it is asked for (a part of one
-                 that has no bit in DID_RMC leaves the stream, which is another slot of the vendor's code); else one
-                 packet every `period` times the source's own. NACK for what is not there.
-    SET_DATA     DID_RMC chooses streams by bits; what is kept is in simulator/settings.py (new periods and rates act
-                 after a reset, as in the device); DID_SYS_CMD saves, resets, and refuses what this device has not.
+    GET_DATA     period 0 sends the data set once and ends its stream, whatever size is requested (a part of one without
+                 a bit in DID_RMC leaves the stream, which is another slot of the vendor's code); else one packet every
+                 `period` times the source's own. NACK for unknown data sets.
+    SET_DATA     DID_RMC selects streams by bits; simulator/settings.py has the stored values (new periods and rates
+                 take effect after a reset, as in the device); DID_SYS_CMD saves, resets, and refuses the rest.
     stops        of one data set without an answer; of all with ACK.
-    NMEA         simulator/nmea.py's business: sentences beside the packets, and what is asked in text.
-    RTCM 3       taken and counted, as corrections for the receiver.
+    NMEA         simulator/nmea.py: sentences beside the packets, and text requests.
+    RTCM 3       accepted and counted, as corrections for the receiver.
 
-What it does not do: RTK and other ports; a stop of all ports stops this one.
+Not simulated: RTK and other ports; a stop of all ports stops this one.
 
 Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h.
 """
@@ -60,7 +60,7 @@ IMU_SOURCES = ("nav", "imu")
 FIRMWARE = (2, 7, 1, 0)
 DEV_INFO, SYS_CMD, RMC, SYS_PARAMS = 1, 7, 9, 10
 SAVE_PERSISTENT, RESET = 1, 99
-DONE = (1, 3, 4, 5, 6, 7, 8, 11, 60, 61, 62, 70, 97, 98, 99)  # system commands that it takes
+DONE = (1, 3, 4, 5, 6, 7, 8, 11, 60, 61, 62, 70, 97, 98, 99)  # accepted system commands
 RMC_PRESERVE = 1 << 8
 RMC_PERSISTENT = 1 << 9
 BITS = frozenset(BY_BIT.values())
@@ -77,20 +77,21 @@ class IsbSimulator:
 
     Args:
         product: of PRODUCTS.
-        serial: None for one made of the seed.
+        serial: None: derived from the seed.
         seed: repeats noise and faults exactly.
-        start_ns: the time, on the clock that `advance` speaks, at which power comes; its 0 is the begin of 2026 in UTC,
-            so that the date goes on when a device is switched off and on.
+        start_ns: power-on time, on the clock of `advance`; its 0 is the start of 2026 in UTC, so that the date
+            continues when a device is switched off and on.
         rate: samples/s of inertial data and navigation; above 1000 the device is faster than any real one.
-        drop, corrupt: share of streamed packets that never leave, or leave with one bit turned.
+        drop, corrupt: share of streamed packets that are lost, or sent with one bit flipped.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): the device's clock jumps once.
-        imu_source: what DID_IMU is timed by: "nav", the period of navigation (the header of the SDK), or "imu", that of
+        imu_source: period that DID_IMU follows: "nav", that of navigation (the header of the SDK), or "imu", that of
             inertial data (the document).
-        road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
+        vibration: share of the vehicle's shaking that reaches the sensor: 0 none, 1 a rigid mount.
         baud: rate of its ports; None for the factory's.
+
     Raises:
-        ValueError: the product is not known.
+        ValueError: unknown product.
     """
 
     def __init__(
@@ -106,11 +107,11 @@ class IsbSimulator:
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
         imu_source: str = "nav",
-        road: float = 0.0,
+        vibration: float = 0.0,
         baud: int | None = None,
     ) -> None:
         if product not in PRODUCTS:
-            raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
+            raise ValueError(f"there is no simulator of {product!r}; there are {', '.join(PRODUCTS)}")
         self.product = product
         self.serial = 62_000 + seed % 0xFFFF if serial is None else serial
         self.baud = baud or BAUD
@@ -118,10 +119,10 @@ class IsbSimulator:
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
-        self.run = SignalSource(seed, road, jump, UTC_2026_S * S + start_ns)
+        self.run = SignalSource(seed, vibration, jump, UTC_2026_S * S + start_ns)
         self._period_ns = max(round(S / rate), 1)
         self.memory = SettingsMemory(factory(rate, self.baud))
-        self.corrections: Counter[str] = Counter()  # RTCM messages that it got, by number
+        self.corrections: Counter[str] = Counter()  # received RTCM messages, by number
         if imu_source not in IMU_SOURCES:
             raise ValueError(f"imu_source is one of {', '.join(IMU_SOURCES)}, given {imu_source!r}")
         self._imu_source = imu_source
@@ -129,55 +130,55 @@ class IsbSimulator:
         every = max(1, round(rate / SLOW_INS_2_HZ))
         self.persistent: dict[int, int] = {58: 1, 4: 1, 5: every, 52: 1, 53: 1, 13: 1, 30: 1, 15: 5}
         self.streams: dict[int, int] = {}
-        self._awake = False
+        self._is_awake = False
         self._block = 0
-        self._sent_ns = -1  # all that was due up to this device time has been sent
+        self._sent_ns = -1  # everything due up to this device time has been sent
         self._waiting: list[tuple[int, bytes]] = []  # packets of this block not sent yet, last first
-        self._ear = StreamParser(frames.scan, find, STARTS)
+        self._parser = StreamParser(frames.scan, find, STARTS)
         self._heard_ns = 0
         self._count = 0
 
-    # -- the two directions of the wire
+    # -- the two directions of the link
 
     def advance(self, now_ns: int) -> bytes:
-        """Everything that the device sends up to `now_ns`, since it was last asked."""
+        """Bytes sent by the device up to `now_ns`, since the last call."""
         now = self._local(now_ns)
         out: list[bytes] = []
-        if not self._awake and now >= BOOT_NS:
-            self._awake = True
+        if not self._is_awake and now >= BOOT_NS:
+            self._is_awake = True
             self.streams = dict(self.persistent)
             self.memory.reset()
             self._sent_ns = BOOT_NS
             self._block = BOOT_NS // BLOCK_NS
             self._make()
             out.append(frames.build(DATA, DEV_INFO, self.value(DEV_INFO, now)))
-        if self._awake:
+        if self._is_awake:
             self._due(now, out)
         return b"".join(out)
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
-        """Bytes from the host. What the device had to send by then, followed by its answers."""
+        """Handle bytes from the host; returns the bytes sent by then, followed by its answers."""
         out = [self.advance(now_ns)]
-        if not self._awake:
-            return b""  # nobody listens yet
+        if not self._is_awake:
+            return b""  # the device has not booted yet
         now = self._local(now_ns)
         requests = self._requests(stalled=True) if now - self._heard_ns > STALL_NS else []
-        self._ear.feed(data, now)
+        self._parser.feed(data, now)
         self._heard_ns = now
-        out += [self._hear(request, now) for _, request in requests + self._requests()]
+        out += [self._receive(request, now) for _, request in requests + self._requests()]
         return b"".join(out)
 
     @property
     def next_ns(self) -> int:
-        """Time of its next message, on the clock of `advance`; 0 where that is not known."""
-        if not self._awake or not self._waiting:
+        """Time of its next message, on the clock of `advance`; 0 if unknown."""
+        if not self._is_awake or not self._waiting:
             return 0
         return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)
 
-    def _hear(self, request: Request, now: int) -> bytes:
+    def _receive(self, request: Request, now: int) -> bytes:
         """One packet, sentence or correction."""
-        if not self._awake:
-            return b""  # one before it was a reset
+        if not self._is_awake:
+            return b""  # an earlier one was a reset
         if isinstance(request, tuple):
             return self._answer(*request, now)
         if request.protocol == "rtcm3":
@@ -189,8 +190,8 @@ class IsbSimulator:
         return int((now_ns - self._start_ns) * self._speed)
 
     def _requests(self, *, stalled: bool = False) -> list[tuple[int, Request]]:
-        """What has been heard, in order: packets as (flags byte, data set, offset, payload), sentences, corrections."""
-        cut = self._ear.drain(stalled=stalled)
+        """Requests received, in order: packets as (flags byte, data set, offset, payload), sentences, corrections."""
+        cut = self._parser.drain(stalled=stalled)
         heard: list[tuple[int, Request]] = [(text.offset, text) for text in cut.texts if text.name]
         for at, _, body, length, did, flags in cut.table[:6].T.tolist():
             shifted = flags & WITH_OFFSET and flags & frames.TYPE_MASK in (frames.DATA, frames.SET_DATA)
@@ -201,7 +202,7 @@ class IsbSimulator:
     # -- streams
 
     def period_ns(self, did: int) -> int:
-        """Between two samples of what paces a data set."""
+        """Period of a data set's source."""
         if did not in SOURCES:
             return FAST_NS
         imu_ns = self._imu_ns if self._imu_source == "imu" else self._period_ns
@@ -288,7 +289,7 @@ class IsbSimulator:
         return b""
 
     def _get(self, did: int, size: int, offset: int, period: int, now: int) -> bytes:
-        """A stream begins, or one packet (with a part, where one is asked for); or a refusal."""
+        """Start a stream, or send one packet (or a part), or refuse."""
         if (did in BITS or (not offset and size in (0, len(self.value(did, now))))) and self.value(did, now):
             others = {one: every for one, every in self.streams.items() if one != did}
             self._choose({**others, did: period} if period else others)
@@ -301,7 +302,7 @@ class IsbSimulator:
         return frames.build(DATA, did, value[offset:end], offset=offset)
 
     def _set(self, did: int, offset: int, data: bytes, now: int) -> bool:
-        """Write; False where that cannot be."""
+        """Write; False if that is not possible."""
         if did == RMC and offset == 0 and len(data) >= 8:
             bits, options = int.from_bytes(data[:8], "little"), int.from_bytes(data[8:12], "little")
             wanted = {one for one in dids_of(bits) if one in SOURCES}
@@ -320,7 +321,7 @@ class IsbSimulator:
         return done
 
     def _command(self, command: int, now: int) -> bool:
-        """A system command; False for what this device has not: bridges, bootloaders, the maker's own."""
+        """Run a system command; False for those it lacks: bridges, bootloaders, the maker's own."""
         if command == SAVE_PERSISTENT:
             self._save()
         elif command == RESET:
@@ -328,12 +329,12 @@ class IsbSimulator:
         return command in DONE
 
     def _save(self) -> None:
-        """Streams and sentences come back after a reset."""
+        """Save streams and sentences over a reset."""
         self.persistent = dict(self.streams)
         self.memory.kept_sentences = dict(self.memory.sentences)
 
     def _text(self, line: str, now: int) -> bytes:
-        """What is asked in text."""
+        """Handle a text request."""
         words = line.strip()[1:-3].split(",")
         match words:
             case ["STPB"] | ["STPC"]:
@@ -354,7 +355,7 @@ class IsbSimulator:
         return b""
 
     def _reset(self, now: int) -> None:
-        """As if power had failed for a moment: its time begins anew, stored periods act."""
+        """Restart as after a power failure: time starts over, stored periods take effect."""
         nav_ms, imu_ms, gnss_ms = self.memory.periods_ms
         if nav_ms != max(1, round(self._period_ns / 1e6)):
             self._period_ns = max(nav_ms, 1) * 1_000_000
@@ -363,21 +364,21 @@ class IsbSimulator:
         self._gnss_ns = max(gnss_ms, 50) * 1_000_000
         self.baud = self.memory.baud
         self._start_ns += round(now / self._speed)
-        self.run = SignalSource(self._seed, self.run.road, None, self.run.utc_ns + now)
-        self._awake, self._waiting, self.streams = False, [], {}
-        self._ear = StreamParser(frames.scan, find, STARTS)
+        self.run = SignalSource(self._seed, self.run.vibration, None, self.run.utc_ns + now)
+        self._is_awake, self._waiting, self.streams = False, [], {}
+        self._parser = StreamParser(frames.scan, find, STARTS)
         self._heard_ns = 0
         self._sent_ns = -1
 
     def repowered(self, start_ns: int) -> IsbSimulator:
-        """The device after its power was off: with what it had stored."""
+        """The device after a power cycle, with its stored values."""
         self._reset(max(self._local(start_ns), 0))
         return self
 
     # -- values
 
     def value(self, did: int, now: int) -> bytes:
-        """A whole data set as it is now; b"" where this device has none of that number."""
+        """A whole data set at this moment; b"" if this device lacks it."""
         if did in SOURCES:
             period = self.period_ns(did)
             steps = np.array([now // period])
@@ -397,7 +398,7 @@ class IsbSimulator:
         out["manufacturer"] = _text(b"Inertial Sense Inc", 24)
         out["buildType"] = ord("r")
         out["buildYear"], out["buildMonth"], out["buildDay"] = 26, 1, 1
-        out["addInfo"] = _text(b"twin", 24)
+        out["addInfo"] = _text(b"simulator", 24)
         return out.tobytes()
 
     def _parameters(self, now: int) -> bytes:
@@ -414,7 +415,7 @@ class IsbSimulator:
 
 
 def _acked(kind: int, flags: int, header_id: int, did: int, size: int, offset: int) -> bytes:
-    """ACK or NACK: the packet that is answered, and what of it. (A GET may name a set beyond 255; a NACK cannot.)"""
+    """Build an ACK or NACK for a packet. A GET may name a set beyond 255; a NACK cannot."""
     return frames.build(kind, 0, struct.pack("<BBHBHH", flags, header_id, 0, did & 0xFF, size, offset))
 
 

@@ -1,12 +1,12 @@
-"""Simulated GPX-1: a GNSS receiver that speaks ISB, without inertial sensors.
+"""A simulated GPX-1: a GNSS receiver with ISB output, without inertial sensors.
 
     streams        position, velocity and satellites of the first receiver, its version, status, device information
-    DID_GPX_RMC    chooses streams by bits of its own; DID_RMC, and all that measures motion, it does not have
+    DID_GPX_RMC    selects streams by bits of its own; it lacks DID_RMC and all motion data
     configuration  DID_GPX_FLASH_CFG, kept over a reset; acts after it
     NMEA           sentences of the receiver
 
-What streams beside the receiver's data has no pace of its own: by a bit of DID_GPX_RMC it comes as often as the
-vendor's presets have it.
+Streams other than the receiver's data have no pace of their own: enabled by a bit of DID_GPX_RMC they come as often as
+in the vendor's presets.
 
 Source: inertial-sense-sdk 2.7.1, data_sets.h (gpx_flash_cfg_t, gpx_status_t, GRMC_BITS, GRMC_PRESET).
 """
@@ -35,11 +35,11 @@ _PORTS, _GNSS_AT = (12, 16, 20), 24
 
 
 class GpxMemory(SettingsMemory):
-    """What a GPX keeps."""
+    """Stored settings of a GPX."""
 
     @property
     def periods_ms(self) -> tuple[int, int, int]:
-        """There is only that of GNSS."""
+        """The only period, that of GNSS."""
         return 0, 0, self.word(_GNSS_AT)
 
     @property
@@ -80,7 +80,7 @@ def factory(baud: int) -> bytes:
 
 
 class GpxSimulator(IsbSimulator):
-    """A simulated GPX-1; see IsbSimulator for what is given."""
+    """A simulated GPX-1; see IsbSimulator for the arguments."""
 
     def __init__(self, product: str = "GPX-1", *args: Any, **more: Any) -> None:
         super().__init__(product, *args, **more)

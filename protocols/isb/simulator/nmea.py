@@ -1,14 +1,14 @@
-"""What does the twin of an IMX-5 say and understand in text? NMEA 0183, beside its binary packets.
+"""NMEA 0183 sentences of the simulated IMX-5, sent and received, beside its binary packets.
 
-    $INFO*0E             ──>  $INFO,62123,5.0.4.0,2.7.1.0,7,2.0.0.0,…        who it is
+    $INFO*0E             ──>  $INFO,62123,5.0.4.0,2.7.1.0,7,2.0.0.0,…        identity
     $ASCE*14             ──>  $ASCE,0,4,1,7,1*xx                              sentences and their periods
     $ASCE,0,7,1*0E            GGA with every solution; 0 ends it; option 512 keeps it
-    $PERS $SRST $STPB $STPC   keep what streams; restart; stop everything
+    $PERS $SRST $STPB $STPC   save the streams; restart; stop everything
 
-A sentence is made of the data set that it reports, at its pace.
+A sentence is made from the data set that it reports, at its pace.
 
-The manual calls the answer to ASCE ASCB; firmware 2.7.1 calls it ASCE, and so does this. Who it is ends with type of
-hardware, state and type of build, which the manual does not have.
+The manual calls the answer to ASCE ASCB; firmware 2.7.1 calls it ASCE, and so does this. The identity ends with type of
+hardware, state and type of build, which are missing from the manual.
 
 Source: Inertial Sense user manual, "NMEA 0183 (ASCII) protocol"; inertial-sense-sdk 2.7.1, protocol_nmea.cpp.
 """
@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from protocols.isb.commands import NMEA_MESSAGES
-from protocols.isb.encoder import sentence
 from protocols.isb.simulator.signals import DTYPES
 from protocols.isb.time_base import GPS_EPOCH
+from protocols.nmea import sentence
 
 LEAP_S = 18
 NUMBERS = {name: number for number, name in NMEA_MESSAGES.items()}
@@ -103,11 +103,11 @@ LINES: Mapping[str, tuple[int, Callable[[Any], str]]] = {
     "GNGLL": (13, _gll),
     "GNZDA": (13, _zda),
 }
-"""Sentence → the data set that it reports, and how."""
+"""Sentence → the data set that it reports, and its formatter."""
 
 
 def source_of(number: int) -> int | None:
-    """The data set that a sentence reports; None for one that this device does not make."""
+    """The data set that a sentence reports; None if this device does not send it."""
     found = LINES.get(NMEA_MESSAGES.get(number, ""))
     return found[0] if found else None
 
@@ -120,7 +120,7 @@ def line(number: int, payload: bytes) -> bytes:
 
 
 def info(payload: bytes) -> bytes:
-    """Who it is, of DID_DEV_INFO."""
+    """Identity of the device, from DID_DEV_INFO."""
     row = np.frombuffer(payload, DTYPES[1])[0]
 
     def version(name: str) -> str:
@@ -136,13 +136,13 @@ def info(payload: bytes) -> bytes:
 
 
 def periods(sentences: Mapping[int, int]) -> bytes:
-    """What is sent, as the answer to a question."""
+    """Current outputs, as the answer to a query."""
     pairs = "".join(f",{number},{period}" for number, period in sorted(sentences.items()))
     return sentence(f"ASCE,0{pairs}")
 
 
 def chosen(words: list[str]) -> tuple[int, dict[int, int]] | None:
-    """Options and periods of an ASCE; None where it says nothing that can be done."""
+    """Options and periods of an ASCE; None if it is invalid."""
     try:
         options = int(words[0])
         named = [NUMBERS.get(word, -1) if not word.isdigit() else int(word) for word in words[1::2]]

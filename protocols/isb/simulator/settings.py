@@ -1,12 +1,12 @@
-"""What does the twin of an IMX-5 keep, beside what it measures, and what does it make of what is written?
+"""Settings of the simulated IMX-5, and the effects of writing them.
 
-    DID_FLASH_CONFIG        kept over a reset; acts after it. Its checksum is computed anew with every write; a rate
-                            that no port has becomes the nearest; inertial data are never slower than navigation
+    DID_FLASH_CONFIG        kept over a reset; takes effect after it. Its checksum is computed with every write; an
+                            unsupported rate becomes the nearest; inertial data are never slower than navigation
     DID_NMEA_BCAST_PERIOD   pairs are merged: a sentence that is not named keeps its period
-    DID_MAG_CAL, DID_BIT    a state that is written starts something, which runs by itself and ends
-    others of `KEPT`        what is written is read back; gone with a reset
+    DID_MAG_CAL, DID_BIT    writing a state starts a process, which runs by itself and ends
+    others of `KEPT`        written values are read back; lost with a reset
 
-A data set that is in none of these this device does not have, and refuses.
+The device lacks and refuses all other data sets.
 
 Source: inertial-sense-sdk 2.7.1, data_sets.h; user manual, "Data Sets (DIDs)".
 """
@@ -25,7 +25,7 @@ from protocols.simulator.trajectory import PLACE
 
 SYS_FAULT, NMEA, FLASH, GPS1_VERSION, MAG_CAL, BIT = 2, 8, 12, 17, 19, 64
 KEPT = (61, 73, 87, 90, 94)  # RTK options, survey, wheels, CAN, calibration in the field
-INPUTS = (71, 88)  # wheel encoder, position measurement: taken, not told
+INPUTS = (71, 88)  # wheel encoder, position measurement: write only
 PERSISTENT = 1 << 9
 SENTENCES = 20
 S = 10**9
@@ -45,21 +45,22 @@ def size(did: int) -> int:
 
 @dataclass
 class SettingsMemory:
-    """All of it.
+    """All settings, stored and momentary.
 
     Args:
         flash: the flash configuration as it leaves the factory.
+
     Attributes:
         sentences: NMEA message → period.
-        kept_sentences: those that come back after a reset.
+        kept_sentences: those restored after a reset.
     """
 
     flash: bytes
     sentences: dict[int, int] = field(default_factory=dict)
     kept_sentences: dict[int, int] = field(default_factory=dict)
     _sets: dict[int, bytes] = field(default_factory=dict)
-    _calibration: tuple[int, int] | None = None  # when it began, and its state while it runs
-    _test: tuple[int, int] | None = None  # when it began, and which
+    _calibration: tuple[int, int] | None = None  # start and state, while it runs
+    _test: tuple[int, int] | None = None  # start and kind
 
     def word(self, offset: int) -> int:
         """A 32-bit word of the flash configuration."""
@@ -67,7 +68,7 @@ class SettingsMemory:
 
     @property
     def periods_ms(self) -> tuple[int, int, int]:
-        """Of navigation, inertial data and GNSS, as they will be after a reset."""
+        """Periods of navigation, inertial data and GNSS after a reset."""
         return self.word(_NAV_MS), self.word(_IMU_MS), self.word(_GNSS_MS)
 
     @property
@@ -76,7 +77,7 @@ class SettingsMemory:
         return self.word(_PORTS[0])
 
     def reset(self) -> None:
-        """What is not kept is gone."""
+        """Discard unsaved values."""
         self._sets.clear()
         self._calibration = self._test = None
         self.sentences = dict(self.kept_sentences)
@@ -84,7 +85,7 @@ class SettingsMemory:
     # -- read
 
     def value(self, did: int, now: int) -> bytes:
-        """A data set; b"" where this device has none of that number."""
+        """A data set; b"" if this device lacks it."""
         if did == FLASH:
             return self.flash
         if did == NMEA:
@@ -95,7 +96,7 @@ class SettingsMemory:
         if did == BIT:
             return self._bit(now)
         if did in (SYS_FAULT, GPS1_VERSION):
-            return (b"twin" if did == GPS1_VERSION else b"").ljust(size(did), b"\0")
+            return (b"simulator" if did == GPS1_VERSION else b"").ljust(size(did), b"\0")
         return self._sets.get(did, bytes(size(did))) if did in KEPT else b""
 
     def _mag_cal(self, now: int) -> bytes:
@@ -114,7 +115,7 @@ class SettingsMemory:
     # -- written
 
     def write(self, did: int, offset: int, data: bytes, now: int) -> bool:
-        """Write a part; False where that cannot be."""
+        """Write a part; False if that is not possible."""
         if did in INPUTS:
             return offset + len(data) <= size(did)
         whole = self.value(did, now)
@@ -137,7 +138,7 @@ class SettingsMemory:
         return True
 
     def choose(self, periods: dict[int, int], *, keep: bool = False) -> None:
-        """Sentences and their periods, over those that there are; 0 ends one."""
+        """Merge sentences and their periods into the present ones; 0 ends one."""
         merged = {**self.sentences, **periods}
         self.sentences = {number: period for number, period in merged.items() if number and period}
         if keep:
@@ -145,7 +146,7 @@ class SettingsMemory:
 
 
 def _settled(flash: bytes) -> bytes:
-    """What the device makes of a configuration: rates that there are, and the checksum."""
+    """Configuration as adjusted by the device: supported rates, and the checksum."""
     words = bytearray(flash)
     for at in _PORTS:
         rate = int.from_bytes(words[at : at + 4], "little")
@@ -156,7 +157,7 @@ def _settled(flash: bytes) -> bytes:
 
 
 def summed(flash: bytes) -> bytes:
-    """The flash configuration with its checksum: the exclusive or of all words behind it (SDK: flashChecksum32)."""
+    """The flash configuration with its checksum: the exclusive or of all words after it (SDK: flashChecksum32)."""
     total = int(np.bitwise_xor.reduce(np.frombuffer(flash, "<u4")[2:]))
     return flash[:4] + struct.pack("<I", total) + flash[8:]
 

@@ -1,14 +1,15 @@
-"""What does an IMX-5 measure? Every data set that its twin streams, valued by the shared drive, packed as configured.
+"""Signals of the simulated IMX-5: every data set that its simulator streams, computed from the shared drive and packed
+as configured.
 
-    drive(t) + errors ──> SignalSamples (force, turn, place …) ──> one function per data set ──> rows of bytes ──>
-    packets
+    drive(t) + errors ──> SignalSamples (force, turn, place …) ──> one function per data set ──> rows of bytes
+      ──> packets
 
-The drive (protocols/simulator/trajectory.py) is in ENU with the body's y to the left and z up; this family speaks NED
-with y to the right and z down, so vectors of the body change two signs and attitudes are turned on both sides.
+The drive (protocols/simulator/trajectory.py) is in ENU with the body's y to the left and z up; this family uses NED
+with y to the right and z down, so vectors of the body change two signs and attitudes are rotated on both sides.
 
 A receiver needs `FIRST_FIX_NS` to its first fix. Until then the week is 0 and the time of week counts from power-on,
-the navigation filter aligns and stays at the last place it knew; then week, place and status change from one packet to
-the next, as they do in a real device. What a receiver solves is AGE_NS old when it is sent.
+the navigation filter aligns and stays at its last known place; then week, place and status change from one packet to
+the next, as in a real device. A receiver's solution is AGE_NS old when it is sent.
 
 All packets of one data set in a quarter of a second are rows of one array, so that the cost is per field and not per
 packet. The result depends on seed and time only, not on how time is cut.
@@ -60,7 +61,7 @@ SKY = (  # system, satellite, elevation °, azimuth °, carrier to noise ratio i
     *((4, 19, 44, 14, 38), (4, 27, 7, 201, 22), (6, 1, 52, 96, 43), (6, 7, 33, 349, 39), (6, 14, 6, 61, 24)),
     (2, 123, 36, 171, 36),
 )
-STRONG = 30  # dBHz, from which a satellite is used
+STRONG = 30  # dBHz; stronger satellites are used
 
 # Bits of the status words, as named in datasets.txt.
 _COARSE, _FINE = 0b111, 0b111 << 4
@@ -75,7 +76,7 @@ _TURNING, _SHAKEN, _RECEIVING, _CLIPPED_TURN, _CLIPPED_FORCE, _TIME_VALID, _PASS
 
 @dataclass(frozen=True, slots=True)
 class StreamSource:
-    """A data set that can be streamed, what paces it, and the bit of DID_RMC that switches it on."""
+    """A data set that can be streamed, its pace, and its bit of DID_RMC."""
 
     did: int
     pace: str
@@ -99,7 +100,7 @@ SOURCES: Mapping[int, StreamSource] = {
 
 
 def _dtype(did: int) -> np.dtype[Any]:
-    """A data set's structure as numpy has it."""
+    """A data set's structure as a numpy dtype."""
     struct = SETS[did].struct
     assert struct is not None
     names = [field.name for field, _ in struct.places]
@@ -113,22 +114,22 @@ DTYPES = {did: _dtype(did) for did in (*SOURCES, 1, 10, 12, 121, 123)}
 
 @dataclass(frozen=True, slots=True)
 class SignalSource:
-    """What all values of one run depend on, beside time.
+    """Inputs of all values of one run, apart from time.
 
     Args:
         seed: of the sensor errors.
-        road: how much of the vehicle's shaking reaches the sensor, 0 to 1.
+        vibration: share of the vehicle's shaking that reaches the sensor, 0 to 1.
         jump: (device time ns, by ns): the device's clock jumps once, a fault; None for none.
         utc_ns: UTC at device time 0, ns since the Unix epoch.
     """
 
     seed: int = 0
-    road: float = 0.0
+    vibration: float = 0.0
     jump: tuple[int, int] | None = None
     utc_ns: int = UTC_2026_S * S
 
     def up(self, times: Array, age_ns: int = 0) -> Array:
-        """What the device's own clock says, ns, in packets that are sent `age_ns` after `times`."""
+        """Device clock, ns, in packets sent `age_ns` after `times`."""
         if self.jump is None:
             return times
         return np.asarray(times + np.where(times + age_ns >= self.jump[0], self.jump[1], 0))
@@ -140,24 +141,24 @@ class SignalSource:
 
 
 class SignalSamples:
-    """Truth and readings at consecutive samples of one pace, each computed when first asked for.
+    """Truth and readings at consecutive samples of one pace, each computed on first access.
 
     Args:
         first: number of the first sample since the device was switched on.
         times: (n,) device time of each, ns.
-        age_ns: how old they are when they are sent.
+        age_ns: their age when they are sent.
     """
 
     def __init__(self, run: SignalSource, first: int, times: Array, period_ns: int, age_ns: int = 0) -> None:
         self.run, self.first, self.times, self.period_ns, self.age_ns = run, first, times, period_ns, age_ns
 
     @cached_property
-    def drive(self) -> trajectory.MotionState:
+    def motion(self) -> trajectory.MotionState:
         return trajectory.vehicle_motion(self.times / 1e9)
 
     @cached_property
     def fixed(self) -> Array:
-        """Is there a fix, as the receiver's first solution with one is sent?"""
+        """Whether there is a fix, as in the receiver's first solution with one."""
         return np.asarray(self.times + self.age_ns >= FIRST_FIX_NS)
 
     @cached_property
@@ -179,50 +180,50 @@ class SignalSamples:
         return trajectory.SensorErrors(grade, seed, S / self.period_ns).at(self.first, len(self.times))
 
     def _shaking(self, name: str, grade: trajectory.SensorGrade) -> Floats | float:
-        if not self.run.road:
+        if not self.run.vibration:
             return 0.0
-        return self.run.road * trajectory.vibration(self.drive)[:, None] * self._error(name, grade)
+        return self.run.vibration * trajectory.vibration(self.motion)[:, None] * self._error(name, grade)
 
     @cached_property
     def force(self) -> Floats:
         """Specific force, (n, 3) m/s², forward, right, down."""
-        felt = self.drive.force + self._shaking("acc-road", trajectory.SHAKING_FORCE)
+        felt = self.motion.force + self._shaking("acc-road", trajectory.SHAKING_FORCE)
         felt = felt + self._error("acc", trajectory.ACCELEROMETER)
         return np.asarray(np.clip(felt, -FORCE_RANGE, FORCE_RANGE) * FLIP)
 
     @cached_property
-    def turn(self) -> Floats:
+    def rotation_rate(self) -> Floats:
         """Rate of turn, (n, 3) rad/s."""
-        felt = self.drive.rate + self._shaking("gyr-road", trajectory.SHAKING_TURN)
+        felt = self.motion.rate + self._shaking("gyr-road", trajectory.SHAKING_TURN)
         felt = felt + self._error("gyr", trajectory.GYRO)
         return np.asarray(np.clip(felt, -TURN_RANGE, TURN_RANGE) * FLIP)
 
     @cached_property
     def field(self) -> Floats:
-        return np.asarray((self.drive.field + self._error("mag", trajectory.MAGNETOMETER)) * FLIP)
+        return np.asarray((self.motion.field + self._error("mag", trajectory.MAGNETOMETER)) * FLIP)
 
     @cached_property
     def attitude(self) -> Floats:
         """q_ned_from_body_wxyz, a fraction of a degree off."""
         small = self._error("att", trajectory.ATTITUDE) / 2
         wrong = np.concatenate([np.sqrt(1 - (small**2).sum(axis=1, keepdims=True)), small], axis=1)
-        q = trajectory.multiply(self.drive.q_enu_from_body_wxyz, wrong)
+        q = trajectory.multiply(self.motion.q_enu_from_body_wxyz, wrong)
         q = trajectory.multiply(trajectory.multiply(_NED_FROM_ENU, q), _LEFT_UP_FROM_RIGHT_DOWN)
         return np.asarray(q * np.where(q[:, :1] < 0, -1.0, 1.0))
 
     @cached_property
     def enu(self) -> Floats:
-        """Place, (n, 3) m from motion.PLACE; that place itself before the first fix."""
-        return np.where(self.fixed[:, None], self.drive.position + self._error("pos", trajectory.POSITION), 0.0)
+        """Place, (n, 3) m from trajectory.PLACE; that place itself before the first fix."""
+        return np.where(self.fixed[:, None], self.motion.position + self._error("pos", trajectory.POSITION), 0.0)
 
     @cached_property
     def velocity(self) -> Floats:
         """(n, 3) m/s ENU; 0 before the first fix."""
-        return np.where(self.fixed[:, None], self.drive.velocity + self._error("vel", trajectory.VELOCITY), 0.0)
+        return np.where(self.fixed[:, None], self.motion.velocity + self._error("vel", trajectory.VELOCITY), 0.0)
 
     @cached_property
     def ins_status(self) -> Array:
-        still = trajectory.speed(self.drive) < STILL
+        still = trajectory.speed(self.motion) < STILL
         word = np.where(self.fixed, _COARSE | _GPS_POSITION | _UPDATE | _NAV_MODE | _GPS_VELOCITY | _NAV | _FIX_3D, 0)
         word |= np.where(self.fixed, 0, 1 | _ALIGNING)
         word |= np.where(self.fine, _FINE | _KINEMATIC, 0) | np.where(still, _STATIONARY, 0) | _MAG_HEADING
@@ -230,10 +231,10 @@ class SignalSamples:
 
     @cached_property
     def hdw_status(self) -> Array:
-        moving = trajectory.speed(self.drive) >= STILL
+        moving = trajectory.speed(self.motion) >= STILL
         word = np.where(self.fixed, _RECEIVING | _TIME_VALID, 0) | _PASSED
-        word |= np.where(moving, _SHAKEN, 0) | np.where(np.abs(self.drive.rate).max(axis=1) > 0.02, _TURNING, 0)
-        word |= np.where(np.abs(self.turn).max(axis=1) >= TURN_RANGE, _CLIPPED_TURN, 0)
+        word |= np.where(moving, _SHAKEN, 0) | np.where(np.abs(self.motion.rate).max(axis=1) > 0.02, _TURNING, 0)
+        word |= np.where(np.abs(self.rotation_rate).max(axis=1) >= TURN_RANGE, _CLIPPED_TURN, 0)
         return np.asarray(word | np.where(np.abs(self.force).max(axis=1) >= FORCE_RANGE, _CLIPPED_FORCE, 0))
 
     @cached_property
@@ -269,7 +270,7 @@ def _stamp(at: SignalSamples, out: Array) -> None:
 def _ins(at: SignalSamples, out: Array) -> None:
     _stamp(at, out)
     out["insStatus"], out["hdwStatus"] = at.ins_status, at.hdw_status
-    out["uvw"] = trajectory.to_body(at.drive.q_enu_from_body_wxyz, at.velocity) * FLIP
+    out["uvw"] = trajectory.to_body(at.motion.q_enu_from_body_wxyz, at.velocity) * FLIP
     out["lla"] = trajectory.geodetic(at.enu)
 
 
@@ -287,21 +288,21 @@ def _ins_2(at: SignalSamples, out: Array) -> None:
 
 
 def _imu_status(at: SignalSamples) -> Array:
-    word = 0b111111 | np.where(np.abs(at.turn).max(axis=1) >= TURN_RANGE, 1 << 30, 0)
+    word = 0b111111 | np.where(np.abs(at.rotation_rate).max(axis=1) >= TURN_RANGE, 1 << 30, 0)
     return np.asarray(word | np.where(np.abs(at.force).max(axis=1) >= FORCE_RANGE, 1 << 31, 0))
 
 
 @_fills(58)
 def _imu(at: SignalSamples, out: Array) -> None:
     out["time"], out["status"] = at.up / 1e9, _imu_status(at)
-    out["I.pqr"], out["I.acc"] = at.turn, at.force
+    out["I.pqr"], out["I.acc"] = at.rotation_rate, at.force
 
 
 @_fills(3)
 def _pimu(at: SignalSamples, out: Array) -> None:
     dt = at.period_ns / 1e9
     out["time"], out["dt"], out["status"] = at.up / 1e9, dt, _imu_status(at)
-    out["theta"], out["vel"] = at.turn * dt, at.force * dt
+    out["theta"], out["vel"] = at.rotation_rate * dt, at.force * dt
 
 
 @_fills(52)
@@ -311,11 +312,11 @@ def _magnetometer(at: SignalSamples, out: Array) -> None:
 
 @_fills(53)
 def _barometer(at: SignalSamples, out: Array) -> None:
-    height = at.drive.position[:, 2] + trajectory.PLACE[2] - trajectory.GEOID_M
+    height = at.motion.position[:, 2] + trajectory.PLACE[2] - trajectory.GEOID_M
     noise = at._error("baro", trajectory.SensorGrade(density=0.5, bias=8.0))[:, 0]
     pressure = trajectory.pressure(height) + noise
     out["time"], out["bar"] = at.up / 1e9, pressure / 1e3
-    out["mslBar"] = (1 - (pressure / 101_325.0) ** (1 / 5.25588)) / 2.25577e-5  # the inverse of motion.pressure
+    out["mslBar"] = (1 - (pressure / 101_325.0) ** (1 / 5.25588)) / 2.25577e-5  # the inverse of trajectory.pressure
     out["barTemp"] = 24.0 + 14.0 * (1 - np.exp(-at.times / (600 * S)))
     out["humidity"] = 38.0 + 2.0 * np.sin(at.times / (90 * S))
 
@@ -370,7 +371,7 @@ def payload_size(did: int) -> int:
 
 
 def moments(run: SignalSource, did: int, period_ns: int, steps: Array) -> SignalSamples:
-    """The samples `steps` (consecutive) of what paces a data set."""
+    """The samples `steps` (consecutive) of a data set's source."""
     age = AGE_NS if SOURCES[did].pace == GNSS else 0
     return SignalSamples(run, int(steps[0]), np.maximum(steps * period_ns - age, 0), period_ns, age)
 

@@ -1,1 +1,1 @@
-"""Simulated MTi: the other end of the wire."""
+"""Simulated MTi."""

@@ -1,22 +1,22 @@
-"""The other end of the wire: an MTi that is not there, but answers.
+"""A simulated MTi.
 
     power, Reset ──> wake-up ──500 ms, no WakeUpAck──> measurement ──GoToConfig──> config
                         └───────── WakeUpAck ────────────────────────────────────────^ │
                      Configuration before measurement        <────GoToMeasurement──────┘
 
-`XbusSimulator` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
-device has sent by then; what it is told, it answers as section 5 of the document says, from a configuration that it
-keeps. Settings are stored at once, in a memory that outlives Reset and power (`repowered`), unless the option flag
-DisableAutoStore keeps them out of it; a new baud rate acts after Reset. What is wrong is answered with Error: 4 for a
-message that is unknown, of a wrong size, or not valid in this state, 33 for a parameter, 32 for a baud rate, 3 for a
-period. A device that hears 0xDE at 115 200 Bd while it boots wakes up with the factory's communication settings (7.2).
+`XbusSimulator` is pure: it has no clock, link or thread. The caller passes the current time and gets the bytes sent by
+then; requests are answered according to section 5 of the document, from a stored configuration. Settings are stored at
+once, in a memory that outlives Reset and power (`repowered`), unless the option flag DisableAutoStore prevents it; a
+new baud rate takes effect after Reset. Invalid requests are answered with Error: 4 for a message that is unknown, of a
+wrong size, or not valid in this state, 33 for a parameter, 32 for a baud rate, 3 for a period. A device that receives
+0xDE at 115 200 Bd while it boots wakes up with the factory's communication settings (7.2).
 
-What it measures is simulator/signals.py, from the shared drive; strings instead of data are simulator/strings.py. What
-it does not do: alignment matrices (an orientation reset makes them) and filter profiles are kept and answered but do
-not turn the output; the eMTS (0x91) that it gives, encrypted in a real one, holds nothing.
+simulator/signals.py computes its measurements, from the shared drive, simulator/strings.py its strings instead of data.
+Not simulated: alignment matrices (set by an orientation reset) and filter profiles are stored and answered but do not
+affect the output; its eMTS (0x91), encrypted in a real device, is empty.
 
-Rules for editing: a setting that is only kept and returned is a row in simulator/settings.py; one that does something
-is a function in simulator/handlers.py.
+Rules for editing: a setting that is only stored and returned is a row in simulator/settings.py; one with an effect is a
+function in simulator/handlers.py.
 
 Source: MT0101P 2020.A, sections 4 and 5.
 """
@@ -34,8 +34,9 @@ import numpy as np
 
 from protocols.xbus import frames
 from protocols.xbus.config_effects import BAUD_RATES
+from protocols.xbus.enums import INTERVAL, SEND_LATEST, TRIGGER
 from protocols.xbus.output_configuration import accepted_rates, max_rate, output_of
-from protocols.xbus.product_options import INTERVAL, LONGEST_PERIOD, SEND_LATEST, TRIGGER
+from protocols.xbus.product_options import LONGEST_PERIOD
 from protocols.xbus.simulator.faults import NONE, FaultInjection
 from protocols.xbus.simulator.handlers import ACTIONS
 from protocols.xbus.simulator.io import PowerCutError, ReplyQueue, RequestParser
@@ -63,7 +64,7 @@ from protocols.xbus.simulator.strings import Sentences
 
 WAKE_UP_WINDOW_NS = 500_000_000
 BOOT_NS = 300_000_000  # from Reset to WakeUp
-BOOT_BAUD = 115_200  # at which it listens for 0xDE while it boots
+BOOT_BAUD = 115_200  # of the line on which it accepts 0xDE while it boots
 GO_TO_CONFIG, ERROR, RESTORE = 0x30, 0x42, 0xDE
 DISABLE_AUTO_STORE, DISABLE_AUTO_MEASUREMENT = 1, 2
 
@@ -75,22 +76,23 @@ class XbusSimulator:
 
     Args:
         product: "MTi-630", "MTi-680G", "MTi-3", "MTi-30", "MTi-G-710"…: a key of `settings.PRODUCTS`.
-        serial: device identifier; None for one of the product's own range, made of the seed.
+        serial: device identifier; None for one of the product's own range, derived from the seed.
         seed: repeats noise and faults exactly.
-        start_ns: the time, on the clock that `advance` speaks, at which power comes.
+        start_ns: power-on time, on the clock of `advance`.
         rate: samples/s of the default output configuration; above 400 the device is faster than any real one.
-        drop, corrupt: share of MTData2 frames that never leave, or leave with one bit turned.
+        drop, corrupt: share of MTData2 frames that are lost, or sent with one bit flipped.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): SampleTimeFine jumps once.
-        road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
-        measuring: True to be powered long ago and already in the measurement state at `start_ns`.
-        baud: rate that is stored when it comes, one of table 7; None for the factory's.
-        port: which of a 600-series' host ports the line is connected to: 0 RS-232, 1 UART.
-        moods: what goes wrong with its answers.
-        bid: its bus identifier on a line that it shares: it sends under it and answers to nothing else. None for a
-            device that has its line to itself: it answers to 1 and to 255, and sends under 255.
+        vibration: share of the vehicle's shaking that reaches the sensor: 0 none, 1 a rigid mount.
+        measuring: True: powered long ago and already in the measurement state at `start_ns`.
+        baud: initially stored rate, one of table 7; None for the factory's.
+        port: host port of a 600-series that the line is connected to: 0 RS-232, 1 UART.
+        moods: faults of its answers.
+        bid: its bus identifier on a shared line: it sends under it and answers to nothing else. None for a device alone
+            on its line: it answers to 1 and to 255, and sends under 255.
+
     Raises:
-        ValueError: the product is not known.
+        ValueError: unknown product.
     """
 
     def __init__(
@@ -105,7 +107,7 @@ class XbusSimulator:
         corrupt: float = 0.0,
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
-        road: float = 0.0,
+        vibration: float = 0.0,
         measuring: bool = False,
         baud: int | None = None,
         port: int = 0,
@@ -113,7 +115,7 @@ class XbusSimulator:
         bid: int | None = None,
     ) -> None:
         if product not in PRODUCTS:
-            raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
+            raise ValueError(f"there is no simulator of {product!r}; there are {', '.join(PRODUCTS)}")
         self.product: SimulatedProduct = PRODUCTS[product]
         self.serial = self.product.first_serial + seed % 0xFFFF + 1 if serial is None else serial
         self.phase: Phase = "boot"
@@ -124,13 +126,13 @@ class XbusSimulator:
         self._rate = max(int(rate), 1)
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
-        self.run = XbusSignalSource(self.product.abilities, seed, self.product.wrap, jump, road, self.serial)
+        self.run = XbusSignalSource(self.product.capabilities, seed, self.product.wrap, jump, vibration, self.serial)
         self.settings: dict[int, bytes] = {}
-        self.reset_pending = b""  # both alignments as a ResetOrientation made them, until it is stored
+        self.reset_pending = b""  # both alignments after a ResetOrientation, until it is stored
         self.output: tuple[tuple[int, int], ...] = ()
-        self._moods, self._stubborn = moods, moods.stubborn
-        self._tongue, self._stores = ReplyQueue(moods, seed), 0
-        self._anew: Callable[[int], XbusSimulator] = partial(
+        self._faults, self._ignores_goto_config = moods, moods.ignores_goto_config
+        self._replies, self._stores = ReplyQueue(moods, seed), 0
+        self._restarting: Callable[[int], XbusSimulator] = partial(
             XbusSimulator,
             product,
             self.serial,
@@ -140,22 +142,22 @@ class XbusSimulator:
             corrupt=corrupt,
             clock_drift_ppm=clock_drift_ppm,
             clock_jump=clock_jump,
-            road=road,
+            vibration=vibration,
             baud=baud,
             port=port,
             moods=moods,
             bid=bid,
         )
         self._port, self._bid = port, bid
-        self._restored = False  # 0xDE was heard while it boots
+        self._restored = False  # 0xDE was received during boot
         self._newest = b""  # sample, while SendLatest waits for a trigger
         self._asked_for: list[bytes] = []
         self.restore()
         if baud in BAUD_RATES.values():
             self._begin_at(next(code for code, one in BAUD_RATES.items() if one == baud))
         self._memory = self._present()
-        self.baud, self._deaf = self._line()
-        self._ear = self._new_ear()
+        self.baud, self._ignores_input = self._line()
+        self._parser = self._new_parser()
         self._measurement: Measurement | Sentences | None = None
         self._block = 0
         self._waiting: list[tuple[int, bytes]] = []  # messages of this block not sent yet, last first
@@ -163,10 +165,10 @@ class XbusSimulator:
         if measuring:
             self.measure(0)
 
-    # -- the two directions of the wire
+    # -- the two directions of the link
 
     def advance(self, now_ns: int) -> bytes:
-        """Everything that the device sends up to `now_ns`, since it was last asked."""
+        """Bytes sent by the device up to `now_ns`, since the last call."""
         now = self._local(now_ns)
         out: list[bytes] = []
         if self.phase == "boot" and now >= 0:
@@ -180,48 +182,48 @@ class XbusSimulator:
                 self.measure(WAKE_UP_WINDOW_NS)
         if self.phase == "measurement":
             self._due(now, out)
-        out += self._tongue.due(now)
-        return b"" if self._deaf else self._under_own_name(out)
+        out += self._replies.due(now)
+        return b"" if self._ignores_input else self._under_own_name(out)
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
-        """Bytes from the host. What the device had to send by then, followed by its answers."""
+        """Handle bytes from the host; returns the bytes sent by then, followed by its answers."""
         before, out = self.advance(now_ns), list[bytes]()
         now = self._local(now_ns)
         if self.phase == "boot":
-            self._restored |= RESTORE in data  # nobody listens yet, but for this
+            self._restored |= RESTORE in data  # the only input accepted while booting
             return b""
-        if self._deaf:
+        if self._ignores_input:
             return b""
-        self._ear.hear(data, now)
-        for bid, mid, payload in self._ear.requests():
-            if mid == GO_TO_CONFIG and self._stubborn:
+        self._parser.receive(data, now)
+        for bid, mid, payload in self._parser.requests():
+            if mid == GO_TO_CONFIG and self._ignores_goto_config:
                 continue
             try:
                 answer = self._answer(mid, payload, now)
             except RequestRefusedError as refused:
-                out += self._tongue.say(frames.build(ERROR, bytes([refused.code]), bid), now)
+                out += self._replies.send(frames.build(ERROR, bytes([refused.code]), bid), now)
             except PowerCutError:
                 self.reset(now)
                 break
             else:
                 if answer is not None:
-                    out += self._tongue.say(frames.build(mid + 1, answer, bid), now)
+                    out += self._replies.send(frames.build(mid + 1, answer, bid), now)
             out += self._asked_for
             self._asked_for.clear()
         return before + self._under_own_name(out)
 
     @property
     def next_ns(self) -> int:
-        """Time of its next message, on the clock of `advance`; 0 where that is not known."""
-        if self.phase != "measurement" or not self._waiting or self._tongue.is_busy:
+        """Time of its next message, on the clock of `advance`; 0 if unknown."""
+        if self.phase != "measurement" or not self._waiting or self._replies.is_busy:
             return 0
         return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)
 
     def _under_own_name(self, out: list[bytes]) -> bytes:
-        """What it sends, each frame under its own bus identifier where it has one."""
+        """Output frames, each with its own bus identifier if it has one."""
         return b"".join(out if self._bid is None else (frames.to_bus(one, self._bid) for one in out))
 
-    def _new_ear(self) -> RequestParser:
+    def _new_parser(self) -> RequestParser:
         return RequestParser() if self._bid is None else RequestParser((self._bid,))
 
     def _local(self, now_ns: int) -> int:
@@ -241,7 +243,7 @@ class XbusSimulator:
         self._block, self._waiting = 0, []
 
     def _due(self, now: int, out: list[bytes]) -> None:
-        """Messages whose time has come."""
+        """Send messages that are due."""
         run = self._measurement
         assert run is not None
         while True:
@@ -271,18 +273,18 @@ class XbusSimulator:
 
     @property
     def send_latest(self) -> frozenset[int]:
-        """The lines that SendLatest waits for; while there are any, nothing is sent without a trigger."""
+        """The lines that SendLatest waits for; if there are any, nothing is sent without a trigger."""
         entries = self.settings[SYNC]
         return frozenset(entries[at + 1] for at in range(0, len(entries), 12) if entries[at] == SEND_LATEST)
 
     def send_newest(self) -> None:
-        """A trigger of SendLatest. Where nothing was measured since the last one there is nothing to send."""
+        """Handle a trigger of SendLatest; without a measurement since the last one nothing is sent."""
         if self._newest:
             self._asked_for.append(self._newest)
             self._newest = b""
 
     def change(self, **state: object) -> None:
-        """A command changed the status word or UTC: what is made already but not sent is made again."""
+        """Apply a command's change of the status word or UTC: messages made but not sent are made again."""
         self.run = replace(self.run, state=replace(self.run.state, **state))  # type: ignore[arg-type]
         if self._measurement is not None:
             self._measurement = replace(self._measurement, run=self.run)
@@ -290,40 +292,40 @@ class XbusSimulator:
                 self._waiting = self._measurement.block(self._block - 1, self._block_counter)[::-1][:left]
 
     def stop(self) -> None:
-        """To the config state; what is made but not sent never is."""
+        """Enter the config state; messages made but not sent are dropped."""
         self.phase, self._measurement, self._waiting = "config", None, []
 
     def reset(self, now: int) -> None:
-        """As if power had failed for a moment: device time begins anew, what is stored acts, the rest is lost."""
+        """Restart as after a power failure: device time starts over, stored values take effect, the rest is lost."""
         self.stop()
         self.settings, self.output = dict(self._memory[0]), self._memory[1]
-        self._stubborn, self.reset_pending = False, b""
+        self._ignores_goto_config, self.reset_pending = False, b""
         off = now + BOOT_NS
         self.change(
             utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False, **self._consequences()
         )
         self._start_ns += round(off / self._speed)
-        self.phase, self._counter, self.baud, self._deaf = "boot", 0, BOOT_BAUD, False
-        self._ear = self._new_ear()
+        self.phase, self._counter, self.baud, self._ignores_input = "boot", 0, BOOT_BAUD, False
+        self._parser = self._new_parser()
 
     def repowered(self, start_ns: int) -> XbusSimulator:
-        """The same device after its power was off: what it had stored, and a receiver that starts cold."""
-        device = self._anew(start_ns + BOOT_NS)
+        """The same device after a power cycle: with its stored values, and a receiver that starts cold."""
+        device = self._restarting(start_ns + BOOT_NS)
         device._memory, device.baud = self._memory, BOOT_BAUD
         device.settings, device.output = dict(self._memory[0]), self._memory[1]
         device.change(**device._consequences())
         return device
 
     def _wake_up(self) -> None:
-        """Booted: from here on it speaks."""
+        """Finish booting; output starts here."""
         self.phase = "wake-up"
         if self._restored:
             self._restored = False
             self.restore_communication()
-        self.baud, self._deaf = self._line()
+        self.baud, self._ignores_input = self._line()
 
     def _begin_at(self, code: int) -> None:
-        """A rate that was stored before: of the port that the line is connected to."""
+        """Set a stored rate: of the port that the line is connected to."""
         if self.product.series != 600:
             self.settings[BAUDRATE] = bytes([code])
             return
@@ -333,7 +335,7 @@ class XbusSimulator:
         self._couple(PORT_CONFIG)
 
     def _line(self) -> tuple[int, bool]:
-        """Rate of the port that the line is connected to, and whether it is off or speaks something else than Xbus."""
+        """Rate of the port that the line is connected to, and whether it is off or uses another protocol than Xbus."""
         if self.product.series != 600:
             return BAUD_RATES[self.settings[BAUDRATE][0]], False
         word = int.from_bytes(self.settings[PORT_CONFIG][4 * self._port : 4 * self._port + 4], "big")
@@ -345,18 +347,18 @@ class XbusSimulator:
         return dict(self.settings), self.output
 
     def store(self) -> None:
-        """What is set now outlives a reset, unless an option flag forbids it."""
+        """Store the current settings, unless an option flag forbids it."""
         if not self.flagged(DISABLE_AUTO_STORE):
             self._memory = self._present()
-        else:  # the flags themselves are always kept
+        else:  # the flags themselves are always stored
             self._memory = ({**self._memory[0], OPTIONS: self.settings[OPTIONS]}, self._memory[1])
 
     def flagged(self, flag: int) -> bool:
-        """Is this option flag set?"""
+        """Whether this option flag is set."""
         return bool(int.from_bytes(self.settings[OPTIONS], "big") & flag)
 
     def _consequences(self) -> dict[str, object]:
-        """What settings say about the status word and accompanying items."""
+        """Effects of settings on the status word and accompanying items."""
         entries = self.settings[SYNC]
         kinds = {entries[at]: int.from_bytes(entries[at + 6 : at + 8], "big") for at in range(0, len(entries), 12)}
         return {
@@ -366,12 +368,12 @@ class XbusSimulator:
             "sync_in_s": 1.0 if TRIGGER in kinds else 0.0,
         }
 
-    # -- answering
+    # -- answers
 
     def _answer(self, mid: int, payload: bytes, now: int) -> bytes | None:
-        """The payload of the acknowledgement; None where there is none."""
+        """The payload of the acknowledgement; None for none."""
         action, setting = ACTIONS.get(mid), SETTINGS.get(mid)
-        on = action.on if action else setting.on if setting else frozenset()
+        on = action.products if action else setting.products if setting else frozenset()
         if self.product.model.number not in on:
             raise RequestRefusedError(ERROR_MESSAGE)
         if self.phase not in (action.phases if action else ("config",)):
@@ -380,28 +382,29 @@ class XbusSimulator:
         answer = action.action(self, payload, now) if action else self._keep(mid, payload)
         if self._present() != before and self.phase == "config":
             self._stores += 1
-            if self._stores == self._moods.cut:
+            if self._stores == self._faults.power_cut_at:
                 raise PowerCutError
             self.change(**self._consequences())
             self.store()
         return answer
 
     def _keep(self, mid: int, payload: bytes) -> bytes:
-        """Ask for a setting, or set one that is only kept."""
+        """Return a setting, or store one without further effect."""
         setting = SETTINGS[mid]
-        if not payload and setting.asked:
+        if not payload and setting.readable:
             return self.settings[mid]
-        if not setting.takes(len(payload), self.product):
+        if not setting.accepts(len(payload), self.product):
             raise RequestRefusedError(ERROR_MESSAGE)
         if not setting.valid(payload, self.product):
             raise RequestRefusedError(setting.error)
-        self.settings[mid] = setting.kept(payload, self.settings[mid])
+        self.settings[mid] = setting.store(payload, self.settings[mid])
         self._couple(mid)
         return b""
 
     def _couple(self, mid: int) -> None:
-        """In the 600-series the baud rate is one with the low byte of the first port's word; a long period is made of
-        the longest and a skip factor."""
+        """In the 600-series the baud rate equals the low byte of the first port's word; a long period is made from the
+        longest and a skip factor.
+        """
         ports = self.settings[PORT_CONFIG]
         period = int.from_bytes(self.settings[PERIOD], "big")
         if mid == PERIOD and period > LONGEST_PERIOD:
@@ -412,10 +415,10 @@ class XbusSimulator:
         elif mid == BAUDRATE:
             self.settings[PORT_CONFIG] = ports[:3] + self.settings[BAUDRATE] + ports[4:]
 
-    # -- what it is set to
+    # -- settings
 
     def restore_communication(self) -> None:
-        """Table 41: what 0xDE during wake-up brings back; everything else stays."""
+        """Table 41: restore the settings that 0xDE during wake-up resets; everything else stays."""
         kept = self.settings
         self.restore()
         mids = (BAUDRATE, PORT_CONFIG, SKIP, SYNC, STRINGS)
@@ -427,12 +430,12 @@ class XbusSimulator:
         """Factory settings."""
         self.settings = factory_settings(self.product)
         self.output = tuple(
-            (identifier, self.grant(identifier, self._rate if wish < 0 else wish))
-            for identifier, wish in self.product.output
+            (identifier, self.grant(identifier, self._rate if requested < 0 else requested))
+            for identifier, requested in self.product.output
         )
 
-    def grant(self, identifier: int, wish: int) -> int:
-        """The rate that `wish` Hz of an item becomes.
+    def grant(self, identifier: int, requested: int) -> int:
+        """The granted rate for `requested` Hz of an item.
 
         Raises:
             RequestRefusedError: the product has no such item.
@@ -441,10 +444,10 @@ class XbusSimulator:
         if output is None:
             raise RequestRefusedError(ERROR_PARAMETER)
         most = max_rate(output, self.product.model)
-        return accepted_rates(wish, self._fastest if most == 400 else most)
+        return accepted_rates(requested, self._fastest if most == 400 else most)
 
     def identifier(self) -> bytes:
-        """Its number as the wire has it: 8 bytes in the 600-series, else 4."""
+        """Its number on the wire: 8 bytes in the 600-series, else 4."""
         return self.serial.to_bytes(8 if self.product.series == 600 else 4, "big")
 
     def configuration(self) -> bytes:
@@ -453,6 +456,6 @@ class XbusSimulator:
         identifier = identifier[-4:] + identifier[:-4]
         head = identifier if self.product.series == 600 else identifier + struct.pack(">HH", 1152, 0)
         date = b"".join(part.encode() for part in ("20260101", "00000000"))
-        host = self.product.code.encode("ascii").ljust(20) if self.product.series == 600 else b""  # as the real ones do
+        host = self.product.code.encode("ascii").ljust(20) if self.product.series == 600 else b""  # as in real devices
         body = head + bytes(8) + date + host.ljust(64, b"\0") + struct.pack(">H", 1) + identifier
         return body.ljust(118, b"\0")

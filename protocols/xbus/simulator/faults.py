@@ -1,13 +1,14 @@
-"""What can go wrong with the answers of a simulated MTi, on purpose?
+"""Fault injection for the answers of the simulated MTi.
 
-    mute     an answer never leaves the device
-    wrong    it says something else: a valid message, but not the one that was asked for
-    late     it comes so much later that the host has given up or asked again
-    cut      power fails after a setting was taken and before it was stored: no answer, a restart, the old value
-    stubborn GoToConfig is not heard until the device has been Reset, as some devices do
+    drop_share             an answer is lost
+    corrupt_share          a valid message is sent, but not the requested one
+    late_ns                the answer comes after the host has given up or asked again
+    power_cut_at           power fails after a setting was accepted and before it was stored: no answer, a restart, the
+                           old value
+    ignores_goto_config    GoToConfig is ignored until the device has been Reset, as some devices do
 
-Measured data are not touched: cables lose those (server/links/simulated_line.py). This file loads nothing that is
-compiled.
+Measured data are not affected: cables lose those (server/links/simulated_line.py). This module imports no compiled
+    code.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ class FaultInjection:
     """Faults of answers.
 
     Args:
-        mute, wrong: share of answers, 0 to 1.
-        late_ns: by how much every answer is late.
-        cut: which store fails, counted from 1; 0 for none.
-        stubborn: deaf to GoToConfig until Reset.
+        drop_share, corrupt_share: share of answers, 0 to 1.
+        late_ns: delay of every answer.
+        power_cut_at: number of the store that fails, from 1; 0 for none.
+        ignores_goto_config: whether GoToConfig is ignored until Reset.
     """
 
-    mute: float = 0.0
-    wrong: float = 0.0
+    drop_share: float = 0.0
+    corrupt_share: float = 0.0
     late_ns: int = 0
-    cut: int = 0
-    stubborn: bool = False
+    power_cut_at: int = 0
+    ignores_goto_config: bool = False
 
 
 NONE = FaultInjection()

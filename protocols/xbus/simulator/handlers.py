@@ -1,8 +1,8 @@
-"""How does the simulated MTi answer the messages that do more than keep a number?
+"""Handlers of messages with more effect than storing a number.
 
-One function per message: device, payload and device time in; the payload of the acknowledgement out, None where there
-is none. A message that cannot be obeyed raises `RequestRefusedError` with the code that Error then carries. `ACTIONS`
-says in which state each is valid.
+One function per message: device, payload and device time in; the payload of the acknowledgement out, None for none. A
+message that cannot be executed raises `RequestRefusedError` with the code of the Error. `ACTIONS` gives the states in
+which each is valid.
 
 Source: MT0101P 2020.A, 5.3.1-5.3.7.
 """
@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from protocols.simulator import trajectory
-from protocols.xbus.product_options import CLOCK_BIAS, SOFTWARE, SYNC_OUT, functions_of, is_wired, lines_of
+from protocols.xbus.enums import CLOCK_BIAS, SYNC_OUT
+from protocols.xbus.product_options import SOFTWARE, functions_of, is_wired, lines_of
 from protocols.xbus.products import ALL, FILTER, RTK
 from protocols.xbus.simulator.settings import (
     ALIGNMENT,
@@ -37,7 +38,7 @@ MOST_ITEMS = 32  # of an output configuration
 MOST_DELAY, MOST_OFFSET = 60_000, 30_000  # tables 9 and 10, 100 µs
 RTCM = 0xD3
 EMTS_BYTES = 256
-TURNING = math.radians(1)  # rad/s: more is no rest
+TURNING = math.radians(1)  # rad/s: faster is not at rest
 
 
 def _empty(payload: bytes) -> None:
@@ -58,19 +59,19 @@ def wake_up_ack(device: XbusSimulator, payload: bytes, now: int) -> None:
 
 
 def go_to_config(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """A payload is ignored: hosts that look for devices on RS-485 pad the request."""
+    """Enter the config state; ignores a payload, which hosts send when they search for devices on RS-485."""
     device.stop()
     return b""
 
 
 def init_bus(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Reserved in the document; the vendor's software sends it first, and goes on when it is answered."""
+    """Reserved in the document; the vendor's software sends it first, and continues when it is answered."""
     _empty(payload)
     return device.identifier()
 
 
 def emts(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Not in the document: the calibration for the head of a log. Two bytes say which part of it; here it is empty."""
+    """EMTS, undocumented: the calibration for the head of a log. Two bytes select its part; here it is empty."""
     _sized(payload, 0, 2)
     return bytes(EMTS_BYTES)
 
@@ -93,7 +94,7 @@ def restore_factory(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     return b""
 
 
-# -- what it is --------------------------------------------------------------------------------------------------------
+# -- identity ----------------------------------------------------------------------------------------------------------
 
 
 def device_id(device: XbusSimulator, payload: bytes, now: int) -> bytes:
@@ -117,12 +118,12 @@ def firmware(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def selftest(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """All nine sensor axes pass; the two flags above them are the MTi-7's own."""
+    """Self-test results: all nine sensor axes pass; the two flags above them are the MTi-7's own."""
     _empty(payload)
     return struct.pack(">H", 0x7FF if device.product.name == "MTi-7" else 0x1FF)
 
 
-# -- what it is set to -------------------------------------------------------------------------------------------------
+# -- settings ----------------------------------------------------------------------------------------------------------
 
 
 def option_flags(device: XbusSimulator, payload: bytes, now: int) -> bytes:
@@ -141,7 +142,7 @@ def configuration(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def output_configuration(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Both forms return the list as it is used; an entry 0, 0 stands for an empty list."""
+    """Both forms return the list in effect; an entry 0, 0 stands for an empty list."""
     if len(payload) % 4 or len(payload) > 4 * MOST_ITEMS:
         raise RequestRefusedError(ERROR_MESSAGE)
     if payload:
@@ -165,7 +166,7 @@ def sync_settings(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def _is_sync(device: XbusSimulator, entry: bytes) -> bool:
-    """Has the product this function and line, and does the delay go with the function?"""
+    """Whether the product has this function and line, and the delay suits the function."""
     function, line, polarity, once = entry[:4]
     delay = int.from_bytes(entry[10:12], "big")
     if function in SYNC_OUT:
@@ -178,7 +179,7 @@ def _is_sync(device: XbusSimulator, entry: bytes) -> bool:
 
 
 def alignment(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """One byte asks for a matrix, 0 sensor or 1 local; a quaternion after it sets it."""
+    """One byte requests a matrix, 0 sensor or 1 local; a quaternion after it sets it."""
     _sized(payload, 1, 17)
     which = payload[0]
     if which > 1:
@@ -199,16 +200,16 @@ def filter_profiles(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     return b"".join(rows).ljust(5 * 22, b"\0")
 
 
-# -- what it does ------------------------------------------------------------------------------------------------------
+# -- actions -----------------------------------------------------------------------------------------------------------
 
 
 def reset_orientation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Code 0 stores and is for the config state; the others are for measurement, 1 (heading) not with GNSS.
+    """Code 0 stores and needs the config state; the others need measurement, 1 (heading) a product without GNSS.
 
-    What is not stored is discarded when the device next begins to measure.
+    A reset that is not stored is discarded when the device next begins to measure.
     """
     _sized(payload, 2)
-    heading = () if "gnss" in device.product.abilities else (1,)
+    heading = () if "gnss" in device.product.capabilities else (1,)
     allowed = (0,) if device.phase == "config" else (*heading, 3, 4, 5, 6, 7)
     code = int.from_bytes(payload, "big")
     if code not in allowed:
@@ -221,7 +222,7 @@ def reset_orientation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def _aligned(kept: bytes, code: int, now: int) -> bytes:
-    """Both alignments after a reset: 1 and 4 turn the heading, 3 and 4 level the object, 5 to 7 take it back."""
+    """Both alignments after a reset: 1 and 4 turn the heading, 3 and 4 level the object, 5 to 7 undo it."""
     sensor, local = kept[:17], kept[17:]
     roll, pitch, yaw = trajectory.vehicle_motion(np.array([now / 1e9])).euler[0]
     if code in (3, 4):
@@ -240,7 +241,7 @@ def _rotation(roll: float, pitch: float, yaw: float) -> bytes:
 
 
 def no_rotation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """The status word then says how it goes: the drive is looked at for the first moment that is no rest."""
+    """Start a no-rotation update, shown in the status word; the drive is searched for the first moment of motion."""
     _sized(payload, 2)
     seconds = int.from_bytes(payload, "big")
     if not seconds:
@@ -254,7 +255,7 @@ def no_rotation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def utc_time(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Both forms return UTC."""
+    """Set or return UTC; both forms return it."""
     _sized(payload, 0, 12)
     if payload:
         ns, year, month, day, hour, minute, second, _ = struct.unpack(">IH6B", payload)
@@ -268,14 +269,14 @@ def utc_time(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     state = device.run.state
     utc = state.utc_ns + now
     date = np.datetime64(utc // 10**9, "s").item()
-    flags = 7 if state.utc_valid or "gnss" in device.product.abilities else 0
+    flags = 7 if state.utc_valid or "gnss" in device.product.capabilities else 0
     return struct.pack(
         ">IH6B", utc % 10**9, date.year, date.month, date.day, date.hour, date.minute, date.second, flags
     )
 
 
 def adjust_utc_time(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Ticks of 0.1 ms, at most a second either way."""
+    """Shift UTC by ticks of 0.1 ms, at most a second either way."""
     _sized(payload, 4)
     ticks = int.from_bytes(payload, "big", signed=True)
     if not 1 <= abs(ticks) <= 10_000:
@@ -285,7 +286,7 @@ def adjust_utc_time(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def icc_command(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """In-run compass calibration: 0 starts, 1 stops and gives results, 2 stores, 3 asks."""
+    """In-run compass calibration: 0 starts, 1 stops and gives results, 2 stores, 3 queries."""
     _sized(payload, 1)
     command = payload[0]
     if command > 3:
@@ -304,8 +305,9 @@ def icc_command(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def forward_gnss_data(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Whole RTCM 3 messages (D3, 10 bits of length, content, 3 bytes of checksum); a part of one is refused. What is
-    no RTCM goes to the receiver as it is: RTCM is the document's example of what may be passed on."""
+    """Whole RTCM 3 messages (D3, 10 bits of length, content, 3 bytes of checksum); a partial one is refused. Other data
+    goes to the receiver unchanged: RTCM is the document's example of what may be forwarded.
+    """
     if payload and payload[0] != RTCM:
         return b""
     at = 0
@@ -319,7 +321,7 @@ def forward_gnss_data(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def request_data(device: XbusSimulator, payload: bytes, now: int) -> None:
-    """The latest sample, where SendLatest waits for the software line."""
+    """Send the latest sample if SendLatest waits for the software line."""
     _empty(payload)
     if SOFTWARE not in device.send_latest:
         raise RequestRefusedError(ERROR_MESSAGE)
@@ -331,11 +333,11 @@ Action = Callable[["XbusSimulator", bytes, int], bytes | None]
 
 @dataclass(frozen=True, slots=True)
 class Handler:
-    """What answers a message, in which states, and which products have it."""
+    """Handler of a message, with the states and products it applies to."""
 
     phases: tuple[str, ...]
     action: Action
-    on: frozenset[int] = ALL
+    products: frozenset[int] = ALL
 
 
 _CONFIG, _MEASUREMENT, _BOTH = ("config",), ("measurement",), ("config", "measurement")
@@ -367,4 +369,4 @@ ACTIONS: Mapping[int, Handler] = {
     0x74: Handler(_BOTH, icc_command, FILTER),
     0xE2: Handler(_MEASUREMENT, forward_gnss_data, RTK),
 }
-"""Message number → the states in which it is valid, and what answers it."""
+"""Message number → the states in which it is valid, and its handler."""

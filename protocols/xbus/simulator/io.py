@@ -1,8 +1,8 @@
-"""How does the simulated MTi find the requests in what it hears, and what becomes of its answers?
+"""Request parser and reply queue of the simulated MTi.
 
-Requests by the resync rule of protocols/framing.py, on the few bytes a host sends: noise is skipped, a candidate that
-fails gives way to the next preamble, one that is not complete waits, and is forgotten when the host falls silent.
-Answers leave at once, unless its moods (simulator/faults.py) have it otherwise.
+Requests by the resync rule of protocols/framing.py, on the few bytes sent by a host: noise is skipped, a failed
+candidate gives way to the next preamble, an incomplete one waits, and is dropped when the host is silent. Answers leave
+at once, unless faults are injected (simulator/faults.py).
 
 Source: MT0101P 2020.A, 5.1.
 """
@@ -15,8 +15,8 @@ from collections.abc import Collection, Iterator
 from protocols.xbus import frames
 from protocols.xbus.simulator.faults import FaultInjection
 
-STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
-ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a device answers that has its line to itself
+STALL_NS = 200_000_000  # age at which an incomplete request is dropped
+ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a device alone on its line answers
 
 
 class RequestParser:
@@ -28,23 +28,23 @@ class RequestParser:
 
     def __init__(self, addresses: Collection[int] = ADDRESSES) -> None:
         self._addresses = addresses
-        self._heard = bytearray()
+        self._received = bytearray()
         self._heard_ns = 0
 
     def clear(self) -> None:
-        """Forget what was begun."""
-        self._heard.clear()
+        """Drop an incomplete request."""
+        self._received.clear()
 
-    def hear(self, data: bytes, now: int) -> None:
-        """Bytes that came at a device time, ns."""
+    def receive(self, data: bytes, now: int) -> None:
+        """Add bytes received at a device time, ns."""
         if now - self._heard_ns > STALL_NS:
-            self._heard.clear()
-        self._heard += data
+            self._received.clear()
+        self._received += data
         self._heard_ns = now
 
     def requests(self) -> Iterator[tuple[int, int, bytes]]:
-        """The whole frames for this device, as (bus identifier, message, payload); those for others are passed over."""
-        heard = self._heard
+        """The whole frames for this device, as (bus identifier, message, payload); those for others are skipped."""
+        heard = self._received
         while (at := heard.find(frames.PREAMBLE)) >= 0:
             del heard[:at]
             if len(heard) < 4:
@@ -69,36 +69,36 @@ class RequestParser:
 
 
 class PowerCutError(Exception):
-    """The power fails now."""
+    """Power fails now."""
 
 
 class ReplyQueue:
-    """Answers on their way out. Chance comes from a seed."""
+    """Answers to be sent. Random numbers come from a seed."""
 
     def __init__(self, moods: FaultInjection, seed: int = 0) -> None:
-        self._moods = moods
+        self._faults = moods
         self._chance = random.Random(seed)
-        self._held: list[tuple[int, bytes]] = []
+        self._delayed: list[tuple[int, bytes]] = []
 
-    def say(self, frame: bytes, now: int) -> list[bytes]:
-        """What of an answer leaves at once, at a device time."""
+    def send(self, frame: bytes, now: int) -> list[bytes]:
+        """Part of an answer that is sent at once, at a device time."""
         chance = self._chance.random()
-        if chance < self._moods.mute:
+        if chance < self._faults.drop_share:
             return []
-        if chance < self._moods.mute + self._moods.wrong:
+        if chance < self._faults.drop_share + self._faults.corrupt_share:
             frame = frames.build(frame[2] + 2 & 0xFF, b"", frame[1])
-        if self._moods.late_ns:
-            self._held.append((now + self._moods.late_ns, frame))
+        if self._faults.late_ns:
+            self._delayed.append((now + self._faults.late_ns, frame))
             return []
         return [frame]
 
     @property
     def is_busy(self) -> bool:
         """True while late answers wait."""
-        return bool(self._held)
+        return bool(self._delayed)
 
     def due(self, now: int) -> list[bytes]:
-        """Late answers whose time has come."""
-        found = [frame for at, frame in self._held if at <= now]
-        self._held = [(at, frame) for at, frame in self._held if at > now]
+        """Late answers that are due."""
+        found = [frame for at, frame in self._delayed if at <= now]
+        self._delayed = [(at, frame) for at, frame in self._delayed if at > now]
         return found

@@ -1,11 +1,12 @@
-"""What does an MTi send while it measures? Every item of MTData2, valued by the shared drive, packed as configured.
+"""Output of the simulated MTi in Measurement state: every item of MTData2, computed from the shared drive and packed as
+configured.
 
-    configuration ──> streams: what is sent together, at one rate (output_configuration.py)
+    configuration ──> streams: items sent together, at one rate (output_configuration.py)
     (id, Hz) …                  │
     drive(t), errors ──> values ┴──> rows of bytes ──> frames
 
-An item appears in the messages in which it is due, as in a real device. PacketCounter counts messages, of all streams.
-The receiver's items come with an older time.
+An item is in the messages at which it is due, as in a real device. PacketCounter counts messages, of all streams. The
+receiver's items carry an older time.
 
 All messages of a quarter of a second are made at once: those with the same items are rows of one array, in which an
 item is some columns, so that the cost is per item and not per message. The result depends on seed and time only, not
@@ -41,7 +42,7 @@ class Measurement:
     Args:
         configuration: (identifier, Hz) as granted, in the order of the message.
         begin_ns: device time of the first sample.
-        run: what the values depend on.
+        run: inputs of the values.
     """
 
     configuration: tuple[tuple[int, int], ...]
@@ -49,15 +50,15 @@ class Measurement:
     run: XbusSignalSource
 
     @cached_property
-    def streams(self) -> tuple[_Stream, ...]:
+    def streams(self) -> tuple[_MeasuredStream, ...]:
         """The main stream, then GNSS, then high-rate ones."""
         return tuple(
-            _Stream(self.run, stream.kind, stream.items, stream.rate, self.begin_ns)
+            _MeasuredStream(self.run, stream.kind, stream.items, stream.rate, self.begin_ns)
             for stream in streams(self.configuration)
         )
 
     def block(self, number: int, counter: int) -> list[tuple[int, bytes]]:
-        """All messages of a quarter of a second, as (device time ns at which it is sent, frame), in order.
+        """All messages of a quarter of a second, as (device time ns of sending, frame), in order.
 
         Args:
             number: which quarter, from 0.
@@ -79,8 +80,8 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class _Stream:
-    """What is sent together, at one rate."""
+class _MeasuredStream:
+    """Items sent together at one rate."""
 
     run: XbusSignalSource
     kind: str
@@ -99,11 +100,11 @@ class _Stream:
         return self._errors[name]
 
     def times(self, number: int) -> tuple[Array, Array]:
-        """Steps of a quarter, and the device times at which their messages are sent."""
+        """Steps of a quarter, and the device times of their messages."""
         first, end = (-(-quarter * BLOCK_NS * self.rate // 10**9) for quarter in (number, number + 1))
         steps = np.arange(first, end)
         every = [self.rate // rate for _, rate in self.items if rate != ALWAYS]
-        if every and min(every) > 1:  # at some ticks nothing is due; what is not sent is not counted
+        if every and min(every) > 1:  # at some ticks nothing is due; unsent messages are not counted
             steps = steps[np.any([steps % one == 0 for one in every], axis=0)]
         return steps, self.begin_ns + steps * 10**9 // self.rate
 

@@ -1,13 +1,13 @@
-"""Which products does the twin know, and which settings does a device only keep?
+"""Products and stored settings of the simulated MTi.
 
-Two tables. `PRODUCTS`: what tells one MTi from another as far as the wire shows it. `SETTINGS`: messages with one
-number for asking and setting (section 5.2): empty asks, anything else sets, and the device returns what it was given.
+Two tables. `PRODUCTS`: differences between MTi products on the wire. `SETTINGS`: messages with one number for reading
+and setting (section 5.2): an empty one reads, any other sets, and the device returns the stored value.
 
-Rules for editing: identifiers, codes and versions are made up in the form that real ones have; rates and abilities are
-the document's (tables 2 and 16). In an output configuration −1 stands for the rate asked for, ALWAYS for "with every
+Rules for editing: identifiers, codes and versions are invented in the form of real ones; rates and capabilities are the
+document's (tables 2 and 16). In an output configuration −1 stands for the requested rate, ALWAYS for "with every
 message".
 
-Source: MT0101P 2020.A; sizes of the answers as the vendor's public code reads them.
+Source: MT0101P 2020.A; sizes of the answers from the vendor's public code.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ _PLACE = ((0x5042, 10), (0x5022, 10), (0xD010, 10), (0x7010, 4), (0x7020, 1))
 
 @dataclass(frozen=True, slots=True)
 class SimulatedProduct:
-    """What tells one MTi from another.
+    """Properties of one simulated MTi.
 
     Args:
         series: 1, 10, 100 or 600.
-        abilities: what its items need: "orientation", "baro", "gnss", "rtk"; "selftest" where the status has that bit.
+        capabilities: required by items: "orientation", "baro", "gnss", "rtk"; "selftest" if the status has that bit.
         profiles: filter profiles, (number, label).
-        output: the output configuration it comes with here: a page's worth, more than the factory's.
+        output: its initial output configuration here: more than the factory's, for a full page.
     """
 
     name: str
     code: str
     series: int
     first_serial: int
-    abilities: frozenset[str]
+    capabilities: frozenset[str]
     firmware: tuple[int, int, int, int, int]
     hardware: tuple[int, int]
     profiles: tuple[tuple[int, str], ...]
@@ -87,7 +87,7 @@ _SERIES: Mapping[int, tuple[str, int, tuple[int, int, int, int, int], tuple[int,
 
 
 def _first_serial(name: str, series: int, base: int) -> int:
-    """The vendor's scheme: the first digit of the product's number is bits 27:24, but for the 600-series."""
+    """The vendor's scheme: the first digit of the product's number is bits 27:24, except for the 600-series."""
     digit = int(name.rpartition("-")[2].rstrip("G")[0])
     return base if series == 600 else base | digit << 24
 
@@ -101,7 +101,7 @@ _HEADINGS = (
     (5, "VRU"),
     (6, "VRUAHS"),
     (7, "FixedMagRef"),
-)  # five rows are listed, all are taken
+)  # five rows are listed, all are accepted
 _GNSS = ((1, "General"), (2, "GeneralNoBaro"), (3, "GeneralMag"))
 
 
@@ -163,7 +163,7 @@ PRODUCTS: Mapping[str, SimulatedProduct] = {
 }
 
 
-# -- settings that are kept and returned -------------------------------------------------------------------------------
+# -- settings that are stored and returned -----------------------------------------------------------------------------
 
 
 def _any(payload: bytes, product: SimulatedProduct) -> bool:
@@ -176,29 +176,29 @@ def _keep(payload: bytes, before: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedSetting:
-    """A setting that does nothing but be kept.
+    """A setting that is only stored.
 
     Args:
         name: of the request without Req or Set.
         factory: its value in a new device.
         sizes: payload sizes that set it.
-        on: products that have it.
+        products: products that have it.
         valid: whether a payload of such a size is allowed; otherwise Error `error`.
-        kept: from payload and the value before to what a request then returns.
-        asked: whether it can be asked for.
+        store: from payload and the value before to the value returned afterwards.
+        readable: whether it can be read.
     """
 
     name: str
     factory: Callable[[SimulatedProduct], bytes]
     sizes: frozenset[int]
-    on: frozenset[int] = ALL
+    products: frozenset[int] = ALL
     valid: Callable[[bytes, SimulatedProduct], bool] = _any
     error: int = ERROR_PARAMETER
-    kept: Callable[[bytes, bytes], bytes] = _keep
-    asked: bool = True
+    store: Callable[[bytes, bytes], bytes] = _keep
+    readable: bool = True
 
-    def takes(self, size: int, product: SimulatedProduct) -> bool:
-        """Is a payload of this size one that sets it? Of two sizes the longer is the 600-series'."""
+    def accepts(self, size: int, product: SimulatedProduct) -> bool:
+        """Whether a payload of this size sets it. Of two sizes the longer is the 600-series'."""
         if len(self.sizes) == 2:
             return size == (max(self.sizes) if product.series == 600 else min(self.sizes))
         return size in self.sizes
@@ -236,12 +236,12 @@ def _keep_profile(payload: bytes, before: bytes) -> bytes:
 
 
 def _between(low: float, high: float, form: str = ">H") -> Callable[[bytes, SimulatedProduct], bool]:
-    """All numbers of the payload within a range; what is not a number is not."""
+    """All numbers of the payload within a range; NaN is not."""
     return lambda payload, product: all(low <= one <= high for (one,) in struct.iter_unpack(form, payload))
 
 
 def _is_period(payload: bytes, product: SimulatedProduct) -> bool:
-    """Within the table; or longer than 10 ms, as a whole number of the periods that it is made of (5.3.5)."""
+    """Within the table; or longer than 10 ms, as a whole multiple of it (5.3.5)."""
     period = int.from_bytes(payload, "big")
     return 225 <= period <= LONGEST_PERIOD or (period > LONGEST_PERIOD and period % LONGEST_PERIOD == 0)
 
@@ -255,7 +255,7 @@ def _are_can_outputs(payload: bytes, product: SimulatedProduct) -> bool:
 
 
 def _keep_can_outputs(payload: bytes, before: bytes) -> bytes:
-    """One entry of zeros clears the list: an empty message would only ask."""
+    """One entry of zeros clears the list: an empty message would only read it."""
     return payload if any(payload) else b""
 
 
@@ -282,7 +282,12 @@ SETTINGS: Mapping[int, SimulatedSetting] = {
     0x86: SimulatedSetting("ExtOutputMode", _word(0), _TWO, CLASSIC),
     PORT_CONFIG: SimulatedSetting("PortConfig", lambda p: _PORTS, frozenset({12}), SIX, _are_ports, ERROR_BAUD),
     0xE8: SimulatedSetting(
-        "CanOutputConfig", lambda p: b"", frozenset(range(8, 129, 8)), SIX, _are_can_outputs, kept=_keep_can_outputs
+        "CanOutputConfig",
+        lambda p: b"",
+        frozenset(range(8, 129, 8)),
+        SIX,
+        _are_can_outputs,
+        store=_keep_can_outputs,
     ),
     0xE6: SimulatedSetting("CanConfig", lambda p: struct.pack(">I", 0x0C), _FOUR, SIX),
     0x6E: SimulatedSetting("LatLonAlt", lambda p: _PLACE_STORED, frozenset({24}), ALL, _is_place),
@@ -292,7 +297,12 @@ SETTINGS: Mapping[int, SimulatedSetting] = {
     0x76: SimulatedSetting("GnssPlatform", _word(0), _TWO, frozenset({7, 710}), _is_platform),
     0x68: SimulatedSetting("GnssLeverArm", lambda p: bytes(12), frozenset({12}), RTK, _between(-1e9, 1e9, ">f")),
     0xD6: SimulatedSetting(
-        "InitialHeading", lambda p: bytes(4), _FOUR, frozenset({710, 670, 680}), _between(-180, 180, ">f"), asked=False
+        "InitialHeading",
+        lambda p: bytes(4),
+        _FOUR,
+        frozenset({710, 670, 680}),
+        _between(-180, 180, ">f"),
+        readable=False,
     ),
 }
 
@@ -308,11 +318,11 @@ def factory_settings(product: SimulatedProduct) -> dict[int, bytes]:
     return {mid: setting.factory(product) for mid, setting in SETTINGS.items()} | dict(KEPT_BY_ACTIONS)
 
 
-NEVER = 0xFFFF  # skip factor: nothing is sent by itself
+NEVER = 0xFFFF  # skip factor: nothing is sent spontaneously
 
 
 def strings_of(settings: Mapping[int, bytes], product: SimulatedProduct) -> tuple[int, float]:
-    """Which strings are sent instead of data, and how often a second."""
+    """Strings sent instead of data, and their rate."""
     word = settings[STRINGS]
     if product.series == 600:
         return int.from_bytes(word[:4], "big"), float(int.from_bytes(word[4:], "big"))

@@ -1,10 +1,10 @@
-"""What is the value of every item of MTData2, while the shared drive goes on?
+"""Value of every MTData2 item along the shared trajectory.
 
-    drive(t) + errors ──> quantities (force, attitude, place …) ──> one method per item ──> bytes in the asked precision
+    drive(t) + errors ──> quantities (force, attitude, place …) ──> one method per item ──> bytes in the given precision
 
-The truth is protocols/simulator/trajectory.py; a product's limits and a receiver's habits are added here: ranges at
-which sensors clip, a fix that takes seconds to come, corrections that make it fixed later and lose it now and then, a
-solution that is old when it is sent.
+The truth is protocols/simulator/trajectory.py; limits of products and receivers are added here: clipping ranges of
+sensors, a fix that takes seconds, corrections that fix it later and are lost now and then, a solution that is old when
+it is sent.
 
 Rules for editing: a new item is a row in output_configuration.py and a method of `ItemValues` marked with its name.
 
@@ -29,19 +29,19 @@ Array = NDArray[Any]
 Floats = NDArray[np.float64]
 
 TICKS_S = 10_000  # SampleTimeFine
-GNSS_AGE_NS = 80_000_000  # a receiver's solution is that old when it comes
+GNSS_AGE_NS = 80_000_000  # age of a receiver's solution when it arrives
 
 ACCELERATION_RANGE = 98.07  # m/s²: ±10 g, MTi 600-series data sheet
 TURN_RANGE = math.radians(2000)
 FIELD_RANGE = 8.0  # of the Earth's field
 FIRST_FIX_NS, FIRST_RTK_NS, FIXED_RTK_NS = 3 * 10**9, 6 * 10**9, 15 * 10**9
-RTK_PERIOD_S, RTK_LOST_S = 90.0, 6.0  # now and then trees: the fixed solution floats for a while
+RTK_PERIOD_S, RTK_LOST_S = 90.0, 6.0  # under trees the fixed solution floats for a while
 UTC_2026_NS = 1_767_225_600 * 10**9
 
 
 PRECISIONS = {0: ">f4", 1: "fp1220", 2: "fp1632", 3: ">f8"}
 LOCALS = {0: "ENU", 4: "NED", 8: "NWU"}
-_TURN_TO = {  # quaternion that turns ENU vectors into the other system
+_TURN_TO = {  # rotates ENU vectors into the other system
     "ENU": np.array([1.0, 0, 0, 0]),
     "NED": np.array([0, math.sqrt(0.5), math.sqrt(0.5), 0]),
     "NWU": np.array([math.sqrt(0.5), 0, 0, -math.sqrt(0.5)]),
@@ -66,15 +66,15 @@ _SKY = (  # system, satellite, carrier to noise ratio in dBHz
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """What a device's commands change about its status word. Times are device time, ns.
+    """Effects of commands on the status word. Times are device time, ns.
 
     Args:
         no_rotation: (begin, end, first rotation noticed) of the last no-rotation update, or None.
-        representative_motion: in-run compass calibration collects.
-        sync_out_every: a pulse is given every so many samples; 0 never.
-        sync_in_s: a trigger comes every so many seconds; 0 never.
-        utc_ns: UTC at device time 0, ns since the Unix epoch; and whether somebody set it.
-        location: the number that a user gave the device.
+        representative_motion: in-run compass calibration collects data.
+        sync_out_every: interval of pulses, in samples; 0 never.
+        sync_in_s: interval of triggers, s; 0 never.
+        utc_ns: UTC at device time 0, ns since the Unix epoch; and whether it was set by the user.
+        location: the user's number of the device.
     """
 
     no_rotation: tuple[int, int, int] | None = None
@@ -88,14 +88,14 @@ class VehicleState:
 
 @dataclass(frozen=True, slots=True)
 class XbusSignalSource:
-    """What all items of one run of the measurement state depend on, beside time.
+    """Inputs of all items of one run of the Measurement state, apart from time.
 
     Args:
         abilities: of the product: "orientation", "baro", "gnss", "rtk", "selftest".
         seed: of the sensor errors.
         wrap: ticks at which SampleTimeFine wraps.
         jump: (device time ns, by ticks): the clock's one jump, a fault; None for none.
-        road: how much of the vehicle's shaking reaches the sensor, 0 to 1.
+        vibration: share of the vehicle's shaking that reaches the sensor, 0 to 1.
         serial: device identifier.
     """
 
@@ -103,7 +103,7 @@ class XbusSignalSource:
     seed: int = 0
     wrap: int = 2**32
     jump: tuple[int, int] | None = None
-    road: float = 0.0
+    vibration: float = 0.0
     serial: int = 0
     state: VehicleState = field(default_factory=VehicleState)
 
@@ -126,7 +126,7 @@ class XbusSignalSource:
 
 
 class OutputSchedule(Protocol):
-    """What `ItemValues` needs to know of the stream that sends them."""
+    """Properties of a stream needed by `ItemValues`."""
 
     @property
     def rate(self) -> int:
@@ -138,14 +138,14 @@ class OutputSchedule(Protocol):
 
     @property
     def delayed(self) -> bool:
-        """Whether what is sent is a receiver's solution of a moment ago."""
+        """Whether the values are a receiver's solution of an earlier time."""
 
     def errors(self, name: str, grade: trajectory.SensorGrade) -> trajectory.SensorErrors:
         """The errors of one sensor, the same object at every call."""
 
 
 def encode(values: Array, precision: int) -> Array:
-    """(n, k) numbers as (n, bytes) in one of the four precisions; what does not fit is held at the range's end."""
+    """(n, k) numbers as (n, bytes) in one of the four precisions; out-of-range values are clamped."""
     form = PRECISIONS[precision]
     if form == "fp1220":
         wire = np.clip(np.rint(values * 2.0**20), -(2.0**31), 2.0**31 - 1).astype(">i4")
@@ -177,7 +177,7 @@ def _item(*names: str) -> Callable[[Callable[..., Array]], Callable[..., Array]]
 
 
 class ItemValues:
-    """The values of all items at some samples of one stream, each computed when first asked for.
+    """The values of all items at some samples of one stream, each computed on first access.
 
     Args:
         steps: (n,) consecutive sample numbers.
@@ -203,7 +203,7 @@ class ItemValues:
         return self._bytes[identifier]
 
     @cached_property
-    def drive(self) -> trajectory.MotionState:
+    def motion(self) -> trajectory.MotionState:
         return trajectory.vehicle_motion(self.times / 1e9)
 
     def _error(self, name: str, grade: trajectory.SensorGrade) -> Floats:
@@ -212,44 +212,44 @@ class ItemValues:
         return self.cadence.errors(name, grade).at(int(self.steps[0]), len(self.steps))
 
     def _shaking(self, name: str, grade: trajectory.SensorGrade) -> Floats | float:
-        if not self.run.road:
+        if not self.run.vibration:
             return 0.0
-        return self.run.road * trajectory.vibration(self.drive)[:, None] * self._error(name, grade)
+        return self.run.vibration * trajectory.vibration(self.motion)[:, None] * self._error(name, grade)
 
     @cached_property
     def force(self) -> tuple[Floats, Array]:
-        """Measured specific force, held at the range's end, and where it was."""
-        felt = self.drive.force + self._shaking("acc-road", trajectory.SHAKING_FORCE)
+        """Measured specific force, clamped to the range, and where it was clamped."""
+        felt = self.motion.force + self._shaking("acc-road", trajectory.SHAKING_FORCE)
         return _clip(felt + self._error("acc", trajectory.ACCELEROMETER), ACCELERATION_RANGE)
 
     @cached_property
     def turn(self) -> tuple[Floats, Array]:
-        felt = self.drive.rate + self._shaking("gyr-road", trajectory.SHAKING_TURN)
+        felt = self.motion.rate + self._shaking("gyr-road", trajectory.SHAKING_TURN)
         return _clip(felt + self._error("gyr", trajectory.GYRO), TURN_RANGE)
 
     @cached_property
     def field(self) -> tuple[Floats, Array]:
-        return _clip(self.drive.field + self._error("mag", trajectory.MAGNETOMETER), FIELD_RANGE)
+        return _clip(self.motion.field + self._error("mag", trajectory.MAGNETOMETER), FIELD_RANGE)
 
     @cached_property
     def attitude(self) -> Floats:
         """The filter's solution: q_enu_from_body, a fraction of a degree off."""
         small = self._error("att", trajectory.ATTITUDE) / 2
         wrong = np.concatenate([np.sqrt(1 - (small**2).sum(axis=1, keepdims=True)), small], axis=1)
-        return trajectory.multiply(self.drive.q_enu_from_body_wxyz, wrong)
+        return trajectory.multiply(self.motion.q_enu_from_body_wxyz, wrong)
 
     @cached_property
     def place(self) -> Floats:
         """Measured latitude °, longitude °, height m; centimetres off with corrections, half a metre without."""
         error = self._error("pos", trajectory.POSITION)
         error = error * np.where(self.run.rtk(self.times) == 2, 0.02, 1.0)[:, None]
-        return trajectory.geodetic(self.drive.position + error)
+        return trajectory.geodetic(self.motion.position + error)
 
     @cached_property
     def velocity(self) -> Floats:
-        return self.drive.velocity + self._error("vel", trajectory.VELOCITY)
+        return self.motion.velocity + self._error("vel", trajectory.VELOCITY)
 
-    # -- one method per item, named like it
+    # -- one method per item, of the same name
 
     @_item("Temperature")
     def temperature(self) -> Floats:
@@ -278,7 +278,7 @@ class ItemValues:
 
     @property
     def is_timed(self) -> Array:
-        """Whether the clocks say when: those of a receiver without a fix do not (MT0101P 5.3.6)."""
+        """Whether the clocks are valid: those of a receiver without a fix are not (MT0101P 5.3.6)."""
         return self.run.has_fix(self.times) | (not self.cadence.delayed)
 
     @property
@@ -300,7 +300,7 @@ class ItemValues:
 
     @_item("BaroPressure")
     def baro_pressure(self) -> Array:
-        height = self.drive.position[:, 2] + trajectory.PLACE[2] - trajectory.GEOID_M
+        height = self.motion.position[:, 2] + trajectory.PLACE[2] - trajectory.GEOID_M
         noise = self._error("baro", trajectory.SensorGrade(density=0.5, bias=8.0))[:, 0]
         return np.rint(trajectory.pressure(height) + noise).astype(">u4")
 
@@ -365,7 +365,7 @@ class ItemValues:
 
     @_item("RawAccGyrMagTemp")
     def raw_readings(self) -> Array:
-        """Converter readings: the whole of 16 bits is the whole of each sensor's range."""
+        """Converter readings: 16 bits cover each sensor's range."""
         out = np.empty(len(self.times), _RAW)
         limits = (
             ("acc", self.force, ACCELERATION_RANGE),
@@ -426,7 +426,7 @@ class ItemValues:
         return out
 
     def _item_rate(self, plain: int) -> int:
-        """Rate of an item, whatever its precision: what a delta is summed over."""
+        """Rate of an item in any precision: the interval that a delta is summed over."""
         return max(rate for identifier, rate in self.cadence.items if identifier & 0xFFF0 == plain)
 
     @cached_property

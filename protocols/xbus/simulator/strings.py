@@ -1,15 +1,15 @@
-"""What does an MTi send that was told to send strings instead of data? One function per string type.
+"""String outputs of the simulated MTi, one function per string type.
 
     SetStringOutputType ──> the lines of each tick, in the order of their bits:   $HEHDT,123.45,T*1B␍␊
 
-Two of them are not NMEA: TSS2, a line of fixed columns, and EM1000, ten bytes (binary_strings.py has their layout).
-Strings of a GNSS device are left out by a device that has none. Heading is clockwise from north, pitch positive bow up,
-roll positive port up. There is no magnetic variation where the drive takes place.
+Two of them are not NMEA: TSS2, a line of fixed columns, and EM1000, ten bytes (binary_strings.py has their layout). A
+device without GNSS omits the strings of a GNSS device. Heading is clockwise from north, pitch positive bow up, roll
+positive port up. There is no magnetic variation at the place of the drive.
 
 The rate: with the strings in the 600-series, 115200 / (period · (skip factor + 1)) before.
 
-Source: MT0101P 2020.A, 5.3.5 SetStringOutputType, SetPeriod and SetOutputSkipFactor; the letters of PHTRO, which the
-document garbles, as other makers have them.
+Source: MT0101P 2020.A, 5.3.5 SetStringOutputType, SetPeriod and SetOutputSkipFactor; the letters of PHTRO, garbled in
+the document, from other makers.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from protocols.xbus.simulator.measurement import BLOCK_NS
 from protocols.xbus.simulator.signals import Array, Floats, ItemValues, XbusSignalSource
 
 _KNOTS = 1 / 0.514444
-_COURSE_FROM = 0.2  # m/s: below it a true course is not told
+_COURSE_FROM = 0.2  # m/s: below it no true course is sent
 _RECEIVER = ("GPGGA", "GPZDA", "GPRMC", "XSVEL")
 
 
 class Moment:
-    """What the lines of one block of ticks are made of, one row a tick."""
+    """Inputs for the lines of one block of ticks, one row per tick."""
 
     def __init__(self, values: ItemValues, run: XbusSignalSource) -> None:
         forward, port, up = np.moveaxis(trajectory.matrix(values.quaternion("ENU")), 2, 0)  # of the body, in ENU
@@ -55,7 +55,7 @@ def _nmea(content: str) -> bytes:
 
 
 def _clock(at: Moment, k: int) -> str:
-    """hhmmss.ss"""
+    """UTC time of day, hhmmss.ss."""
     text = str(at.utc[k])[11:22]
     return text.replace(":", "")
 
@@ -144,13 +144,13 @@ LINES: Mapping[str, Callable[[Moment, int], bytes]] = {
 
 @dataclass(frozen=True)
 class Sentences:
-    """One uninterrupted run of the measurement state that sends strings; takes the place of a Measurement.
+    """One uninterrupted run of the measurement state with strings, instead of a Measurement.
 
     Args:
         types: the word of SetStringOutputType.
         hertz: ticks/s.
         begin_ns: device time of the first.
-        run: what the values depend on.
+        run: inputs of the values.
     """
 
     types: int
@@ -163,17 +163,17 @@ class Sentences:
 
     @property
     def rate(self) -> int:
-        """Of the sensor errors: whole samples a second."""
+        """Rate of the sensor errors: whole samples a second."""
         return max(1, round(self.hertz))
 
     @cached_property
     def chosen(self) -> tuple[str, ...]:
-        """The strings that this device has of those asked for."""
+        """The requested strings that this device has."""
         names = (bits.name for bits in STRING_TYPES if bits.of(self.types) and bits.name in LINES)
         return tuple(name for name in names if name not in _RECEIVER or "gnss" in self.run.abilities)
 
     def errors(self, name: str, grade: trajectory.SensorGrade) -> trajectory.SensorErrors:
-        """See quantities.Cadence."""
+        """See signals.OutputSchedule."""
         if name not in self._errors:
             self._errors[name] = trajectory.SensorErrors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
         return self._errors[name]

@@ -1,4 +1,4 @@
-/** How does the sensor lie in the world? A turning box with its own axes over a floor that names the frame's axes. */
+/** Attitude of the sensor as a turning box with its own axes, over a floor labelled with the frame's axes. */
 import { css, font, type Surface } from "../ui/canvas";
 import type { Matrix3, Vector3, WorldFrame } from "../data/rotations";
 import { apply, axesOf, type Camera, project } from "./projection";
@@ -13,7 +13,14 @@ const ARROWS: readonly { readonly letter: "x" | "y" | "z"; readonly tip: Vector3
   { letter: "z", tip: [0, 0, 0.95] },
 ];
 /** Corners 0-3 below, 4-7 above, in turn about z. */
-const FACES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]] as const;
+const FACES = [
+  [0, 1, 2, 3],
+  [4, 5, 6, 7],
+  [0, 1, 5, 4],
+  [1, 2, 6, 5],
+  [2, 3, 7, 6],
+  [3, 0, 4, 7],
+] as const;
 const FLOOR = -0.62;
 const EXTENT = 1.2;
 
@@ -128,7 +135,12 @@ function drawArrow(x: CanvasRenderingContext2D, at: Place, letter: "x" | "y" | "
   x.lineWidth = 2.25;
   line(x, at, [0, 0, 0], tip);
   x.beginPath();
-  for (const [length, turn] of [[7, 0], [4.5, 2.2], [4.5, -2.2]] as const) x.lineTo(...beside(length, turn));
+  for (const [length, turn] of [
+    [7, 0],
+    [4.5, 2.2],
+    [4.5, -2.2],
+  ] as const)
+    x.lineTo(...beside(length, turn));
   x.fill();
   font(x, 12, 700);
   x.textAlign = "center";

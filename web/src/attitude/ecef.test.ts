@@ -8,12 +8,22 @@ const transpose = (m: Matrix3): Matrix3 => [m[0], m[3], m[6], m[1], m[4], m[7], 
 function ecefOf(lat: number, lon: number, height: number): Vector3 {
   const [p, l, e2] = [(lat * Math.PI) / 180, (lon * Math.PI) / 180, 0.0066943799901413165];
   const n = 6_378_137 / Math.sqrt(1 - e2 * Math.sin(p) ** 2);
-  return [(n + height) * Math.cos(p) * Math.cos(l), (n + height) * Math.cos(p) * Math.sin(l), (n * (1 - e2) + height) * Math.sin(p)];
+  return [
+    (n + height) * Math.cos(p) * Math.cos(l),
+    (n + height) * Math.cos(p) * Math.sin(l),
+    (n * (1 - e2) + height) * Math.sin(p),
+  ];
 }
 
 describe("placeOf", () => {
   it("finds the place of a position, anywhere on the ground", () => {
-    for (const [lat, lon, height] of [[52.22, 6.89, 71], [-33.9, 151.2, 5], [0, 0, 0], [89.9, -120, 4000], [-41, 179.99, 12000]] as const) {
+    for (const [lat, lon, height] of [
+      [52.22, 6.89, 71],
+      [-33.9, 151.2, 5],
+      [0, 0, 0],
+      [89.9, -120, 4000],
+      [-41, 179.99, 12000],
+    ] as const) {
       const place = placeOf(ecefOf(lat, lon, height));
       expect(place?.[0]).toBeCloseTo(lat, 6);
       expect(place?.[1]).toBeCloseTo(lon, 9);

@@ -1,6 +1,6 @@
 /**
- * Which way is level at a place on the earth? For devices that give their attitude or position against the earth's own axes (ECEF:
- * x through Greenwich at the equator, z through the pole), which say nothing about up without the place.
+ * Local level at a place on the earth, for devices that give attitude or position against the earth's own axes (ECEF: x through
+ * Greenwich at the equator, z through the pole), which do not define up without a place.
  *
  * Source: WGS 84; latitude from ECEF after Bowring (1985), good to a millionth of a degree near the surface.
  */
@@ -12,7 +12,7 @@ const E2 = F * (2 - F);
 const B = A * (1 - F);
 const RADIAN = Math.PI / 180;
 
-/** Latitude and longitude, °, of a position in metres; undefined where there is none (a receiver without a fix sends zeros). */
+/** Latitude and longitude, °, of a position in metres; undefined if invalid (a receiver without a fix sends zeros). */
 export function placeOf([x, y, z]: Vector3): readonly [lat: number, lon: number] | undefined {
   const p = Math.hypot(x, y);
   if (!(Math.hypot(p, z) > 1e6)) return undefined;

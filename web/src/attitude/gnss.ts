@@ -1,34 +1,60 @@
-/** Where is it? Fix, satellites, position, accuracy and age, and the track of the window; only where the device sends a position. */
+/** GNSS cell: fix, satellites, position, accuracy, age and the track of the window; shown if the device sends a position. */
 import { type Deps, reading, sampleAt } from "../panels/panel-context";
 import { surface } from "../ui/canvas";
-import { el, every, Live, type Panel, unit } from "../ui/dom";
+import { el, throttle, LiveText, type Panel, unit } from "../ui/dom";
 import { age, geographic, NONE, number } from "../ui/format";
 import { pathOf } from "./path";
 import { fixLine, isPlace, metresOf, type Position } from "./position";
 import { drawTrack } from "./track";
+import { TEXT } from "../texts/attitude";
 
-/** Points drawn at most: a cell of 200 px shows no more. */
+/** Points drawn at most: a cell of 200 px resolves no more. */
 const POINTS = 400;
 
-type Texts = Readonly<Record<"fix" | "lat" | "lon" | "h" | "v" | "age" | "ageUnit", Live>>;
+type Texts = Readonly<Record<"fix" | "lat" | "lon" | "h" | "v" | "age" | "ageUnit", LiveText>>;
 
-/** Mounts the cell into `host`; `open` shows the track larger. */
-export function mountGnss(host: HTMLElement, deps: Deps, position: Position, open: () => void): Panel {
-  const texts: Texts = { fix: new Live(), lat: new Live(), lon: new Live(), h: new Live(), v: new Live(), age: new Live(), ageUnit: new Live() };
+/** Mounts the cell into `host`; its button enlarges the track. */
+export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Panel {
+  const texts: Texts = {
+    fix: new LiveText(),
+    lat: new LiveText(),
+    lon: new LiveText(),
+    h: new LiveText(),
+    v: new LiveText(),
+    age: new LiveText(),
+    ageUnit: new LiveText(),
+  };
   const canvas = el("canvas", { "aria-hidden": "true" });
-  const button = el("button", { type: "button", class: "enlarge", title: "Show the track larger", "aria-label": "Track within the window, north up: show it larger" }, canvas);
-  button.addEventListener("click", open);
-  const list = el("dl", {}, el("dt", {}, "Lat"), el("dd", {}, texts.lat.node, unit("°")));
-  list.append(el("dt", {}, "Lon"), el("dd", {}, texts.lon.node, unit("°")));
+  const button = el(
+    "button",
+    {
+      type: "button",
+      class: "enlarge",
+      title: TEXT.enlargeTrack,
+      "aria-label": TEXT.trackLabel,
+    },
+    canvas,
+  );
+  button.addEventListener("click", deps.open.track);
+  const list = el("dl", {}, el("dt", {}, TEXT.lat), el("dd", {}, texts.lat.node, unit("°")));
+  list.append(el("dt", {}, TEXT.lon), el("dd", {}, texts.lon.node, unit("°")));
   if (position.horizontal && position.vertical) {
-    list.append(el("dt", {}, "±"), el("dd", {}, texts.h.node, unit("m hor."), "\u2002", texts.v.node, unit("m vert.")));
+    list.append(
+      el("dt", {}, "±"),
+      el("dd", {}, texts.h.node, unit(TEXT.mHor), "\u2002", texts.v.node, unit(TEXT.mVert)),
+    );
   }
-  list.append(el("dt", {}, "Age"), el("dd", {}, texts.age.node, el("span", { class: "u" }, texts.ageUnit.node)));
-  const cap = el("div", { class: "cap" }, el("span", {}, "GNSS"), el("span", { class: "ell" }, texts.fix.node));
+  list.append(el("dt", {}, TEXT.age), el("dd", {}, texts.age.node, el("span", { class: "unit" }, texts.ageUnit.node)));
+  const cap = el(
+    "div",
+    { class: "caption" },
+    el("span", {}, TEXT.gnss),
+    el("span", { class: "ellipsis" }, texts.fix.node),
+  );
   const cell = el("div", { class: "gnss", title: position.channel.info.group }, cap, button, list);
   host.append(cell);
   const to = surface(canvas, () => undefined);
-  const due = every(5);
+  const due = throttle(5);
   return {
     update(frame) {
       if (!due(frame)) return;

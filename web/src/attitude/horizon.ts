@@ -1,4 +1,4 @@
-/** Where are up and down? The artificial horizon, drawn as the pilot's instrument: it shows the world, not a sign convention. */
+/** The artificial horizon, drawn like the pilot's instrument: it shows the world, not a sign convention. */
 import { css, font, type Surface } from "../ui/canvas";
 import { number } from "../ui/format";
 import type { Horizon } from "./projection";
@@ -113,7 +113,10 @@ function drawBank(x: CanvasRenderingContext2D, radius: number, bank: number): vo
 /** The fixed mark of the sensor itself: its x axis points into the picture. */
 function drawAircraft(x: CanvasRenderingContext2D, radius: number): void {
   x.lineCap = x.lineJoin = "round";
-  for (const [colour, width, alpha] of [[css("--bg"), 6, 0.5], [css("--ink"), 2.6, 1]] as const) {
+  for (const [colour, width, alpha] of [
+    [css("--bg"), 6, 0.5],
+    [css("--ink"), 2.6, 1],
+  ] as const) {
     x.strokeStyle = colour;
     x.lineWidth = width;
     x.globalAlpha = alpha;

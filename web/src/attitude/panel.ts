@@ -1,27 +1,30 @@
 /**
- * How does it lie? Horizon, turning body and the three numerals of the selected device, in the frame a person chose or the one
- * the device speaks. Live it shows the newest sample at the pace of the screen; paused it follows the cursor. A device
- * that sends no attitude gets words that say which output to switch on, and no empty instrument.
+ * Attitude of the selected device: horizon, turning body and three numerals, in the frame chosen by the user or sent by the
+ * device. Live it shows the newest sample at the screen's rate; paused it follows the cursor. For a device without attitude it names
+ * the output to switch on instead of an empty instrument.
  */
 import { effect } from "@preact/signals";
 import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/rotations";
 import { bodyOf, pairIn } from "../data/frames";
 import type { Channel } from "../data/channels";
-import { frame as chosenFrame } from "../data/view-state";
+import type { ViewState } from "../data/view-state";
 import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/panel-context";
 import { trustOf } from "../panels/authenticity";
 import { surface } from "../ui/canvas";
-import { el, every, Live, type Panel, unit } from "../ui/dom";
+import { el, throttle, LiveText, type Panel, unit } from "../ui/dom";
 import { number } from "../ui/format";
+import { protocolOf } from "../wire/capabilities";
 import { drawBody } from "./body";
 import { mountGnss } from "./gnss";
 import { drawHorizon } from "./horizon";
 import { FRAMES, headingOf, horizonOf, pitchSign } from "./projection";
 import { positionOf } from "./position";
 import { type Source, sourceOf } from "./source";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/attitude";
 
-/** Mounts into `host`, which becomes the attitude row; rebuilt when the device's channels change. `openTrack` shows the track large. */
-export function mountAttitude(host: HTMLElement, deps: Deps, openTrack: () => void): Panel {
+/** Mounts into `host`, the attitude row; rebuilt when the device's channels change. */
+export function mountAttitude(host: HTMLElement, deps: Deps): Panel {
   let shown: readonly Channel[] | undefined;
   let parts: readonly Panel[] = [];
   const clear = (): void => {
@@ -38,7 +41,7 @@ export function mountAttitude(host: HTMLElement, deps: Deps, openTrack: () => vo
         const position = positionOf(channels);
         host.classList.toggle("with-gnss", position !== undefined);
         parts = [source ? mountInstruments(host, deps, source) : mountNone(host, deps)];
-        if (position) parts = [...parts, mountGnss(host, deps, position, openTrack)];
+        if (position) parts = [...parts, mountGnss(host, deps, position)];
       }
       for (const part of parts) part.update(now);
     },
@@ -46,51 +49,57 @@ export function mountAttitude(host: HTMLElement, deps: Deps, openTrack: () => vo
   };
 }
 
-/** What a device of each family has to send for a horizon. */
-const ATTITUDES: Readonly<Record<string, string>> = {
-  xbus: "Switch on Quaternion, RotationMatrix or EulerAngles among the outputs of the device, and the horizon appears here.",
-  isb: "Have the device send INS 1, INS 2, INS 3 or INS 4, and the horizon appears here.",
-  idtp: "Have the device send ImuQuat payloads, and the horizon appears here.",
-};
-
 function mountNone(host: HTMLElement, deps: Deps): Panel {
   const device = selected(deps);
-  const raw = deps.store.raws.peek().some((payload) => payload.device === device?.id);
-  const hint = raw ? "Its payloads have no description: see Raw payloads beside the plots." : (ATTITUDES[device?.protocol ?? ""] ?? "");
+  const raw = deps.store.unknownPayloads.peek().some((payload) => payload.device === device?.id);
+  const hint = raw ? TEXT.payloadsUndefined : (protocolOf(device?.protocol)?.attitude_hint ?? "");
   const words = el("p", {}, hint);
-  const box = el("div", { class: "none" }, el("h2", {}, "This device sends no orientation"), words);
+  const box = el("div", { class: "no-orientation" }, el("h2", {}, TEXT.noOrientation), words);
   host.append(box);
   return { update: () => undefined, dispose: () => box.remove() };
 }
 
-function numeral(list: HTMLElement, name: string, axis: string, note: Node | string): Live {
-  const live = new Live();
-  const title = el("dt", {}, el("b", axis ? { class: axis } : {}, name), el("span", {}, note));
+function numeral(list: HTMLElement, name: string, axis: string, note: Node | string): LiveText {
+  const live = new LiveText();
+  const title = el("dt", {}, el("b", axis ? { class: `axis-${axis}` } : {}, name), el("span", {}, note));
   const value = el("dd", { "data-numeral": name.toLowerCase() }, live.node, unit("°"));
   list.append(el("div", {}, title, value));
   return live;
 }
 
-/** Can it be known who sent this attitude? Empty where a protocol does not tell. */
+/** Verification of the attitude's sender; empty if the protocol does not provide it. */
 function writeTrust(node: HTMLElement, deps: Deps, { verified }: Source): void {
   const device = selected(deps);
   const told = device && trustOf(device, deps.store.health.value.get(device.id));
-  const text = !verified ? "▲ unverified" : told === undefined ? "" : told.word === "unverified" ? "● verified" : `${told.mark} ${told.word}`;
+  const text = !verified
+    ? COMMON.unverified
+    : told === undefined
+      ? ""
+      : told.state === "unverified"
+        ? TEXT.verified
+        : `${told.mark} ${told.word}`;
   if (node.textContent === text) return;
   node.textContent = text;
-  node.className = verified ? "trustmark" : "trustmark tag warn";
+  node.className = verified ? "trust-mark" : "trust-mark tag warn";
   node.title = told?.detail ?? "";
 }
 
-const BODY_WORDS = { FLU: "forward, left, up", FRD: "forward, right, down" } as const;
+const BODY_WORDS = { FLU: TEXT.forwardLeftUp, FRD: TEXT.forwardRightDown } as const;
 
-/** The switch of frames, for everything on the page; pressing the one the device speaks returns to "as it is sent". */
-function frameSwitch(native: WorldFrame): { readonly node: HTMLElement; dispose(): void } {
-  const group = el("div", { class: "seg small", role: "group", "aria-label": "Frame of everything: attitude, body, plots and values" });
+/** The frame switch, for the whole page; pressing the device's own frame returns to "as it is sent". */
+function frameSwitch(
+  native: WorldFrame,
+  chosenFrame: ViewState["frame"],
+): { readonly node: HTMLElement; dispose(): void } {
+  const group = el("div", {
+    class: "segmented small",
+    role: "group",
+    "aria-label": TEXT.frameHint,
+  });
   const buttons = FRAMES.map((name) => {
     const button = el("button", { type: "button" }, name);
-    const axes = `${name}, body axes ${BODY_WORDS[bodyOf(name)]}`;
-    button.title = name === native ? `${axes}: as the device sends it` : `${axes}: attitude, plots and values converted from ${native}`;
+    const axes = TEXT.bodyAxes(name, BODY_WORDS[bodyOf(name)]);
+    button.title = name === native ? TEXT.nativeFrame(axes) : TEXT.convertedFrame(axes, native);
     button.addEventListener("click", () => {
       chosenFrame.value = name === native ? undefined : name;
     });
@@ -105,20 +114,32 @@ function frameSwitch(native: WorldFrame): { readonly node: HTMLElement; dispose(
 }
 
 function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel {
-  const horizonCanvas = el("canvas", { role: "img", "aria-label": "Artificial horizon" });
-  const bodyCanvas = el("canvas", { role: "img", "aria-label": "Sensor body with its x, y and z axes" });
-  const [frameName, pitchNote] = [new Live(), new Live()];
-  const horizonCell = el("div", { class: "hor" }, horizonCanvas);
-  const cap = el("div", { class: "cap" }, el("span", {}, "Body ", frameName.node), el("span", {}, "seen from SW"));
-  const bodyCell = el("div", { class: "body3" }, cap, bodyCanvas);
+  const horizonCanvas = el("canvas", { role: "img", "aria-label": TEXT.artificialHorizon });
+  const bodyCanvas = el("canvas", { role: "img", "aria-label": TEXT.bodyLabel });
+  const [frameName, pitchNote] = [new LiveText(), new LiveText()];
+  const horizonCell = el("div", { class: "horizon" }, horizonCanvas);
+  const cap = el(
+    "div",
+    { class: "caption" },
+    el("span", {}, TEXT.body, frameName.node),
+    el("span", {}, TEXT.seenFromSw),
+  );
+  const bodyCell = el("div", { class: "body-view" }, cap, bodyCanvas);
   const list = el("dl");
-  const heading = numeral(list, "Heading", "", "from north");
-  const roll = numeral(list, "Roll", "x", "about x");
-  const pitch = numeral(list, "Pitch", "y", pitchNote.node);
-  const choice = frameSwitch(deps.store.nativeFrame(source.channel.info.device) ?? source.frame);
-  const trust = el("span", { class: "trustmark" });
-  const top = el("div", { class: "frame" }, choice.node, trust, el("span", { class: "from", title: source.detail }, source.words));
-  const numsCell = el("div", { class: "nums" }, top, list);
+  const heading = numeral(list, TEXT.heading, "", TEXT.fromNorth);
+  const roll = numeral(list, TEXT.roll, "x", TEXT.aboutX);
+  const pitch = numeral(list, TEXT.pitch, "y", pitchNote.node);
+  const { frame: chosenFrame } = deps.viewState;
+  const choice = frameSwitch(deps.store.nativeFrame(source.channel.info.device) ?? source.frame, chosenFrame);
+  const trust = el("span", { class: "trust-mark" });
+  const top = el(
+    "div",
+    { class: "frame" },
+    choice.node,
+    trust,
+    el("span", { class: "from", title: source.detail }, source.words),
+  );
+  const numsCell = el("div", { class: "numerals" }, top, list);
   host.append(horizonCell, bodyCell, numsCell);
 
   let drawn = "";
@@ -126,7 +147,7 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
     drawn = "";
   };
   const [horizonOn, bodyOn] = [surface(horizonCanvas, redraw), surface(bodyCanvas, redraw)];
-  const textDue = every(12);
+  const textDue = throttle(12);
   return {
     update(now) {
       const i = sampleAt(source.channel, reading(deps));
@@ -146,9 +167,9 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
       heading.set(number(enu && headingOf(enu), 1));
       roll.set(number(angles?.[0], 1));
       pitch.set(number(angles?.[1], 1));
-      frameName.set(`${bodyOf(frame)} in ${frame}`);
+      frameName.set(TEXT.bodyInFrame(bodyOf(frame), frame));
       writeTrust(trust, deps, source);
-      pitchNote.set(`about y, ${pitchSign(frame)}`);
+      pitchNote.set(TEXT.aboutY(pitchSign(frame)));
     },
     dispose() {
       horizonOn.dispose();

@@ -1,7 +1,6 @@
-/** The track of a window as points on a local metric grid, thinned to what a picture shows; gaps in the samples are breaks. */
+/** The track of a window as points on a local metric grid, thinned to the picture's resolution; gaps in the samples are breaks. */
 import { lowerBound } from "../data/line-breaks";
 import type { Channel } from "../data/channels";
-import { view } from "../data/view-state";
 import type { Reading } from "../panels/cursor-time";
 import { metresFrom } from "./projection";
 import { isPlace, type Position, qualityOf, wordsOf } from "./position";
@@ -9,19 +8,19 @@ import type { Point, TrackPoint } from "./track";
 
 export interface Path {
   readonly points: readonly (TrackPoint | undefined)[];
-  /** The point that is read now. */
+  /** The point at the reading position. */
   readonly here: Point | undefined;
-  /** The place that the grid's zero is; undefined before the first place. */
+  /** The origin of the grid; undefined before the first position. */
   readonly origin: readonly [lat: number, lon: number] | undefined;
 }
 
-/** Where each track's grid has its origin: the first place that was drawn, so that nothing moves when the window does. */
+/** Grid origin of each track: the first position drawn, so that nothing moves when the window does. */
 const origins = new WeakMap<Channel, readonly [lat: number, lon: number]>();
 
-/** The path within the window of `at`, of `most` points at most; `i` is the sample that is read. */
+/** The path within the window of `at`, of at most `most` points; `i` is the sample at the reading position. */
 export function pathOf(position: Position, at: Reading, i: number, most: number): Path {
   const { ring } = position.channel;
-  const base = view.value.timeBase;
+  const { base } = at;
   const [first, last] = [Math.max(0, ring.indexAt(at.from, base)), ring.indexAt(at.to, base)];
   const pointAt = (k: number): Point | undefined => {
     const [lat, lon] = [ring.value(position.lat, k), ring.value(position.lon, k)];
@@ -35,7 +34,8 @@ export function pathOf(position: Position, at: Reading, i: number, most: number)
   let before = -1;
   // Counted from the stream's beginning, so that the same samples are drawn while the window moves.
   for (let k = first + ((step - ((ring.first + first) % step)) % step); k <= last; k += step) {
-    const broken = before >= 0 && (ring.breaks[lowerBound(ring.breaks, ring.first + before + 1)] ?? Infinity) <= ring.first + k;
+    const broken =
+      before >= 0 && (ring.breaks[lowerBound(ring.breaks, ring.first + before + 1)] ?? Infinity) <= ring.first + k;
     if (broken) points.push(undefined);
     before = k;
     const where = pointAt(k);

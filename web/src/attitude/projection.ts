@@ -1,14 +1,14 @@
 /**
- * How is a rotation seen? Pure geometry behind the horizon, the turning body and the heading.
+ * Geometry of a rotation for the horizon, the turning body and the heading. Pure.
  *
  * A rotation is `R`, frame from body: column j of R is body axis j written in the frame's axes (frames and conversions:
- * data/rotations.ts, data/frames.ts). Everything drawn is the world itself, so it is worked out in one frame (ENU); the horizon does
- * not move when a person chooses another frame. In ENU and NWU positive pitch is nose down, in NED nose up; it shows which it is.
+ * data/rotations.ts, data/frames.ts). Everything drawn is the world itself, computed in one frame (ENU), so the horizon does not
+ * move when the user chooses another frame. In ENU and NWU positive pitch is nose down, in NED nose up; the display says which.
  *
  * Body axes go with the frame: level is z up in ENU and NWU, z down in NED.
  */
-
 import { type Matrix3, type Vector3, type WorldFrame, vectorIn } from "../data/rotations";
+import { TEXT } from "../texts/attitude";
 
 export const FRAMES: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 const DEGREE = Math.PI / 180;
@@ -22,7 +22,7 @@ export function apply(m: Matrix3, v: Vector3): Vector3 {
   ];
 }
 
-/** What the horizon shows, in °: nose above the horizon is positive `nose`, right side down is positive `bank`. */
+/** Values of the horizon, in °: nose above the horizon is positive `nose`, right side down is positive `bank`. */
 export interface Horizon {
   readonly nose: number;
   readonly bank: number;
@@ -45,18 +45,22 @@ export function headingOf(enu: Matrix3): number | undefined {
   return degrees < 0 ? degrees + 360 : degrees;
 }
 
-/** What a positive pitch numeral means in a frame. */
+/** Meaning of a positive pitch numeral in a frame. */
 export function pitchSign(frame: WorldFrame): string {
-  return frame === "NED" ? "+ nose up" : "+ nose down";
+  return frame === "NED" ? TEXT.noseUp : TEXT.noseDown;
 }
 
-/** The frame's axes as directions of the world (ENU), with the letter each is known by. */
+/** The frame's axes as directions of the world (ENU), with their letters. */
 export function axesOf(frame: WorldFrame): readonly { readonly letter: string; readonly to: Vector3 }[] {
-  const units: readonly Vector3[] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const units: readonly Vector3[] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+  ];
   return units.map((unit, i) => ({ letter: frame.charAt(i), to: vectorIn(unit, frame, "ENU") }));
 }
 
-/** Where a camera stands: turned by `azimuth` about up, raised by `elevation`, both in radians. */
+/** Position of a camera: turned by `azimuth` about up, raised by `elevation`, both in radians. */
 export interface Camera {
   readonly azimuth: number;
   readonly elevation: number;

@@ -8,7 +8,10 @@ import { sourceOf } from "./source";
 function channel(id: number, kind: ChannelInfo["kind"], frame: string, sample: readonly number[], group = ""): Channel {
   const ring = { length: 1, value: (column: number) => sample[column] ?? Number.NaN, time: () => 0, indexAt: () => 0 };
   const columns = [{ unit: kind === "vector" ? "m" : "" }];
-  return { info: { id, kind, frame, name: kind, title: kind, group, message: group, columns }, ring } as unknown as Channel;
+  return {
+    info: { id, kind, frame, name: kind, title: kind, group, message: group, columns },
+    ring,
+  } as unknown as Channel;
 }
 const quaternion = channel(3, "quaternion", "NED from body", [Math.SQRT1_2, 0, 0, Math.SQRT1_2]);
 const matrix = channel(4, "matrix", "NWU from body", [1, 0, 0, 0, 1, 0, 0, 0, 1]);
@@ -24,7 +27,11 @@ describe("sourceOf", () => {
     expect(sourceOf([channel(1, "quaternion", "", [0, 0, 0, 0])])?.at(0)).toBeUndefined();
   });
   it("reads a matrix through its derived angles, and takes angles as they come", () => {
-    expect(sourceOf([matrix, derived])).toMatchObject({ words: "from rotation matrix", frame: "NWU", channel: derived });
+    expect(sourceOf([matrix, derived])).toMatchObject({
+      words: "from rotation matrix",
+      frame: "NWU",
+      channel: derived,
+    });
     expect(sourceOf([euler])).toMatchObject({ words: "from Euler angles", frame: "ENU" });
   });
   it("makes an attitude against the earth level, with the position beside it", () => {

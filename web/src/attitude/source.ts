@@ -1,24 +1,25 @@
 /**
- * From which channel does the attitude come? The first of: the device's own quaternion, its rotation matrix, its Euler angles.
- * An attitude against the earth's axes (ECEF) is the last choice: it needs a position before it says which way is up.
- * A matrix is read through the Euler angles derived from it, so that the order of its elements is known in one place only.
+ * Selection of the attitude source, the first of: the device's own quaternion, its rotation matrix, its Euler angles. An attitude
+ * against the earth's axes (ECEF) comes last: it needs a position to define up. A matrix is read through the Euler angles derived
+ * from it, so that only one place depends on the order of its elements.
  */
 import type { Channel } from "../data/channels";
 import { type Matrix3, matrixOfEuler, matrixOfQuaternion, type WorldFrame } from "../data/rotations";
 import { nedFromEcef, placeOf, product } from "./ecef";
 import { FRAMES } from "./projection";
+import { TEXT } from "../texts/attitude";
 
 export interface Source {
   /** "from quaternion", or the message where several carry an attitude: "from INS 1". */
   readonly words: string;
-  /** Which quantity of which message it is, in full. */
+  /** Quantity and message, in full. */
   readonly detail: string;
-  /** The frame the device speaks. */
+  /** The frame sent by the device. */
   readonly frame: WorldFrame;
-  /** False: nobody could check who sent it. */
+  /** False: the sender could not be verified. */
   readonly verified: boolean;
   readonly channel: Channel;
-  /** Frame from body at sample `i`; undefined when the sample is no rotation. */
+  /** Frame from body at sample `i`; undefined if the sample is not a rotation. */
   at(i: number): Matrix3 | undefined;
 }
 
@@ -27,19 +28,19 @@ export function sourceOf(channels: readonly Channel[]): Source | undefined {
   const own = channels.filter(({ info }) => info.id >= 0);
   const local = own.filter((channel) => !isEarthly(channel));
   const quaternion = local.find(({ info }) => info.kind === "quaternion");
-  if (quaternion) return source("from quaternion", quaternion, quaternion, (i) => byQuaternion(quaternion, i));
+  if (quaternion) return source(TEXT.fromQuaternion, quaternion, quaternion, (i) => byQuaternion(quaternion, i));
   const matrix = local.find(({ info }) => info.kind === "matrix");
   const derived = channels.find(({ info }) => info.kind === "euler" && info.id < 0);
-  if (matrix && derived) return source("from rotation matrix", matrix, derived, (i) => byEuler(derived, i));
+  if (matrix && derived) return source(TEXT.fromRotationMatrix, matrix, derived, (i) => byEuler(derived, i));
   const euler = local.find(({ info }) => info.kind === "euler") ?? derived;
-  if (euler) return source("from Euler angles", euler, euler, (i) => byEuler(euler, i));
+  if (euler) return source(TEXT.fromEulerAngles, euler, euler, (i) => byEuler(euler, i));
   return earthly(own);
 }
 
 function source(words: string, from: Channel, channel: Channel, at: Source["at"]): Source {
   const { title, group, frame } = from.info;
   const detail = [group, title || from.info.name, frame].filter(Boolean).join(", ");
-  const said = group ? `from ${group}` : words;
+  const said = group ? TEXT.fromGroup(group) : words;
   return { words: said, detail, frame: frameOf(from), verified: from.info.verified, channel, at };
 }
 
@@ -47,20 +48,23 @@ function isEarthly({ info }: Channel): boolean {
   return info.frame.startsWith("ECEF");
 }
 
-/** An attitude against the earth's axes, made level with the position that comes with it; shown as north, east, down. */
+/** An attitude against the earth's axes, levelled with the position of the same message; shown as north, east, down. */
 function earthly(channels: readonly Channel[]): Source | undefined {
   const attitude = channels.find((channel) => channel.info.kind === "quaternion" && isEarthly(channel));
   if (!attitude) return undefined;
-  const positions = channels.filter((channel) => isEarthly(channel) && channel.info.kind === "vector" && channel.info.columns[0]?.unit === "m");
+  const positions = channels.filter(
+    (channel) => isEarthly(channel) && channel.info.kind === "vector" && channel.info.columns[0]?.unit === "m",
+  );
   const position = positions.find(({ info }) => info.message === attitude.info.message) ?? positions[0];
   if (!position) return undefined;
   const at = (i: number): Matrix3 | undefined => {
     const sent = byQuaternion(attitude, i);
     const k = position.ring.indexAt(attitude.ring.time(i), "device");
-    const place = k < 0 ? undefined : placeOf([position.ring.value(0, k), position.ring.value(1, k), position.ring.value(2, k)]);
+    const place =
+      k < 0 ? undefined : placeOf([position.ring.value(0, k), position.ring.value(1, k), position.ring.value(2, k)]);
     return sent && place && product(nedFromEcef(place), sent);
   };
-  return { ...source("from quaternion", attitude, attitude, at), frame: "NED" };
+  return { ...source(TEXT.fromQuaternion, attitude, attitude, at), frame: "NED" };
 }
 
 function byQuaternion({ ring }: Channel, i: number): Matrix3 | undefined {
@@ -71,12 +75,12 @@ function byEuler({ ring }: Channel, i: number): Matrix3 | undefined {
   return finite(matrixOfEuler([ring.value(0, i), ring.value(1, i), ring.value(2, i)]));
 }
 
-/** A device that has no attitude yet sends zeros or NaN. */
+/** Undefined for zeros or NaN, which a device sends before its first solution. */
 function finite(m: Matrix3): Matrix3 | undefined {
   return m.every(Number.isFinite) ? m : undefined;
 }
 
-/** "ENU from body" → ENU, which is also what is taken where nothing is said. */
+/** "ENU from body" → ENU, which is also the default. */
 function frameOf(channel: Channel): WorldFrame {
   return FRAMES.find((frame) => channel.info.frame.startsWith(frame)) ?? "ENU";
 }

@@ -1,16 +1,16 @@
 /**
- * Which tiles of a map lie under the track, and where? A tile is 256 px of the world in Mercator's projection, cut into 2^z by 2^z; the
- * track is in metres on a plain grid about its first point. The corners of each tile are put onto that grid, so track and map agree
- * where the track is. Tiles come through our own port (server/api/map_tiles.py), a few at a time, and the last are kept.
+ * Map tiles under the track. A tile is 256 px of the world in Mercator's projection, cut into 2^z by 2^z; the track is in metres on a
+ * plain grid about its first point. The corners of each tile are projected onto that grid, so track and map agree along the track.
+ * Tiles come through our own port (server/api/map_tiles.py), a few at a time, and recent ones are cached.
  */
 import { metresFrom } from "./projection";
 import type { Point, TrackView } from "./track";
 
 export const TILE_PX = 256;
-/** Tile servers rarely have more; a closer look shows these larger. */
+/** Tile servers rarely go deeper; a closer view enlarges these. */
 const DEEPEST = 19;
 const EQUATOR_M = 40_075_016.7;
-/** More than a screen full: nothing of a picture asks for more, whatever its size. */
+/** More than a screen full, an upper limit for any picture. */
 const MOST_TILES = 96;
 const KEPT = 256;
 const AT_ONCE = 6;
@@ -48,14 +48,23 @@ export function placeAt(x: number, y: number, z: number): Origin {
   return [Math.atan(Math.sinh(Math.PI * (1 - (2 * y) / n))) / RADIAN, (x / n) * 360 - 180];
 }
 
-/** The tiles under a picture of `w` by `h` px; none where they would be too many. */
+/** The tiles under a picture of `w` by `h` px; none if there would be too many. */
 export function tilesUnder(view: TrackView, origin: Origin, w: number, h: number): readonly Placed[] {
   const [reachE, reachN] = [w / 2 / view.scale, h / 2 / view.scale];
   const perDegree = metresFrom([0, 0], 1, 0)[1];
-  const placeOf = (east: number, north: number): Origin => [origin[0] + north / perDegree, origin[1] + east / (perDegree * Math.cos(origin[0] * RADIAN))];
+  const placeOf = (east: number, north: number): Origin => [
+    origin[0] + north / perDegree,
+    origin[1] + east / (perDegree * Math.cos(origin[0] * RADIAN)),
+  ];
   const z = zoomOf(view.scale, origin[0]);
-  const [left, top] = tileAt(...placeOf(view.middle[0] - reachE, view.middle[1] + reachN), z).map(Math.floor) as [number, number];
-  const [right, bottom] = tileAt(...placeOf(view.middle[0] + reachE, view.middle[1] - reachN), z).map(Math.floor) as [number, number];
+  const [left, top] = tileAt(...placeOf(view.middle[0] - reachE, view.middle[1] + reachN), z).map(Math.floor) as [
+    number,
+    number,
+  ];
+  const [right, bottom] = tileAt(...placeOf(view.middle[0] + reachE, view.middle[1] - reachN), z).map(Math.floor) as [
+    number,
+    number,
+  ];
   const n = 2 ** z;
   if ((right - left + 1) * (bottom - top + 1) > MOST_TILES) return [];
   const found: Placed[] = [];
@@ -68,22 +77,22 @@ export function tilesUnder(view: TrackView, origin: Origin, w: number, h: number
   return found;
 }
 
-/** The pictures of tiles, as they come. `changed` is called when one more is there. */
-export class TileBook {
+/** Cache of tile images. `changed` is called after each load. */
+export class TileCache {
   readonly #images = new Map<string, HTMLImageElement>();
   readonly #waiting = new Set<string>();
   #loading = 0;
-  /** Tiles that could not be had, since the last that could. */
+  /** Failed tiles since the last success. */
   failed = 0;
 
   constructor(readonly changed: () => void) {}
 
-  /** The picture of a tile; undefined while it is not here, and it is asked for. */
+  /** The image of a tile; undefined while it is being loaded. */
   get({ z, x, y }: Placed): HTMLImageElement | undefined {
     const path = `/api/tiles/${z}/${x}/${y}`;
     const image = this.#images.get(path);
     if (image !== undefined) {
-      this.#images.delete(path); // the last one used is the last one to go
+      this.#images.delete(path); // the most recently used is evicted last
       this.#images.set(path, image);
       return image.complete && image.naturalWidth > 0 ? image : undefined;
     }
@@ -91,7 +100,7 @@ export class TileBook {
     return undefined;
   }
 
-  /** Ask for what was missing; what is not wanted any more is forgotten. To be called after each drawing. */
+  /** Request missing tiles and drop unneeded requests. Call after each drawing. */
   fetch(): void {
     for (const path of this.#waiting) {
       if (this.#loading >= AT_ONCE) break;

@@ -1,33 +1,42 @@
 /**
- * The track, large: on a metric grid with scale bar and north, drag to move, wheel or buttons to zoom, the arrow keys and
- * + − 0 by keyboard. It follows the window until a person moves it; `Fit` makes it follow again. Where a tile server is configured,
- * a map lies under it, which can be switched off.
+ * The enlarged track: on a metric grid with scale bar and north; drag to move, wheel or buttons to zoom, the arrow keys and
+ * + − 0 by keyboard. It follows the window until the user moves it; `Fit` makes it follow again. With a configured tile server a
+ * map lies under it, which can be switched off.
  */
 import { channelsOf, type Deps, reading, sampleAt } from "../panels/panel-context";
 import { type Surface, surface } from "../ui/canvas";
-import { el, every, Live, type Panel } from "../ui/dom";
+import { el, throttle, LiveText, type Panel } from "../ui/dom";
 import { geographic, NONE } from "../ui/format";
 import { api } from "../ui/http";
 import { pathOf } from "./path";
 import { fixLine, isPlace, positionOf } from "./position";
 import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomed } from "./track";
-import { type Origin, TileBook, tilesUnder } from "./tiles";
+import { type Origin, TileCache, tilesUnder } from "./tiles";
+import { TEXT } from "../texts/attitude";
 
 const POINTS = 4000;
-/** So strong is a map: the track is what is looked at. */
+/** Opacity of the map: the track must stand out. */
 const MAP_ALPHA = 0.75;
 const ZOOM = 1.5;
 const KEY_PX = 60;
 
 /** Mounts into `host`. */
 export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
-  const canvas = el("canvas", { tabindex: "0", role: "img", "aria-label": "Track on a metric grid, north up. Arrow keys move it, plus and minus zoom, 0 fits." });
-  const [fix, where] = [new Live(), new Live()];
-  const key = el("ul", { class: "trackkey", "aria-label": "Kinds of fix" });
-  const tools = el("div", { class: "tracktools" });
-  host.append(el("p", { class: "trackline" }, el("b", {}, fix.node), " ", where.node), el("div", { class: "trackbox" }, canvas, tools), key);
-  let kept: TrackView | undefined; // what a person chose
-  let shown: TrackView | undefined; // what is drawn
+  const canvas = el("canvas", {
+    tabindex: "0",
+    role: "img",
+    "aria-label": TEXT.trackHelp,
+  });
+  const [fix, where] = [new LiveText(), new LiveText()];
+  const key = el("ul", { class: "track-key", "aria-label": TEXT.fixTypes });
+  const tools = el("div", { class: "track-tools" });
+  host.append(
+    el("p", { class: "track-summary" }, el("b", {}, fix.node), " ", where.node),
+    el("div", { class: "track-box" }, canvas, tools),
+    key,
+  );
+  let kept: TrackView | undefined; // the user's choice
+  let shown: TrackView | undefined; // the view as drawn
   let due = true;
   const to = surface(canvas, () => (due = true));
   const change = (next: TrackView | undefined): void => {
@@ -41,18 +50,18 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
     if (shown) change({ ...shown, middle: [shown.middle[0] - du / shown.scale, shown.middle[1] + dv / shown.scale] });
   };
   const actions: readonly (readonly [label: string, help: string, act: () => void])[] = [
-    ["+", "Zoom in", () => zoom(ZOOM)],
-    ["−", "Zoom out", () => zoom(1 / ZOOM)],
-    ["Fit", "Fit: show all of the window, and follow it", () => change(undefined)],
+    ["+", TEXT.zoomIn, () => zoom(ZOOM)],
+    ["−", TEXT.zoomOut, () => zoom(1 / ZOOM)],
+    [TEXT.fit, TEXT.fitHint, () => change(undefined)],
   ];
   for (const [label, help, act] of actions) {
     const button = el("button", { type: "button", class: "btn edge", title: help, "aria-label": help }, label);
     button.addEventListener("click", act);
     tools.append(button);
   }
-  const map = mountMap(host.querySelector<HTMLElement>(".trackbox")!, tools, to, () => (due = true));
+  const map = mountMap(host.querySelector<HTMLElement>(".track-box")!, tools, to, () => (due = true));
   listen(canvas, move, zoom, () => change(undefined));
-  const tick = every(10);
+  const tick = throttle(10);
   let kinds = "";
   return {
     update(now) {
@@ -68,7 +77,7 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
       fix.set(fixLine(position, i) || NONE);
       const { ring } = position.channel;
       const [lat, lon] = i < 0 ? [NaN, NaN] : [ring.value(position.lat, i), ring.value(position.lon, i)];
-      where.set(isPlace(lat, lon) ? `${geographic(lat)}°, ${geographic(lon)}°` : "no position");
+      where.set(isPlace(lat, lon) ? `${geographic(lat)}°, ${geographic(lon)}°` : TEXT.noPosition);
       const found = [...new Set(stretches(points).map(({ quality }) => quality))];
       if (found.join() !== kinds) {
         kinds = found.join();
@@ -83,21 +92,25 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
 }
 
 interface MapUnder {
-  /** What is drawn under a track whose grid begins at `origin`; undefined for the plain grid. */
+  /** Draws the ground under a track whose grid begins at `origin`; undefined for the plain grid. */
   under(origin: Origin): Ground | undefined;
-  /** Asks for the tiles that were missing. */
+  /** Requests missing tiles. */
   drawn(): void;
 }
 
-/** The map, its switch and its attribution; nothing of it unless a tile server is configured. */
+/** The map, its switch and its attribution; absent unless a tile server is configured. */
 function mountMap(box: HTMLElement, tools: HTMLElement, to: Surface, changed: () => void): MapUnder {
-  const book = new TileBook(changed);
-  const [words, credit] = [new Live(), new Live()];
+  const book = new TileCache(changed);
+  const [words, credit] = [new LiveText(), new LiveText()];
   let shown = false;
   void api.map().then((outcome) => {
     if (!outcome.ok || !outcome.value.tiles) return;
     shown = true;
-    const button = el("button", { type: "button", class: "btn edge", "aria-pressed": "true", title: "Map under the track" }, "Map");
+    const button = el(
+      "button",
+      { type: "button", class: "btn edge", "aria-pressed": "true", title: TEXT.mapLabel },
+      TEXT.map,
+    );
     button.addEventListener("click", () => {
       shown = !shown;
       button.setAttribute("aria-pressed", String(shown));
@@ -108,26 +121,33 @@ function mountMap(box: HTMLElement, tools: HTMLElement, to: Surface, changed: ()
     box.append(el("p", { class: "attribution" }, el("span", { class: "tagless" }, words.node), " ", credit.node));
     changed();
   });
-  const draw = (origin: Origin): Ground => (view, place) => {
-    const x = to.context;
-    let drawn = 0;
-    x.globalAlpha = MAP_ALPHA;
-    for (const tile of tilesUnder(view, origin, to.width(), to.height())) {
-      const image = book.get(tile);
-      if (!image) continue;
-      const [[left, top], [right, bottom]] = [place(tile.northWest), place(tile.southEast)];
-      x.drawImage(image, left, top, right - left + 0.5, bottom - top + 0.5); // half a pixel more: no seams
-      drawn += 1;
-    }
-    x.globalAlpha = 1;
-    words.set(book.failed > 0 && drawn === 0 ? "The tile server does not answer." : "");
-    return drawn > 0;
-  };
+  const draw =
+    (origin: Origin): Ground =>
+    (view, place) => {
+      const x = to.context;
+      let drawn = 0;
+      x.globalAlpha = MAP_ALPHA;
+      for (const tile of tilesUnder(view, origin, to.width(), to.height())) {
+        const image = book.get(tile);
+        if (!image) continue;
+        const [[left, top], [right, bottom]] = [place(tile.northWest), place(tile.southEast)];
+        x.drawImage(image, left, top, right - left + 0.5, bottom - top + 0.5); // half a pixel more: no seams
+        drawn += 1;
+      }
+      x.globalAlpha = 1;
+      words.set(book.failed > 0 && drawn === 0 ? TEXT.tileServerDown : "");
+      return drawn > 0;
+    };
   return { under: (origin) => (shown ? draw(origin) : undefined), drawn: () => book.fetch() };
 }
 
 /** Pointer, wheel and keys on the picture. */
-function listen(canvas: HTMLCanvasElement, move: (du: number, dv: number) => void, zoom: (factor: number, u?: number, v?: number) => void, fit: () => void): void {
+function listen(
+  canvas: HTMLCanvasElement,
+  move: (du: number, dv: number) => void,
+  zoom: (factor: number, u?: number, v?: number) => void,
+  fit: () => void,
+): void {
   canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
   canvas.addEventListener("pointermove", (event) => {
     if (canvas.hasPointerCapture(event.pointerId)) move(event.movementX, event.movementY);

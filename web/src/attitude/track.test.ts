@@ -1,7 +1,10 @@
 import { describe, expect, it } from "vitest";
 import { fitView, roundLength, stretches, type TrackPoint, zoomed } from "./track";
 
-const point = (east: number, north: number, quality: TrackPoint["quality"] = "plain"): TrackPoint => ({ at: [east, north], quality });
+const point = (east: number, north: number, quality: TrackPoint["quality"] = "plain"): TrackPoint => ({
+  at: [east, north],
+  quality,
+});
 
 describe("roundLength", () => {
   it("is the longest 1, 2 or 5 that fits", () => {
@@ -11,10 +14,30 @@ describe("roundLength", () => {
 
 describe("stretches", () => {
   it("join where the kind of fix changes, and never over a gap or over no fix", () => {
-    const found = stretches([point(0, 0), point(1, 0), point(2, 0, "fixed"), undefined, point(5, 0, "fixed"), point(6, 0, "none"), point(7, 0)]);
+    const found = stretches([
+      point(0, 0),
+      point(1, 0),
+      point(2, 0, "fixed"),
+      undefined,
+      point(5, 0, "fixed"),
+      point(6, 0, "none"),
+      point(7, 0),
+    ]);
     expect(found).toEqual([
-      { quality: "plain", points: [[0, 0], [1, 0]] },
-      { quality: "fixed", points: [[1, 0], [2, 0]] },
+      {
+        quality: "plain",
+        points: [
+          [0, 0],
+          [1, 0],
+        ],
+      },
+      {
+        quality: "fixed",
+        points: [
+          [1, 0],
+          [2, 0],
+        ],
+      },
       { quality: "fixed", points: [[5, 0]] },
       { quality: "plain", points: [[7, 0]] },
     ]);
@@ -31,7 +54,10 @@ describe("the view", () => {
     const [w, h, u, v] = [200, 100, 150, 20];
     const before = { middle: [10, 20], scale: 2 } as const;
     const after = zoomed(before, 3, u, v, w, h);
-    const under = (view: typeof before | typeof after): number[] => [view.middle[0] + (u - w / 2) / view.scale, view.middle[1] - (v - h / 2) / view.scale];
+    const under = (view: typeof before | typeof after): number[] => [
+      view.middle[0] + (u - w / 2) / view.scale,
+      view.middle[1] - (v - h / 2) / view.scale,
+    ];
     expect(after.scale).toBe(6);
     under(after).forEach((value, k) => expect(value).toBeCloseTo(under(before)[k]!, 9));
   });

@@ -1,7 +1,8 @@
-/** Where did it go? A track in metres on a plain grid, north up, with a scale bar; the style of the line tells the kind of fix. */
+/** The track in metres on a plain grid, north up, with a scale bar; the line style shows the kind of fix. */
 import { css, font, type Surface } from "../ui/canvas";
 import { number } from "../ui/format";
 import type { Quality } from "./position";
+import { TEXT } from "../texts/attitude";
 
 export type Point = readonly [east: number, north: number];
 
@@ -10,18 +11,20 @@ export interface TrackPoint {
   readonly quality: Quality;
 }
 
-/** What is on the picture: the point in its middle, and how many px a metre has. */
+/** View of the track: the point in its middle, and px per metre. */
 export interface TrackView {
   readonly middle: Point;
   readonly scale: number;
 }
 
-/** How a fix is drawn, and what the key calls it. */
-export const STYLES: Readonly<Record<Exclude<Quality, "none">, { readonly width: number; readonly dash: readonly number[]; readonly word: string }>> = {
-  fixed: { width: 2.75, dash: [], word: "RTK fixed" },
-  float: { width: 2, dash: [8, 4], word: "RTK floating" },
+/** Line style and label of each kind of fix. */
+export const STYLES: Readonly<
+  Record<Exclude<Quality, "none">, { readonly width: number; readonly dash: readonly number[]; readonly word: string }>
+> = {
+  fixed: { width: 2.75, dash: [], word: TEXT.rtkFixed },
+  float: { width: 2, dash: [8, 4], word: TEXT.rtkFloating },
   plain: { width: 1.5, dash: [], word: "3D" },
-  poor: { width: 1.75, dash: [1.5, 4], word: "2D or dead reckoning" },
+  poor: { width: 1.75, dash: [1.5, 4], word: TEXT.fix2d },
 };
 
 /** The longest round length (1, 2 or 5 times a power of ten) not above `metres`. */
@@ -41,7 +44,10 @@ export function fitView(points: readonly (TrackPoint | undefined)[], w: number, 
   }
   if (west > east) return undefined;
   // A receiver at rest wanders by a metre: the picture never shows less than two across.
-  const scale = Math.min(Math.max(10, w - 40) / Math.max(2, east - west), Math.max(10, h - 24) / Math.max(2, north - south));
+  const scale = Math.min(
+    Math.max(10, w - 40) / Math.max(2, east - west),
+    Math.max(10, h - 24) / Math.max(2, north - south),
+  );
   return { middle: [(west + east) / 2, (south + north) / 2], scale };
 }
 
@@ -52,8 +58,10 @@ export function zoomed(view: TrackView, factor: number, u: number, v: number, w:
   return { middle: [view.middle[0] + (u - w / 2) * shift, view.middle[1] - (v - h / 2) * shift], scale };
 }
 
-/** Stretches of one quality; a break (undefined) or no fix ends one, and a change of quality joins on. */
-export function stretches(points: readonly (TrackPoint | undefined)[]): readonly { readonly quality: Exclude<Quality, "none">; readonly points: readonly Point[] }[] {
+/** Segments of one quality; a break (undefined) or no fix ends one, and a change of quality joins on. */
+export function stretches(
+  points: readonly (TrackPoint | undefined)[],
+): readonly { readonly quality: Exclude<Quality, "none">; readonly points: readonly Point[] }[] {
   const found: { quality: Exclude<Quality, "none">; points: Point[] }[] = [];
   let last: TrackPoint | undefined;
   for (const point of points) {
@@ -68,11 +76,17 @@ export function stretches(points: readonly (TrackPoint | undefined)[]): readonly
   return found;
 }
 
-/** Draws what lies under the track; true when a line on it needs an edge to be seen. */
+/** Draws the ground under the track; true if lines on it need an outline. */
 export type Ground = (view: TrackView, place: (point: Point) => Point) => boolean;
 
-/** Draws `points`, oldest first; `here` is the one that is read now. Gives the view, fitted where none is given. */
-export function drawTrack(to: Surface, points: readonly (TrackPoint | undefined)[], here: Point | undefined, wanted?: TrackView, ground?: Ground): TrackView | undefined {
+/** Draws `points`, oldest first; `here` is the reading position. Returns the view, fitted if none is given. */
+export function drawTrack(
+  to: Surface,
+  points: readonly (TrackPoint | undefined)[],
+  here: Point | undefined,
+  wanted?: TrackView,
+  ground?: Ground,
+): TrackView | undefined {
   if (!to.begin()) return wanted;
   const x = to.context;
   const [w, h] = [to.width(), to.height()];
@@ -82,10 +96,13 @@ export function drawTrack(to: Surface, points: readonly (TrackPoint | undefined)
     x.fillStyle = css("--ink-3");
     x.textAlign = "center";
     x.textBaseline = "middle";
-    x.fillText("No position in this window", w / 2, h / 2);
+    x.fillText(TEXT.noPositionInWindow, w / 2, h / 2);
     return undefined;
   }
-  const place = ([east, north]: Point): Point => [w / 2 + (east - view.middle[0]) * view.scale, h / 2 - (north - view.middle[1]) * view.scale];
+  const place = ([east, north]: Point): Point => [
+    w / 2 + (east - view.middle[0]) * view.scale,
+    h / 2 - (north - view.middle[1]) * view.scale,
+  ];
   const length = roundLength(Math.min(w * 0.4, 220) / view.scale);
   const covered = ground?.(view, place) ?? false;
   if (!covered) drawGrid(x, w, h, place([0, 0]), length * view.scale);
@@ -102,7 +119,12 @@ function drawGrid(x: CanvasRenderingContext2D, w: number, h: number, [u0, v0]: P
   for (let v = ((v0 % step) + step) % step; v < h; v += step) x.fillRect(0, Math.round(v), w, 1);
 }
 
-function drawLine(x: CanvasRenderingContext2D, quality: Exclude<Quality, "none">, points: readonly Point[], edged: boolean): void {
+function drawLine(
+  x: CanvasRenderingContext2D,
+  quality: Exclude<Quality, "none">,
+  points: readonly Point[],
+  edged: boolean,
+): void {
   const { width, dash } = STYLES[quality];
   x.lineJoin = "round";
   x.lineCap = dash.length > 0 ? "butt" : "round";
@@ -135,7 +157,14 @@ function drawHere(x: CanvasRenderingContext2D, [u, v]: Point): void {
 }
 
 /** Scale bar at the lower right, north at the upper left. */
-function drawMarks(x: CanvasRenderingContext2D, w: number, h: number, length: number, scale: number, covered: boolean): void {
+function drawMarks(
+  x: CanvasRenderingContext2D,
+  w: number,
+  h: number,
+  length: number,
+  scale: number,
+  covered: boolean,
+): void {
   font(x, 10.5);
   if (covered) {
     x.fillStyle = css("--bg");

@@ -1,12 +1,12 @@
 /**
  * The channels of the page: each quantity of each device with the ring of its samples, shown in one frame of reference.
  *
- *     add ──▶ one source for each id that is sent ──arrange──▶ living: of one name the newest, and Euler angles where none are sent
+ *     add ──▶ one source for each id sent ──arrange──▶ living: of one name the newest, and Euler angles where none are sent
  *     take ──norm──▶ change of frame ──▶ Ring of the channel
  *                                   └──Euler angles──▶ Ring of the derived channel (negative id)
  *
- * A ring holds its samples as they are shown. When another frame is chosen its rows are changed in place (data/frames.ts), and what
- * comes later is changed on its way in.
+ * A ring holds its samples as displayed. When another frame is chosen its rows are changed in place (data/frames.ts), and later
+ * samples are changed on arrival.
  */
 import { signal, type Signal } from "@preact/signals";
 import type { SampleFrame } from "../wire/codec";
@@ -26,21 +26,24 @@ export interface Channel {
 interface Source extends Channel {
   /** Columns whose norm is added, if any. */
   readonly norm: readonly number[] | undefined;
-  /** As it is sent; `info` is as it is shown. */
+  /** As sent; `info` is as displayed. */
   readonly sent: ChannelInfo;
-  /** The frame in which it is shown; undefined: as it is sent. */
+  /** The display frame; undefined: as sent. */
   readonly world: WorldFrame | undefined;
-  /** From what is sent to what is shown, where that is another frame. */
+  /** From the sent to the displayed form, if the frames differ. */
   readonly change: Change | undefined;
 }
 
 /**
- * Of a quantity that came both ways, the verified channel stands before the unverified one (its name with a "?"): a key that is
- * given later changes what is shown, and what came before stays to be looked at.
+ * Of a quantity that came both ways, the verified channel precedes the unverified one (its name with a "?"): a key given later
+ * changes what is displayed, and earlier data stays available.
  */
 export function verifiedFirst(channels: readonly Channel[]): readonly Channel[] {
-  const verified = new Set(channels.filter(({ info }) => info.verified).map(({ info }) => `${info.device} ${info.name}`));
-  const isOld = ({ info }: Channel): boolean => !info.verified && verified.has(`${info.device} ${info.name.replace(/\?$/, "")}`);
+  const verified = new Set(
+    channels.filter(({ info }) => info.verified).map(({ info }) => `${info.device} ${info.name}`),
+  );
+  const isOld = ({ info }: Channel): boolean =>
+    !info.verified && verified.has(`${info.device} ${info.name.replace(/\?$/, "")}`);
   return [...channels.filter((channel) => !isOld(channel)), ...channels.filter(isOld)];
 }
 
@@ -48,28 +51,30 @@ export class Channels {
   readonly living: Signal<readonly Channel[]> = signal([]);
   readonly #sources = new Map<number, Source>();
   readonly #derived = new Map<number, Channel>();
-  /** Frame in which everything is shown; undefined: as each device sends it. */
+  /** Display frame of all channels; undefined: as each device sends it. */
   #frame: WorldFrame | undefined;
   readonly #ringOf: (info: ChannelInfo) => Ring;
 
-  /** @param ringOf the ring for a channel that is new here */
+  /** @param ringOf the ring for a new channel */
   constructor(ringOf: (info: ChannelInfo) => Ring) {
     this.#ringOf = ringOf;
   }
 
-  /** Is nothing sent yet? */
+  /** Whether no channel has been sent yet. */
   get isEmpty(): boolean {
     return this.#sources.size === 0;
   }
 
-  /** The channel that is sent under that id, as it is shown. */
+  /** The channel sent under that id, as displayed. */
   source(id: number): Channel | undefined {
     return this.#sources.get(id);
   }
 
-  /** The rings of a device, those of derived channels too. */
+  /** The rings of a device, including derived channels. */
   ringsOf(device: string): readonly Ring[] {
-    return [...this.#sources.values(), ...this.#derived.values()].filter(({ info }) => info.device === device).map(({ ring }) => ring);
+    return [...this.#sources.values(), ...this.#derived.values()]
+      .filter(({ info }) => info.device === device)
+      .map(({ ring }) => ring);
   }
 
   /** Samples dropped for this browser, all channels together. */
@@ -79,17 +84,24 @@ export class Channels {
     return sum;
   }
 
-  /** Take up channels that are new; those that are known already stay. */
+  /** Add new channels; known ones stay. */
   add(infos: readonly ChannelInfo[]): void {
     for (const plain of infos) {
       if (this.#sources.has(plain.id)) continue;
       const sent = withNorm(plain);
-      this.#sources.set(sent.id, { info: sent, sent, norm: normOf(plain), ring: this.#ringOf(sent), world: undefined, change: undefined });
+      this.#sources.set(sent.id, {
+        info: sent,
+        sent,
+        norm: normOf(plain),
+        ring: this.#ringOf(sent),
+        world: undefined,
+        change: undefined,
+      });
     }
     this.#arrange();
   }
 
-  /** Put a frame into the rings of its channel. `bounds`: its rows are the least and the greatest of stretches, in turn. */
+  /** Put a frame into the rings of its channel. `bounds`: its rows are alternately the least and the greatest of intervals. */
   take(frame: SampleFrame, bounds = false): void {
     const source = this.#sources.get(frame.channel);
     if (source === undefined) return;
@@ -99,7 +111,7 @@ export class Channels {
     this.#derived.get(frame.channel)?.ring.take(eulerFrame(shown));
   }
 
-  /** Everything that is held, in the frames that the devices send; the frame that is chosen stays so for what comes. */
+  /** All rings, converted to the frames that the devices send; the chosen frame stays for later samples. */
   held(): readonly Held[] {
     const frame = this.#frame;
     this.showIn(undefined); // rings are kept as their devices send
@@ -108,33 +120,37 @@ export class Channels {
     return [...sent, ...[...this.#derived.values()].map(({ info, ring }) => ({ info, ring }))];
   }
 
-  /** Know no channel any more; their rings are another's now. */
+  /** Forget all channels; their rings have been handed over. */
   clear(): void {
     this.#sources.clear();
     this.#derived.clear();
     this.living.value = [];
   }
 
-  /** The world that a device speaks: that of its attitude; undefined where it sends none. */
+  /** The world frame of a device's attitude; undefined without attitude. */
   nativeFrame(device: string): WorldFrame | undefined {
-    const own = [...this.#sources.values()].map(({ sent }) => sent).filter((sent) => sent.device === device && ["quaternion", "matrix", "euler"].includes(sent.kind));
+    const own = [...this.#sources.values()]
+      .map(({ sent }) => sent)
+      .filter((sent) => sent.device === device && ["quaternion", "matrix", "euler"].includes(sent.kind));
     const worlds = own.map(worldOf).filter((world) => world !== undefined);
-    return worlds[0] ?? (own.some(({ frame }) => frame.startsWith("ECEF")) ? "NED" : own.length > 0 ? "ENU" : undefined);
+    return (
+      worlds[0] ?? (own.some(({ frame }) => frame.startsWith("ECEF")) ? "NED" : own.length > 0 ? "ENU" : undefined)
+    );
   }
 
-  /** Show everything in that frame, or as it is sent; what is held is told anew. */
+  /** Display everything in that frame, or as sent; stored samples are converted. */
   showIn(frame: WorldFrame | undefined): void {
     if (frame === this.#frame) return;
     this.#frame = frame;
     this.#arrange();
   }
 
-  /** What of a channel is another than it is sent; undefined where nothing is. */
+  /** The frame change of a channel; undefined if there is none. */
   changeOf(channel: number): Change | undefined {
     return this.#sources.get(channel)?.change;
   }
 
-  /** Have every channel in the frame that is chosen: its rows, what comes, and what it is called. */
+  /** Bring every channel into the chosen frame: its rows, later samples, and its names. */
   #present(): void {
     for (const [id, source] of this.#sources) {
       const { sent, ring, world } = source;
@@ -151,11 +167,16 @@ export class Channels {
         if (turn) derived.ring.transform(turn);
         this.#derived.set(id, { ...derived, info: eulerInfo(infoIn(sent, native, to)) });
       }
-      this.#sources.set(id, { ...source, info: infoIn(sent, native, to), world: to, change: changeOf(sent, native, to) });
+      this.#sources.set(id, {
+        ...source,
+        info: infoIn(sent, native, to),
+        world: to,
+        change: changeOf(sent, native, to),
+      });
     }
   }
 
-  /** Of channels with one name the newest lives, in the frame that is chosen; Euler angles are derived where a device sends none itself. */
+  /** Select the newest of channels with one name, in the chosen frame; derive Euler angles if a device sends none. */
   #arrange(): void {
     this.#present();
     const living = new Map<string, Channel>();
@@ -184,7 +205,7 @@ export class Channels {
     this.living.value = verifiedFirst([...kept, ...this.#derived.values()]);
   }
 
-  /** The Euler angles of a source: nothing yet, or what came of them before the server was restarted. */
+  /** The Euler angles of a source: empty, or those from before the server restarted. */
   #euler(id: number): Channel {
     const { info, sent, world } = this.#sources.get(id)!;
     const native = eulerInfo(sent);

@@ -1,11 +1,12 @@
 /**
- * Which quantities does the page add to those a device sends, and how are they kept up to date? Frame by frame: what comes in for
- * a channel goes through its `Extension`, which adds the norm as a further column and gives the frame of the derived channel.
+ * Quantities that the page derives from a device's channels, frame by frame: a channel's frames go through its `Extension`, which
+ * adds the norm as a further column and gives the frame of the derived channel.
  */
 import type { Column, SampleFrame } from "../wire/codec";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { type Change, valueOf } from "./frames";
 import { eulerColumns, normBounds, normColumn, type Numbers } from "./rotations";
+import { TEXT } from "../texts/plots";
 
 /** A position has no length worth showing: its distance from the middle of the earth. */
 const NO_NORM = /position|ecef|latlon|latitude|coordinate/i;
@@ -24,8 +25,11 @@ function floats(column: ColumnInfo): boolean {
 
 /** Columns whose norm is added to a channel: x, y and z of a vector; undefined when there is none to add. */
 export function normOf(info: ChannelInfo): readonly number[] | undefined {
-  if (info.kind !== "vector" || NO_NORM.test(info.name) || info.columns.some(({ name }) => name === "norm")) return undefined;
-  const found = ["x", "y", "z"].map((axis) => info.columns.findIndex((column) => column.axis === axis && floats(column)));
+  if (info.kind !== "vector" || NO_NORM.test(info.name) || info.columns.some(({ name }) => name === "norm"))
+    return undefined;
+  const found = ["x", "y", "z"].map((axis) =>
+    info.columns.findIndex((column) => column.axis === axis && floats(column)),
+  );
   return found.every((c) => c >= 0) && info.columns.length === 3 ? found : undefined;
 }
 
@@ -44,53 +48,63 @@ export function withNorm(info: ChannelInfo): ChannelInfo {
     axis: "",
     decimals: like.decimals,
     period: 0,
-    doc: "Length of the vector, worked out on this page.",
+    doc: TEXT.normDoc,
   };
   return { ...info, columns: [...info.columns, norm] };
 }
 
 /**
- * Can Euler angles be worked out from this channel? Roll and pitch are against the level of a place: of a rotation against the
- * earth's axes (ECEF) they are not, without the place (attitude/source.ts).
+ * Whether Euler angles can be computed from this channel. Roll and pitch are against the local level: for a rotation against the
+ * earth's axes (ECEF) they need the position (attitude/source.ts).
  */
 export function isRotation(info: ChannelInfo): boolean {
   if (info.frame.startsWith("ECEF")) return false;
-  return (info.kind === "quaternion" && info.columns.length === 4) || (info.kind === "matrix" && info.columns.length === 9);
+  return (
+    (info.kind === "quaternion" && info.columns.length === 4) || (info.kind === "matrix" && info.columns.length === 9)
+  );
 }
 
-/** The channel of Euler angles worked out from `source`; its id is negative because the wire does not know it. */
+/** The channel of Euler angles computed from `source`; its id is negative because the wire does not know it. */
 export function eulerInfo(source: ChannelInfo): ChannelInfo {
   const angle = (name: string, axis: "x" | "y" | "z", period: number, doc: string): ColumnInfo => ({
-    ...PLAIN, name, dtype: "f8", unit: "°", label: name, axis, decimals: 2, period, doc,
+    ...PLAIN,
+    name,
+    dtype: "f8",
+    unit: "°",
+    label: name,
+    axis,
+    decimals: 2,
+    period,
+    doc,
   });
   return {
     id: -1 - source.id,
     device: source.device,
     message: source.message,
     name: "EulerAngles",
-    title: "Euler angles",
+    title: TEXT.eulerAngles,
     kind: "euler",
     unit: "°",
     frame: source.frame,
     columns: [
-      angle("roll", "x", 360, "Turn about x, last of the three."),
-      angle("pitch", "y", 0, "Turn about y, after yaw."),
-      angle("yaw", "z", 360, "Turn about z, first of the three."),
+      angle("roll", "x", 360, TEXT.rollDoc),
+      angle("pitch", "y", 0, TEXT.pitchDoc),
+      angle("yaw", "z", 360, TEXT.yawDoc),
     ],
-    doc: `Worked out on this page from ${source.title || source.name}; yaw, then pitch, then roll.`,
+    doc: TEXT.eulerAnglesDoc(source.title || source.name),
     source: source.source,
     group: source.group,
     verified: source.verified,
   };
 }
 
-/** A frame with the norm of `columns` added. `bounds`: rows are the least and the greatest of a stretch, in turn. */
+/** A frame with the norm of `columns` added. `bounds`: rows are alternately the least and the greatest of an interval. */
 export function addNorm(frame: SampleFrame, columns: readonly number[], bounds = false): SampleFrame {
   const parts = columns.map((c) => frame.columns[c] as Numbers & Column);
   return { ...frame, columns: [...frame.columns, (bounds ? normBounds : normColumn)(parts, frame.n)] };
 }
 
-/** A frame told in another frame of reference; columns that do not change are the same arrays. */
+/** A frame converted to another frame of reference; unchanged columns are the same arrays. */
 export function changedFrame(frame: SampleFrame, change: Change, columns: readonly ColumnInfo[]): SampleFrame {
   const made = change.map((row, c) => {
     const out = new Float64Array(frame.n);
@@ -103,5 +117,10 @@ export function changedFrame(frame: SampleFrame, change: Change, columns: readon
 
 /** The frame of Euler angles that belongs to a frame of rotations. */
 export function eulerFrame(frame: SampleFrame): SampleFrame {
-  return { ...frame, channel: -1 - frame.channel, dropped: 0, columns: eulerColumns(frame.columns as readonly (Numbers & Column)[], frame.n) };
+  return {
+    ...frame,
+    channel: -1 - frame.channel,
+    dropped: 0,
+    columns: eulerColumns(frame.columns as readonly (Numbers & Column)[], frame.n),
+  };
 }

@@ -1,20 +1,65 @@
 import { describe, expect, it } from "vitest";
 import type { ChannelInfo } from "../wire/types";
-import { eulerOfMatrix, type Matrix3, matrixOfEuler, matrixOfQuaternion, type Quaternion, type Vector3, vectorIn, type WorldFrame } from "./rotations";
+import {
+  eulerOfMatrix,
+  type Matrix3,
+  matrixOfEuler,
+  matrixOfQuaternion,
+  type Quaternion,
+  type Vector3,
+  vectorIn,
+  type WorldFrame,
+} from "./rotations";
 import { type Change, changeOf, infoIn, pairIn, valueOf } from "./frames";
 
 const WORLDS: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 const pairs = WORLDS.flatMap((from) => WORLDS.map((to) => [from, to] as const));
 
-const info = (kind: ChannelInfo["kind"], frame: string, axes: readonly string[], unit = "", names = axes): ChannelInfo =>
-  ({ id: 1, device: "1", message: "M", name: "N", title: "T", kind, unit, frame, doc: "", source: "", verified: true, group: "", columns: names.map((name, c) => ({ name, dtype: "f8", unit, label: "", axis: axes[c], choices: {}, bits: [], decimals: -1, period: kind === "euler" ? 360 : 0, doc: "" })) }) as unknown as ChannelInfo;
+const info = (
+  kind: ChannelInfo["kind"],
+  frame: string,
+  axes: readonly string[],
+  unit = "",
+  names = axes,
+): ChannelInfo =>
+  ({
+    id: 1,
+    device: "1",
+    message: "M",
+    name: "N",
+    title: "T",
+    kind,
+    unit,
+    frame,
+    doc: "",
+    source: "",
+    verified: true,
+    group: "",
+    columns: names.map((name, c) => ({
+      name,
+      dtype: "f8",
+      unit,
+      label: "",
+      axis: axes[c],
+      choices: {},
+      bits: [],
+      decimals: -1,
+      period: kind === "euler" ? 360 : 0,
+      doc: "",
+    })),
+  }) as unknown as ChannelInfo;
 
 const apply = (change: Change | undefined, values: readonly number[], period = 0): number[] =>
   change === undefined ? [...values] : change.map((row) => valueOf(row, (c) => values[c]!, period));
 
 /** m v. */
-const times = (m: Matrix3, [x, y, z]: Vector3): Vector3 => [m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z];
-const close = (a: readonly number[], b: readonly number[], digits = 9): void => a.forEach((v, k) => expect(v).toBeCloseTo(b[k]!, digits));
+const times = (m: Matrix3, [x, y, z]: Vector3): Vector3 => [
+  m[0] * x + m[1] * y + m[2] * z,
+  m[3] * x + m[4] * y + m[5] * z,
+  m[6] * x + m[7] * y + m[8] * z,
+];
+const close = (a: readonly number[], b: readonly number[], digits = 9): void =>
+  a.forEach((v, k) => expect(v).toBeCloseTo(b[k]!, digits));
 
 describe("a choice of frame", () => {
   it("has one meaning: what the body feels, turned by the attitude, is the same direction in the world", () => {
@@ -23,7 +68,10 @@ describe("a choice of frame", () => {
       const m = matrixOfEuler(angles);
       const felt: Vector3 = [0.3, -1.2, 9.5];
       const world = times(m, felt);
-      const shown = times(pairIn(m, from, to), apply(changeOf(info("vector", "body", ["x", "y", "z"], "m/s²"), from, to), felt) as unknown as Vector3);
+      const shown = times(
+        pairIn(m, from, to),
+        apply(changeOf(info("vector", "body", ["x", "y", "z"], "m/s²"), from, to), felt) as unknown as Vector3,
+      );
       close(shown, vectorIn(world, from, to));
       close(shown, apply(changeOf(info("vector", from, ["x", "y", "z"], "m/s"), from, to), world));
     }
@@ -31,19 +79,30 @@ describe("a choice of frame", () => {
 
   it("changes angles, quaternions and matrices alike", () => {
     for (const [from, to] of pairs) {
-      for (const angles of [[11, -23, 77], [-170, 40, -100], [179, -60, 179]] as const) {
+      for (const angles of [
+        [11, -23, 77],
+        [-170, 40, -100],
+        [179, -60, 179],
+      ] as const) {
         const wanted = pairIn(matrixOfEuler(angles), from, to);
         close(eulerOfMatrix(wanted), apply(changeOf(info("euler", from, ["x", "y", "z"]), from, to), angles, 360), 6);
         const q: Quaternion = [0.5, -0.1, 0.7, 0.2];
-        const turned = apply(changeOf(info("quaternion", `${from} from body`, ["w", "x", "y", "z"]), from, to), q) as unknown as Quaternion;
+        const turned = apply(
+          changeOf(info("quaternion", `${from} from body`, ["w", "x", "y", "z"]), from, to),
+          q,
+        ) as unknown as Quaternion;
         close(matrixOfQuaternion(turned), pairIn(matrixOfQuaternion(q), from, to));
-        close(apply(changeOf(info("matrix", `${from} from body`, [..."abcdefghi"]), from, to), matrixOfEuler(angles)), wanted);
+        close(
+          apply(changeOf(info("matrix", `${from} from body`, [..."abcdefghi"]), from, to), matrixOfEuler(angles)),
+          wanted,
+        );
       }
     }
   });
 
   it("a level device is level in each: no roll of −179.9° beside a level horizon", () => {
-    for (const [from, to] of pairs) close(eulerOfMatrix(pairIn(matrixOfEuler([0, 0, 30]), from, to)).slice(0, 2), [0, 0]);
+    for (const [from, to] of pairs)
+      close(eulerOfMatrix(pairIn(matrixOfEuler([0, 0, 30]), from, to)).slice(0, 2), [0, 0]);
   });
 
   it("goes back exactly where components only swap", () => {

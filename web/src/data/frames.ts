@@ -1,28 +1,37 @@
 /**
- * One choice of frame, with one meaning everywhere: world and body go together, and every quantity that has axes follows.
+ * The frame of reference: one choice applies to world and body together, and to every quantity with axes.
  *
  *     ENU   x east    y north   z up      with a body whose axes are FLU: x forward, y left,  z up
  *     NWU   x north   y west    z up      with FLU
  *     NED   x north   y east    z down    with FRD:                       x forward, y right, z down
  *
- * A level sensor reads roll 0 and pitch 0 in each of them. World alone would not do: a body that stays FRD below an ENU world lies on
- * its back, and reads roll 180° beside a level horizon.
+ * A level sensor reads roll 0 and pitch 0 in each of them. Changing the world alone would not work: an FRD body under an ENU world
+ * lies on its back, and reads roll 180° beside a level horizon.
  *
  * Every change is linear, out[c] = Σ factor · in[column] + offset (an angle wraps): components swap places and signs, elements of
- * a quaternion mix (q' = w ⊗ q ⊗ b), angles change their sign and count from another direction. So rings are changed in place, least and
+ * a quaternion mix (q' = w ⊗ q ⊗ b), angles change sign and reference direction. So rings are changed in place, least and
  * greatest stay bounds, and means follow.
  */
 import type { ChannelInfo } from "../wire/types";
-import { BETWEEN, type Matrix3, matrixIn, multiply, type Quaternion, type Vector3, vectorIn, type WorldFrame } from "./rotations";
+import {
+  BETWEEN,
+  type Matrix3,
+  matrixIn,
+  multiply,
+  type Quaternion,
+  type Vector3,
+  vectorIn,
+  type WorldFrame,
+} from "./rotations";
 
 export type BodyFrame = "FLU" | "FRD";
 
-/** One column after the change: what it is made of. */
+/** One column after the change, as a sum of columns. */
 export interface Row {
   readonly terms: readonly (readonly [column: number, factor: number])[];
   readonly offset: number;
 }
-/** Of the columns that change, in their order; columns after them stay. */
+/** One row for each column that changes, in order; columns after them stay. */
 export type Change = readonly Row[];
 
 const WORLDS: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
@@ -31,16 +40,21 @@ const OVER: Quaternion = [0, 1, 0, 0];
 
 export const bodyOf = (world: WorldFrame): BodyFrame => (world === "NED" ? "FRD" : "FLU");
 
-/** The world that a channel's numbers are given in: of a rotation, of angles, of a vector along the world's axes. */
+/** The world frame of a channel's numbers: of a rotation, of angles, of a vector along the world's axes. */
 export function worldOf({ frame }: Pick<ChannelInfo, "frame">): WorldFrame | undefined {
   return WORLDS.find((world) => frame === world || frame.startsWith(`${world} `));
 }
 
-/** Units of what a sensor feels along its own axes, where a device does not name these. */
+/** Units of quantities along the sensor's own axes, for devices that do not name these. */
 const FELT = new Set(["m/s²", "g", "°/s", "rad/s", "a.u.", "µT", "G", "gauss"]);
 
-/** Is it a vector along the axes of the body? */
-export function isBodily({ kind, frame, unit, columns }: Pick<ChannelInfo, "kind" | "frame" | "unit" | "columns">): boolean {
+/** Whether it is a vector along the body axes. */
+export function isBodily({
+  kind,
+  frame,
+  unit,
+  columns,
+}: Pick<ChannelInfo, "kind" | "frame" | "unit" | "columns">): boolean {
   if (kind !== "vector" || !isXyz(columns)) return false;
   return frame === "body" || frame === "sensor" || (frame === "" && FELT.has(unit || (columns[0]?.unit ?? "")));
 }
@@ -61,7 +75,9 @@ function linear(n: number, map: (v: readonly number[]) => readonly number[]): Ch
   const images = Array.from({ length: n }, (_, c) => map(Array.from({ length: n }, (_, k) => Number(k === c))));
   return Array.from({ length: n }, (_, row) => ({
     offset: 0,
-    terms: images.flatMap((image, c): (readonly [number, number])[] => (Math.abs(image[row]!) > 1e-12 ? [[c, image[row]!]] : [])),
+    terms: images.flatMap((image, c): (readonly [number, number])[] =>
+      Math.abs(image[row]!) > 1e-12 ? [[c, image[row]!]] : [],
+    ),
   }));
 }
 
@@ -69,11 +85,19 @@ function linear(n: number, map: (v: readonly number[]) => readonly number[]): Ch
 function anglesChange(from: WorldFrame, to: WorldFrame): Change {
   const over = bodyOf(from) === bodyOf(to) ? 1 : -1;
   const north: Readonly<Record<WorldFrame, number>> = { ENU: 90, NED: 0, NWU: 0 }; // yaw of a body that points north
-  return [{ terms: [[0, 1]], offset: 0 }, { terms: [[1, over]], offset: 0 }, { terms: [[2, over]], offset: north[to] - over * north[from] }];
+  return [
+    { terms: [[0, 1]], offset: 0 },
+    { terms: [[1, over]], offset: 0 },
+    { terms: [[2, over]], offset: north[to] - over * north[from] },
+  ];
 }
 
-/** What changes in a channel's columns from one choice to the other; undefined where nothing does. */
-export function changeOf(info: Pick<ChannelInfo, "kind" | "frame" | "unit" | "columns">, from: WorldFrame, to: WorldFrame): Change | undefined {
+/** The change of a channel's columns from one frame to the other; undefined if nothing changes. */
+export function changeOf(
+  info: Pick<ChannelInfo, "kind" | "frame" | "unit" | "columns">,
+  from: WorldFrame,
+  to: WorldFrame,
+): Change | undefined {
   if (from === to) return undefined;
   const turned = bodyOf(from) !== bodyOf(to);
   if (isBodily(info)) return turned ? linear(3, ([x, y, z]) => [x!, -y!, -z!]) : undefined;
@@ -84,7 +108,11 @@ export function changeOf(info: Pick<ChannelInfo, "kind" | "frame" | "unit" | "co
     case "euler":
       return anglesChange(from, to);
     case "quaternion":
-      return linear(4, (q) => (turned ? multiply(multiply(BETWEEN[from][to], q as unknown as Quaternion), OVER) : multiply(BETWEEN[from][to], q as unknown as Quaternion)));
+      return linear(4, (q) =>
+        turned
+          ? multiply(multiply(BETWEEN[from][to], q as unknown as Quaternion), OVER)
+          : multiply(BETWEEN[from][to], q as unknown as Quaternion),
+      );
     case "matrix":
       return linear(9, (m) => pairIn(m as unknown as Matrix3, from, to));
     default:
@@ -92,10 +120,14 @@ export function changeOf(info: Pick<ChannelInfo, "kind" | "frame" | "unit" | "co
   }
 }
 
-const WORDS: Readonly<Record<WorldFrame, readonly string[]>> = { ENU: ["east", "north", "up"], NED: ["north", "east", "down"], NWU: ["north", "west", "up"] };
+const WORDS: Readonly<Record<WorldFrame, readonly string[]>> = {
+  ENU: ["east", "north", "up"],
+  NED: ["north", "east", "down"],
+  NWU: ["north", "west", "up"],
+};
 const DIRECTIONS = new Set(Object.values(WORDS).flat());
 
-/** The channel as it is told in a frame: axes that are named after directions get their names there. Keys stay. */
+/** The channel as named in a frame: axes named after directions get that frame's names. Keys stay. */
 export function infoIn(info: ChannelInfo, from: WorldFrame, to: WorldFrame): ChannelInfo {
   if (from === to) return info;
   if (isBodily(info)) return { ...info, frame: bodyOf(to) };

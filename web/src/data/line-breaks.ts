@@ -1,10 +1,11 @@
 /**
- * Where must a line through the samples of a ring not be joined? Before a row of `breaks`: samples were dropped on the way, the
- * spacing is more than 2.5 × the usual, or more than 1.5 × where the device's counter says that one is missing (`losses`), or the
- * device's clock was reset or jumped in between (`cuts`: what is drawn side by side then need not have happened side by side). And at a row of `wraps[column]`, where a wrapping quantity jumps over its edge.
+ * Rows of a ring at which a line through the samples is broken. Before a row of `breaks`: samples were dropped on the way, the
+ * spacing is more than 2.5 × the usual, or more than 1.5 × if the device's counter reports a missing one (`losses`), or the
+ * device's clock was reset or jumped in between (`cuts`: neighbours on screen then need not be neighbours in time). And at a row of
+ * `wraps[column]`, where a wrapping quantity jumps over its edge.
  *
- * The usual spacing is the median of the last rows, so it follows a device whose rate was changed. Without a device clock only
- * arrival times are known; they come in bursts, whose median spacing is zero, so there the mean is taken, and some more allowed.
+ * The usual spacing is the median of the last rows, so it follows a change of the device's rate. Without a device clock only
+ * arrival times are known; they come in bursts, whose median spacing is zero, so the mean is used there, with some tolerance.
  */
 import type { Values } from "./minmax-pyramid";
 
@@ -12,16 +13,16 @@ import type { Values } from "./minmax-pyramid";
 const BREAK_FACTOR = 2.5;
 /** Added for channels on arrival time only: a USB adapter delivers every 16 ms, a busy host sometimes skips one. */
 const BURST_S = 0.05;
-/** Spacings looked at for the usual one. */
+/** Number of spacings used for the usual one. */
 const STEPS_SEEN = 63;
 /** Rows judged by one usual spacing: the rate may change within a long block of history. */
 const STRETCH = 256;
 
-/** One lost sample leaves twice the usual spacing, which could be jitter: only where one is known to be missing this is a gap. */
+/** One lost sample leaves twice the usual spacing, which could be jitter: it is a gap only if a sample is known to be missing. */
 const MISSING_FACTOR = 1.5;
-/** Losses remembered, as many as the server keeps of a device; the oldest go first. */
+/** Losses kept, as many as the server keeps of a device; the oldest are dropped first. */
 const LOSSES_KEPT = 8000;
-/** Steps of a clock remembered; the oldest go first. */
+/** Clock steps kept; the oldest are dropped first. */
 const CUTS_KEPT = 1000;
 
 /** Index of the first element ≥ x of an ascending list. */
@@ -36,7 +37,7 @@ export function lowerBound(list: readonly number[], x: number): number {
   return a;
 }
 
-/** What is read of a ring. */
+/** Access to the rows of a ring. */
 export interface Rows {
   readonly first: number;
   readonly end: number;
@@ -51,11 +52,11 @@ export class Gaps {
   readonly wraps: readonly (number[] | undefined)[];
   /** Usual spacing, s; NaN while unknown. */
   step = NaN;
-  /** Longest spacing that is no gap, s, where it is known; NaN: told by the usual spacing. Of summarised rows it is known. */
+  /** Longest spacing that is not a gap, s, if known (as for summarised rows); NaN: derived from the usual spacing. */
   longest = NaN;
   readonly #periods: readonly number[];
   readonly #cuts: number[] = [];
-  /** Spans in which samples are missing: where each begins, ascending, and how far it and those before it reach. Facts of time: they stay when rows go. */
+  /** Intervals with missing samples: ascending starts, and the end of those up to each. Facts of time: they stay when rows go. */
   readonly #lostFrom: number[] = [];
   readonly #lostTo: number[] = [];
   #stepAt = 0;
@@ -66,19 +67,19 @@ export class Gaps {
     this.wraps = periods.map((period) => (period > 0 ? [] : undefined));
   }
 
-  /** Rows from ≤ row < to were written, and so may lie differently to the one after them. */
+  /** Check rows from ≤ row < to, which were written, and the row after them. */
   judge(rows: Rows, from: number, to: number): void {
     const end = Math.min(rows.end, to + 1);
     for (let a = from; a < end; a += STRETCH) this.#stretch(rows, a, Math.min(a + STRETCH, end));
   }
 
-  /** No line may be drawn to `row` from the one before it. */
+  /** Break the line before `row`. */
   insert(row: number): void {
     const at = lowerBound(this.breaks, row);
     if (this.breaks[at] !== row) this.breaks.splice(at, 0, row);
   }
 
-  /** No line may be drawn over the moment `time`, by whatever rows come to lie around it. `row`: the first at or after it. */
+  /** Break the line at the moment `time`, whichever rows surround it. `row`: the first at or after it. */
   cut(time: number, row: number, { first, end }: Rows): void {
     const at = lowerBound(this.#cuts, time);
     if (this.#cuts[at] === time) return;
@@ -87,17 +88,18 @@ export class Gaps {
     if (row > first && row < end) this.insert(row);
   }
 
-  /** Samples are missing between t0 and t1. Rows from ≤ row < to may lie around the hole; whether some do. */
+  /** Record missing samples between t0 and t1. Rows from ≤ row < to may surround the hole; returns whether some do. */
   lose(t0: number, t1: number, from: number, to: number, rows: Rows): boolean {
     const before = this.breaks.length;
     this.#keepLoss(t0, t1);
     for (let row = Math.max(from, rows.first + 1); row < Math.min(to, rows.end); row++) {
-      if (this.#isLost(rows.times[(row - 1) & rows.mask]!, rows.times[row & rows.mask]!, this.step, rows)) this.insert(row);
+      if (this.#isLost(rows.times[(row - 1) & rows.mask]!, rows.times[row & rows.mask]!, this.step, rows))
+        this.insert(row);
     }
     return this.breaks.length > before;
   }
 
-  /** Rows are counted `by` lower from now on. */
+  /** Renumber rows by −`by`. */
   shift(by: number): void {
     this.#stepAt -= by;
     for (const list of [this.breaks, ...this.wraps]) list?.forEach((row, k) => (list[k] = row - by));
@@ -127,14 +129,14 @@ export class Gaps {
     });
   }
 
-  /** Is there a cut after `before`, up to `time`? */
+  /** Whether there is a cut after `before`, up to `time`. */
   #isCut(before: number, time: number): boolean {
     const { length } = this.#cuts;
     if (length === 0 || this.#cuts[length - 1]! <= before) return false; // nearly always
     return this.#cuts.some((cut) => cut > before && cut <= time);
   }
 
-  /** Is the spacing between these that of a sample that is known to be missing? Of rows that bound stretches nobody can tell. */
+  /** Whether this spacing is that of a sample known to be missing; undecidable for rows that bound intervals. */
   #isLost(before: number, time: number, step: number, { clocked }: Rows): boolean {
     if (!clocked || this.longest === this.longest || !(time - before > MISSING_FACTOR * step)) return false;
     const at = lowerBound(this.#lostFrom, time) - 1;
@@ -160,13 +162,13 @@ export class Gaps {
     const steps = new Float64Array(n);
     for (let k = 0; k < n; k++) steps[k] = times[(a + k + 1) & mask]! - times[(a + k) & mask]!;
     const step = clocked ? steps.sort()[n >> 1]! : (times[(to - 1) & mask]! - times[a & mask]!) / n;
-    // A block of history is judged by its own spacing; the newest rows say what is usual now.
+    // a block of history is judged by its own spacing; the newest rows define the usual one now
     if (to >= this.#stepAt || this.step !== this.step) [this.step, this.#stepAt] = [step, to];
     return step;
   }
 }
 
-/** Replace what a sorted list says of rows from ≤ row < to by what `test` says of them, and drop rows no longer held. */
+/** Update a sorted list for rows from ≤ row < to by `test`, and drop rows no longer held. */
 function mark(list: number[], { first }: Rows, from: number, to: number, test: (row: number) => boolean): void {
   const found: number[] = [];
   for (let row = Math.max(from, first + 1); row < to; row++) if (test(row)) found.push(row);

@@ -1,15 +1,16 @@
 /**
- * What is missing, and who lost it? Gap events say what counters found missing between device and host; `dropped` in the frames
- * says what the server did not send to this browser. Both are spans of time that every plot hatches.
+ * Missing data and its cause. Gap events report what counters found missing between device and host; `dropped` in the frames
+ * counts what the server did not send to this browser. Both are time intervals that every plot hatches.
  */
 import type { ChannelInfo, EventInfo } from "../wire/types";
+import { TEXT } from "../texts/plots";
 
 export interface Loss {
-  /** Span concerned, unix s (host time). */
+  /** Affected interval, unix s (host time). */
   readonly t0: number;
   readonly t1: number;
   readonly samples: number;
-  /** Who lost it: on the way to the host, between the server and this browser, or a server that was not there. */
+  /** Where it was lost: on the way to the host, between server and browser, or while the server was down. */
   readonly by: "device" | "browser" | "server";
   readonly text: string;
 }
@@ -17,7 +18,7 @@ export interface Loss {
 /** Losses kept of one device; the oldest go first. */
 const KEPT = 8000;
 
-export class LossBook {
+export class LossList {
   readonly #of = new Map<string, Loss[]>();
 
   of(device: string): readonly Loss[] {
@@ -36,19 +37,36 @@ export class LossBook {
     const list = this.#list(info.device);
     const at = list.findLastIndex((loss) => loss.by === "browser" && loss.t1 >= t0 && loss.t0 <= t1);
     const same = list[at];
-    const [from, to, most] = [Math.min(t0, same?.t0 ?? t0), Math.max(t1, same?.t1 ?? t1), Math.max(samples, same?.samples ?? 0)];
+    const [from, to, most] = [
+      Math.min(t0, same?.t0 ?? t0),
+      Math.max(t1, same?.t1 ?? t1),
+      Math.max(samples, same?.samples ?? 0),
+    ];
     if (same !== undefined) list.splice(at, 1);
-    this.#add(info.device, { t0: from, t1: to, samples: most, by: "browser", text: "Dropped for this browser: it did not keep up." });
+    this.#add(info.device, {
+      t0: from,
+      t1: to,
+      samples: most,
+      by: "browser",
+      text: TEXT.droppedForBrowser,
+    });
   }
 
-  /** What an earlier run of the server knew of a device. */
+  /** Add the losses of a device known to an earlier run of the server. */
   addAll(device: string, losses: readonly Loss[]): void {
     for (const loss of losses) this.#add(device, loss);
   }
 
-  /** There was no server between `t0` and `t1`: what a device sent meanwhile nobody knows. */
+  /** The server was down between `t0` and `t1`: what the device sent in between is unknown. */
   addRestart(device: string, t0: number, t1: number): void {
-    if (t0 < t1) this.#add(device, { t0, t1, samples: 0, by: "server", text: "The imuscope server was restarted; what was sent meanwhile is not here." });
+    if (t0 < t1)
+      this.#add(device, {
+        t0,
+        t1,
+        samples: 0,
+        by: "server",
+        text: TEXT.serverRestartedGap,
+      });
   }
 
   forget(device: string): void {

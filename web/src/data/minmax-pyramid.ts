@@ -1,23 +1,31 @@
 /**
- * How is any window of a long series drawn in time that depends on its pixels, not on its samples?
+ * Min/max pyramid: draws any window of a long series in time proportional to its pixels, not its samples.
  *
- * By a pyramid: the smallest and largest value of every 16 samples, of every 64, 256 … The extremes of any range are then
- * those of a few whole blocks in its middle and of fewer than 16 samples at either end: O(log n), whatever the range.
+ * It stores the smallest and largest value of every 16 samples, of every 64, 256 … The extremes of any range are then those of a
+ * few whole blocks in its middle and of fewer than 16 samples at either end: O(log n) for any range.
  *
  *     samples   ················|················|················|················|········
  *     level 0   [     16       ] [     16       ] [     16       ] [     16       ]
  *     level 1   [                            64                                    ]
  *
- * The pyramid lies over a ring: sample `i`, counted from the beginning of time, stands in slot `i mod capacity`, and block
- * `b` of a level in slot `b mod (capacity / size)`. Blocks that reach over the oldest or newest sample hold rubbish; a query
- * only ever reads blocks that lie wholly inside a range that exists, and those were computed after their last sample.
+ * The pyramid covers a ring: sample `i`, counted from the beginning of time, is in slot `i mod capacity`, and block `b` of a
+ * level in slot `b mod (capacity / size)`. Blocks across the oldest or newest sample are invalid; a query only reads blocks
+ * entirely inside an existing range, and those were computed after their last sample.
  *
- * Numbers keep minimum and maximum, with NaN left out (all NaN gives lo > hi). Status words keep the OR and the AND of
- * their bits: OR says which flags were set at all, ~AND which were cleared at all, so that a 5 ms fault is still a mark in
- * an overview of hours ("worst status").
+ * Numbers keep minimum and maximum, without NaN (all NaN gives lo > hi). Status words keep the OR and the AND of their bits:
+ * OR gives the flags ever set, ~AND those ever cleared, so that a 5 ms fault is still a mark in an overview of hours ("worst
+ * status").
  */
 
-export type Values = Float32Array | Float64Array | Int8Array | Uint8Array | Int16Array | Uint16Array | Int32Array | Uint32Array;
+export type Values =
+  | Float32Array
+  | Float64Array
+  | Int8Array
+  | Uint8Array
+  | Int16Array
+  | Uint16Array
+  | Int32Array
+  | Uint32Array;
 
 /** Samples in the lowest block, and blocks in a block of the next level; both powers of two. */
 const BLOCK_SHIFT = 4;
@@ -43,13 +51,13 @@ function levels<A>(capacity: number, make: (n: number) => A): Level<A>[] {
   return out;
 }
 
-/** Extent of a range of samples: `lo > hi` when there is no value in it. Reused by every query; read it at once. */
+/** Extent of a range of samples: `lo > hi` if it has no value. Reused by every query; read it at once. */
 export interface Extent {
   lo: number;
   hi: number;
 }
 
-/** The level with the longest block that begins at sample `i` and ends by `to`; one that is BLOCK long always does. */
+/** The level with the longest block that begins at sample `i` and ends by `to`; the lowest level always fits. */
 function widest<A>(all: readonly Level<A>[], i: number, to: number): Level<A> {
   let l = 0;
   while (l + 1 < all.length && (i & ((1 << all[l + 1]!.shift) - 1)) === 0 && i + (1 << all[l + 1]!.shift) <= to) l++;
@@ -128,9 +136,9 @@ export class MinMax {
   }
 }
 
-/** Which bits of a status word were ever set, and which were always set, in any range of a ring. */
+/** Bits of a status word that were ever set, and those always set, in any range of a ring. */
 export class OrAnd {
-  /** OR and AND of everything ever written: decides which lanes are worth a row. */
+  /** OR and AND of everything ever written: decides which lanes are shown. */
   everSet = 0;
   alwaysSet = -1;
   readonly #values: Values;

@@ -1,40 +1,52 @@
 /**
- * What the page held of a server that has gone: its samples, losses and events, until the same devices come back with the next one.
+ * Data of a server that has gone: samples, losses and events, kept until the same devices come back with the next run.
  *
- * Ids count from 1 again in every run of a server, and so do samples and events. So a device is known again by where it is connected
- * and what it says it is; a channel by its name and columns; and what is handed over is numbered below everything new.
+ * Ids start at 1 again in every run of a server, and so do samples and events. So a device is recognised by its connection and
+ * its identity, a channel by its name and columns, and the old data is numbered below everything new.
  */
 import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
-import { type Loss, LossBook } from "./losses";
+import type { Loss, LossList } from "./losses";
 import type { Ring } from "./ring-buffer";
 
-/** A ring and what is in it, in the frame that the device sends. */
+/** A ring and its content, in the frame that the device sends. */
 export interface Held {
   readonly info: ChannelInfo;
   readonly ring: Ring;
 }
 
-/** Of a device on a line that several share: which of them it is; "" of the first. */
+/** Which of several devices on a shared line it is; "" for the first. */
 const seatOf = ({ id, parent }: DeviceInfo): string => (parent === "" ? "" : id.slice(parent.length));
 
-/** Can it be the same device? What one of them has not said yet is no contradiction. */
+/** Whether it can be the same device; an unknown identity is not a contradiction. */
 export function isSame(old: DeviceInfo, now: DeviceInfo): boolean {
   const agree = (a: string, b: string): boolean => a === "" || b === "" || a === b;
-  return old.source === now.source && seatOf(old) === seatOf(now) && agree(old.protocol, now.protocol) && agree(old.serial_number, now.serial_number);
+  return (
+    old.source === now.source &&
+    seatOf(old) === seatOf(now) &&
+    agree(old.protocol, now.protocol) &&
+    agree(old.serial_number, now.serial_number)
+  );
 }
 
 const isAlike = (a: ChannelInfo, b: ChannelInfo): boolean =>
-  a.name === b.name && a.kind === b.kind && a.frame === b.frame && a.columns.length === b.columns.length && a.columns.every(({ name, dtype, unit }, c) => name === b.columns[c]!.name && dtype === b.columns[c]!.dtype && unit === b.columns[c]!.unit);
+  a.name === b.name &&
+  a.kind === b.kind &&
+  a.frame === b.frame &&
+  a.columns.length === b.columns.length &&
+  a.columns.every(
+    ({ name, dtype, unit }, c) =>
+      name === b.columns[c]!.name && dtype === b.columns[c]!.dtype && unit === b.columns[c]!.unit,
+  );
 
 export class Past {
-  /** What it is now called → what it was. */
+  /** New id → the device before. */
   readonly #known = new Map<string, DeviceInfo>();
   readonly #devices: DeviceInfo[];
   readonly #held: Held[];
-  readonly #losses: LossBook;
+  readonly #losses: LossList;
   readonly #events: readonly EventInfo[];
 
-  constructor(devices: readonly DeviceInfo[], held: readonly Held[], losses: LossBook, events: readonly EventInfo[]) {
+  constructor(devices: readonly DeviceInfo[], held: readonly Held[], losses: LossList, events: readonly EventInfo[]) {
     this.#devices = [...devices];
     this.#held = [...held];
     this.#losses = losses;
@@ -42,7 +54,7 @@ export class Past {
     this.#events = events.map((event) => ({ ...event, seq: event.seq - above }));
   }
 
-  /** Devices of this list that have come back just now, by their new ids. */
+  /** Devices of this list that have just come back, by their new ids. */
   meet(devices: readonly DeviceInfo[]): readonly string[] {
     const back: string[] = [];
     for (const device of devices) {
@@ -57,14 +69,14 @@ export class Past {
     return back;
   }
 
-  /** Devices that turned out to be others than they were taken for. */
+  /** Devices that were matched wrongly. */
   mistaken(devices: readonly DeviceInfo[]): readonly string[] {
     const wrong = devices.filter((device) => !isSame(this.#known.get(device.id) ?? device, device)).map(({ id }) => id);
     for (const id of wrong) this.#known.delete(id);
     return wrong;
   }
 
-  /** The ring that goes on with a channel, once; undefined where there is none. */
+  /** The ring that a channel continues, once; undefined if there is none. */
   ringFor(info: ChannelInfo): Ring | undefined {
     const old = this.#known.get(info.device);
     const at = this.#held.findIndex((held) => held.info.device === old?.id && isAlike(held.info, info));
@@ -75,19 +87,23 @@ export class Past {
     return this.#losses.of(this.#known.get(device)?.id ?? "");
   }
 
-  /** Its events, under its new name. */
+  /** Events of a device, under its new name. */
   eventsOf(device: string): readonly EventInfo[] {
     const old = this.#known.get(device)?.id;
     return this.#events.filter((event) => event.device === old).map((event) => ({ ...event, device }));
   }
 
-  /** When something of the device came last, unix s; NaN when nothing ever did. To be asked before its rings are handed over. */
+  /** Last arrival of any data of the device, unix s; NaN without data. Call it before its rings are handed over. */
   lastOf(device: string): number {
     const old = this.#known.get(device)?.id;
-    return this.#held.reduce((last, { info, ring }) => (info.device === old && !(ring.newest <= last) && ring.newest === ring.newest ? ring.newest : last), NaN);
+    return this.#held.reduce(
+      (last, { info, ring }) =>
+        info.device === old && !(ring.newest <= last) && ring.newest === ring.newest ? ring.newest : last,
+      NaN,
+    );
   }
 
-  /** Give back the memory of what nobody came for. */
+  /** Release the memory of unclaimed data. */
   release(): void {
     for (const { ring } of this.#held.splice(0)) ring.release();
   }

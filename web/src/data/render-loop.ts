@@ -1,13 +1,13 @@
 /**
- * Who draws when? One requestAnimationFrame loop asks everybody who has something on screen. A browser tab in the background
- * gets no frames, so nothing is drawn there, while samples keep flowing into their rings.
+ * One requestAnimationFrame loop for all painters. A browser tab in the background gets no frames, so nothing is drawn there,
+ * while samples keep flowing into their rings.
  */
 
-/** Called once a frame with the time of the frame in ms, as performance.now() counts. */
+/** Called once per frame with the frame's time in ms, as performance.now(). */
 export type Painter = (now: number) => void;
 
 const painters = new Set<Painter>();
-let handle: number | undefined;
+let isRunning = false;
 let drawn = 0;
 
 /** Frames drawn since the page was opened. */
@@ -16,22 +16,24 @@ export function framesDrawn(): number {
 }
 
 function frame(now: number): void {
-  handle = painters.size > 0 ? requestAnimationFrame(frame) : undefined;
+  isRunning = painters.size > 0;
+  if (isRunning) requestAnimationFrame(frame);
   drawn += 1;
   for (const paint of painters) {
     try {
       paint(now);
     } catch (error) {
-      // One broken panel must not stop the others, nor fill the console at 60 lines a second.
+      // one broken panel must not stop the others, nor fill the console at 60 lines a second
       painters.delete(paint);
       reportError(error);
     }
   }
 }
 
-/** Have `paint` called every frame until the returned function is called. */
+/** Call `paint` every frame until the returned function is called. */
 export function onFrame(paint: Painter): () => void {
   painters.add(paint);
-  handle ??= requestAnimationFrame(frame);
+  if (!isRunning) requestAnimationFrame(frame);
+  isRunning = true;
   return () => painters.delete(paint);
 }

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { SampleFrame } from "../wire/codec";
-import { OrAnd, type Extent } from "./minmax-pyramid";
+import type { OrAnd, Extent } from "./minmax-pyramid";
 import { Budget, Ring, type RingColumn } from "./ring-buffer";
 
 /** A generator of numbers that is the same every time. */
@@ -26,7 +26,11 @@ function frame(rows: readonly Row[], sequence: number, more: Partial<SampleFrame
 }
 
 const steady = (from: number, n: number, value: (i: number) => number, dt = 0.01): Row[] =>
-  Array.from({ length: n }, (_, k) => ({ time: 1000 + (from + k) * dt, arrival: 1000.002 + (from + k) * dt, values: [value(from + k)] }));
+  Array.from({ length: n }, (_, k) => ({
+    time: 1000 + (from + k) * dt,
+    arrival: 1000.002 + (from + k) * dt,
+    values: [value(from + k)],
+  }));
 const held = (ring: Ring, column = 0): number[] => Array.from({ length: ring.length }, (_, i) => ring.value(column, i));
 const timesOf = (ring: Ring): number[] => Array.from({ length: ring.length }, (_, i) => ring.time(i));
 const breaksAt = (ring: Ring): number[] => ring.breaks.map((row) => row - ring.first);
@@ -56,7 +60,10 @@ describe("extremes of any range", () => {
           expect([extent.lo, extent.hi]).toEqual([Math.min(...numbers), Math.max(...numbers)]);
           ring.pyramids[1]!.query(ring.first + a, ring.first + b, extent);
           const words = part.map(({ values }) => values[1]!);
-          expect([extent.lo, extent.hi]).toEqual([words.reduce((or, v) => or | v, 0), words.reduce((and, v) => and & v, -1)]);
+          expect([extent.lo, extent.hi]).toEqual([
+            words.reduce((or, v) => or | v, 0),
+            words.reduce((and, v) => and & v, -1),
+          ]);
         }
       }
       expect(ring.length).toBe(2048); // the most that 3000 rows' worth of budget allows as a power of two
@@ -97,7 +104,12 @@ describe("history", () => {
     const ring = new Ring([FLOAT]);
     ring.take(frame(rows.slice(20), 20, { history: true }));
     ring.take(frame(rows.slice(0, 20), 0, { history: true }));
-    ring.take(frame(steady(40, 5, (i) => i), 40));
+    ring.take(
+      frame(
+        steady(40, 5, (i) => i),
+        40,
+      ),
+    );
     expect(held(ring)).toEqual(Array.from({ length: 45 }, (_, i) => i));
   });
 
@@ -138,14 +150,24 @@ describe("time", () => {
 
   it("falls back to arrival where there is no device clock", () => {
     const ring = new Ring([FLOAT]);
-    ring.take(frame(steady(0, 5, (i) => i).map((row) => ({ ...row, time: NaN })), 0));
+    ring.take(
+      frame(
+        steady(0, 5, (i) => i).map((row) => ({ ...row, time: NaN })),
+        0,
+      ),
+    );
     expect(ring.clocked).toBe(false);
     expect(ring.time(2)).toBe(ring.arrival(2));
   });
 
   it("finds the last sample not after a moment", () => {
     const ring = new Ring([FLOAT]);
-    ring.take(frame(steady(0, 10, (i) => i), 0));
+    ring.take(
+      frame(
+        steady(0, 10, (i) => i),
+        0,
+      ),
+    );
     expect(ring.indexAt(999, "device")).toBe(-1);
     expect(ring.indexAt(ring.time(3), "device")).toBe(3);
     expect(ring.indexAt(ring.time(3) + 0.009, "device")).toBe(3);
@@ -163,8 +185,19 @@ describe("gaps", () => {
 
   it("are where samples were dropped, however near they lie", () => {
     const ring = new Ring([FLOAT]);
-    ring.take(frame(steady(0, 30, () => 0), 0));
-    ring.take(frame(steady(31, 30, () => 0), 31, { dropped: 1 }));
+    ring.take(
+      frame(
+        steady(0, 30, () => 0),
+        0,
+      ),
+    );
+    ring.take(
+      frame(
+        steady(31, 30, () => 0),
+        31,
+        { dropped: 1 },
+      ),
+    );
     expect(breaksAt(ring)).toEqual([30]);
     expect(ring.dropped).toBe(1);
   });
@@ -188,7 +221,12 @@ describe("gaps", () => {
   it("are none where the device changed its rate", () => {
     const ring = new Ring([FLOAT]);
     const slow = Array.from({ length: 600 }, (_, k) => ({ time: 2000 + k, arrival: 2000 + k, values: [0] }));
-    ring.take(frame(steady(0, 600, () => 0), 0));
+    ring.take(
+      frame(
+        steady(0, 600, () => 0),
+        0,
+      ),
+    );
     for (let k = 0; k < 600; k += 20) ring.take(frame(slow.slice(k, k + 20), 600 + k));
     expect(breaksAt(ring).filter((row) => row > 660)).toEqual([]);
     expect(breaksAt(ring)[0]).toBe(600);
@@ -196,7 +234,11 @@ describe("gaps", () => {
 
   it("are none in the bursts of a USB adapter, for samples known by arrival only", () => {
     const ring = new Ring([FLOAT]);
-    const bursts = Array.from({ length: 400 }, (_, k) => ({ time: NaN, arrival: 1000 + Math.floor(k / 16) * 0.016, values: [0] }));
+    const bursts = Array.from({ length: 400 }, (_, k) => ({
+      time: NaN,
+      arrival: 1000 + Math.floor(k / 16) * 0.016,
+      values: [0],
+    }));
     for (let k = 0; k < 400; k += 16) ring.take(frame(bursts.slice(k, k + 16), k));
     expect(ring.breaks).toEqual([]);
   });
@@ -206,12 +248,28 @@ describe("gaps", () => {
       const ring = new Ring([FLOAT]);
       const turn = steady(0, 200, (i) => i % 100)[100]!.time;
       if (early) ring.cut(turn);
-      ring.take(frame(steady(0, 120, (i) => i % 100), 0));
-      ring.take(frame(steady(120, 80, (i) => i % 100), 120));
+      ring.take(
+        frame(
+          steady(0, 120, (i) => i % 100),
+          0,
+        ),
+      );
+      ring.take(
+        frame(
+          steady(120, 80, (i) => i % 100),
+          120,
+        ),
+      );
       if (!early) ring.cut(turn);
       ring.cut(turn); // told again after a reconnect
       expect(breaksAt(ring)).toEqual([100]);
-      const earlier: SampleFrame = { ...frame(steady(-50, 50, () => 0), 0), history: true };
+      const earlier: SampleFrame = {
+        ...frame(
+          steady(-50, 50, () => 0),
+          0,
+        ),
+        history: true,
+      };
       ring.take(earlier);
       expect(breaksAt(ring).length).toBe(1);
     }
@@ -219,7 +277,12 @@ describe("gaps", () => {
 
   it("are not invented where a heading goes over its edge, but marked there", () => {
     const ring = new Ring([ANGLE]);
-    ring.take(frame(steady(0, 100, (i) => ((i * 7 + 180) % 360) - 180), 0));
+    ring.take(
+      frame(
+        steady(0, 100, (i) => ((i * 7 + 180) % 360) - 180),
+        0,
+      ),
+    );
     expect(ring.breaks).toEqual([]);
     const wraps = ring.wraps[0]!.map((row) => row - ring.first);
     expect(wraps.length).toBe(2);
@@ -231,7 +294,13 @@ describe("memory", () => {
   it("grows to its budget and then forgets the oldest", () => {
     const budget = new Budget(2 ** 30, 1100 * 26);
     const ring = new Ring([FLOAT], budget);
-    for (let k = 0; k < 50; k++) ring.take(frame(steady(k * 100, 100, (i) => i), k * 100));
+    for (let k = 0; k < 50; k++)
+      ring.take(
+        frame(
+          steady(k * 100, 100, (i) => i),
+          k * 100,
+        ),
+      );
     expect(ring.length).toBe(1024);
     expect(ring.value(0, 0)).toBe(5000 - 1024);
     expect(ring.value(0, 1023)).toBe(4999);
@@ -240,21 +309,37 @@ describe("memory", () => {
 
   it("takes a frame longer than itself", () => {
     const ring = new Ring([FLOAT], new Budget(2 ** 30, 300 * 26));
-    ring.take(frame(steady(0, 1000, (i) => i), 0));
+    ring.take(
+      frame(
+        steady(0, 1000, (i) => i),
+        0,
+      ),
+    );
     expect([ring.length, ring.value(0, 0)]).toEqual([256, 744]);
   });
 
   it("leaves the rest to other rings when all together have enough", () => {
     const budget = new Budget(600 * 26, 2 ** 30);
     const rings = [new Ring([FLOAT], budget), new Ring([FLOAT], budget)];
-    for (const ring of rings) ring.take(frame(steady(0, 1000, (i) => i), 0));
+    for (const ring of rings)
+      ring.take(
+        frame(
+          steady(0, 1000, (i) => i),
+          0,
+        ),
+      );
     expect(rings.map(({ length }) => length)).toEqual([256, 256]);
   });
 });
 
 it("tells mean and spread without cancellation", () => {
   const ring = new Ring([FLOAT]);
-  ring.take(frame(steady(0, 100, (i) => 1e9 + (i % 2)), 0));
+  ring.take(
+    frame(
+      steady(0, 100, (i) => 1e9 + (i % 2)),
+      0,
+    ),
+  );
   const { n, mean, sigma, min, max } = ring.stats(0, 1000, 1001, "device");
   expect({ n, min, max }).toEqual({ n: 100, min: 1e9, max: 1e9 + 1 });
   expect(mean).toBeCloseTo(1e9 + 0.5, 6);
@@ -263,7 +348,13 @@ it("tells mean and spread without cancellation", () => {
 
 it("keeps 64-bit integers as numbers", () => {
   const ring = new Ring([{ dtype: "u8", period: 0, status: false }]);
-  ring.take({ ...frame(steady(0, 1, () => 0), 0), columns: [BigUint64Array.of(2n ** 53n)] });
+  ring.take({
+    ...frame(
+      steady(0, 1, () => 0),
+      0,
+    ),
+    columns: [BigUint64Array.of(2n ** 53n)],
+  });
   expect(ring.value(0, 0)).toBe(2 ** 53);
 });
 
@@ -273,14 +364,29 @@ it("breaks lines over thousands of lost samples, also when they are told before 
   for (let i = 29_995; i > 0; i -= 10) ring.lose((i - 1) * 0.01 + 1000, (i + 1) * 0.01 + 1000);
   ring.lose(1010, 1010.5); // one that lies over others
   const times = Float64Array.from(kept, (i) => 1000 + i * 0.01);
-  ring.take({ channel: 1, n: kept.length, dropped: 0, sequence: 0, history: false, now: 0, arrival: times, time: times, columns: [times] });
+  ring.take({
+    channel: 1,
+    n: kept.length,
+    dropped: 0,
+    sequence: 0,
+    history: false,
+    now: 0,
+    arrival: times,
+    time: times,
+    columns: [times],
+  });
   expect(ring.breaks.length).toBe(3000);
 });
 
 it("takes the mean of an angle around the circle: it was 0 between 179 and −179", () => {
   const ring = new Ring([ANGLE, FLOAT]);
   const values = [179, -179, 179, -179];
-  ring.take(frame(values.map((value, k) => ({ time: 1000 + k, arrival: 1000 + k, values: [value, value] })), 0));
+  ring.take(
+    frame(
+      values.map((value, k) => ({ time: 1000 + k, arrival: 1000 + k, values: [value, value] })),
+      0,
+    ),
+  );
   expect(Math.abs(ring.stats(0, 1000, 1010, "device").mean)).toBeCloseTo(180, 6);
   expect(ring.stats(1, 1000, 1010, "device").mean).toBeCloseTo(0, 6);
 });

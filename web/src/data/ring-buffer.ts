@@ -1,20 +1,20 @@
 /**
- * Where do samples live in the page? In one ring per channel: a typed array per column, written in place, no object per
- * sample, doubling until its budget is reached and then overwriting the oldest.
+ * Storage of samples: one ring per channel, with a typed array per column, written in place, no object per sample, doubling until
+ * its budget is reached and then overwriting the oldest.
  *
- *     row i (counted since the channel exists) stands in slot i & mask
+ *     row i (counted since the channel exists) is in slot i & mask
  *
  *        first                                end
  *          ▼                                   ▼
  *     ─────┼───────────── rows held ───────────┼────▶      history is prepended at `first`, live samples appended at `end`
  *
- * Two clocks. `times` is what is drawn in the "device" base: device time mapped to host time, or the arrival time for a channel
- * without device clock. Rows are kept sorted by it: a sample that carries an older device time than its neighbours (the GNSS
- * fix inside an Xsens stream is 0.2 s old when it is sent) is moved to where it belongs, and counted in `late`. One that would
- * have to move further than LATE_ROWS is left where it came, with its neighbour's time, and counted in `retimed`.
- * `arrivals` is the other base; it follows the same order, so it may step back by a late sample's lateness.
+ * Two clocks. `times` is drawn in the "device" base: device time mapped to host time, or the arrival time for a channel
+ * without device clock. Rows are kept sorted by it: a sample with an older device time than its neighbours (the GNSS
+ * fix inside an Xsens stream is 0.2 s old when it is sent) is moved to its place, and counted in `late`. One that would
+ * have to move further than LATE_ROWS stays in arrival order, with its neighbour's time, and is counted in `retimed`.
+ * `arrivals` is the other base; it has the same order, so it may step back by a late sample's delay.
  *
- * Where a line through the samples must be broken is kept in line-breaks.ts.
+ * line-breaks.ts decides where a line through the samples is broken.
  */
 import type { Column, SampleFrame } from "../wire/codec";
 import { DTYPE_SIZE, type Dtype } from "../wire/types";
@@ -31,7 +31,7 @@ const START = 1 << 28;
 const REBASE_AT = 1 << 30;
 const FIRST_CAPACITY = 256;
 
-/** Memory that all rings share. A ring that may not grow any more overwrites its oldest rows. */
+/** Memory shared by all rings. A ring that may not grow any more overwrites its oldest rows. */
 export class Budget {
   used = 0;
   /** @param limit bytes over all rings; @param share bytes that one ring may take */
@@ -41,26 +41,36 @@ export class Budget {
   ) {}
 }
 
-/** What a ring must know of a column. */
+/** Properties of a column needed by a ring. */
 export interface RingColumn {
   readonly dtype: Dtype;
   /** Wraps at this value; 0: never. */
   readonly period: number;
-  /** A word of flags: kept with OR and AND instead of minimum and maximum. */
+  /** A flag word: stored with OR and AND instead of minimum and maximum. */
   readonly status: boolean;
 }
 
 function slots(dtype: Dtype, n: number): Values {
   switch (dtype) {
-    case "f4": return new Float32Array(n);
-    case "i1": return new Int8Array(n);
-    case "u1": return new Uint8Array(n);
-    case "i2": return new Int16Array(n);
-    case "u2": return new Uint16Array(n);
-    case "i4": return new Int32Array(n);
-    case "u4": return new Uint32Array(n);
+    case "f4":
+      return new Float32Array(n);
+    case "i1":
+      return new Int8Array(n);
+    case "u1":
+      return new Uint8Array(n);
+    case "i2":
+      return new Int16Array(n);
+    case "u2":
+      return new Uint16Array(n);
+    case "i4":
+      return new Int32Array(n);
+    case "u4":
+      return new Uint32Array(n);
     // 64-bit integers are drawn and read as numbers: exact up to 2^53.
-    case "f8": case "i8": case "u8": return new Float64Array(n);
+    case "f8":
+    case "i8":
+    case "u8":
+      return new Float64Array(n);
   }
 }
 
@@ -74,23 +84,23 @@ export class Ring {
   times = new Float64Array(FIRST_CAPACITY);
   columns: Values[];
   pyramids: (MinMax | OrAnd)[];
-  /** Goes up with every change. */
+  /** Incremented with every change. */
   revision = 0;
-  /** Goes up when rows already drawn changed (prepended, moved, forgotten): caches start again. */
+  /** Incremented when drawn rows changed (prepended, moved, dropped): caches are invalid. */
   generation = 0;
   /** Samples moved to their place in time; samples too late to be moved. */
   late = 0;
   retimed = 0;
-  /** False while no sample had a device clock. */
+  /** False until a sample has a device clock. */
   clocked = false;
-  /** Samples this browser was told it did not get. */
+  /** Samples that the server dropped for this browser. */
   dropped = 0;
   readonly #kinds: readonly RingColumn[];
   readonly #budget: Budget;
   readonly #rowBytes: number;
   #nextSequence = -1;
   #firstSequence = -1;
-  /** What is held comes in part from a server before this one: nothing goes before it. */
+  /** Part of the content is from an earlier server run: nothing goes before it. */
   #continued = false;
   readonly #gaps: Gaps;
   #newestArrival = NaN;
@@ -172,7 +182,13 @@ export class Ring {
   }
 
   /** Extremes of `n` equal spans of `dt` seconds from `t0`: for sparklines; NaN where there is no sample. */
-  buckets(column: number, t0: number, dt: number, n: number, base: TimeBase): { readonly lo: Float64Array; readonly hi: Float64Array } {
+  buckets(
+    column: number,
+    t0: number,
+    dt: number,
+    n: number,
+    base: TimeBase,
+  ): { readonly lo: Float64Array; readonly hi: Float64Array } {
     const lo = new Float64Array(n).fill(NaN);
     const hi = new Float64Array(n).fill(NaN);
     const pyramid = this.pyramids[column];
@@ -189,7 +205,7 @@ export class Ring {
     return { lo, hi };
   }
 
-  /** Take in a frame: history goes before what is held, everything else after it; what is held already is skipped. */
+  /** Add a frame: history goes before the content, everything else after it; known samples are skipped. */
   take(frame: SampleFrame): void {
     if (frame.n === 0) return;
     if (this.#continued && this.#nextSequence < 0 && frame.arrival[0]! < this.#newestArrival) this.clear(); // the host's clock was set back
@@ -199,21 +215,21 @@ export class Ring {
     this.revision += 1;
   }
 
-  /** What comes next is of another run of the server, which counts samples anew: it goes behind what is held, and no line joins them. */
+  /** Later samples are from another run of the server, with its own numbering: they go after the content, unconnected. */
   continueAnew(): void {
     if (this.length > 0) this.cut(this.time(this.length - 1) + 1e-6); // one step of a unix time is 0.24 µs
     this.#nextSequence = this.#firstSequence = -1;
     this.#continued = this.length > 0;
   }
 
-  /** The device's clock did not go on at `time`: no line is drawn over it. */
+  /** Break the line at `time`, where the device's clock did not continue. */
   cut(time: number): void {
     this.#gaps.cut(time, this.row(time, "device"), this);
     this.revision += 1;
     this.generation += 1;
   }
 
-  /** The device's counter says that samples between t0 and t1 are missing: no line is drawn over the hole that they left. */
+  /** Break the line over samples between t0 and t1 that the device's counter reports missing. */
   lose(t0: number, t1: number): void {
     if (!this.#gaps.lose(t0, t1, this.row(t0, "device"), this.row(t1, "device", true) + 1, this)) return;
     this.revision += 1;
@@ -221,8 +237,8 @@ export class Ring {
   }
 
   /**
-   * Forget all samples. `longest`: from here on rows that lie further apart than this, s, are not joined; NaN: as the usual
-   * spacing tells.
+   * Drop all samples. `longest`: from here on rows further apart than this, s, are not connected; NaN: derived from the usual
+   * spacing.
    */
   clear(longest = NaN): void {
     this.first = this.end = START;
@@ -236,7 +252,7 @@ export class Ring {
     this.generation += 1;
   }
 
-  /** Tell all rows in another frame: columns become what `change` makes of them. Order, gaps and clocks stay. */
+  /** Convert all rows to another frame by `change`. Order, gaps and clocks stay. */
   transform(change: Change): void {
     const { mask } = this;
     const row = new Float64Array(this.columns.length);
@@ -250,7 +266,7 @@ export class Ring {
     this.generation += 1;
   }
 
-  /** Give the memory back to the budget; the ring must not be used afterwards. */
+  /** Return the memory to the budget; the ring must not be used afterwards. */
   release(): void {
     this.#budget.used -= (this.mask + 1) * this.#rowBytes;
   }
@@ -326,7 +342,7 @@ export class Ring {
     return row > this.first && this.times[row & this.mask]! < this.times[(row - 1) & this.mask]!;
   }
 
-  /** Put rows from ≤ row < to, which were just written, into their order in time. Returns the first row that changed. */
+  /** Sort rows from ≤ row < to, which were just written, by time. Returns the first row that changed. */
   #settle(from: number, to: number): number {
     let start = from;
     for (let row = Math.max(from, this.first + 1); row < to; row++) {
@@ -354,7 +370,7 @@ export class Ring {
     return start;
   }
 
-  /** Rows from ≤ row < to are new: bring pyramids, breaks and wraps up to date. */
+  /** Update pyramids, breaks and wraps for the new rows from ≤ row < to. */
   #touch(from: number, to: number): void {
     for (const pyramid of this.pyramids) pyramid.update(from, to);
     this.#gaps.judge(this, from, to);
@@ -391,7 +407,7 @@ export class Ring {
     return pyramid;
   }
 
-  /** Count rows from START again, after months: by whole turns of the ring, so that every row keeps its slot. */
+  /** Renumber rows from START, after months: by whole turns of the ring, so that every row keeps its slot. */
   #rebase(): void {
     const turns = (this.first - START) & ~this.mask;
     this.first -= turns;

@@ -2,8 +2,19 @@ import { describe, expect, it, test } from "vitest";
 import orientation from "../../../tests/golden/xbus/orientation.json";
 import {
   normBounds,
-  eulerColumns, eulerOfMatrix, matrixIn, matrixOfEuler, matrixOfQuaternion, multiply, normColumn, quaternionIn, vectorIn,
-  type Matrix3, type Quaternion, type Vector3, type WorldFrame,
+  eulerColumns,
+  eulerOfMatrix,
+  matrixIn,
+  matrixOfEuler,
+  matrixOfQuaternion,
+  multiply,
+  normColumn,
+  quaternionIn,
+  vectorIn,
+  type Matrix3,
+  type Quaternion,
+  type Vector3,
+  type WorldFrame,
 } from "./rotations";
 
 interface Conversion {
@@ -23,10 +34,14 @@ const orientations = all.filter(({ euler }) => euler !== undefined);
 
 /** Row by row, of a matrix as it travels. */
 const rows = (w: readonly number[]): Matrix3 => [w[0]!, w[3]!, w[6]!, w[1]!, w[4]!, w[7]!, w[2]!, w[5]!, w[8]!];
-const close = (found: readonly number[], wanted: readonly number[], digits = 9): void => wanted.forEach((v, k) => expect(found[k]).toBeCloseTo(v, digits));
+const close = (found: readonly number[], wanted: readonly number[], digits = 9): void =>
+  wanted.forEach((v, k) => expect(found[k]).toBeCloseTo(v, digits));
 /** A rotation and its quaternion: q and −q are the same. */
-const sign = (q: readonly number[], like: readonly number[]): number => Math.sign(q.reduce((sum, v, k) => sum + v * like[k]!, 0)) || 1;
-const isRotation = (m: Matrix3): boolean => Math.abs(m[0] * m[0] + m[3] * m[3] + m[6] * m[6] - 1) < 1e-9 && Math.abs(m[0] * m[1] + m[3] * m[4] + m[6] * m[7]) < 1e-9;
+const sign = (q: readonly number[], like: readonly number[]): number =>
+  Math.sign(q.reduce((sum, v, k) => sum + v * like[k]!, 0)) || 1;
+const isRotation = (m: Matrix3): boolean =>
+  Math.abs(m[0] * m[0] + m[3] * m[3] + m[6] * m[6] - 1) < 1e-9 &&
+  Math.abs(m[0] * m[1] + m[3] * m[4] + m[6] * m[7]) < 1e-9;
 
 describe("the vendor's own conversions between world frames", () => {
   test.each(conversions)("$what", ({ input, frame, to, values, expected }) => {
@@ -34,12 +49,19 @@ describe("the vendor's own conversions between world frames", () => {
     switch (input) {
       case "quaternion": {
         const found = quaternionIn(values as unknown as Quaternion, frame, to);
-        return close(found.map((v) => v * sign(found, expected)), expected);
+        return close(
+          found.map((v) => v * sign(found, expected)),
+          expected,
+        );
       }
       case "vector":
         return close(vectorIn(values as unknown as Vector3, frame, to), expected, 12);
       case "euler": // compared as rotations: near ±90° of pitch many angles are one rotation
-        return close(matrixIn(matrixOfEuler(values as unknown as Vector3), frame, to), matrixOfEuler(expected as unknown as Vector3), 7);
+        return close(
+          matrixIn(matrixOfEuler(values as unknown as Vector3), frame, to),
+          matrixOfEuler(expected as unknown as Vector3),
+          7,
+        );
       case "matrix": {
         const m = rows(values);
         // The vendor's set 1 is no rotation (it went through a quaternion and came out as something else): nothing to agree on.
@@ -55,7 +77,11 @@ describe("the vendor's Euler angles and matrices", () => {
     const m = matrixOfQuaternion(values as unknown as Quaternion);
     // The vendor takes the quaternion as it is: one of length 0.9998 gives a matrix that is shorter by its square.
     const square = values.reduce((sum, v) => sum + v * v, 0);
-    close(m.map((v) => v * square), rows(matrix!), 6);
+    close(
+      m.map((v) => v * square),
+      rows(matrix!),
+      6,
+    );
     const found = eulerOfMatrix(m);
     const unit = Math.abs(square - 1) < 1e-6;
     close(matrixOfEuler(found), matrixOfEuler(euler!), unit ? 6 : 3);
@@ -65,8 +91,14 @@ describe("the vendor's Euler angles and matrices", () => {
 
 it("reads a matrix row by row, as the server sends it", () => {
   for (const { values, matrix } of orientations) {
-    const byMatrix = eulerColumns(rows(matrix!).map((v) => [v]), 1).map((column) => column[0]!);
-    const byQuaternion = eulerColumns(values.map((v) => [v]), 1).map((column) => column[0]!);
+    const byMatrix = eulerColumns(
+      rows(matrix!).map((v) => [v]),
+      1,
+    ).map((column) => column[0]!);
+    const byQuaternion = eulerColumns(
+      values.map((v) => [v]),
+      1,
+    ).map((column) => column[0]!);
     close(matrixOfEuler(byMatrix as unknown as Vector3), matrixOfEuler(byQuaternion as unknown as Vector3), 3);
   }
 });
@@ -78,7 +110,11 @@ it("goes back and forth between frames without a trace", () => {
     for (const b of ["ENU", "NED", "NWU"] as const) {
       const there = quaternionIn(q, a, b);
       const back = quaternionIn(there, b, a);
-      close(back.map((x) => x * sign(back, q)), q, 12);
+      close(
+        back.map((x) => x * sign(back, q)),
+        q,
+        12,
+      );
       expect(vectorIn(vectorIn(v, a, b), b, a)).toEqual(v);
       const m = matrixOfQuaternion(q);
       close(matrixIn(m, a, b), matrixOfQuaternion(there), 12);
@@ -99,16 +135,33 @@ it("gives roll 0 where roll and yaw are one", () => {
 it("multiplies as rotations follow each other", () => {
   const yaw: Quaternion = [Math.SQRT1_2, 0, 0, Math.SQRT1_2];
   const pitch: Quaternion = [Math.SQRT1_2, 0, Math.SQRT1_2, 0];
-  close(eulerOfMatrix(matrixOfQuaternion(multiply(yaw, [Math.cos(0.1), Math.sin(0.1), 0, 0]))), [0.2 * (180 / Math.PI), 0, 90]);
+  close(eulerOfMatrix(matrixOfQuaternion(multiply(yaw, [Math.cos(0.1), Math.sin(0.1), 0, 0]))), [
+    0.2 * (180 / Math.PI),
+    0,
+    90,
+  ]);
   expect(Math.abs(eulerOfMatrix(matrixOfQuaternion(pitch))[1])).toBeCloseTo(90, 6);
 });
 
 it("takes the length of vectors", () => {
-  expect([...normColumn([[3, 0, NaN], [4, 0, 1], [12, 0, 1]], 3)]).toEqual([13, 0, NaN]);
+  expect([
+    ...normColumn(
+      [
+        [3, 0, NaN],
+        [4, 0, 1],
+        [12, 0, 1],
+      ],
+      3,
+    ),
+  ]).toEqual([13, 0, NaN]);
 });
 
 it("bounds the lengths of vectors by their summarised components", () => {
-  const pairs = [[-1, 2], [3, 4], [-2, -1]];
+  const pairs = [
+    [-1, 2],
+    [3, 4],
+    [-2, -1],
+  ];
   const [near, far] = normBounds(pairs, 2);
   expect(near).toBeCloseTo(Math.hypot(0, 3, 1), 5);
   expect(far).toBeCloseTo(Math.hypot(2, 4, 2), 5);

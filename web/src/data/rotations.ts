@@ -1,6 +1,6 @@
 /**
- * What follows from what the device sends? Euler angles from a quaternion or a rotation matrix, the same rotation or vector in
- * another world frame, and the length of a vector. Pure functions over columns; nothing here knows a channel or a ring.
+ * Derived rotations: Euler angles from a quaternion or a rotation matrix, the same rotation or vector in another world frame,
+ * and the length of a vector. Pure functions over columns, independent of channels and rings.
  *
  * World frames name the same three directions differently:
  *
@@ -8,12 +8,12 @@
  *     NED   x north   y east    z down        NWU = (y, −x, z) of ENU
  *     NWU   x north   y west    z up
  *
- * A rotation is "frame from body": v_frame = R v_body, quaternions scalar first. Changing the frame turns from the left,
+ * A rotation is "frame from body": v_frame = R v_body, quaternions scalar first. Changing the frame rotates from the left,
  * q_b = q_(b from a) ⊗ q_a; the body axes stay. Euler angles are ZYX intrinsic (yaw, then pitch, then roll):
  * R = Rz(yaw) Ry(pitch) Rx(roll), angles in °. Within GIMBAL of pitch ±90° roll is set to 0 and yaw takes the rest.
  *
- * Source: MT low-level protocol MT0101P 2020.A, sections 8.5 and 8.6 (a rotation matrix travels column by column; the decoder has
- * turned it, so it is row by row here); checked against the vendor's own results in tests/golden/xbus/orientation.json.
+ * Source: MT low-level protocol MT0101P 2020.A, sections 8.5 and 8.6 (a rotation matrix is sent column by column; the decoder
+ * transposes it, so it is row by row here); checked against the vendor's own results in tests/golden/xbus/orientation.json.
  */
 
 export type WorldFrame = "ENU" | "NED" | "NWU";
@@ -37,7 +37,7 @@ export const BETWEEN: Readonly<Record<WorldFrame, Readonly<Record<WorldFrame, Qu
   NWU: { ENU: [HALF, 0, 0, HALF], NED: [0, 1, 0, 0], NWU: [1, 0, 0, 0] },
 };
 
-/** a ⊗ b: first turn by b, then by a. */
+/** a ⊗ b: rotation by b, then by a. */
 export function multiply(a: Quaternion, b: Quaternion): Quaternion {
   return [
     a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
@@ -56,11 +56,20 @@ export function quaternionIn(q: Quaternion, from: WorldFrame, to: WorldFrame): Q
 export function vectorIn(v: Vector3, from: WorldFrame, to: WorldFrame): Vector3 {
   const [x, y, z] = v;
   switch (`${from} ${to}` as const) {
-    case "ENU NED": case "NED ENU": return [y, x, -z];
-    case "ENU NWU": return [y, -x, z];
-    case "NWU ENU": return [-y, x, z];
-    case "NED NWU": case "NWU NED": return [x, -y, -z];
-    case "ENU ENU": case "NED NED": case "NWU NWU": return v;
+    case "ENU NED":
+    case "NED ENU":
+      return [y, x, -z];
+    case "ENU NWU":
+      return [y, -x, z];
+    case "NWU ENU":
+      return [-y, x, z];
+    case "NED NWU":
+    case "NWU NED":
+      return [x, -y, -z];
+    case "ENU ENU":
+    case "NED NED":
+    case "NWU NWU":
+      return v;
   }
 }
 
@@ -68,20 +77,37 @@ export function vectorIn(v: Vector3, from: WorldFrame, to: WorldFrame): Vector3 
 export function matrixOfQuaternion([w, x, y, z]: Quaternion): Matrix3 {
   const s = 2 / (w * w + x * x + y * y + z * z);
   return [
-    1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
-    s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x),
-    s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y),
+    1 - s * (y * y + z * z),
+    s * (x * y - w * z),
+    s * (x * z + w * y),
+    s * (x * y + w * z),
+    1 - s * (x * x + z * z),
+    s * (y * z - w * x),
+    s * (x * z - w * y),
+    s * (y * z + w * x),
+    1 - s * (x * x + y * y),
   ];
 }
 
 /** Frame from body of roll, pitch, yaw in °. */
 export function matrixOfEuler([roll, pitch, yaw]: Vector3): Matrix3 {
-  const [cr, sr, cp, sp] = [Math.cos(roll * DEGREE), Math.sin(roll * DEGREE), Math.cos(pitch * DEGREE), Math.sin(pitch * DEGREE)];
+  const [cr, sr, cp, sp] = [
+    Math.cos(roll * DEGREE),
+    Math.sin(roll * DEGREE),
+    Math.cos(pitch * DEGREE),
+    Math.sin(pitch * DEGREE),
+  ];
   const [cy, sy] = [Math.cos(yaw * DEGREE), Math.sin(yaw * DEGREE)];
   return [
-    cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
-    sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
-    -sp, cp * sr, cp * cr,
+    cy * cp,
+    cy * sp * sr - sy * cr,
+    cy * sp * cr + sy * sr,
+    sy * cp,
+    sy * sp * sr + cy * cr,
+    sy * sp * cr - cy * sr,
+    -sp,
+    cp * sr,
+    cp * cr,
   ];
 }
 
@@ -107,7 +133,11 @@ export function eulerOfMatrix(m: Matrix3): Vector3 {
  * @returns three columns of n values, °
  */
 export function eulerColumns(columns: readonly Numbers[], n: number): [Float64Array, Float64Array, Float64Array] {
-  const out: [Float64Array, Float64Array, Float64Array] = [new Float64Array(n), new Float64Array(n), new Float64Array(n)];
+  const out: [Float64Array, Float64Array, Float64Array] = [
+    new Float64Array(n),
+    new Float64Array(n),
+    new Float64Array(n),
+  ];
   const at = (c: number, i: number): number => columns[c]?.[i] ?? NaN;
   for (let i = 0; i < n; i++) {
     const m: Matrix3 =
@@ -131,7 +161,7 @@ export function normColumn(columns: readonly Numbers[], n: number): Float32Array
 }
 
 /**
- * Between which lengths were the vectors of a stretch? Rows come in pairs: the least and the greatest of each component. The corner
+ * Bounds of the lengths of an interval's vectors. Rows come in pairs: the least and the greatest of each component. The corner
  * nearest to zero and the one farthest from it bound every vector within; the pair is those two lengths.
  */
 export function normBounds(columns: readonly Numbers[], n: number): Float32Array {

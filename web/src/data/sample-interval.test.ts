@@ -17,7 +17,10 @@ test("a change is reported once, until it is stopped", () => {
   vi.useFakeTimers();
   let drawn = 0;
   const reported: number[] = [];
-  const stop = watchSampleInterval(() => drawn, (seconds) => reported.push(seconds));
+  const stop = watchSampleInterval(
+    () => drawn,
+    (seconds) => reported.push(seconds),
+  );
   for (const frames of [60, 60, 5, 5, 0, 60]) {
     drawn += frames;
     vi.advanceTimersByTime(MEASURED_MS);

@@ -1,30 +1,30 @@
 /**
- * How often samples are of use: a page that draws five times a second on a slow machine, or not at all in a hidden tab, needs
- * none of the hundred messages a second that a fast display shows. Asking for fewer costs the server, the network and
- * the page itself less.
+ * How often samples are needed: a page that draws five times a second on a slow machine, or not at all in a hidden tab, does not
+ * need the hundred messages a second that a fast display shows. Requesting fewer saves load on the server, the network and the
+ * page itself.
  *
  *     frames drawn in the last second ──▶ a quarter of the time between two ──▶ `interval` of server/wire.py
  *
- * A quarter, so that what is drawn is never older by more than that. A display of 25 frames a second or more gets samples as often
+ * A quarter, so that the drawn data is never older by more than that. A display with 25 frames a second or more gets samples as often
  * as the server sends them.
  */
 
 /** Between two measurements, ms. */
 export const MEASURED_MS = 1000;
-/** Where nothing is drawn. The server sends no less often than that. */
+/** Interval if nothing is drawn; the server sends at least that often. */
 const LONGEST_S = 0.1;
 const SHARE = 0.25;
-/** Shorter ones make no difference: the server collects samples for about so long. */
+/** Shorter intervals make no difference: the server collects samples for about this long. */
 const SHORTEST_S = 0.01;
 
-/** The interval that suits `frames` drawn within `seconds`, s; 0: as often as possible. */
+/** The interval for `frames` drawn within `seconds`, s; 0: as often as possible. */
 export function intervalFor(frames: number, seconds: number): number {
   if (frames === 0) return LONGEST_S;
   const wanted = Math.min(LONGEST_S, (SHARE * seconds) / frames);
   return wanted <= SHORTEST_S ? 0 : Math.round(100 * wanted) / 100;
 }
 
-/** Measure once a second and report every change; returns what ends it. */
+/** Measure once a second and report every change; returns a function that stops it. */
 export function watchSampleInterval(drawn: () => number, report: (seconds: number) => void): () => void {
   let before = drawn();
   let at = performance.now();

@@ -7,7 +7,8 @@ const of = (values: readonly number[], period = 360) => {
   slots.set(values);
   return statsOf(slots, size - 1, 0, values.length, period);
 };
-const turn = (from: number, to: number, n = 500): number[] => Array.from({ length: n }, (_, i) => wrapped(from + ((to - from) * i) / (n - 1), 360));
+const turn = (from: number, to: number, n = 500): number[] =>
+  Array.from({ length: n }, (_, i) => wrapped(from + ((to - from) * i) / (n - 1), 360));
 
 describe("mean and σ of an angle that turns through ±180°", () => {
   it("are those of the turn, not of the line", () => {

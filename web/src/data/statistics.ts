@@ -1,15 +1,15 @@
 /**
- * Mean, standard deviation and extremes of samples, along a line or around a circle.
+ * Mean, standard deviation and extremes of samples, linear or circular.
  *
- * An angle that turns through ±180° has no mean along the line: half of the samples stand at +175, half at −175, and their
- * average points the opposite way. Around a circle the mean is the angle from which the deviations, each taken the short way
- * round, add up to zero; σ is the standard deviation of those deviations. Within half a turn both are what they are along the line.
+ * An angle that turns through ±180° has no linear mean: half of the samples are at +175, half at −175, and their average points the
+ * opposite way. The circular mean is the angle from which the deviations, each taken the short way round, add up to zero; σ is the
+ * standard deviation of those deviations. Within half a turn both equal the linear ones.
  *
  *     anchor   the direction of the resultant of some samples: near the mean, and cheap
  *     pass     deviations from the anchor, the short way round; their mean moves the anchor, until that stays
  *
- * Where samples point everywhere alike (an axis that spins) the resultant has no direction: the mean is NaN, and the deviations
- * are counted from wherever the samples began.
+ * If samples point in all directions equally (an axis that spins) the resultant has no direction: the mean is NaN, and the deviations
+ * are counted from the first samples.
  */
 import type { Values } from "./minmax-pyramid";
 
@@ -23,13 +23,13 @@ export interface Stats {
 
 export const NO_STATS: Stats = { n: 0, mean: NaN, sigma: NaN, min: NaN, max: NaN };
 
-/** Samples looked at for the anchor: sine and cosine cost ten times what the rest does. */
+/** Samples used for the anchor: sine and cosine cost ten times the rest. */
 const ANCHOR_SAMPLES = 2000;
-/** A resultant shorter than this, of samples of length 1, has no direction worth telling. */
+/** A shorter resultant, of unit vectors, has no meaningful direction. */
 const LEAST_RESULTANT = 0.05;
-/** Passes over the samples; the second corrects what the anchor of a skewed distribution was off by. */
+/** Passes over the samples; the second corrects the anchor's error for a skewed distribution. */
 const PASSES = 3;
-/** An anchor that moves by less than this part of the period is the mean. */
+/** An anchor that moves by less than this part of the period has converged. */
 const SETTLED = 1e-6;
 
 /** `angle` in (−period/2, period/2]. */
@@ -82,7 +82,14 @@ export function statsOf(values: Values, mask: number, from: number, to: number, 
   return { n, mean: min >= 0 && circle.mean < 0 ? circle.mean + period : circle.mean, sigma: circle.sigma, min, max };
 }
 
-function around(values: Values, mask: number, from: number, to: number, period: number, other: number): { readonly mean: number; readonly sigma: number } {
+function around(
+  values: Values,
+  mask: number,
+  from: number,
+  to: number,
+  period: number,
+  other: number,
+): { readonly mean: number; readonly sigma: number } {
   const [direction, resultant] = directionOf(values, mask, from, to, period);
   const isTold = resultant >= LEAST_RESULTANT;
   let anchor = isTold ? direction : other;
@@ -100,7 +107,13 @@ function around(values: Values, mask: number, from: number, to: number, period: 
 }
 
 /** Direction and length of the resultant of evenly spread samples. */
-function directionOf(values: Values, mask: number, from: number, to: number, period: number): readonly [number, number] {
+function directionOf(
+  values: Values,
+  mask: number,
+  from: number,
+  to: number,
+  period: number,
+): readonly [number, number] {
   const step = Math.max(1, Math.floor((to - from) / ANCHOR_SAMPLES));
   const k = (2 * Math.PI) / period;
   let [n, s, c] = [0, 0, 0];

@@ -4,22 +4,75 @@ import type { ChannelInfo, ColumnInfo, DeviceInfo, EventInfo } from "../wire/typ
 import { Store } from "./store";
 
 const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnInfo => ({
-  name, dtype: "f4", unit, label: "", axis, choices: {}, bits: [], decimals: -1, period: 0, doc: "",
+  name,
+  dtype: "f4",
+  unit,
+  label: "",
+  axis,
+  choices: {},
+  bits: [],
+  decimals: -1,
+  period: 0,
+  doc: "",
 });
 const info = (id: number, name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[]): ChannelInfo => ({
-  id, device: "1", message: "MTData2", name, title: name, kind, unit: "", frame: "ENU from body", columns, doc: "", source: "", group: "", verified: true,
+  id,
+  device: "1",
+  message: "MTData2",
+  name,
+  title: name,
+  kind,
+  unit: "",
+  frame: "ENU from body",
+  columns,
+  doc: "",
+  source: "",
+  group: "",
+  verified: true,
 });
 const acceleration = info(1, "Acceleration", "vector", [column("x", "x"), column("y", "y"), column("z", "z")]);
-const quaternion = info(2, "Quaternion", "quaternion", ["q0", "q1", "q2", "q3"].map((name) => column(name)));
+const quaternion = info(
+  2,
+  "Quaternion",
+  "quaternion",
+  ["q0", "q1", "q2", "q3"].map((name) => column(name)),
+);
 const HALF = Math.SQRT1_2;
 
-function frame(channel: number, sequence: number, n: number, values: readonly number[], more: Partial<SampleFrame> = {}): SampleFrame {
+function frame(
+  channel: number,
+  sequence: number,
+  n: number,
+  values: readonly number[],
+  more: Partial<SampleFrame> = {},
+): SampleFrame {
   const at = Float64Array.from({ length: n }, (_, k) => 1000 + (sequence + k) * 0.01);
-  return { channel, sequence, n, dropped: 0, history: false, now: 0, arrival: at, time: at, columns: values.map((v) => new Float32Array(n).fill(v)), ...more };
+  return {
+    channel,
+    sequence,
+    n,
+    dropped: 0,
+    history: false,
+    now: 0,
+    arrival: at,
+    time: at,
+    columns: values.map((v) => new Float32Array(n).fill(v)),
+    ...more,
+  };
 }
 const send = (store: Store, ...frames: SampleFrame[]): void => store.receive({ kind: "frames", frames, received: NaN });
 const event = (seq: number, more: Partial<EventInfo> = {}): EventInfo => ({
-  seq, time: 0, device: "1", kind: "text", level: "info", text: "", t0: null, t1: null, samples: 0, data: {}, ...more,
+  seq,
+  time: 0,
+  device: "1",
+  kind: "text",
+  level: "info",
+  text: "",
+  t0: null,
+  t1: null,
+  samples: 0,
+  data: {},
+  ...more,
 });
 
 let store: Store;
@@ -43,9 +96,16 @@ describe("derived quantities", () => {
   });
 
   it("give way to the device's own Euler angles", () => {
-    const own = info(9, "EulerAngles", "euler", ["roll", "pitch", "yaw"].map((name) => column(name)));
+    const own = info(
+      9,
+      "EulerAngles",
+      "euler",
+      ["roll", "pitch", "yaw"].map((name) => column(name)),
+    );
     store.receive({ kind: "text", text: { op: "channels", channels: [own] } });
-    expect(store.channels.value.filter(({ info: { name } }) => name === "EulerAngles").map(({ info: { id } }) => id)).toEqual([9]);
+    expect(
+      store.channels.value.filter(({ info: { name } }) => name === "EulerAngles").map(({ info: { id } }) => id),
+    ).toEqual([9]);
   });
 });
 
@@ -57,16 +117,22 @@ it("lets the newest channel of a name live", () => {
 });
 
 describe("a connection that was lost", () => {
-  const missed = [frame(1, 30, 10, [0, 0, 3], { history: true }), frame(1, 20, 10, [0, 0, 2], { history: true }), frame(1, 5, 15, [0, 0, 1], { history: true })];
+  const missed = [
+    frame(1, 30, 10, [0, 0, 3], { history: true }),
+    frame(1, 20, 10, [0, 0, 2], { history: true }),
+    frame(1, 5, 15, [0, 0, 1], { history: true }),
+  ];
 
   it("comes back with only what was missed, in order, and nothing twice", () => {
     send(store, frame(1, 0, 20, [0, 0, 1]));
     store.receive({ kind: "subscribed", fresh: false });
     send(store, frame(1, 40, 5, [0, 0, 4]), ...missed, frame(1, 45, 5, [0, 0, 4]));
     expect(store.channel("1", "Acceleration")!.ring.length).toBe(20);
-    store.receive({ kind: "text", text: { op: "backfilled" } });
+    store.receive({ kind: "text", text: { op: "history_end" } });
     const { ring } = store.channel("1", "Acceleration")!;
-    expect(Array.from({ length: ring.length }, (_, i) => ring.value(2, i))).toEqual([1, 2, 3, 4].flatMap((v) => Array<number>(v === 1 ? 20 : 10).fill(v)));
+    expect(Array.from({ length: ring.length }, (_, i) => ring.value(2, i))).toEqual(
+      [1, 2, 3, 4].flatMap((v) => Array<number>(v === 1 ? 20 : 10).fill(v)),
+    );
     expect(ring.breaks).toEqual([]);
   });
 
@@ -81,13 +147,24 @@ describe("a connection that was lost", () => {
     expect(ring.length).toBe(25);
     expect(ring.breaks.map((row) => row - ring.first)).toEqual([20]);
   });
-
 });
 
 describe("a server that was restarted", () => {
-  const device = (id: string, more: Partial<DeviceInfo> = {}) => ({ id, name: "MTi", source: "/dev/ttyUSB0", protocol: "xbus", serial_number: "7", parent: "", status: "live", ...more }) as DeviceInfo;
-  const devices = (...list: readonly DeviceInfo[]): void => store.receive({ kind: "text", text: { op: "devices", devices: list } });
-  const channels = (...list: readonly ChannelInfo[]): void => store.receive({ kind: "text", text: { op: "channels", channels: list } });
+  const device = (id: string, more: Partial<DeviceInfo> = {}) =>
+    ({
+      id,
+      name: "MTi",
+      source: "/dev/ttyUSB0",
+      protocol: "xbus",
+      serial_number: "7",
+      parent: "",
+      status: "live",
+      ...more,
+    }) as DeviceInfo;
+  const devices = (...list: readonly DeviceInfo[]): void =>
+    store.receive({ kind: "text", text: { op: "devices", devices: list } });
+  const channels = (...list: readonly ChannelInfo[]): void =>
+    store.receive({ kind: "text", text: { op: "channels", channels: list } });
   /** A second later another run has sent 10 samples already, and goes on. */
   const later = (sequence: number, n: number, value: number, history = false) => {
     const made = frame(5, sequence, n, [0, 0, value], { history });
@@ -98,13 +175,16 @@ describe("a server that was restarted", () => {
     devices({ ...now, serial_number: "" }); // it is not known yet
     channels({ ...acceleration, id: 5, device: now.id });
     send(store, later(10, 2, 3), later(5, 5, 2, true), later(0, 5, 2, true));
-    store.receive({ kind: "text", text: { op: "backfilled" } });
+    store.receive({ kind: "text", text: { op: "history_end" } });
     devices(now);
     send(store, later(12, 2, 4));
   };
   beforeEach(() => {
     devices(device("1"));
-    store.receive({ kind: "text", text: { op: "events", events: [event(3), event(4, { kind: "gap", t0: 1000.02, t1: 1000.05, samples: 2 })] } });
+    store.receive({
+      kind: "text",
+      text: { op: "events", events: [event(3), event(4, { kind: "gap", t0: 1000.02, t1: 1000.05, samples: 2 })] },
+    });
     send(store, frame(1, 0, 20, [0, 0, 1]), frame(2, 0, 20, [HALF, 0, 0, HALF]));
   });
   const z = (id: string): readonly number[] => {
@@ -118,10 +198,17 @@ describe("a server that was restarted", () => {
     const { ring } = store.channel("2", "Acceleration")!;
     expect(ring.breaks.map((row) => row - ring.first)).toEqual([20]);
     const losses = store.losses("2");
-    expect(losses.map(({ by, samples }) => [by, samples])).toEqual([["device", 2], ["server", 0]]);
+    expect(losses.map(({ by, samples }) => [by, samples])).toEqual([
+      ["device", 2],
+      ["server", 0],
+    ]);
     expect([losses[1]!.t0, losses[1]!.t1]).toEqual([frame(1, 19, 1, [0]).arrival[0], later(0, 1, 0).arrival[0]]);
     store.receive({ kind: "text", text: { op: "events", events: [event(0, { device: "2", text: "new" })] } });
-    expect(store.events.value.map(({ seq, device: id }) => [seq, id])).toEqual([[-2, "2"], [-1, "2"], [0, "2"]]);
+    expect(store.events.value.map(({ seq, device: id }) => [seq, id])).toEqual([
+      [-2, "2"],
+      [-1, "2"],
+      [0, "2"],
+    ]);
   });
 
   it("keeps what is derived and the frame that was chosen", () => {
@@ -146,7 +233,7 @@ describe("a server that was restarted", () => {
     store.receive({ kind: "subscribed", fresh: true });
     devices(device("1"));
     channels({ ...acceleration, id: 5 });
-    store.receive({ kind: "text", text: { op: "backfilled" } });
+    store.receive({ kind: "text", text: { op: "history_end" } });
     const early = frame(5, 0, 3, [0, 0, 9]);
     send(store, { ...early, arrival: early.arrival.map((t) => t - 60), time: early.time.map((t) => t - 60) });
     expect(z("1")).toEqual([9, 9, 9]);
@@ -174,8 +261,14 @@ describe("what is missing", () => {
 it("does not join lines over a clock that started again, in channels known before and after, of that device alone", () => {
   send(store, frame(1, 0, 20, [0, 0, 1]));
   const step = event(4, { kind: "clock", time: 1000.1 });
-  store.receive({ kind: "text", text: { op: "events", events: [step, event(5, { kind: "clock", time: 1000.05, device: "2" })] } });
-  store.receive({ kind: "text", text: { op: "channels", channels: [{ ...acceleration, id: 7, name: "FreeAcceleration" }] } });
+  store.receive({
+    kind: "text",
+    text: { op: "events", events: [step, event(5, { kind: "clock", time: 1000.05, device: "2" })] },
+  });
+  store.receive({
+    kind: "text",
+    text: { op: "channels", channels: [{ ...acceleration, id: 7, name: "FreeAcceleration" }] },
+  });
   send(store, frame(7, 0, 20, [0, 0, 1]), frame(2, 0, 20, [1, 0, 0, 0]));
   for (const name of ["Acceleration", "FreeAcceleration", "Quaternion", "EulerAngles"]) {
     const { ring } = store.channel("1", name)!;
@@ -185,21 +278,37 @@ it("does not join lines over a clock that started again, in channels known befor
 
 describe("what is verified and what is not", () => {
   it("stands in that order where a quantity came both ways, and the horizon is the verified one's", () => {
-    const old = { ...info(7, "Quaternion?", "quaternion", ["q0", "q1", "q2", "q3"].map((name) => column(name))), device: "9", verified: false };
+    const old = {
+      ...info(
+        7,
+        "Quaternion?",
+        "quaternion",
+        ["q0", "q1", "q2", "q3"].map((name) => column(name)),
+      ),
+      device: "9",
+      verified: false,
+    };
     const pressure = { ...info(8, "Pressure?", "scalar", [column("value")]), device: "9", verified: false };
     store.receive({ kind: "text", text: { op: "channels", channels: [old, pressure] } });
-    const names = (): readonly string[] => store.channels.value.filter((one) => one.info.device === "9").map((one) => one.info.name);
+    const names = (): readonly string[] =>
+      store.channels.value.filter((one) => one.info.device === "9").map((one) => one.info.name);
     const euler = (): boolean | undefined => store.channel("9", "EulerAngles")?.info.verified;
     expect(names()).toEqual(["Quaternion?", "Pressure?", "EulerAngles"]);
     expect(euler()).toBe(false);
-    store.receive({ kind: "text", text: { op: "channels", channels: [{ ...old, id: 9, name: "Quaternion", verified: true }] } });
+    store.receive({
+      kind: "text",
+      text: { op: "channels", channels: [{ ...old, id: 9, name: "Quaternion", verified: true }] },
+    });
     expect(names()).toEqual(["Pressure?", "Quaternion", "EulerAngles", "Quaternion?"]);
     expect(euler()).toBe(true);
   });
 });
 
 describe("the frame that is chosen", () => {
-  const felt = { ...info(4, "RateOfTurn", "vector", [column("x", "x", "°/s"), column("y", "y", "°/s"), column("z", "z", "°/s")]), frame: "" };
+  const felt = {
+    ...info(4, "RateOfTurn", "vector", [column("x", "x", "°/s"), column("y", "y", "°/s"), column("z", "z", "°/s")]),
+    frame: "",
+  };
   const row = (name: string): number[] => {
     const { ring } = store.channel("1", name)!;
     return ring.columns.map((_, c) => Number(ring.value(c, ring.length - 1).toFixed(4)));
@@ -232,10 +341,16 @@ describe("the frame that is chosen", () => {
 });
 
 it("breaks the lines of a channel over losses that were told before it: a page that is loaded late hears of them first", () => {
-  store.receive({ kind: "text", text: { op: "events", events: [event(1, { kind: "gap", t0: 1000.095, t1: 1000.115, samples: 1 })] } });
+  store.receive({
+    kind: "text",
+    text: { op: "events", events: [event(1, { kind: "gap", t0: 1000.095, t1: 1000.115, samples: 1 })] },
+  });
   const late = info(7, "MagneticField", "vector", [column("x", "x"), column("y", "y"), column("z", "z")]);
   store.receive({ kind: "text", text: { op: "channels", channels: [late] } });
-  const at = Float64Array.from([...Array(21).keys()].filter((k) => k !== 10), (k) => 1000 + k * 0.01);
+  const at = Float64Array.from(
+    [...Array(21).keys()].filter((k) => k !== 10),
+    (k) => 1000 + k * 0.01,
+  );
   send(store, { ...frame(7, 0, 20, [1, 2, 3]), arrival: at, time: at });
   const { ring } = store.channel("1", "MagneticField")!;
   expect(ring.breaks.map((row) => row - ring.first)).toEqual([10]);

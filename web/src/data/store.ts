@@ -1,42 +1,54 @@
 /**
- * What does the page know? Devices, channels, health and events as signals (small, seldom, reactive) and samples in rings (large,
- * often, never reactive). Everything comes from the socket worker as `FromWorker` messages and goes through `receive`, which
- * a bench or a test can call as well.
+ * State of the page: devices, channels, health and events as signals (small, rare, reactive) and samples in rings (large, frequent,
+ * never reactive). Everything comes from the socket worker as `FromWorker` messages through `receive`, which a benchmark or a test
+ * can call as well.
  *
- *     worker ──frames──▶ receive ──▶ Refill, while a gap is filled ──▶ keep ──▶ Channels: rings of what is sent and derived
+ *     worker ──frames──▶ receive ──▶ Backfill, while a gap is filled ──▶ appendFrame ──▶ Channels: rings of what is sent and derived
  *                           └──text──▶ signals
  *
- * After a lost connection the worker asks only for the seconds missed. What comes then is held back (data/refill.ts) until the
- * server says `backfilled`, and goes into the rings in its order: sample numbers skip what is already there. A server that was
- * restarted counts anew: what is held of devices that come back stays (`Past`), and what the new one sends goes behind it.
+ * After a lost connection the worker requests only the missed seconds. Later frames are held back (data/backfill.ts) until the
+ * server sends `history_end`, and are put into the rings in order: known sample numbers are skipped. A restarted server numbers
+ * from 1 again: data of devices that come back is kept (`Past`), and the new data follows it.
  */
 import { signal, type Signal } from "@preact/signals";
+import { capabilities } from "../wire/capabilities";
 import { localNow } from "../wire/clock";
 import type { SampleFrame } from "../wire/codec";
 import type { FromWorker, ToWorker } from "../wire/worker-messages";
-import type { ChannelInfo, ControlState, DeviceHealth, DeviceInfo, EventInfo, ExchangeEntry, ExportJob, RawPayload, RecorderState, ServerText } from "../wire/types";
+import type {
+  ChannelInfo,
+  DeviceJobs,
+  DeviceHealth,
+  DeviceInfo,
+  EventInfo,
+  TrafficEntry,
+  ExportJob,
+  UnknownPayload,
+  RecorderState,
+  ServerText,
+} from "../wire/types";
 import { type Channel, Channels } from "./channels";
 import type { WorldFrame } from "./rotations";
 import type { Change } from "./frames";
-import { LossBook, type Loss } from "./losses";
+import { LossList, type Loss } from "./losses";
 import { Past } from "./past";
-import { Refill } from "./refill";
+import { Backfill } from "./backfill";
 import { Budget, Ring } from "./ring-buffer";
 
-/** Most seconds of history asked for. The server keeps what it keeps, the rings hold what their budget allows. */
+/** Seconds of history requested at most. The server and the budget of the rings may hold less. */
 const HISTORY_S = 3600;
-/** So long may a device be away after the server was restarted, and what was held of it is there again. */
+/** A device may be away this long after a server restart for its data to be kept. */
 const PAST_S = 120;
 const EVENTS_KEPT = 10_000;
-const EXCHANGE_KEPT = 2000;
+const TRAFFIC_KEPT = 2000;
 const LATENCIES_KEPT = 4096;
 
-/** Did the clock of a device start again or jump, so that a line must not go on? */
+/** Whether a device's clock restarted or jumped, so that lines must break. */
 function isStep({ kind, device }: EventInfo): boolean {
   return kind === "clock" && device !== "";
 }
 
-/** Were samples lost in a span that is known? */
+/** Whether samples were lost in a known interval. */
 function isLoss({ kind, t0, t1 }: EventInfo): boolean {
   return kind === "gap" && t0 !== null && t1 !== null;
 }
@@ -47,38 +59,38 @@ export class Store {
   readonly devices: Signal<readonly DeviceInfo[]> = signal([]);
   readonly health: Signal<ReadonlyMap<string, DeviceHealth>> = signal(new Map());
   readonly events: Signal<readonly EventInfo[]> = signal([]);
-  /** The newest payload of every kind that nobody has described. */
-  readonly raws: Signal<readonly RawPayload[]> = signal([]);
-  /** What is done to each device: jobs, queue, trial. */
-  readonly control: Signal<ReadonlyMap<string, ControlState>> = signal(new Map());
+  /** The newest payload of every undescribed kind. */
+  readonly unknownPayloads: Signal<readonly UnknownPayload[]> = signal([]);
+  /** Activity on each device: jobs, queue, rollback. */
+  readonly jobs: Signal<ReadonlyMap<string, DeviceJobs>> = signal(new Map());
   /** Frames to and from devices since this page was opened, all devices together; older ones come over HTTP. */
-  readonly exchange: Signal<readonly ExchangeEntry[]> = signal([]);
-  /** What is being recorded; undefined before the server has said. */
+  readonly traffic: Signal<readonly TrafficEntry[]> = signal([]);
+  /** State of the recorder; undefined until received. */
   readonly recorder: Signal<RecorderState | undefined> = signal(undefined);
-  /** Goes up whenever the list of recordings has changed. */
+  /** Incremented whenever the list of recordings has changed. */
   readonly library: Signal<number> = signal(0);
   readonly exports: Signal<readonly ExportJob[]> = signal([]);
   readonly connection: Signal<"connecting" | "open" | "closed"> = signal("connecting");
-  /** Since when nothing comes over an open connection, unix s by the server's clock; undefined while it is heard. */
+  /** Start of silence on an open connection, unix s by the server's clock; undefined while messages arrive. */
   readonly silentSince: Signal<number | undefined> = signal(undefined);
-  /** When the connection is tried again, unix s by the server's clock; undefined while open. */
+  /** Time of the next connection attempt, unix s by the server's clock; undefined while open. */
   readonly nextTry: Signal<number | undefined> = signal(undefined);
-  /** What could not be read, or was refused, last. */
+  /** The last unreadable or refused message. */
   readonly problem: Signal<string | undefined> = signal(undefined);
-  /** True from a subscription until all of its history is here. */
+  /** True from a subscription until its history is complete. */
   readonly filling: Signal<boolean> = signal(false);
 
-  #losses = new LossBook();
-  /** What was held when the server began another run, until its devices come back. */
+  #losses = new LossList();
+  /** Data held when the server began another run, until its devices come back. */
   #past: Past | undefined;
   #pastEnds: ReturnType<typeof setTimeout> | undefined;
-  /** Devices that came back with another run of the server, and have sent nothing yet: when they sent last, unix s. */
+  /** Devices that came back with another run of the server and have sent nothing yet: last arrival, unix s. */
   readonly #away = new Map<string, number>();
   readonly #latencies = new Float64Array(LATENCIES_KEPT);
   #measured = 0;
   #budget = new Budget();
   #worker: Worker | undefined;
-  readonly #refill = new Refill((frame) => this.keep(frame));
+  readonly #backfill = new Backfill((frame) => this.appendFrame(frame));
   #offset = 0;
   #uncertainty = NaN;
 
@@ -96,7 +108,7 @@ export class Store {
     this.#worker = undefined;
   }
 
-  /** Have samples sent every so many seconds at most; 0: as often as the server can. */
+  /** Request samples at most every `seconds`; 0: as often as possible. */
   requestInterval(seconds: number): void {
     this.#post({ kind: "interval", seconds });
   }
@@ -106,20 +118,20 @@ export class Store {
     this.#post({ kind: "retry" });
   }
 
-  /** Nothing comes from the server: there is no connection, or a dead one. What is on screen is old. */
+  /** Whether the server is unreachable: no connection, or a dead one. Displayed data is old. */
   get isCut(): boolean {
     return this.connection.value !== "open" || this.silentSince.value !== undefined;
   }
 
   /**
-   * Right edge of what is live of a device, unix s: now, and of a file that has ended its last sample. There it stays, however long ago
-   * that was.
+   * Right edge of a device's live data, unix s: now, or the last sample of a file that has ended, however long ago that was.
    */
   edgeOf(device: string | undefined): number {
     const now = this.serverNow();
     if (this.devices.peek().find(({ id }) => id === device)?.status !== "ended") return now;
     let last = -Infinity;
-    for (const { info, ring } of this.channels.peek()) if (info.device === device && ring.length > 0) last = Math.max(last, ring.time(ring.length - 1));
+    for (const { info, ring } of this.channels.peek())
+      if (info.device === device && ring.length > 0) last = Math.max(last, ring.time(ring.length - 1));
     return last === -Infinity ? now : Math.min(now, last);
   }
 
@@ -133,7 +145,7 @@ export class Store {
     return this.#uncertainty;
   }
 
-  /** The living channel of that quantity name, derived ones included. */
+  /** The living channel of that name, including derived ones. */
   channel(device: string, name: string): Channel | undefined {
     return this.channels.peek().find(({ info }) => info.device === device && info.name === name);
   }
@@ -143,18 +155,18 @@ export class Store {
     return this.#channels.dropped();
   }
 
-  /** Everything known to be missing of a device, by its beginning. */
+  /** All known losses of a device, by start. */
   losses(device: string): readonly Loss[] {
     return this.#losses.of(device);
   }
 
-  /** From the host's read to typed arrays in the worker, ms, of the last live frames (at most 4096). */
+  /** Delay from the host's read to typed arrays in the worker, ms, of the last live frames (at most 4096). */
   latencies(): Float64Array {
     const n = Math.min(this.#measured, LATENCIES_KEPT);
     return this.#latencies.slice(0, n);
   }
 
-  /** Take one message of the worker. */
+  /** Process one message of the worker. */
   receive(message: FromWorker): void {
     switch (message.kind) {
       case "frames":
@@ -187,13 +199,13 @@ export class Store {
   }
 
   #onSubscribed(fresh: boolean): void {
-    this.#refill.end(); // one that never ended: its frames are older than what comes now
+    this.#backfill.end(); // one that never ended: its frames are older than what comes now
     this.filling.value = true;
-    if (!fresh || !this.#channels.isEmpty) this.#refill.begin();
+    if (!fresh || !this.#channels.isEmpty) this.#backfill.begin();
     if (fresh) this.#beginRun();
   }
 
-  /** The server was restarted. What is held is put aside for devices that come back; everything else is as when the page was opened. */
+  /** Start a new run of the server: keep the data for devices that come back; reset everything else. */
   #beginRun(): void {
     const held = this.#channels.held();
     this.#forgetPast();
@@ -201,14 +213,14 @@ export class Store {
       this.#past = new Past(this.devices.peek(), held, this.#losses, this.events.peek());
       this.#pastEnds = setTimeout(() => this.#forgetPast(), 1000 * PAST_S);
     } else this.#budget = new Budget();
-    this.#losses = new LossBook();
+    this.#losses = new LossList();
     this.#away.clear();
     this.#channels.clear();
     this.events.value = [];
     this.health.value = new Map();
-    this.raws.value = [];
-    this.control.value = new Map();
-    this.exchange.value = [];
+    this.unknownPayloads.value = [];
+    this.jobs.value = new Map();
+    this.traffic.value = [];
   }
 
   #forgetPast(): void {
@@ -217,7 +229,7 @@ export class Store {
     this.#past = undefined;
   }
 
-  /** Hand over what was held of devices that have come back; take it away again where it was another's. */
+  /** Hand over the data of devices that have come back; take it back if the match was wrong. */
   #meetPast(devices: readonly DeviceInfo[]): void {
     const past = this.#past;
     if (past === undefined) return;
@@ -237,6 +249,7 @@ export class Store {
   #onText(text: ServerText): void {
     switch (text.op) {
       case "hello":
+        capabilities.value = text.capabilities;
         if (!Number.isFinite(this.#uncertainty)) this.#offset = text.server_time - localNow();
         this.problem.value = undefined;
         return;
@@ -249,16 +262,16 @@ export class Store {
       case "health":
         this.health.value = new Map(text.devices.map((health) => [health.device, health]));
         return;
-      case "raws":
-        this.raws.value = text.payloads;
+      case "unknown_payloads":
+        this.unknownPayloads.value = text.payloads;
         return;
       case "events":
         return this.#onEvents(text.events);
-      case "control":
-        this.control.value = new Map(text.devices.map((state) => [state.device, state]));
+      case "jobs":
+        this.jobs.value = new Map(text.devices.map((state) => [state.device, state]));
         return;
-      case "exchange":
-        this.exchange.value = [...this.exchange.peek(), ...text.entries].slice(-EXCHANGE_KEPT);
+      case "traffic":
+        this.traffic.value = [...this.traffic.peek(), ...text.entries].slice(-TRAFFIC_KEPT);
         return;
       case "recorder":
         this.recorder.value = text;
@@ -269,8 +282,8 @@ export class Store {
       case "exports":
         this.exports.value = text.jobs;
         return;
-      case "backfilled":
-        this.#refill.end();
+      case "history_end":
+        this.#backfill.end();
         this.filling.value = false;
         return;
       case "error":
@@ -286,33 +299,38 @@ export class Store {
     const fresh = events.filter(({ seq }) => seq > last); // a new subscription repeats what is known
     if (fresh.length === 0) return;
     this.#losses.addEvents(fresh);
-    for (const { device, time } of fresh.filter(isStep)) for (const ring of this.#channels.ringsOf(device)) ring.cut(time);
-    for (const { device, t0, t1 } of fresh.filter(isLoss)) for (const ring of this.#channels.ringsOf(device)) ring.lose(t0!, t1!);
+    for (const { device, time } of fresh.filter(isStep))
+      for (const ring of this.#channels.ringsOf(device)) ring.cut(time);
+    for (const { device, t0, t1 } of fresh.filter(isLoss))
+      for (const ring of this.#channels.ringsOf(device)) ring.lose(t0!, t1!);
     this.events.value = [...this.events.peek(), ...fresh].slice(-EVENTS_KEPT);
   }
 
-  /** The world that a device speaks: that of its attitude; undefined where it sends none. */
+  /** The world frame of a device's attitude; undefined without attitude. */
   nativeFrame(device: string): WorldFrame | undefined {
     return this.#channels.nativeFrame(device);
   }
 
-  /** Show everything in that frame, or as it is sent; what is held is told anew. */
+  /** Display everything in that frame, or as sent; stored samples are converted. */
   showIn(frame: WorldFrame | undefined): void {
     this.#channels.showIn(frame);
   }
 
-  /** What of a channel is another than it is sent; undefined where nothing is. */
+  /** The frame change of a channel; undefined if there is none. */
   changeOf(channel: number): Change | undefined {
     return this.#channels.changeOf(channel);
   }
 
-  /** The ring of a channel that is new: what was held of it before the server was restarted, or an empty one. */
+  /** The ring of a new channel: the one from before a server restart, or an empty one. */
   #ring(info: ChannelInfo): Ring {
     const held = this.#past?.ringFor(info);
     held?.continueAnew();
     if (held) return held;
     const status = info.kind === "status";
-    const ring = new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })), this.#budget);
+    const ring = new Ring(
+      info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })),
+      this.#budget,
+    );
     for (const { device, time } of this.events.peek().filter(isStep)) if (device === info.device) ring.cut(time);
     for (const { t0, t1, by } of this.#losses.of(info.device)) if (by === "device") ring.lose(t0, t1);
     return ring;
@@ -323,11 +341,11 @@ export class Store {
     if (!frame.history && last !== undefined && received === received) {
       this.#latencies[this.#measured++ % LATENCIES_KEPT] = 1000 * (received - last);
     }
-    this.#refill.take(frame);
+    this.#backfill.take(frame);
   }
 
-  /** Put a frame into the rings of its channel. `bounds`: its rows are the least and the greatest of stretches, in turn. */
-  protected keep(frame: SampleFrame, bounds = false): void {
+  /** Put a frame into the rings of its channel. `bounds`: its rows are alternately the least and the greatest of intervals. */
+  protected appendFrame(frame: SampleFrame, bounds = false): void {
     const source = this.#channels.source(frame.channel);
     if (source === undefined) return;
     const before = source.ring.newest;

@@ -1,6 +1,8 @@
 import { beforeEach, describe, expect, it } from "vitest";
-import * as actions from "./view-actions";
-import { cursor, hidden, measure, view } from "./view-state";
+import { LONGEST, SHORTEST } from "./view-actions";
+import { createViewState } from "./view-state";
+
+const { view, cursor, measure, hiddenSeries, actions } = createViewState();
 
 let now = 1000;
 const samples = Array.from({ length: 901 }, (_, k) => 100 + k);
@@ -8,7 +10,7 @@ const series = ["Acceleration.x", "Acceleration.y", "RateOfTurn.x"];
 
 beforeEach(() => {
   now = 1000;
-  actions.attach({
+  actions.attachPlots({
     now: () => now,
     bounds: () => ({ first: 100, last: 1000 }),
     step: (t, steps) => samples[samples.findLastIndex((s) => s <= t) + steps],
@@ -18,7 +20,7 @@ beforeEach(() => {
   view.value = { device: "1", live: true, end: 0, span: 20, timeBase: "device" };
   cursor.value = undefined;
   measure.value = undefined;
-  hidden.value = new Set();
+  hiddenSeries.value = new Set();
 });
 
 describe("pause and live", () => {
@@ -73,11 +75,11 @@ describe("zooming", () => {
 
   it("has a shortest and a longest window", () => {
     actions.setSpan(0);
-    expect(view.value.span).toBe(actions.SHORTEST);
+    expect(view.value.span).toBe(SHORTEST);
     actions.setSpan(1e9);
-    expect(view.value.span).toBe(actions.LONGEST);
+    expect(view.value.span).toBe(LONGEST);
     actions.setSpan(NaN);
-    expect(view.value.span).toBe(actions.LONGEST);
+    expect(view.value.span).toBe(LONGEST);
   });
 
   it("fits everything in memory, live or not", () => {
@@ -156,19 +158,19 @@ describe("the cursor", () => {
 describe("series", () => {
   it("are hidden and shown by their place", () => {
     actions.toggleSeries(1);
-    expect([...hidden.value]).toEqual(["Acceleration.y"]);
+    expect([...hiddenSeries.value]).toEqual(["Acceleration.y"]);
     actions.toggleSeries(1);
-    expect(hidden.value.size).toBe(0);
+    expect(hiddenSeries.value.size).toBe(0);
     actions.toggleSeries(8);
-    expect(hidden.value.size).toBe(0);
+    expect(hiddenSeries.value.size).toBe(0);
   });
 
   it("stand alone in their plot, and all come back; other plots are not emptied", () => {
-    hidden.value = new Set(["Acceleration.norm"]);
+    hiddenSeries.value = new Set(["Acceleration.norm"]);
     actions.toggleSeries(0, true);
-    expect([...hidden.value].sort()).toEqual(["Acceleration.norm", "Acceleration.y"]);
+    expect([...hiddenSeries.value].sort()).toEqual(["Acceleration.norm", "Acceleration.y"]);
     actions.toggleSeries(0, true);
-    expect([...hidden.value]).toEqual(["Acceleration.norm"]);
+    expect([...hiddenSeries.value]).toEqual(["Acceleration.norm"]);
   });
 });
 

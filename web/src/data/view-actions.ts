@@ -1,11 +1,11 @@
 /**
- * What can a person do to the view? Every key, button and gesture calls one of these; each is a step from one view to the next.
- * They change the signals of view-state.ts and nothing else. What they must know of the data (the server's clock, what is in memory,
- * the samples around a time, the series on screen) they ask of the `Horizon` that the plots attach.
+ * Actions on the view. Every key, button and gesture calls one of these; each is a step from one view to the next. They change the
+ * signals of their view (view-state.ts) and nothing else. Facts about the data (the server's clock, the range in memory, the samples
+ * around a time, the series on screen) come from the `Horizon` that the plots attach.
  */
-import { cursor, hidden, measure, view, type View } from "./view-state";
+import type { View, ViewSignals } from "./view-state";
 
-/** What the view moves over. */
+/** The data that the view moves over. */
 export interface Horizon {
   /** The server's clock, unix s. */
   now(): number;
@@ -13,7 +13,7 @@ export interface Horizon {
   bounds(): { readonly first: number; readonly last: number } | undefined;
   /** Time of the sample `steps` samples after (before, if negative) time t; undefined at the ends. */
   step(t: number, steps: number): number | undefined;
-  /** Keys of the series on screen, in the order in which digits name them. */
+  /** Keys of the series on screen, in digit order. */
   series(): readonly string[];
   /** Keys of the series in the same plot as this one. */
   beside(key: string): readonly string[];
@@ -23,189 +23,204 @@ export interface Horizon {
 export const SHORTEST = 0.005;
 export const LONGEST = 86_400;
 
-let horizon: Horizon = { now: () => Date.now() / 1000, bounds: () => undefined, step: () => undefined, series: () => [], beside: () => [] };
-
-/** The plots say over what the view moves. */
-export function attach(to: Horizon): void {
-  horizon = to;
-}
-
-/** Right edge of the window, unix s. */
-export function rightEdge(of: View = view.peek()): number {
-  return of.live ? horizon.now() : of.end;
-}
-
-/** Is all of memory on screen, and to stay so while it grows? Until the view is changed otherwise. */
-let fitted = false;
-
-function change(part: Partial<View>): void {
-  fitted = false;
-  view.value = { ...view.peek(), ...part };
-}
-
-/** Keep the window where there is something to see: not after now, not wholly before the first sample. */
-function clamped(end: number, span: number): number {
-  const first = horizon.bounds()?.first ?? -Infinity;
-  return Math.min(Math.max(end, first + span / 10), horizon.now());
-}
+const NOTHING: Horizon = {
+  now: () => Date.now() / 1000,
+  bounds: () => undefined,
+  step: () => undefined,
+  series: () => [],
+  beside: () => [],
+};
 
 const spanOf = (seconds: number): number => Math.min(LONGEST, Math.max(SHORTEST, seconds));
 
-/** Freeze the view where it is. */
-export function pause(): void {
-  if (view.peek().live) change({ live: false, end: horizon.now() });
-}
+/** The actions of one view. */
+export class ViewActions {
+  readonly #state: ViewSignals;
+  #horizon = NOTHING;
+  /** Whether all of memory is shown and kept in view while it grows, until the view is changed otherwise. */
+  #fitted = false;
 
-/** Follow the newest sample again. */
-export function live(): void {
-  change({ live: true });
-}
-
-/** Move by `windows` window lengths; back is negative. Moving back from live pauses; nothing moves past now. */
-export function pan(windows: number): void {
-  const now = view.peek();
-  if (now.live && windows >= 0) return;
-  change({ live: false, end: clamped(rightEdge(now) + windows * now.span, now.span) });
-}
-
-/** Put the right edge at `end`, as dragging does; at now the view stays paused: only `live` goes live. */
-export function panTo(end: number): void {
-  const { span } = view.peek();
-  change({ live: false, end: clamped(end, span) });
-}
-
-/** Multiply the window's length by `factor`, keeping the moment at fraction `at` of its width. Live stays live: now is the right edge. */
-export function zoom(factor: number, at = 0.5): void {
-  const now = view.peek();
-  const span = spanOf(now.span * factor);
-  if (now.live) return change({ span });
-  const fixed = now.end - (1 - at) * now.span;
-  change({ span, end: clamped(fixed + (1 - at) * span, span) });
-}
-
-/** Show t0…t1 and stay there. */
-export function select(t0: number, t1: number): void {
-  const [a, b] = t0 < t1 ? [t0, t1] : [t1, t0];
-  if (b - a > 0) change({ live: false, end: b, span: spanOf(b - a) });
-}
-
-/** Show everything in memory. */
-export function fit(): void {
-  const bounds = horizon.bounds();
-  if (bounds === undefined) return;
-  if (view.peek().live) {
-    change({ span: spanOf((horizon.now() - bounds.first) * 1.01) });
-    fitted = true;
-    return;
+  constructor(state: ViewSignals) {
+    this.#state = state;
   }
-  change({ end: bounds.last, span: spanOf((bounds.last - bounds.first) * 1.01) });
-}
 
-/** While everything in memory is shown live, show more as more comes: by steps, so that nothing crawls. */
-export function keepFitted(): void {
-  const bounds = horizon.bounds();
-  if (!fitted || bounds === undefined || !view.peek().live) return;
-  const held = horizon.now() - bounds.first;
-  if (held > view.peek().span) {
-    change({ span: spanOf(held * 1.1) });
-    fitted = true;
+  /** Attach the data that the view moves over. */
+  attachPlots(to: Horizon): void {
+    this.#horizon = to;
   }
-}
 
-export function setSpan(seconds: number): void {
-  if (Number.isFinite(seconds)) change({ span: spanOf(seconds) });
-}
-
-/** Put the window's middle at `t`. */
-export function centreAt(t: number): void {
-  const { span } = view.peek();
-  change({ live: false, end: clamped(t + span / 2, span) });
-}
-
-/** To the oldest moment in memory. */
-export function toStart(): void {
-  const bounds = horizon.bounds();
-  const { span } = view.peek();
-  if (bounds !== undefined) change({ live: false, end: Math.min(bounds.first + span, horizon.now()) });
-}
-
-export function toggleTimeBase(): void {
-  change({ timeBase: view.peek().timeBase === "device" ? "arrival" : "device" });
-}
-
-/** Hide or show the series with that key; `alone`: of its plot show only it, or all again when it is alone already. */
-export function toggleKey(key: string, alone = false): void {
-  const all = horizon.beside(key);
-  const was = hidden.peek();
-  const next = new Set(was);
-  if (!alone) {
-    if (!next.delete(key)) next.add(key);
-  } else if (!was.has(key) && all.every((other) => other === key || was.has(other))) {
-    for (const other of all) next.delete(other);
-  } else {
-    for (const other of all) next.add(other);
-    next.delete(key);
+  /** Right edge of the window, unix s. */
+  rightEdge(of: View = this.#state.view.peek()): number {
+    return of.live ? this.#horizon.now() : of.end;
   }
-  hidden.value = next;
-}
 
-/** As `toggleKey`, for the series that stands at place `index` on screen, from 0. */
-export function toggleSeries(index: number, alone = false): void {
-  const key = horizon.series()[index];
-  if (key !== undefined) toggleKey(key, alone);
-}
+  #change(part: Partial<View>): void {
+    this.#fitted = false;
+    this.#state.view.value = { ...this.#state.view.peek(), ...part };
+  }
 
-/** Where the cursor reads, unix s; undefined when there is none. */
-export function cursorTime(): number | undefined {
-  const at = cursor.peek();
-  if (at === undefined) return undefined;
-  if (at.kind === "pinned") return at.time;
-  const now = view.peek();
-  return rightEdge(now) - (1 - at.fraction) * now.span;
-}
+  /** Keep the window over data: not after now, not entirely before the first sample. */
+  #clamped(end: number, span: number): number {
+    const first = this.#horizon.bounds()?.first ?? -Infinity;
+    return Math.min(Math.max(end, first + span / 10), this.#horizon.now());
+  }
 
-/** Pin the cursor one sample on (or back); the view follows when it would leave the window. */
-export function stepSample(samples: number): void {
-  const now = view.peek();
-  const t = horizon.step(cursorTime() ?? rightEdge(now), samples);
-  if (t === undefined) return;
-  pause();
-  cursor.value = { kind: "pinned", time: t };
-  const end = rightEdge();
-  if (t > end) change({ end: clamped(t, now.span) });
-  else if (t < end - now.span) change({ end: t + now.span });
-}
+  /** Freeze the view where it is. */
+  pause(): void {
+    if (this.#state.view.peek().live) this.#change({ live: false, end: this.#horizon.now() });
+  }
 
-export function pin(time: number): void {
-  cursor.value = { kind: "pinned", time };
-}
+  /** Follow the newest sample again. */
+  live(): void {
+    this.#change({ live: true });
+  }
 
-/** Pin the second cursor, for measuring. */
-export function pinMeasure(time: number): void {
-  measure.value = time;
-}
+  /** Move by `windows` window lengths; back is negative. Moving back from live pauses; nothing moves past now. */
+  pan(windows: number): void {
+    const now = this.#state.view.peek();
+    if (now.live && windows >= 0) return;
+    this.#change({ live: false, end: this.#clamped(this.rightEdge(now) + windows * now.span, now.span) });
+  }
 
-/** Live, a pin moves left with the data; one that has left the window is taken away: nothing reads what is not to be seen. */
-export function dropPassed(): void {
-  const now = view.peek();
-  if (!now.live) return;
-  const first = rightEdge(now) - now.span;
-  const at = cursor.peek();
-  if (at?.kind === "pinned" && at.time < first) cursor.value = undefined;
-  if ((measure.peek() ?? Infinity) < first) measure.value = undefined;
-}
+  /** Put the right edge at `end`, as dragging does; at now the view stays paused: only `live` goes live. */
+  panTo(end: number): void {
+    const { span } = this.#state.view.peek();
+    this.#change({ live: false, end: this.#clamped(end, span) });
+  }
 
-/** On which side of the window the cursor is that reads; undefined when it is in it, or there is none. */
-export function cursorBeside(): "before" | "after" | undefined {
-  const at = cursor.peek();
-  if (at?.kind !== "pinned") return undefined;
-  const now = view.peek();
-  const end = rightEdge(now);
-  return at.time > end ? "after" : at.time < end - now.span ? "before" : undefined;
-}
+  /** Multiply the window's length by `factor`, keeping the moment at fraction `at` of its width. Live stays live: now is the right edge. */
+  zoom(factor: number, at = 0.5): void {
+    const now = this.#state.view.peek();
+    const span = spanOf(now.span * factor);
+    if (now.live) return this.#change({ span });
+    const fixed = now.end - (1 - at) * now.span;
+    this.#change({ span, end: this.#clamped(fixed + (1 - at) * span, span) });
+  }
 
-/** Take both pins away. */
-export function unpin(): void {
-  cursor.value = undefined;
-  measure.value = undefined;
+  /** Show t0…t1 and stay there. */
+  select(t0: number, t1: number): void {
+    const [a, b] = t0 < t1 ? [t0, t1] : [t1, t0];
+    if (b - a > 0) this.#change({ live: false, end: b, span: spanOf(b - a) });
+  }
+
+  /** Show everything in memory. */
+  fit(): void {
+    const bounds = this.#horizon.bounds();
+    if (bounds === undefined) return;
+    if (this.#state.view.peek().live) {
+      this.#change({ span: spanOf((this.#horizon.now() - bounds.first) * 1.01) });
+      this.#fitted = true;
+      return;
+    }
+    this.#change({ end: bounds.last, span: spanOf((bounds.last - bounds.first) * 1.01) });
+  }
+
+  /** While everything in memory is shown live, extend the window as memory grows: in steps, so that nothing crawls. */
+  keepFitted(): void {
+    const bounds = this.#horizon.bounds();
+    if (!this.#fitted || bounds === undefined || !this.#state.view.peek().live) return;
+    const held = this.#horizon.now() - bounds.first;
+    if (held > this.#state.view.peek().span) {
+      this.#change({ span: spanOf(held * 1.1) });
+      this.#fitted = true;
+    }
+  }
+
+  setSpan(seconds: number): void {
+    if (Number.isFinite(seconds)) this.#change({ span: spanOf(seconds) });
+  }
+
+  /** Put the window's middle at `t`. */
+  centreAt(t: number): void {
+    const { span } = this.#state.view.peek();
+    this.#change({ live: false, end: this.#clamped(t + span / 2, span) });
+  }
+
+  /** To the oldest moment in memory. */
+  toStart(): void {
+    const bounds = this.#horizon.bounds();
+    const { span } = this.#state.view.peek();
+    if (bounds !== undefined) this.#change({ live: false, end: Math.min(bounds.first + span, this.#horizon.now()) });
+  }
+
+  toggleTimeBase(): void {
+    this.#change({ timeBase: this.#state.view.peek().timeBase === "device" ? "arrival" : "device" });
+  }
+
+  /** Hide or show the series with that key; `alone`: show only it in its plot, or all again if it is alone already. */
+  toggleKey(key: string, alone = false): void {
+    const all = this.#horizon.beside(key);
+    const was = this.#state.hiddenSeries.peek();
+    const next = new Set(was);
+    if (!alone) {
+      if (!next.delete(key)) next.add(key);
+    } else if (!was.has(key) && all.every((other) => other === key || was.has(other))) {
+      for (const other of all) next.delete(other);
+    } else {
+      for (const other of all) next.add(other);
+      next.delete(key);
+    }
+    this.#state.hiddenSeries.value = next;
+  }
+
+  /** As `toggleKey`, for the series at place `index` on screen, from 0. */
+  toggleSeries(index: number, alone = false): void {
+    const key = this.#horizon.series()[index];
+    if (key !== undefined) this.toggleKey(key, alone);
+  }
+
+  /** Where the cursor reads, unix s; undefined when there is none. */
+  cursorTime(): number | undefined {
+    const at = this.#state.cursor.peek();
+    if (at === undefined) return undefined;
+    if (at.kind === "pinned") return at.time;
+    const now = this.#state.view.peek();
+    return this.rightEdge(now) - (1 - at.fraction) * now.span;
+  }
+
+  /** Pin the cursor one sample on (or back); the view follows when it would leave the window. */
+  stepSample(samples: number): void {
+    const now = this.#state.view.peek();
+    const t = this.#horizon.step(this.cursorTime() ?? this.rightEdge(now), samples);
+    if (t === undefined) return;
+    this.pause();
+    this.#state.cursor.value = { kind: "pinned", time: t };
+    const end = this.rightEdge();
+    if (t > end) this.#change({ end: this.#clamped(t, now.span) });
+    else if (t < end - now.span) this.#change({ end: t + now.span });
+  }
+
+  pin(time: number): void {
+    this.#state.cursor.value = { kind: "pinned", time };
+  }
+
+  /** Pin the second cursor, for measuring. */
+  pinMeasure(time: number): void {
+    this.#state.measure.value = time;
+  }
+
+  /** Live, a pin moves left with the data; remove one that has left the window: nothing reads off-screen samples. */
+  dropPassed(): void {
+    const now = this.#state.view.peek();
+    if (!now.live) return;
+    const first = this.rightEdge(now) - now.span;
+    const at = this.#state.cursor.peek();
+    if (at?.kind === "pinned" && at.time < first) this.#state.cursor.value = undefined;
+    if ((this.#state.measure.peek() ?? Infinity) < first) this.#state.measure.value = undefined;
+  }
+
+  /** Side of the window on which the reading cursor is; undefined if inside, or without one. */
+  cursorBeside(): "before" | "after" | undefined {
+    const at = this.#state.cursor.peek();
+    if (at?.kind !== "pinned") return undefined;
+    const now = this.#state.view.peek();
+    const end = this.rightEdge(now);
+    return at.time > end ? "after" : at.time < end - now.span ? "before" : undefined;
+  }
+
+  /** Remove both pins. */
+  unpin(): void {
+    this.#state.cursor.value = undefined;
+    this.#state.measure.value = undefined;
+  }
 }

@@ -1,5 +1,10 @@
-/** What the page is looking at: device, time window, cursor. Shared by plots, panels and keys; small, reactive, no samples. */
-import { signal } from "@preact/signals";
+/**
+ * The state of one view of samples: device, time window, cursors, and which series and plots are shown. Plots, panels and keys
+ * of a view share it; it is small, reactive and holds no samples. A page may have several views beside each other.
+ */
+import { type Signal, signal } from "@preact/signals";
+import type { WorldFrame } from "./rotations";
+import { ViewActions } from "./view-actions";
 
 /** Which clock the x axis shows. */
 export type TimeBase = "device" | "arrival";
@@ -16,24 +21,44 @@ export interface View {
   readonly timeBase: TimeBase;
 }
 
-export const view = signal<View>({ device: undefined, live: true, end: 0, span: 20, timeBase: "device" });
-
 /**
- * Where the reading cursor is: under the pointer as a fraction of the plot's width (its time runs while live), or pinned to
+ * Position of the reading cursor: under the pointer as a fraction of the plot's width (its time runs while live), or pinned to
  * a time by a click (it moves left with the data); undefined: panels read the newest sample.
  */
-export type Cursor = { readonly kind: "pointer"; readonly fraction: number } | { readonly kind: "pinned"; readonly time: number } | undefined;
+export type Cursor =
+  | { readonly kind: "pointer"; readonly fraction: number }
+  | { readonly kind: "pinned"; readonly time: number }
+  | undefined;
 
-export const cursor = signal<Cursor>(undefined);
+export interface ViewSignals {
+  readonly view: Signal<View>;
+  readonly cursor: Signal<Cursor>;
+  /** The second cursor, for measuring: unix seconds. */
+  readonly measure: Signal<number | undefined>;
+  /** Series hidden by the user, as `${channelName}.${columnName}`. */
+  readonly hiddenSeries: Signal<ReadonlySet<string>>;
+  /** Norms seen so far, by the same keys: each is hidden once, when first seen, because the legend shows it and it is drawn on request. */
+  readonly knownNorms: Set<string>;
+  /** Further quantities added by the user, by plot key. Outlives a remount of the plots. */
+  readonly extraPlots: Signal<ReadonlySet<string>>;
+  /** Frame in which attitude is shown; undefined: as the device sends it. */
+  readonly frame: Signal<WorldFrame | undefined>;
+}
 
-/** The second cursor, for measuring: unix seconds. */
-export const measure = signal<number | undefined>(undefined);
+export interface ViewState extends ViewSignals {
+  readonly actions: ViewActions;
+}
 
-/** Series hidden by the user, as `${channelName}.${columnName}`. */
-export const hidden = signal<ReadonlySet<string>>(new Set());
-
-/** Norms that were seen, by the same keys: each is hidden once, when first seen, because it is read in the legend and drawn when asked for. */
-export const normsSeen = new Set<string>();
-
-/** Frame in which attitude is shown; undefined: as the device sends it. */
-export const frame = signal<"ENU" | "NED" | "NWU" | undefined>(undefined);
+/** @param like another view: the new one shows the same series and plots at first, and shares its frame */
+export function createViewState(like?: ViewSignals): ViewState {
+  const signals: ViewSignals = {
+    view: signal<View>({ device: undefined, live: true, end: 0, span: 20, timeBase: "device" }),
+    cursor: signal<Cursor>(undefined),
+    measure: signal<number | undefined>(undefined),
+    hiddenSeries: signal(like?.hiddenSeries.peek() ?? new Set<string>()),
+    knownNorms: new Set(like?.knownNorms),
+    extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),
+    frame: like?.frame ?? signal<WorldFrame | undefined>(undefined),
+  };
+  return { ...signals, actions: new ViewActions(signals) };
+}

@@ -1,53 +1,28 @@
 /**
- * Add a device by its address, or say how one that is there is read: its key, the unit of its timestamps. The server judges what was typed; what it says, with its hint,
- * stands under the field. A key is sent and forgotten: neither the page nor an answer keeps it.
+ * Add a device by its address, or change how an existing one is decoded: its key, the unit of its timestamps. The server checks the
+ * input; its message and hint are shown under the field. A key is sent and dropped: neither the page nor an answer stores it.
  */
-import { type Signal, signal } from "@preact/signals";
+import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { api, type HowToRead, type Outcome, type Problem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
-
-const EXAMPLES: readonly (readonly [source: string, words: string])[] = [
-  ["/dev/ttyUSB0", "a serial port, its baud rate found by listening"],
-  ["serial:///dev/ttyUSB0?baud=921600", "a serial port at a known rate"],
-  ["tcp://192.168.1.20:2000", "a serial server or a device on the network"],
-  ["tcp-listen://:2000", "wait for a device to connect"],
-  ["udp://:34555", "datagrams to a port"],
-  ["twin:xbus", "a simulated MTi; twin:isb an IMX-5, twin:idtp an IDTP device"],
-];
-
-const PROTOCOLS: readonly (readonly [value: string, words: string])[] = [
-  ["", "Recognised by itself"],
-  ["xbus", "Xsens MTi (Xbus)"],
-  ["isb", "Inertial Sense (ISB)"],
-  ["idtp", "IDTP"],
-];
-
-const TIME_UNITS: readonly (readonly [value: string, words: string])[] = [
-  ["", "By arrival, usually µs"],
-  ["us", "Microseconds"],
-  ["ms", "Milliseconds"],
-  ["ns", "Nanoseconds"],
-  ["s", "Seconds"],
-];
-
-const ROTATIONS: readonly (readonly [value: string, words: string])[] = [
-  ["enu_from_body", "Body to ENU"],
-  ["body_from_enu", "ENU to body"],
-];
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/forms";
+import { capabilities } from "../wire/capabilities";
+import type { DecodeOptionChoice, DecodeOptionInput, DecodeOptionName } from "../wire/capability-types";
 
 export interface Begin {
   readonly id: string;
   readonly source: string;
   readonly protocol: string;
-  readonly time_unit: string;
-  readonly rotation: string;
+  /** Options of its decoding, "" where none was given; a key is never included. */
+  readonly options: Readonly<Partial<Record<DecodeOptionName, string>>>;
 }
 
 interface Props {
-  /** The device whose reading is changed; undefined for a new one. */
+  /** The device whose decoding is changed; undefined for a new one. */
   readonly begin: Begin | undefined;
   readonly onClose: () => void;
   /** Called with the id of the device. */
@@ -56,66 +31,87 @@ interface Props {
 
 const source = signal("");
 const protocol = signal("");
-const key = signal("");
-const timeUnit = signal("");
-const rotation = signal("enu_from_body");
+/** Decoding options, as far as changed here. */
+const options = signal<Readonly<Partial<Record<DecodeOptionName, string>>>>({});
 const busy = signal(false);
 const problem = signal<Problem | undefined>(undefined);
 
-/** What is wrong with a key as it was typed. */
+/** Problem of a typed key. */
 function wrongKey(text: string): Problem | undefined {
   if (text === "" || (/^[0-9a-f\s]+$/i.test(text) && text.replace(/\s/g, "").length % 2 === 0)) return undefined;
-  return { kind: "bad-setting", message: "A key is written in hex digits, two for each byte.", hint: "For example 00112233445566778899aabbccddeeff.", status: 0 };
+  return {
+    kind: "bad-setting",
+    message: TEXT.keyFormat,
+    hint: TEXT.keyExample,
+    status: 0,
+  };
 }
 
-/** Adds the device that the form describes, or changes how the one that is there is read. */
+/** Adds the device described by the form, or changes the decoding of an existing one. */
 async function send(address: string, begin: Begin | undefined): Promise<Outcome<{ readonly id: string }>> {
-  const idtp = isIdtp();
-  const how: HowToRead = {
+  const said = inputsFor(protocol.value, begin?.protocol ?? "").filter((input) => isChanged(input, begin));
+  const how = {
     ...(protocol.value ? { protocol: protocol.value } : {}),
-    ...(key.value.trim() ? { key: key.value.trim() } : {}),
-    ...(idtp && timeUnit.value !== (begin?.time_unit ?? "") ? { time_unit: timeUnit.value } : {}),
-    ...(idtp && rotation.value !== (begin?.rotation || "enu_from_body") ? { rotation: rotation.value } : {}),
-  };
+    ...Object.fromEntries(said.map((input) => [input.name, valueOf(input, begin)])),
+  } as HowToRead; // the server said which values there are
   return begin === undefined ? api.addDevice(address, how) : api.readDevice(begin.id, how);
 }
 
-function isIdtp(): boolean {
-  return protocol.value === "" || protocol.value === "idtp";
+/** Options for a device of this protocol; while none is chosen, the early ones, and those of the protocol it `was`. */
+function inputsFor(name: string, was: string): readonly DecodeOptionInput[] {
+  const inputs = capabilities.value.protocols.flatMap((one) =>
+    one.options.filter(({ early }) => one.name === name || (name === "" && (early || one.name === was))),
+  );
+  return [...new Map(inputs.map((input) => [input.name, input])).values()];
 }
 
-/** Is there something to send about a device that is there? */
+/** Value of a field of the form. */
+function valueOf(input: DecodeOptionInput, begin: Begin | undefined): string {
+  const value = options.value[input.name] ?? (begin?.options[input.name] || input.default);
+  return isKey(input) ? value.trim() : value;
+}
+
+const isKey = ({ choices }: DecodeOptionInput): boolean => choices.length === 0;
+
+function isChanged(input: DecodeOptionInput, begin: Begin | undefined): boolean {
+  return valueOf(input, begin) !== (begin?.options[input.name] || input.default);
+}
+
+/** Whether there are changes to send for an existing device. */
 function changed(begin: Begin): boolean {
-  return key.value.trim() !== "" || changedHow(begin);
+  return changedHow(begin) || inputsFor(protocol.value, begin.protocol).some((input) => isChanged(input, begin));
 }
 
-/** The same, but for the key. */
+/** The same, without the key. */
 function changedHow(begin: Begin): boolean {
-  return protocol.value !== begin.protocol || timeUnit.value !== begin.time_unit || rotation.value !== (begin.rotation || "enu_from_body");
+  const inputs = inputsFor(protocol.value, begin.protocol);
+  return protocol.value !== begin.protocol || inputs.some((input) => !isKey(input) && isChanged(input, begin));
 }
 
 export function AddDevice({ begin, onClose, onAdded }: Props) {
   const field = useRef<HTMLInputElement>(null);
   const keyField = useRef<HTMLInputElement>(null);
   const focus = (): void => (begin ? keyField : field).current?.focus();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the fields are filled once, as the dialog opens
   useEffect(() => {
     problem.value = undefined;
-    key.value = "";
+    options.value = {};
     protocol.value = begin?.protocol ?? "";
-    timeUnit.value = begin?.time_unit ?? "";
-    rotation.value = begin?.rotation || "enu_from_body";
     if (begin) source.value = begin.source;
     focus();
     return () => {
-      key.value = "";
+      options.value = {};
       if (begin) source.value = "";
     };
   }, []);
+  const inputs = inputsFor(protocol.value, begin?.protocol ?? "");
+  const choices = inputs.filter((input) => !isKey(input));
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     const address = source.value.trim();
     if (address === "" || busy.value) return;
-    problem.value = wrongKey(key.value.trim());
+    const keys = inputs.filter(isKey).map((input) => wrongKey(valueOf(input, begin)));
+    problem.value = keys.find((one) => one !== undefined);
     if (problem.value) return focus();
     busy.value = true;
     const outcome = await send(address, begin);
@@ -133,9 +129,9 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
     field.current?.focus();
   };
   return (
-    <Dialog title={begin ? "How it is read" : "Add a device"} onClose={onClose}>
+    <Dialog title={begin ? TEXT.decodeOptions : COMMON.addADevice} onClose={onClose}>
       <form class="form" onSubmit={(event) => void submit(event)}>
-        <label for="source">Address</label>
+        <label for="source">{TEXT.address}</label>
         <div class="field">
           <input
             id="source"
@@ -145,7 +141,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
             onInput={(event) => {
               source.value = event.currentTarget.value;
             }}
-            placeholder="/dev/ttyUSB0"
+            placeholder={TEXT.addressPlaceholder}
             readOnly={begin !== undefined}
             spellcheck={false}
             autocomplete="off"
@@ -155,23 +151,46 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
           />
         </div>
         <div class="pair">
-          <Choice id="protocol" label="Protocol" of={protocol} choices={PROTOCOLS} />
-          {isIdtp() && <KeyField input={keyField} />}
+          <Choice
+            id="protocol"
+            label={TEXT.protocol}
+            value={protocol.value}
+            onChange={(value) => (protocol.value = value)}
+            choices={[
+              { value: "", words: TEXT.detectAutomatically },
+              ...capabilities.value.protocols.map(({ name, title }) => ({ value: name, words: title })),
+            ]}
+          />
+          {inputs.filter(isKey).map((input) => (
+            <KeyField key={input.name} input={input} field={keyField} />
+          ))}
         </div>
-        {(protocol.value === "idtp" || begin?.protocol === "idtp") && (
+        {choices.length > 0 && (
           <div class="pair">
-            <Choice id="time-unit" label="Unit of its timestamps" of={timeUnit} choices={TIME_UNITS} />
-            <Choice id="rotation" label="Its quaternion turns" of={rotation} choices={ROTATIONS} />
+            {choices.map((input) => (
+              <Choice
+                key={input.name}
+                id={input.name}
+                label={input.title}
+                value={valueOf(input, begin)}
+                onChange={(value) => say(input, value)}
+                choices={input.choices}
+              />
+            ))}
           </div>
         )}
         {problem.value && <Wrong problem={problem.value} />}
         {!begin && <Examples take={take} />}
         <div class="row">
           <button type="button" class="btn" onClick={onClose}>
-            Cancel
+            {COMMON.cancel}
           </button>
-          <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !changed(begin))}>
-            {busy.value ? "Sending…" : !begin ? "Add" : changedHow(begin) ? "Apply" : "Use this key"}
+          <button
+            type="submit"
+            class="btn main"
+            disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !changed(begin))}
+          >
+            {busy.value ? COMMON.sending : !begin ? TEXT.add : changedHow(begin) ? COMMON.apply : TEXT.useKey}
           </button>
         </div>
       </form>
@@ -179,27 +198,28 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
   );
 }
 
+function say({ name }: DecodeOptionInput, value: string): void {
+  options.value = { ...options.value, [name]: value };
+}
+
 interface ChoiceProps {
   readonly id: string;
   readonly label: string;
-  readonly of: Signal<string>;
-  readonly choices: readonly (readonly [value: string, words: string])[];
+  readonly value: string;
+  readonly onChange: (value: string) => void;
+  readonly choices: readonly DecodeOptionChoice[];
 }
 
-function Choice({ id, label, of, choices }: ChoiceProps) {
+function Choice({ id, label, value, onChange, choices }: ChoiceProps) {
   return (
     <div>
       <label for={id}>{label}</label>
       <div class="select">
-        <select
-          id={id}
-          value={of.value}
-          onChange={(event) => {
-            of.value = event.currentTarget.value;
-          }}
-        >
-          {choices.map(([value, words]) => (
-            <option value={value}>{words}</option>
+        <select id={id} value={value} onChange={(event) => onChange(event.currentTarget.value)}>
+          {choices.map((one) => (
+            <option key={one.value} value={one.value}>
+              {one.words}
+            </option>
           ))}
         </select>
         <Icon name="down" />
@@ -208,20 +228,23 @@ function Choice({ id, label, of, choices }: ChoiceProps) {
   );
 }
 
-function KeyField({ input }: { readonly input: { current: HTMLInputElement | null } }) {
+interface KeyFieldProps {
+  readonly input: DecodeOptionInput;
+  readonly field: { current: HTMLInputElement | null };
+}
+
+function KeyField({ input, field }: KeyFieldProps) {
   return (
     <div>
-      <label for="key">Key for Secure frames of IDTP (hex, optional)</label>
+      <label for={input.name}>{input.title}</label>
       <div class="field">
         <input
-          id="key"
-          ref={input}
+          id={input.name}
+          ref={field}
           type="password"
           class="mono"
-          value={key}
-          onInput={(event) => {
-            key.value = event.currentTarget.value;
-          }}
+          value={options.value[input.name] ?? ""}
+          onInput={(event) => say(input, event.currentTarget.value)}
           spellcheck={false}
           autocomplete="off"
         />
@@ -232,15 +255,17 @@ function KeyField({ input }: { readonly input: { current: HTMLInputElement | nul
 
 function Examples({ take }: { readonly take: (example: string) => void }) {
   return (
-    <ul class="examples" id="source-examples" aria-label="Examples">
-      {EXAMPLES.map(([example, words]) => (
-        <li>
-          <button type="button" onClick={() => take(example)}>
-            {example}
-          </button>
-          <span>{words}</span>
-        </li>
-      ))}
+    <ul class="examples" id="source-examples" aria-label={TEXT.examples}>
+      {capabilities.value.links
+        .flatMap(({ examples }) => examples)
+        .map(({ source: example, words }) => (
+          <li key={example}>
+            <button type="button" onClick={() => take(example)}>
+              {example}
+            </button>
+            <span>{words}</span>
+          </li>
+        ))}
     </ul>
   );
 }
@@ -248,8 +273,14 @@ function Examples({ take }: { readonly take: (example: string) => void }) {
 function Wrong({ problem: { message, hint } }: { readonly problem: Problem }) {
   return (
     <div class="problem" id="source-problem" role="alert">
-      <b><Message text={message} /></b>
-      {hint !== "" && <p><Message text={hint} /></p>}
+      <b>
+        <Message text={message} />
+      </b>
+      {hint !== "" && (
+        <p>
+          <Message text={hint} />
+        </p>
+      )}
     </div>
   );
 }

@@ -1,19 +1,20 @@
-/** The link budget as one bar: the share of every output, what it was before, the rates that the device could have. */
+/** The link budget as one bar: the share of every output, its previous value, the possible rates of the device. */
 import type { ComponentChildren } from "preact";
 import { number } from "../ui/format";
 import { barOf, capacityAt, overWords } from "./budget";
 import type { LoadInfo } from "./types";
+import { TEXT } from "../texts/forms";
 
 interface Props {
   readonly load: LoadInfo;
   readonly before: LoadInfo | null;
-  /** The rate that edits will bring; undefined while none changes it. */
+  /** The rate after the edits; undefined if none changes it. */
   readonly baud: number | undefined;
   readonly rates: readonly number[];
   readonly changed: (path: string) => boolean;
   readonly hot: string;
   readonly hover: (path: string) => void;
-  /** "Make it fit". */
+  /** "Fit to link". */
   readonly children?: ComponentChildren;
 }
 
@@ -25,24 +26,24 @@ export function BudgetBar({ load, before, baud, rates, changed, hot, hover, chil
   const over = overWords(load, baud);
   const rate = baud ?? load.baud;
   return (
-    <section class={`budget ${over ? "toomuch" : ""}`} aria-label="Link budget">
+    <section class={`budget ${over ? "over-capacity" : ""}`} aria-label={TEXT.linkBudget}>
       <div class="row">
-        <h3>Link budget</h3>
+        <h3>{TEXT.linkBudget}</h3>
         <span data-load>
           {number(load.total, 0)}
-          <span class="u">B/s</span>
+          <span class="unit">B/s</span>
         </span>
         {bar.fill !== undefined && (
           <span class="mid">
             {number(100 * bar.fill, 1)}
-            <span class="u">% of {rate ? `${number(rate, 0)} Bd` : "the link"}</span>
+            <span class="unit">{rate ? TEXT.ofBaudRate(number(rate, 0)) : TEXT.ofLink}</span>
           </span>
         )}
         <span class="grow" />
         <span class="dim desk beside">
           {[
-            load.measured === null ? "" : `measured ${number(load.measured, 0)} B/s`,
-            before && Math.abs(before.total - load.total) > 0.5 ? `before ${number(before.total, 0)} B/s` : "",
+            load.measured === null ? "" : TEXT.measuredRate(number(load.measured, 0)),
+            before && Math.abs(before.total - load.total) > 0.5 ? TEXT.rateBefore(number(before.total, 0)) : "",
           ]
             .filter(Boolean)
             .join(" · ")}
@@ -50,16 +51,16 @@ export function BudgetBar({ load, before, baud, rates, changed, hot, hover, chil
         {children}
       </div>
       {over && (
-        <p class="over-words" role="status">
+        <p class="over-capacity-words" role="status">
           <span class="dot bad" /> {over}
         </p>
       )}
-      <div class="bb" aria-hidden="true">
+      <div class="budget-bar" aria-hidden="true">
         <div class="track" onPointerLeave={() => hover("")}>
           {bar.shares.map((share) => (
             <i
               key={share.path}
-              class={`${changed(share.path) ? "ch" : ""} ${hot !== "" && hot === share.path ? "hot" : ""} ${share.path === "" ? "env" : ""}`}
+              class={`${changed(share.path) ? "changed" : ""} ${hot !== "" && hot === share.path ? "highlighted" : ""} ${share.path === "" ? "envelope" : ""}`}
               style={{ width: `${100 * share.width}%` }}
               title={`${share.title}: ${number(share.bytes, 0)} B/s`}
               onPointerEnter={() => hover(share.path)}
@@ -67,13 +68,17 @@ export function BudgetBar({ load, before, baud, rates, changed, hot, hover, chil
               {share.width >= NAMED ? share.title.split(",")[0] : ""}
             </i>
           ))}
-          {bar.over !== undefined && <b class="surplus" style={{ left: `${100 * bar.over}%` }} />}
+          {bar.over !== undefined && <b class="excess" style={{ left: `${100 * bar.over}%` }} />}
         </div>
-        {bar.before !== undefined && <div class="was" style={{ width: `${100 * bar.before}%` }} />}
+        {bar.before !== undefined && <div class="previous" style={{ width: `${100 * bar.before}%` }} />}
         {bar.marks.map((mark) => (
-          <span key={mark.baud} class={`tk ${mark.is === "capacity" ? "cap" : mark.is === "other" ? "opt" : ""} ${mark.at < 0.9 ? "mid" : ""}`} style={{ left: mark.at > 0.998 ? "calc(100% - 2px)" : `${100 * mark.at}%` }}>
+          <span
+            key={mark.baud}
+            class={`scale-mark ${mark.is === "capacity" ? "capacity" : mark.is === "other" ? "option" : ""} ${mark.at < 0.9 ? "mid" : ""}`}
+            style={{ left: mark.at > 0.998 ? "calc(100% - 2px)" : `${100 * mark.at}%` }}
+          >
             <span>
-              {number(mark.baud, 0)} Bd{mark.is === "now" ? ", now" : ""}
+              {number(mark.baud, 0)} Bd{mark.is === "now" ? TEXT.now : ""}
             </span>
           </span>
         ))}
@@ -90,14 +95,14 @@ export function BudgetLine({ load, baud }: { readonly load: LoadInfo | null; rea
   const fill = load.total / capacity;
   const rate = baud ?? load.baud;
   return (
-    <div class={`strip budgetline ${fill > 1 ? "toomuch" : ""}`}>
-      <span>Link</span>
+    <div class={`strip budget-line ${fill > 1 ? "over-capacity" : ""}`}>
+      <span>{TEXT.link}</span>
       <div class="meter">
         <i style={{ width: `${Math.min(100, 100 * fill)}%` }} />
       </div>
       <span>
         <b>{number(100 * fill, 1)}</b>
-        <span class="u">% of {rate ? `${number(rate, 0)} Bd` : "the link"}</span>
+        <span class="unit">{rate ? TEXT.ofBaudRate(number(rate, 0)) : TEXT.ofLink}</span>
       </span>
     </div>
   );

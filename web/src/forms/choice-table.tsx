@@ -1,9 +1,10 @@
-/** A table in which one chooses what a device sends: a row for each thing it has, what that costs the line, and what it was before. */
+/** A table of selectable outputs of a device: a row for each, with its load on the line and its previous state. */
 import type { ComponentChildren } from "preact";
 import { number } from "../ui/format";
 import { Icon } from "../ui/icons";
-import type { Sheet } from "./form-context";
+import type { FormContext } from "./form-context";
 import type { LoadInfo } from "./types";
+import { TEXT } from "../texts/forms";
 
 interface TableProps {
   /** Between "On" and "Load": class of the column and its heading. */
@@ -14,23 +15,23 @@ interface TableProps {
 
 export function ChoiceTable({ columns, kind = "", children }: TableProps) {
   return (
-    <div class={`outs ${kind}`}>
+    <div class={`outputs ${kind}`}>
       <table>
         <colgroup>
-          {["check", ...columns.map(([name]) => name), "load", "wasc"].map((name) => (
+          {["check", ...columns.map(([name]) => name), "load", "previous-column"].map((name) => (
             <col class={name} key={name} />
           ))}
         </colgroup>
         <thead>
           <tr>
             <th>
-              <span class="vh">On</span>
+              <span class="visually-hidden">{TEXT.on}</span>
             </th>
             {columns.map(([, heading]) => (
               <th key={heading}>{heading}</th>
             ))}
-            <th class="num">Load</th>
-            <th>Changed</th>
+            <th class="num">{TEXT.load}</th>
+            <th>{TEXT.changed}</th>
           </tr>
         </thead>
         <tbody>{children}</tbody>
@@ -40,17 +41,17 @@ export function ChoiceTable({ columns, kind = "", children }: TableProps) {
 }
 
 interface RowProps {
-  readonly sheet: Sheet;
-  /** The list whose element this row is, and its place there; −1: off. */
+  readonly sheet: FormContext;
+  /** The list with this row's element, and its index; −1: off. */
   readonly list: string;
   readonly place: number;
   readonly title: string;
   readonly was: string;
   readonly id: string | number;
-  /** The path that the bytes beside the form point at. */
+  /** The path highlighted by the bytes beside the form. */
   readonly hot: string;
   readonly load: LoadInfo | null;
-  /** There is no room for another. */
+  /** Whether the list is full. */
   readonly full?: boolean;
   readonly toggle: () => void;
   readonly children: ComponentChildren;
@@ -60,11 +61,26 @@ export function ChoiceRow({ sheet, list, place, title, was, id, hot, load, full 
   const on = place >= 0;
   const path = on ? `${list}.${place}` : "";
   const bytes = on ? load?.parts.find((part) => part.path === path)?.bytes_per_s : undefined;
-  const hover = { onPointerEnter: () => sheet.hover(path), onPointerLeave: () => sheet.hover(""), onFocusCapture: () => sheet.hover(path) };
+  const hover = {
+    onPointerEnter: () => sheet.hover(path),
+    onPointerLeave: () => sheet.hover(""),
+    onFocusCapture: () => sheet.hover(path),
+  };
   return (
-    <tr class={`${on ? "" : "off"} ${was ? "ch" : ""} ${on && hot === path ? "hot" : ""}`} data-id={id} {...hover}>
+    <tr
+      class={`${on ? "" : "off"} ${was ? "changed" : ""} ${on && hot === path ? "highlighted" : ""}`}
+      data-id={id}
+      {...hover}
+    >
       <td>
-        <input type="checkbox" class="check" aria-label={title} checked={on} disabled={sheet.readOnly || (!on && full)} onChange={toggle} />
+        <input
+          type="checkbox"
+          class="check"
+          aria-label={title}
+          checked={on}
+          disabled={sheet.readOnly || (!on && full)}
+          onChange={toggle}
+        />
       </td>
       {children}
       <td class="num">
@@ -73,11 +89,11 @@ export function ChoiceRow({ sheet, list, place, title, was, id, hot, load, full 
         ) : (
           <>
             {number(bytes, 0)}
-            <span class="u">B/s</span>
+            <span class="unit">B/s</span>
           </>
         )}
       </td>
-      <td class="wasc">{was && <span class="was">{was}</span>}</td>
+      <td class="previous-column">{was && <span class="previous">{was}</span>}</td>
     </tr>
   );
 }
@@ -94,9 +110,14 @@ interface PickProps {
 
 export function Pick({ label, value, options, disabled, edited = false, pick }: PickProps) {
   return (
-    <span class={`select ${edited ? "ed" : ""}`}>
-      <select aria-label={label} value={String(value)} disabled={disabled} onChange={(event) => pick(Number(event.currentTarget.value))}>
-        {value === "" && <option value="">off</option>}
+    <span class={`select ${edited ? "edited" : ""}`}>
+      <select
+        aria-label={label}
+        value={String(value)}
+        disabled={disabled}
+        onChange={(event) => pick(Number(event.currentTarget.value))}
+      >
+        {value === "" && <option value="">{TEXT.offInTable}</option>}
         {options.map(([option, words]) => (
           <option key={option} value={String(option)}>
             {words}

@@ -5,14 +5,29 @@ import { field, forms, setting } from "./fixtures";
 const outputs = setting({
   name: "OutputConfiguration",
   editor: "outputs",
-  fields: [field({ name: "outputs", editor: "list", fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })] })],
+  fields: [
+    field({
+      name: "outputs",
+      editor: "list",
+      fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })],
+    }),
+  ],
 });
-const out = (...pairs: [number, number][]) => ({ outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })) });
-const flash = setting({ name: "Flash", partial: true, fields: [field({ name: "a" }), field({ name: "b" }), field({ name: "told", read_only: true })] });
+const out = (...pairs: [number, number][]) => ({
+  outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })),
+});
+const flash = setting({
+  name: "Flash",
+  partial: true,
+  fields: [field({ name: "a" }), field({ name: "b" }), field({ name: "told", read_only: true })],
+});
 
 describe("changes", () => {
   it("are found in records, lists and vectors", () => {
-    const nested = [field({ name: "r", editor: "record", fields: [field({ name: "x" }), field({ name: "y" })] }), field({ name: "v", editor: "vector", length: 2 })];
+    const nested = [
+      field({ name: "r", editor: "record", fields: [field({ name: "x" }), field({ name: "y" })] }),
+      field({ name: "v", editor: "vector", length: 2 }),
+    ];
     const found = changes(nested, { r: { x: 1, y: 2 }, v: [1, 2] }, { r: { x: 1, y: 3 }, v: [1, 5] });
     expect(found.map(({ path }) => path.join("."))).toEqual(["r.y", "v.1"]);
   });
@@ -36,7 +51,9 @@ describe("changes", () => {
   });
   it("are none where a set comes back in another order, or only what the device tells differs", () => {
     const streams = setting({
-      name: "Streams", editor: "streams", fields: [field({ name: "streams", editor: "list", fields: [field({ name: "did" }), field({ name: "period" })] })],
+      name: "Streams",
+      editor: "streams",
+      fields: [field({ name: "streams", editor: "list", fields: [field({ name: "did" }), field({ name: "period" })] })],
     });
     const of = (...dids: number[]) => ({ streams: dids.map((did) => ({ did, period: 1 })) });
     expect(sameSetting(streams, of(3, 5), of(5, 3))).toBe(true);
@@ -53,7 +70,9 @@ describe("changes", () => {
 });
 
 describe("what is sent", () => {
-  const all = forms({ settings: [outputs, flash, setting({ name: "Told", writable: false, fields: [field({ name: "x" })] })] });
+  const all = forms({
+    settings: [outputs, flash, setting({ name: "Told", writable: false, fields: [field({ name: "x" })] })],
+  });
   it("is nothing where nothing differs", () => {
     expect(toApply(all, { Flash: { a: 1, b: 2 } }, { Flash: { a: 1, b: 2 } })).toEqual({});
   });
@@ -62,7 +81,9 @@ describe("what is sent", () => {
     expect(sent).toEqual({ Flash: { b: 3 } });
   });
   it("is a whole setting elsewhere", () => {
-    expect(toApply(all, { OutputConfiguration: out([1, 1], [2, 2]) }, { OutputConfiguration: out([1, 1], [2, 4]) })).toEqual({
+    expect(
+      toApply(all, { OutputConfiguration: out([1, 1], [2, 2]) }, { OutputConfiguration: out([1, 1], [2, 4]) }),
+    ).toEqual({
       OutputConfiguration: out([1, 1], [2, 4]),
     });
   });

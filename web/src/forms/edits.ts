@@ -1,11 +1,11 @@
 /**
- * What did a person change, and what has to be sent for it? Pure: present values and drafts in, differences out. A draft is a whole
- * setting as it would be; what equals the present is no change, however it came to be so.
+ * Edits of the user and their requests. Pure: present values and drafts in, differences out. A draft is a whole setting after the
+ * edit; a draft equal to the present value is not a change.
  */
 import type { Apply, FieldForm, Forms, SettingForm } from "./types";
 import { at, joined, type Path, same, type Values } from "./values";
 
-/** Whole settings as they would be, by name. */
+/** Whole settings after the edits, by name. */
 export type Drafts = Readonly<Record<string, Values>>;
 export type Present = Readonly<Record<string, Values>>;
 
@@ -17,30 +17,43 @@ export interface Change {
   readonly after: unknown;
 }
 
-/** Of a list that is a set: what makes two entries the same thing, whatever their order. */
+/** Identity of an entry in a list that is a set. */
 export type KeyOf = (entry: Values) => number;
 
 /** The list of a setting that is a set (outputs by quantity, streams by data set), and the key of its entries. */
 export function keyedList(form: SettingForm): { readonly list: FieldForm; readonly key: KeyOf } | undefined {
   const list = form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
   if (list === undefined) return undefined;
-  return { list, key: form.editor === "outputs" ? (entry) => Number(entry.data_identifier) & 0xfff0 : (entry) => Number(entry.did) & 0xffff };
+  return {
+    list,
+    key:
+      form.editor === "outputs"
+        ? (entry) => Number(entry.data_identifier) & 0xfff0
+        : (entry) => Number(entry.did) & 0xffff,
+  };
 }
 
 const entriesOf = (list: unknown): readonly Values[] => (Array.isArray(list) ? (list as Values[]) : []);
 
 /**
- * Every value in which two states of fields differ, each at its own path: of a list or a vector the places that differ, not the whole. What is
- * gone has the place that it had, beyond the end of what is there.
+ * Every value in which two states of fields differ, each at its own path: of a list or a vector the places that differ, not the whole. A
+ * removed entry has its former place, beyond the end of the present list.
  */
-export function changes(fields: readonly FieldForm[], before: Values | undefined, after: Values | undefined, root: Path = []): readonly Change[] {
+export function changes(
+  fields: readonly FieldForm[],
+  before: Values | undefined,
+  after: Values | undefined,
+  root: Path = [],
+): readonly Change[] {
   if (after === undefined) return [];
   return fields.flatMap((field) => {
     const [was, is] = [before?.[field.name], after[field.name]];
     if (field.read_only || is === undefined || same(was, is)) return [];
     const path = [...root, field.name];
     if (!Array.isArray(is)) {
-      return field.fields.length > 0 ? changes(field.fields, was as Values | undefined, is as Values, path) : [{ path, field, before: was, after: is }];
+      return field.fields.length > 0
+        ? changes(field.fields, was as Values | undefined, is as Values, path)
+        : [{ path, field, before: was, after: is }];
     }
     if (!Array.isArray(was)) return [{ path, field, before: was, after: is }];
     return places(field, was, is, path);
@@ -52,38 +65,52 @@ function places(field: FieldForm, was: readonly unknown[], is: readonly unknown[
     const [one, other] = [was[place], is[place]];
     if (same(one, other)) return [];
     const here = [...path, place];
-    if (field.fields.length > 0 && one !== undefined && other !== undefined) return changes(field.fields, one as Values, other as Values, here);
+    if (field.fields.length > 0 && one !== undefined && other !== undefined)
+      return changes(field.fields, one as Values, other as Values, here);
     return [{ path: here, field, before: one, after: other }];
   });
 }
 
-/** Every value in which two states of a setting differ; a list that is a set is compared entry by entry, whatever the order. */
+/** Every value in which two states of a setting differ; a list that is a set is compared entry by entry, in any order. */
 export function changesOf(form: SettingForm, before: Values | undefined, after: Values | undefined): readonly Change[] {
   const keyed = keyedList(form);
   if (keyed === undefined || after === undefined || before === undefined) return changes(form.fields, before, after);
   const { list, key } = keyed;
   const rest = form.fields.filter((field) => field !== list);
-  return [...keyedChanges(list, key, entriesOf(before[list.name]), entriesOf(after[list.name])), ...changes(rest, before, after)];
+  return [
+    ...keyedChanges(list, key, entriesOf(before[list.name]), entriesOf(after[list.name])),
+    ...changes(rest, before, after),
+  ];
 }
 
-function keyedChanges(list: FieldForm, key: KeyOf, before: readonly Values[], after: readonly Values[]): readonly Change[] {
+function keyedChanges(
+  list: FieldForm,
+  key: KeyOf,
+  before: readonly Values[],
+  after: readonly Values[],
+): readonly Change[] {
   const was = new Map(before.map((entry) => [key(entry), entry]));
   const kept = new Set(after.map(key));
   const found = after.flatMap((entry, place): readonly Change[] => {
     const old = was.get(key(entry));
     const path = [list.name, place];
-    return old === undefined ? [{ path, field: list, before: undefined, after: entry }] : changes(list.fields, old, entry, path);
+    return old === undefined
+      ? [{ path, field: list, before: undefined, after: entry }]
+      : changes(list.fields, old, entry, path);
   });
   const gone = before.filter((entry) => !kept.has(key(entry)));
-  return [...found, ...gone.map((entry, k) => ({ path: [list.name, after.length + k], field: list, before: entry, after: undefined }))];
+  return [
+    ...found,
+    ...gone.map((entry, k) => ({ path: [list.name, after.length + k], field: list, before: entry, after: undefined })),
+  ];
 }
 
-/** Is there nothing to write between two states of a setting? What the device only tells does not count, nor the order of a set. */
+/** Whether two states of a setting need no write. Read-only values do not count, nor the order of a set. */
 export function sameSetting(form: SettingForm, before: Values | undefined, after: Values | undefined): boolean {
   return before !== undefined && after !== undefined && changesOf(form, before, after).length === 0;
 }
 
-/** How many changes a setting has for a person: entries of a set, else single values. */
+/** Number of changes of a setting for display: entries of a set, else single values. */
 export function countOf(form: SettingForm, before: Values | undefined, after: Values | undefined): number {
   const found = changesOf(form, before, after);
   const keyed = keyedList(form);
@@ -91,7 +118,7 @@ export function countOf(form: SettingForm, before: Values | undefined, after: Va
   return found.length - inSet.length + new Set(inSet.map(({ path }) => path[1])).size;
 }
 
-/** What is sent to make the device what the drafts say: single fields where a setting allows it, else whole settings. */
+/** The request that applies the drafts: single fields if a setting allows it, else whole settings. */
 export function toApply(forms: Forms, present: Present, drafts: Drafts): Apply["changes"] {
   const found: Record<string, Values> = {};
   for (const form of forms.settings) {
@@ -105,18 +132,20 @@ export function toApply(forms: Forms, present: Present, drafts: Drafts): Apply["
   return found;
 }
 
-/** Is this path, or one inside of it, among the changed ones? */
+/** Whether this path, or one inside it, is among the changed ones. */
 export function touches(all: readonly Change[], path: Path): boolean {
   const inside = `${joined(path)}.`;
-  return all.some((change) => `${joined(change.path)}.`.startsWith(inside) || inside.startsWith(`${joined(change.path)}.`));
+  return all.some(
+    (change) => `${joined(change.path)}.`.startsWith(inside) || inside.startsWith(`${joined(change.path)}.`),
+  );
 }
 
-/** The draft of a setting where there is one, else what the device has. */
+/** The draft of a setting if there is one, else the device's value. */
 export function current(present: Present, drafts: Drafts, name: string): Values | undefined {
   return drafts[name] ?? present[name];
 }
 
-/** What a field had before, where it is another now. */
+/** Previous value of a field, if it changed. */
 export function wasAt(before: Values | undefined, after: Values | undefined, path: Path): unknown {
   const [was, is] = [at(before, path), at(after, path)];
   return before === undefined || same(was, is) ? undefined : (was ?? null);

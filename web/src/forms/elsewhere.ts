@@ -1,12 +1,17 @@
-/** A change that somebody else made, in words: "Output configuration, Acceleration: 100 → 50 Hz". Pure. */
+/** Words for a change by another user: "Output configuration, Acceleration: 100 → 50 Hz". Pure. */
+import { TEXT } from "../texts/forms";
 import { NONE } from "../ui/format";
 import { keyedList } from "./edits";
 import type { Elsewhere } from "./rebase";
 import type { FieldForm, Forms } from "./types";
 import { at, joined, type Values, whereOf, words } from "./values";
 
-/** @param now of the setting, as the device has it */
-export function describe(forms: Forms, { setting, path, before, now: value }: Elsewhere, now: Values | undefined): string {
+/** @param now the setting as on the device */
+export function describe(
+  forms: Forms,
+  { setting, path, before, now: value }: Elsewhere,
+  now: Values | undefined,
+): string {
   const form = forms.settings.find(({ name }) => name === setting);
   if (form === undefined) return setting;
   const keyed = keyedList(form);
@@ -18,7 +23,7 @@ export function describe(forms: Forms, { setting, path, before, now: value }: El
   const id = entry === undefined ? -1 : keyed.key(entry);
   const output = forms.outputs.find(({ data_identifier }) => (data_identifier & 0xfff0) === id);
   const title = `${form.title}, ${(output ?? forms.streams.find(({ did }) => did === id))?.title ?? id}`;
-  if (path.length === 2) return `${title}: ${before === undefined ? "off → on" : "on → off"}`;
+  if (path.length === 2) return `${title}: ${before === undefined ? TEXT.offToOn : TEXT.onToOff}`;
   const field = fieldAt(form.fields, path);
   return `${title}: ${said(field, before)} → ${said(field, value)}`;
 }
@@ -33,4 +38,10 @@ function fieldAt(fields: readonly FieldForm[], path: readonly (string | number)[
 }
 
 const said = (field: FieldForm | undefined, value: unknown): string =>
-  value === undefined ? NONE : field && typeof value !== "object" ? words(field, value) : typeof value === "object" ? "…" : String(value);
+  value === undefined
+    ? NONE
+    : field && typeof value !== "object"
+      ? words(field, value)
+      : typeof value === "object"
+        ? "…"
+        : String(value);

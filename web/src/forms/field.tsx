@@ -1,24 +1,40 @@
-/** A field of a form: its name and meaning, its input, its range, what it was. Records and lists are drawn from the fields inside them. */
+/** A field of a form: name, help, input, range, previous value. Records and lists are drawn from the fields inside them. */
 import { Message } from "../ui/message";
 import { words as named } from "../ui/labels";
 import { wasAt } from "./edits";
-import { BoolInput, ChoiceInput, FlagsInput, type InputProps, NumberInput, OptionInput, TextInput, VectorInput } from "./inputs";
+import {
+  BoolInput,
+  ChoiceInput,
+  FlagsInput,
+  type InputProps,
+  NumberInput,
+  OptionInput,
+  TextInput,
+  VectorInput,
+} from "./inputs";
 import { ListInput } from "./list-input";
-import { idOf, problemAt, type Sheet } from "./form-context";
+import { idOf, problemAt, type FormContext } from "./form-context";
 import type { FieldForm } from "./types";
 import { joined, type Path, rangeWords, words } from "./values";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/forms";
 
-/** Which fields are shown: simple ones, those that were changed or are wrong, and all where a person asked for all. */
-export function shownFields(fields: readonly FieldForm[], sheet: Sheet, root: Path = []): readonly FieldForm[] {
-  if (sheet.all || fields.every(({ simple }) => !simple)) return fields;
+/** Fields to show: basic ones, changed or wrong ones, and all on request. */
+export function shownFields(fields: readonly FieldForm[], sheet: FormContext, root: Path = []): readonly FieldForm[] {
+  if (sheet.all || fields.every(({ basic }) => !basic)) return fields;
   return fields.filter((field) => {
     const path = [...root, field.name];
-    return field.simple || (root.length === 0 && field.name === sheet.sought) || wasAt(sheet.before, sheet.values, path) !== undefined || problemAt(sheet, path) !== undefined;
+    return (
+      field.basic ||
+      (root.length === 0 && field.name === sheet.sought) ||
+      wasAt(sheet.before, sheet.values, path) !== undefined ||
+      problemAt(sheet, path) !== undefined
+    );
   });
 }
 
 interface FieldsProps {
-  readonly sheet: Sheet;
+  readonly sheet: FormContext;
   readonly fields: readonly FieldForm[];
   readonly root?: Path;
 }
@@ -33,7 +49,7 @@ export function Fields({ sheet, fields, root = [] }: FieldsProps) {
   );
 }
 
-/** Editors that are one control, which a label can name. */
+/** Editors with a single control, which a label can name. */
 const SINGLE = new Set(["number", "integer", "choice", "text", "hex"]);
 
 export function Field({ sheet, field, path }: InputProps) {
@@ -42,28 +58,29 @@ export function Field({ sheet, field, path }: InputProps) {
   const id = idOf(sheet, path);
   const title = titleOf(field);
   const row = joined(path);
-  const range = field.editor === "number" || field.editor === "integer" || field.editor === "vector" ? rangeWords(field) : "";
+  const range =
+    field.editor === "number" || field.editor === "integer" || field.editor === "vector" ? rangeWords(field) : "";
   const isBlock = field.editor === "list" || field.editor === "record";
   return (
     <div
-      class={`frow ${was === undefined ? "" : "ch"} ${isBlock ? "block" : ""}`}
+      class={`field-row ${was === undefined ? "" : "changed"} ${isBlock ? "block" : ""}`}
       data-field={field.name}
       onPointerEnter={() => sheet.hover(row)}
       onPointerLeave={() => sheet.hover("")}
       onFocusCapture={() => sheet.hover(row)}
     >
-      <div class="fname">
+      <div class="field-name">
         {SINGLE.has(field.editor) ? <label for={id}>{title}</label> : <span>{title}</span>}
-        {field.read_only && <span class="tag">read-only</span>}
+        {field.read_only && <span class="tag">{COMMON.readOnly}</span>}
         {field.doc !== "" && (
-          <p class="fdoc" id={`${id}-doc`}>
+          <p class="field-help" id={`${id}-doc`}>
             {field.doc}
           </p>
         )}
       </div>
-      <div class="fin">
+      <div class="field-input">
         <Editor sheet={sheet} field={field} path={path} describedBy={field.doc ? `${id}-doc` : undefined} />
-        {was !== undefined && !isBlock && <span class="was">was {words(field, was)}</span>}
+        {was !== undefined && !isBlock && <span class="previous">{TEXT.wasValue(words(field, was))}</span>}
         {range !== "" && !field.read_only && <span class="range">{range}</span>}
         {problem && (
           <span class="why-not" role="alert">
@@ -75,12 +92,19 @@ export function Field({ sheet, field, path }: InputProps) {
   );
 }
 
-/** Titles are written by people; bare names are read as words. */
+/** Title of a field; bare names are converted to words. */
 export function titleOf(field: FieldForm): string {
-  return field.title === field.name ? named(field.name.split(".").map((part) => part.charAt(0).toUpperCase() + part.slice(1)).join(" · ")) : field.title;
+  return field.title === field.name
+    ? named(
+        field.name
+          .split(".")
+          .map((part) => part.charAt(0).toUpperCase() + part.slice(1))
+          .join(" · "),
+      )
+    : field.title;
 }
 
-/** The input of a field, without its words. */
+/** The input of a field, without its label. */
 export function Editor(props: InputProps) {
   const { sheet, field, path } = props;
   const options = sheet.options[joined(path)];

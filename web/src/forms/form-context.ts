@@ -1,35 +1,35 @@
-/** What the widgets of a form need to know: values, what they were, what is wrong, and where a new value goes. */
+/** Context of a form's widgets: values, previous values, problems, and the callback for new values. */
 import type { FieldProblem } from "./types";
 import { joined, type Path, type Values } from "./values";
 
-export interface Sheet {
+export interface FormContext {
   /** Unique on the page: begins the ids of its controls. */
   readonly id: string;
   readonly values: Values;
-  /** What the device has; undefined where that is not known, or means nothing (arguments of a command). */
+  /** Values on the device; undefined if unknown or meaningless (arguments of a command). */
   readonly before: Values | undefined;
   readonly problems: readonly FieldProblem[];
   readonly readOnly: boolean;
-  /** Also what most people never change. */
+  /** Whether rarely used fields are shown too. */
   readonly all: boolean;
   readonly set: (path: Path, value: unknown) => void;
-  /** What was typed is no value: why, or undefined when it is one again. */
+  /** Reports why a typed text is not a value, or undefined when it is one again. */
   readonly wrong: (path: Path, why: string | undefined) => void;
   /** The row under the pointer or the focus; "" when it leaves. */
   readonly hover: (path: string) => void;
-  /** Texts to choose from, by path, where the device or its product is known to take these. */
+  /** Known values of text fields of the device or its product, by path. */
   readonly options: Readonly<Record<string, readonly string[]>>;
-  /** What a search or a link asked for, shown also where it is not simple: the name of a field, the number of a table's row; "" for nothing. */
+  /** Target of a search or a link, shown even if not basic: the name of a field, the number of a table's row; "" for none. */
   readonly sought: string;
-  /** Another number: edits were discarded, and what was typed is forgotten with them. */
+  /** Incremented when edits are discarded, so that typed texts are reset. */
   readonly epoch: number;
 }
 
-/** What the server says of a path, or of anything inside it. */
-export function problemAt(sheet: Sheet, path: Path): FieldProblem | undefined {
+/** The server's problem at a path, or inside it. */
+export function problemAt(sheet: FormContext, path: Path): FieldProblem | undefined {
   const own = joined(path);
   return sheet.problems.find((problem) => problem.path === own || problem.path.startsWith(`${own}.`));
 }
 
 /** For labels, hints and tests: the id of the control at a path. */
-export const idOf = (sheet: Sheet, path: Path): string => `${sheet.id}-${joined(path)}`.replace(/[^\w-]+/g, "-");
+export const idOf = (sheet: FormContext, path: Path): string => `${sheet.id}-${joined(path)}`.replace(/[^\w-]+/g, "-");

@@ -28,10 +28,18 @@ it("puts the bytes of a row together, and leaves the envelope apart", () => {
 });
 
 it("spells one row out", () => {
-  expect(spelled(frame, "outputs.1")).toEqual([{ bytes: "C0 20", words: "Magnetic field" }, { bytes: "00 64", words: "100 Hz" }]);
+  expect(spelled(frame, "outputs.1")).toEqual([
+    { bytes: "C0 20", words: "Magnetic field" },
+    { bytes: "00 64", words: "100 Hz" },
+  ]);
 });
 
 it("knows rows from fields with dots in their names", () => {
-  expect(["outputs.3.rate", "wheelConfig.bits", "words.0", "roll"].map(rowOf)).toEqual(["outputs.3", "wheelConfig.bits", "words.0", "roll"]);
+  expect(["outputs.3.rate", "wheelConfig.bits", "words.0", "roll"].map(rowOf)).toEqual([
+    "outputs.3",
+    "wheelConfig.bits",
+    "words.0",
+    "roll",
+  ]);
   expect(spaced("aabbcc", 2)).toBe("AA BB …");
 });

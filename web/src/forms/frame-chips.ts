@@ -1,4 +1,4 @@
-/** A frame as chips: a few bytes and what they mean together, by the field they belong to. Pure. */
+/** A frame as chips: groups of bytes with their meaning, by field. Pure. */
 import type { FrameInfo, SpanInfo } from "./types";
 
 export interface Chip {
@@ -6,15 +6,15 @@ export interface Chip {
   /** "40 20 01 90" */
   readonly bytes: string;
   readonly words: string;
-  /** The row they belong to: "outputs.3", "roll"; "" for the envelope. */
+  /** Their row: "outputs.3", "roll"; "" for the envelope. */
   readonly path: string;
 }
 
-/** A long run of bytes is cut here; the copy has them all. */
+/** A longer run of bytes is cut here; the copy has them all. */
 const MOST_BYTES = 24;
 const MOST_WORDS = 44;
 
-/** The row that a path belongs to: an element of a list, else the field. Names of fields may have dots in them. */
+/** The row of a path: an element of a list, else the field. Names of fields may contain dots. */
 export function rowOf(path: string): string {
   return /^(.+?\.\d+)(?:\.|$)/.exec(path)?.[1] ?? path;
 }
@@ -30,7 +30,12 @@ export function chipsOf(frame: FrameInfo): readonly Chip[] {
   return chips.map(({ spans, path }, k) => {
     const [first] = spans;
     const [begin, size] = [first?.offset ?? 0, spans.reduce((sum, span) => sum + span.size, 0)];
-    return { key: `${k}`, bytes: spaced(frame.hex.slice(2 * begin, 2 * (begin + size)), MOST_BYTES), words: cut(spans.map(brief).join(" · ")), path };
+    return {
+      key: `${k}`,
+      bytes: spaced(frame.hex.slice(2 * begin, 2 * (begin + size)), MOST_BYTES),
+      words: cut(spans.map(brief).join(" · ")),
+      path,
+    };
   });
 }
 
@@ -40,18 +45,22 @@ export function spaced(hex: string, most = Infinity): string {
   return pairs.slice(0, most).join(" ") + (pairs.length > most ? " …" : "");
 }
 
-/** What is said of a few bytes, without the name of the field that the row has anyway. */
+/** Label of a chip, without the name of the field that the row already shows. */
 function brief({ label, path }: SpanInfo): string {
   const name = path.split(".").at(-1) ?? "";
-  const said = name !== "" && label.startsWith(name) ? label.slice(name.length).replace(/^\s*[:=]\s*/, "") || label : label;
+  const said =
+    name !== "" && label.startsWith(name) ? label.slice(name.length).replace(/^\s*[:=]\s*/, "") || label : label;
   return path.includes(".") ? said.replace(/^with every message.*/, "every") : label;
 }
 
 const cut = (text: string): string => (text.length > MOST_WORDS ? `${text.slice(0, MOST_WORDS - 1)}…` : text);
 
-/** How a chip reads in full, for the line under the bytes. */
+/** Full text of a chip, for the line under the bytes. */
 export function spelled(frame: FrameInfo, path: string): readonly { readonly bytes: string; readonly words: string }[] {
   return frame.spans
     .filter((span) => span.path !== "" && rowOf(span.path) === path)
-    .map(({ offset, size, label }) => ({ bytes: spaced(frame.hex.slice(2 * offset, 2 * (offset + size)), MOST_BYTES), words: label }));
+    .map(({ offset, size, label }) => ({
+      bytes: spaced(frame.hex.slice(2 * offset, 2 * (offset + size)), MOST_BYTES),
+      words: label,
+    }));
 }

@@ -1,11 +1,12 @@
-/** The frames that would be sent, as annotated bytes: pointing at a row, its bytes or its share lights all three. */
+/** The frames to be sent, as annotated bytes: pointing at a row highlights the row, its bytes and its share. */
 import { useState } from "preact/hooks";
 import { chipsOf, spelled } from "./frame-chips";
 import type { FrameInfo } from "./types";
+import { TEXT } from "../texts/forms";
 
 interface Props {
   readonly frames: readonly FrameInfo[];
-  /** Is the value of this row another than what the device has? */
+  /** Whether the value of this row differs from the device's. */
   readonly changed: (path: string) => boolean;
   readonly hot: string;
   readonly hover: (path: string) => void;
@@ -25,22 +26,25 @@ export function BytesView({ frames, changed, hot, hover }: Props) {
   };
   const said = frames.flatMap((frame) => (hot ? spelled(frame, hot) : []));
   return (
-    <section class="hexbox" aria-label="Frame preview">
+    <section class="hex-view" aria-label={TEXT.framePreview}>
       <div class="row">
-        <h3>{frames.length === 1 ? "Frame" : `${frames.length} frames`}</h3>
+        <h3>{TEXT.frameCount(frames.length)}</h3>
         <span class="dim beside">
-          {size} bytes to the device{frames.some((frame) => chipsOf(frame).some(({ path }) => path && changed(path))) ? ", changed ones underlined" : ""}
+          {TEXT.bytesToTheDevice(size)}
+          {frames.some((frame) => chipsOf(frame).some(({ path }) => path && changed(path)))
+            ? TEXT.changedBytesUnderlined
+            : ""}
         </span>
         <span class="grow" />
         <button type="button" class="btn small" onClick={() => void copy()}>
-          {copied ? "Copied" : "Copy hex"}
+          {copied ? TEXT.copied : TEXT.copyHex}
         </button>
       </div>
       {frames.slice(0, MOST_FRAMES).map((frame, k) => (
         <Frame key={k} frame={frame} named={frames.length > 1} changed={changed} hot={hot} hover={hover} />
       ))}
-      {frames.length > MOST_FRAMES && <p class="dim hexsay">… and {frames.length - MOST_FRAMES} more frames.</p>}
-      <p class="hexsay" aria-hidden="true">
+      {frames.length > MOST_FRAMES && <p class="dim hex-description">{TEXT.moreFrames(frames.length - MOST_FRAMES)}</p>}
+      <p class="hex-description" aria-hidden="true">
         {said.slice(0, 6).map(({ bytes, words }, k) => (
           <span key={k}>
             <span class="mono">{bytes}</span> {words}
@@ -51,15 +55,21 @@ export function BytesView({ frames, changed, hot, hover }: Props) {
   );
 }
 
-function Frame({ frame, named, changed, hot, hover }: Omit<Props, "frames"> & { readonly frame: FrameInfo; readonly named: boolean }) {
+function Frame({
+  frame,
+  named,
+  changed,
+  hot,
+  hover,
+}: Omit<Props, "frames"> & { readonly frame: FrameInfo; readonly named: boolean }) {
   return (
     <>
-      {named && <p class="dim hexname">{frame.name}</p>}
+      {named && <p class="dim hex-name">{frame.name}</p>}
       <div class="hex" onPointerLeave={() => hover("")}>
         {chipsOf(frame).map(({ key, bytes, words, path }) => (
           <span
             key={key}
-            class={`hx ${path === "" ? "env" : ""} ${path && changed(path) ? "ch" : ""} ${path !== "" && (hot === path || hot.startsWith(`${path}.`)) ? "hot" : ""}`}
+            class={`hex-part ${path === "" ? "envelope" : ""} ${path && changed(path) ? "changed" : ""} ${path !== "" && (hot === path || hot.startsWith(`${path}.`)) ? "highlighted" : ""}`}
             onPointerEnter={() => hover(path)}
           >
             {bytes}
@@ -71,7 +81,7 @@ function Frame({ frame, named, changed, hot, hover }: Omit<Props, "frames"> & { 
   );
 }
 
-/** The clipboard of the browser exists on secure origins only; a robot's plain address is none. */
+/** Copies a text; the browser's clipboard exists on secure origins only, which a robot's plain address is not. */
 async function copyText(text: string): Promise<void> {
   try {
     await navigator.clipboard.writeText(text);

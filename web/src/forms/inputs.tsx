@@ -1,45 +1,58 @@
-/** One input for each kind of value: number, choice, flags, switch, text, bytes, vector. What cannot be a value is told while it is typed. */
+/** One input for each kind of value: number, choice, flags, switch, text, bytes, vector. Invalid input is reported while typing. */
 import { useEffect, useState } from "preact/hooks";
 import { Icon } from "../ui/icons";
 import { words as named } from "../ui/labels";
-import { idOf, type Sheet } from "./form-context";
+import { idOf, type FormContext } from "./form-context";
 import type { FieldForm } from "./types";
-import { at, big, bitsOf, isReserved, offered, type Path, read, type Reading, small, textProblem, typed, withBits } from "./values";
+import {
+  at,
+  big,
+  bitsOf,
+  isReserved,
+  offered,
+  type Path,
+  read,
+  type Reading,
+  small,
+  textProblem,
+  typed,
+  withBits,
+} from "./values";
+import { TEXT } from "../texts/forms";
 
 export interface InputProps {
-  readonly sheet: Sheet;
+  readonly sheet: FormContext;
   readonly field: FieldForm;
   readonly path: Path;
-  /** For a screen reader, where no visible label belongs to this control alone. */
+  /** For a screen reader, if no visible label belongs to this control alone. */
   readonly label?: string | undefined;
   readonly describedBy?: string | undefined;
 }
 
-const locked = (sheet: Sheet, field: FieldForm): boolean => sheet.readOnly || field.read_only;
+const locked = (sheet: FormContext, field: FieldForm): boolean => sheet.readOnly || field.read_only;
 const labelled = (label: string | undefined) => (label === undefined ? {} : { "aria-label": label });
 
-/** A text that becomes a value when it can; what it is while it cannot is kept and told. */
+/** A text that becomes a value when valid; invalid text is kept and reported. */
 function useTyped(props: InputProps, shown: string, take: (text: string) => Reading) {
   const { sheet, path } = props;
-  const [text, setText] = useState<string>();
-  const [why, setWhy] = useState<string>();
-  useEffect(() => () => sheet.wrong(path, undefined), []);
-  useEffect(() => {
-    setText(undefined);
-    setWhy(undefined);
-    sheet.wrong(path, undefined);
-  }, [sheet.epoch]);
+  const [entry, setEntry] = useState<{
+    readonly text: string;
+    readonly why: string | undefined;
+    readonly epoch: number;
+  }>();
+  const { text = undefined, why = undefined } = entry?.epoch === sheet.epoch ? entry : {}; // a discard leaves nothing of it
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the row and its sheet are those of the mount; another row has another key
+  useEffect(() => () => sheet.wrong(path, undefined), [sheet.epoch]);
   const onInput = (event: { currentTarget: HTMLInputElement | HTMLTextAreaElement }): void => {
     const now = event.currentTarget.value;
     const reading = take(now);
     const problem = "problem" in reading ? reading.problem : undefined;
-    setText(now);
-    setWhy(problem);
+    setEntry({ text: now, why: problem, epoch: sheet.epoch });
     sheet.wrong(path, problem);
     if ("value" in reading) sheet.set(path, reading.value);
   };
   const onBlur = (): void => {
-    if (why === undefined) setText(undefined);
+    if (why === undefined) setEntry(undefined);
   };
   return { value: text ?? shown, why, onInput, onBlur };
 }
@@ -57,9 +70,11 @@ export function NumberInput(props: InputProps) {
   const value = at(sheet.values, path);
   const { why, ...typing } = useTyped(props, typed(field, value), (text) => read(field, text));
   const id = idOf(sheet, path);
-  const unit = field.unit.includes(",") ? (field.unit.split(",")[Number(path.at(-1))]?.trim() ?? field.unit) : field.unit;
+  const unit = field.unit.includes(",")
+    ? (field.unit.split(",")[Number(path.at(-1))]?.trim() ?? field.unit)
+    : field.unit;
   return (
-    <span class="inwrap">
+    <span class="input-wrap">
       <span class={`field num ${why ? "bad" : ""}`}>
         <input
           id={id}
@@ -70,11 +85,11 @@ export function NumberInput(props: InputProps) {
           readOnly={locked(sheet, field)}
           aria-invalid={why !== undefined}
           aria-describedby={[describedBy, why && `${id}-why`].filter(Boolean).join(" ") || undefined}
-          placeholder={value === undefined ? "not read" : ""}
+          placeholder={value === undefined ? TEXT.notRead : ""}
           {...labelled(label)}
           {...typing}
         />
-        {unit !== "" && <span class="u">{unit}</span>}
+        {unit !== "" && <span class="unit">{unit}</span>}
       </span>
       <Why id={`${id}-why`} why={why} />
     </span>
@@ -94,8 +109,8 @@ export function ChoiceInput({ sheet, field, path, label, describedBy }: InputPro
         {...labelled(label)}
         onChange={(event) => sheet.set(path, small(big(event.currentTarget.value)))}
       >
-        {value === undefined && <option value="">not read</option>}
-        {!known && <option value={String(value)}>{String(value)} (not in the document)</option>}
+        {value === undefined && <option value="">{TEXT.notRead}</option>}
+        {!known && <option value={String(value)}>{TEXT.undocumentedValue(String(value))}</option>}
         {inOrder(offered(field.choices, value)).map(([number, words]) => (
           <option key={number} value={number}>
             {words}
@@ -108,13 +123,27 @@ export function ChoiceInput({ sheet, field, path, label, describedBy }: InputPro
 }
 
 /** One text of several. */
-export function OptionInput({ sheet, field, path, label, describedBy, options }: InputProps & { readonly options: readonly string[] }) {
+export function OptionInput({
+  sheet,
+  field,
+  path,
+  label,
+  describedBy,
+  options,
+}: InputProps & { readonly options: readonly string[] }) {
   const value = at(sheet.values, path);
   const now = typeof value === "string" ? value : "";
   return (
     <span class="select">
-      <select id={idOf(sheet, path)} value={now} disabled={locked(sheet, field)} aria-describedby={describedBy} {...labelled(label)} onChange={(event) => sheet.set(path, event.currentTarget.value)}>
-        {!options.includes(now) && <option value={now}>{now || "not read"}</option>}
+      <select
+        id={idOf(sheet, path)}
+        value={now}
+        disabled={locked(sheet, field)}
+        aria-describedby={describedBy}
+        {...labelled(label)}
+        onChange={(event) => sheet.set(path, event.currentTarget.value)}
+      >
+        {!options.includes(now) && <option value={now}>{now || TEXT.notRead}</option>}
         {options.map((option) => (
           <option key={option} value={option}>
             {option.replaceAll("/", " / ")}
@@ -126,7 +155,7 @@ export function OptionInput({ sheet, field, path, label, describedBy, options }:
   );
 }
 
-/** Choices that are rates by their number; others as the table has them (a JSON object sorts small numbers first). */
+/** Choices in the order of their rates if they are rates; others in table order (a JSON object sorts small numbers first). */
 function inOrder(choices: Readonly<Record<string, string>>): readonly (readonly [string, string])[] {
   const amount = (words: string): number => Number(/^([\d\s\u2009]+)Bd$/.exec(words)?.[1]?.replace(/\D/g, "") ?? NaN);
   const all = Object.entries(choices);
@@ -136,7 +165,7 @@ function inOrder(choices: Readonly<Record<string, string>>): readonly (readonly 
 
 export function BoolInput({ sheet, field, path, label, describedBy }: InputProps) {
   return (
-    <span class="seg" role="group" aria-label={label ?? field.title} aria-describedby={describedBy}>
+    <span class="segmented" role="group" aria-label={label ?? field.title} aria-describedby={describedBy}>
       {[0, 1].map((wire) => (
         <button
           type="button"
@@ -145,36 +174,45 @@ export function BoolInput({ sheet, field, path, label, describedBy }: InputProps
           disabled={locked(sheet, field)}
           onClick={() => sheet.set(path, wire)}
         >
-          {wire ? "On" : "Off"}
+          {wire ? TEXT.on : TEXT.off}
         </button>
       ))}
     </span>
   );
 }
 
-/** A word of flags and bit groups, each by its name; the word itself in hex beside them. */
+/** A word of flags and bit groups, each by name, with the word in hex beside them. */
 export function FlagsInput({ sheet, field, path, describedBy }: InputProps) {
   const word = big(at(sheet.values, path) ?? 0);
   const off = locked(sheet, field);
   return (
     <div class="flags" role="group" aria-label={field.title} aria-describedby={describedBy}>
-      {field.bits.filter((bits) => !isReserved(bits) || bitsOf(word, bits) !== 0n).map((bits) => {
-        const part = bitsOf(word, bits);
-        const set = (to: bigint): void => sheet.set(path, small(withBits(word, bits, to)));
-        const id = `${idOf(sheet, path)}-${bits.low}-${bits.width}`;
-        const title = bits.doc && !/^[A-Z0-9_]+$/.test(bits.doc) ? bits.doc : bits.name;
-        return bits.width === 1 ? (
-          <label class="flag" key={id} title={title}>
-            <input type="checkbox" class="check" id={id} checked={part === 1n} disabled={off} onChange={(event) => set(event.currentTarget.checked ? 1n : 0n)} />
-            <span>{named(bits.name)}</span>
-          </label>
-        ) : (
-          <label class="flag group" key={id} title={title}>
-            <span>{named(bits.name)}</span>
-            <BitGroup id={id} bits={bits} part={part} off={off} set={set} />
-          </label>
-        );
-      })}
+      {field.bits
+        .filter((bits) => !isReserved(bits) || bitsOf(word, bits) !== 0n)
+        .map((bits) => {
+          const part = bitsOf(word, bits);
+          const set = (to: bigint): void => sheet.set(path, small(withBits(word, bits, to)));
+          const id = `${idOf(sheet, path)}-${bits.low}-${bits.width}`;
+          const title = bits.doc && !/^[A-Z0-9_]+$/.test(bits.doc) ? bits.doc : bits.name;
+          return bits.width === 1 ? (
+            <label class="flag" key={id} title={title}>
+              <input
+                type="checkbox"
+                class="check"
+                id={id}
+                checked={part === 1n}
+                disabled={off}
+                onChange={(event) => set(event.currentTarget.checked ? 1n : 0n)}
+              />
+              <span>{named(bits.name)}</span>
+            </label>
+          ) : (
+            <label class="flag group" key={id} title={title}>
+              <span>{named(bits.name)}</span>
+              <BitGroup id={id} bits={bits} part={part} off={off} set={set} />
+            </label>
+          );
+        })}
       <span class="word mono dim">0x{word.toString(16).toUpperCase().padStart(2, "0")}</span>
     </div>
   );
@@ -233,22 +271,33 @@ export function TextInput(props: InputProps) {
   };
   const { why, ...typing } = useTyped(props, typeof value === "string" ? value : "", take);
   const id = idOf(sheet, path);
-  const most = field.length || field.most;
+  const most = field.length || field.max_length;
   const common = {
-    id, spellcheck: false, autocomplete: "off" as const, autocapitalize: "off" as const, readOnly: locked(sheet, field), "aria-invalid": why !== undefined,
-    "aria-describedby": [describedBy, why && `${id}-why`].filter(Boolean).join(" ") || undefined, ...labelled(label), ...typing,
+    id,
+    spellcheck: false,
+    autocomplete: "off" as const,
+    autocapitalize: "off" as const,
+    readOnly: locked(sheet, field),
+    "aria-invalid": why !== undefined,
+    "aria-describedby": [describedBy, why && `${id}-why`].filter(Boolean).join(" ") || undefined,
+    ...labelled(label),
+    ...typing,
   };
   return (
-    <span class="inwrap wide">
+    <span class="input-wrap wide">
       <span class={`field ${why ? "bad" : ""} ${isHex && most !== 1 && (most === 0 || most > 16) ? "tall" : ""}`}>
-        {isHex && (most === 0 || most > 16) ? <textarea class="mono" rows={3} placeholder="00 11 22 …" {...common} /> : <input type="text" class={isHex ? "mono" : ""} {...common} />}
+        {isHex && (most === 0 || most > 16) ? (
+          <textarea class="mono" rows={3} placeholder="00 11 22 …" {...common} />
+        ) : (
+          <input type="text" class={isHex ? "mono" : ""} {...common} />
+        )}
       </span>
       <Why id={`${id}-why`} why={why} />
     </span>
   );
 }
 
-/** Longer ones are written as one text of numbers. */
+/** A longer vector is edited as one text of numbers. */
 const MOST_INPUTS = 16;
 
 export function VectorInput(props: InputProps) {
@@ -263,7 +312,12 @@ export function VectorInput(props: InputProps) {
         return (
           <label key={place}>
             <span class="axis">{axis}</span>
-            <NumberInput sheet={startedOf(sheet, field, path, count)} field={field} path={[...path, place]} label={`${field.title}, ${axis}`} />
+            <NumberInput
+              sheet={startedOf(sheet, field, path, count)}
+              field={field}
+              path={[...path, place]}
+              label={`${field.title}, ${axis}`}
+            />
           </label>
         );
       })}
@@ -271,12 +325,15 @@ export function VectorInput(props: InputProps) {
   );
 }
 
-/** A vector that was never read has no places to write to: it begins with zeros. */
-function startedOf(sheet: Sheet, field: FieldForm, path: Path, count: number): Sheet {
+/** Context for a vector that was never read: it starts with zeros. */
+function startedOf(sheet: FormContext, field: FieldForm, path: Path, count: number): FormContext {
   if (Array.isArray(at(sheet.values, path))) return sheet;
   const set = (inner: Path, value: unknown): void => {
     const zeros: number[] = Array.from({ length: count }, () => Math.max(0, field.low ?? 0));
-    sheet.set(path, zeros.map((zero, place) => (place === inner.at(-1) ? value : zero)));
+    sheet.set(
+      path,
+      zeros.map((zero, place) => (place === inner.at(-1) ? value : zero)),
+    );
   };
   return { ...sheet, set };
 }
@@ -289,9 +346,18 @@ function NumbersInput(props: InputProps) {
   const { why, ...typing } = useTyped(props, shown, (text) => readNumbers(field, text));
   const id = idOf(sheet, path);
   return (
-    <span class="inwrap wide">
+    <span class="input-wrap wide">
       <span class={`field tall ${why ? "bad" : ""}`}>
-        <textarea id={id} class="mono" rows={3} spellcheck={false} readOnly={locked(sheet, field)} aria-invalid={why !== undefined} aria-label={label ?? `${field.title}, ${field.length} numbers`} {...typing} />
+        <textarea
+          id={id}
+          class="mono"
+          rows={3}
+          spellcheck={false}
+          readOnly={locked(sheet, field)}
+          aria-invalid={why !== undefined}
+          aria-label={label ?? TEXT.numbersOfField(field.title, field.length)}
+          {...typing}
+        />
       </span>
       <Why id={`${id}-why`} why={why} />
     </span>
@@ -302,7 +368,8 @@ function readNumbers(field: FieldForm, text: string): Reading {
   const parts = text.split(/[\s,;]+/).filter(Boolean);
   const readings = parts.map((part) => read(field, part));
   const bad = readings.findIndex((reading) => "problem" in reading);
-  if (bad >= 0) return { problem: `Number ${bad + 1}: ${(readings[bad] as { problem: string }).problem}` };
-  if (field.length > 0 && parts.length !== field.length) return { problem: `${field.length} numbers are needed, these are ${parts.length}.` };
+  if (bad >= 0) return { problem: TEXT.problemOfNumber(bad + 1, (readings[bad] as { problem: string }).problem) };
+  if (field.length > 0 && parts.length !== field.length)
+    return { problem: TEXT.wrongNumberCount(field.length, parts.length) };
   return { value: readings.map((reading) => ("value" in reading ? reading.value : 0)) };
 }

@@ -2,13 +2,15 @@ import { expect, it } from "vitest";
 import { BLANK, flowOf, ntripProblem, sourceOf } from "./ntrip";
 
 it("becomes the source that the server takes, whatever the password holds", () => {
-  expect(sourceOf({ ...BLANK, host: "caster.example", port: "2101", mount: "NEAR", user: "me", password: "p@ss/w:rd" })).toBe("ntrip://me:p%40ss%2Fw%3Ard@caster.example:2101/NEAR");
+  expect(
+    sourceOf({ ...BLANK, host: "caster.example", port: "2101", mount: "NEAR", user: "me", password: "p@ss/w:rd" }),
+  ).toBe("ntrip://me:p%40ss%2Fw%3Ard@caster.example:2101/NEAR");
   expect(sourceOf({ ...BLANK, host: "caster", mount: "/M 1", tls: true })).toBe("ntrips://caster/%2FM%201");
 });
 
 it("says what is missing", () => {
   expect(ntripProblem(BLANK)).toContain("host");
-  expect(ntripProblem({ ...BLANK, host: "ntrip://x" })).toContain("only");
+  expect(ntripProblem({ ...BLANK, host: "ntrip://x" })).toContain("name or IP address");
   expect(ntripProblem({ ...BLANK, host: "x", port: "99999", mount: "M" })).toContain("port");
   expect(ntripProblem({ ...BLANK, host: "x", mount: "M" })).toBe("");
 });

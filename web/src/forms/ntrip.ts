@@ -1,4 +1,6 @@
-/** A source of corrections as fields, and as the one text that the server takes. Pure. */
+/** A source of corrections as fields, and as the single text that the server accepts. Pure. */
+import { TEXT } from "../texts/forms";
+
 export interface Ntrip {
   readonly host: string;
   readonly port: string;
@@ -10,7 +12,7 @@ export interface Ntrip {
 
 export const BLANK: Ntrip = { host: "", port: "", mount: "", user: "", password: "", tls: false };
 
-/** ntrip://user:password@host:2101/MOUNT; every part quoted, so that a password may hold anything. */
+/** ntrip://user:password@host:2101/MOUNT; every part quoted, so that a password may contain anything. */
 export function sourceOf({ host, port, mount, user, password, tls }: Ntrip): string {
   const who = user || password ? `${encodeURIComponent(user)}:${encodeURIComponent(password)}@` : "";
   const name = host.trim();
@@ -18,19 +20,28 @@ export function sourceOf({ host, port, mount, user, password, tls }: Ntrip): str
   return `${tls ? "ntrips" : "ntrip"}://${who}${address}${port.trim() ? `:${port.trim()}` : ""}/${encodeURIComponent(mount.trim())}`;
 }
 
-/** What is missing or wrong, in a sentence; "" for nothing. */
+/** The missing or invalid part, in a sentence; "" for none. */
 export function ntripProblem({ host, port, mount }: Ntrip): string {
-  if (host.trim() === "") return "The caster's host is missing.";
-  if (/[\s/@]/.test(host.trim())) return "The host is a name or an address only: no ntrip://, no slash.";
-  if (port.trim() !== "" && !(/^\d{1,5}$/.test(port.trim()) && Number(port) >= 1 && Number(port) <= 65_535)) return "A port is a number from 1 to 65 535.";
-  return mount.trim() === "" ? "The mount point is missing." : "";
+  if (host.trim() === "") return TEXT.hostMissing;
+  if (/[\s/@]/.test(host.trim())) return TEXT.hostInvalid;
+  if (port.trim() !== "" && !(/^\d{1,5}$/.test(port.trim()) && Number(port) >= 1 && Number(port) <= 65_535))
+    return TEXT.portInvalid;
+  return mount.trim() === "" ? TEXT.mountPointMissing : "";
 }
 
-/** How a stream goes, in a word: what is only tried does not run. */
-export function flowOf({ running, forwarding, age_s }: { readonly running: boolean; readonly forwarding: boolean; readonly age_s: number | null }): { readonly word: string; readonly dot: string } {
-  if (!running) return { word: "Stopped", dot: "off" };
-  if (!forwarding) return { word: "Not forwarding, trying again", dot: "bad" };
-  return (age_s ?? 0) > OLD_S ? { word: "Forwarding, but nothing new", dot: "warn" } : { word: "Forwarding", dot: "live" };
+/** State of a stream in a word; one that is only being tried is not running. */
+export function flowOf({
+  running,
+  forwarding,
+  age_s,
+}: {
+  readonly running: boolean;
+  readonly forwarding: boolean;
+  readonly age_s: number | null;
+}): { readonly word: string; readonly dot: string } {
+  if (!running) return { word: TEXT.stopped, dot: "off" };
+  if (!forwarding) return { word: TEXT.retrying, dot: "bad" };
+  return (age_s ?? 0) > OLD_S ? { word: TEXT.forwardingIdle, dot: "warn" } : { word: TEXT.forwarding, dot: "live" };
 }
 
 const OLD_S = 10;

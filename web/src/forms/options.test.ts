@@ -4,7 +4,14 @@ import { optionsOf } from "./options";
 
 const form = setting({
   name: "FilterProfile",
-  fields: [field({ name: "profile", editor: "text", options: ["Responsive/VRU", "Responsive/NorthReference", "Robust/VRU"] })],
+  fields: [
+    field({
+      name: "profile",
+      editor: "text",
+      options: ["Responsive/VRU", "Responsive/NorthReference", "Robust/VRU"],
+      listed: { setting: "AvailableFilterProfiles", records: "profiles", text: "label", used: "type" },
+    }),
+  ],
 });
 
 it("offers the profiles that the device lists", () => {

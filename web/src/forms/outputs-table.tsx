@@ -1,16 +1,37 @@
-/** The output configuration of an MTi: what is sent, how often, in which form, and what each costs the line. */
+/** The output configuration of an MTi: outputs, rates, formats, and their load on the line. */
 import { ChoiceRow, ChoiceTable, Pick } from "./choice-table";
 import {
-  baseOf, changed, type Entry, EVERY, FRAMES, frameOf, idWords, type OutputRow, outputRows, precisionOf, PRECISIONS, rateWords, toggled, withFrame, withPrecision,
+  baseOf,
+  changed,
+  type Entry,
+  EVERY,
+  FRAMES,
+  frameOf,
+  idWords,
+  type OutputRow,
+  outputRows,
+  precisionOf,
+  PRECISIONS,
+  rateWords,
+  toggled,
+  withFrame,
+  withPrecision,
 } from "./outputs";
-import type { Sheet } from "./form-context";
+import type { FormContext } from "./form-context";
 import type { FieldForm, LoadInfo, OutputChoice } from "./types";
 import { at } from "./values";
+import { TEXT } from "../texts/forms";
 
-const COLUMNS = [["", "Data"], ["id", "Id"], ["rate", "Rate"], ["precision", "Precision"], ["frame", "Frame"]] as const;
+const COLUMNS = [
+  ["", TEXT.data],
+  ["id", TEXT.id],
+  ["rate", TEXT.rate],
+  ["precision", TEXT.precision],
+  ["frame", TEXT.frame],
+] as const;
 
 interface Props {
-  readonly sheet: Sheet;
+  readonly sheet: FormContext;
   /** The list of entries. */
   readonly field: FieldForm;
   readonly choices: readonly OutputChoice[];
@@ -22,8 +43,15 @@ export function OutputsTable({ sheet, field, choices, load, hot }: Props) {
   const path = [field.name];
   const entries = (at(sheet.values, path) ?? []) as readonly Entry[];
   const before = sheet.before === undefined ? undefined : ((at(sheet.before, path) ?? []) as readonly Entry[]);
-  const rows = outputRows(choices, entries, before).filter((row) => sheet.all || row.choice?.simple !== false || idWords(baseOf(row.id)).toLowerCase() === sheet.sought || row.place >= 0 || row.was !== "");
-  const full = field.most > 0 && entries.length >= field.most;
+  const rows = outputRows(choices, entries, before).filter(
+    (row) =>
+      sheet.all ||
+      row.choice?.basic !== false ||
+      idWords(baseOf(row.id)).toLowerCase() === sheet.sought ||
+      row.place >= 0 ||
+      row.was !== "",
+  );
+  const full = field.max_length > 0 && entries.length >= field.max_length;
   const set = (next: readonly Entry[]): void => sheet.set(path, next);
   return (
     <ChoiceTable columns={COLUMNS}>
@@ -36,8 +64,20 @@ export function OutputsTable({ sheet, field, choices, load, hot }: Props) {
         };
         const toggle = (): void => set(toggled(choices, entries, row));
         return (
-          <ChoiceRow key={row.key} sheet={sheet} list={field.name} place={row.place} title={row.title} was={row.was} id={idWords(baseOf(row.id))} hot={hot} load={load} full={full} toggle={toggle}>
-            <td class="ell" title={row.choice?.doc}>
+          <ChoiceRow
+            key={row.key}
+            sheet={sheet}
+            list={field.name}
+            place={row.place}
+            title={row.title}
+            was={row.was}
+            id={idWords(baseOf(row.id))}
+            hot={hot}
+            load={load}
+            full={full}
+            toggle={toggle}
+          >
+            <td class="ellipsis" title={row.choice?.doc}>
               {row.title}
             </td>
             <td class="mono dim">{idWords(row.id)}</td>
@@ -66,22 +106,51 @@ interface CellProps {
 
 function Rate({ row, on, disabled, change }: CellProps) {
   const rates = row.choice?.rates ?? [];
-  if (rates.length === 0) return <span class="fixed">{on ? rateWords(row.choice, row.rate) : "off"}</span>;
-  const offered = [...(on && !rates.includes(row.rate) ? [row.rate] : []), ...rates, ...(row.rate === EVERY ? [] : [EVERY])];
+  if (rates.length === 0) return <span class="fixed">{on ? rateWords(row.choice, row.rate) : TEXT.offInTable}</span>;
+  const offered = [
+    ...(on && !rates.includes(row.rate) ? [row.rate] : []),
+    ...rates,
+    ...(row.rate === EVERY ? [] : [EVERY]),
+  ];
   const options = offered.map((rate) => [rate, rateWords(row.choice, rate)] as const);
-  return <Pick label={`Rate of ${row.title}`} value={on ? row.rate : ""} options={options} disabled={disabled} edited={on && row.was !== ""} pick={(rate) => change({ output_frequency: rate })} />;
+  return (
+    <Pick
+      label={TEXT.rateOf(row.title)}
+      value={on ? row.rate : ""}
+      options={options}
+      disabled={disabled}
+      edited={on && row.was !== ""}
+      pick={(rate) => change({ output_frequency: rate })}
+    />
+  );
 }
 
 function Precision({ row, on, disabled, change }: CellProps) {
   const formats = row.choice?.formats ?? [];
-  if (formats.length === 0) return <span class="fixed dim">{on ? "fixed" : ""}</span>;
+  if (formats.length === 0) return <span class="fixed dim">{on ? TEXT.fixed : ""}</span>;
   const options = formats.map((bits) => [bits, PRECISIONS[bits]] as const);
-  return <Pick label={`Precision of ${row.title}`} value={precisionOf(row.id)} options={options} disabled={disabled || !on} pick={(bits) => change({ data_identifier: withPrecision(row.id, bits) })} />;
+  return (
+    <Pick
+      label={TEXT.precisionOf(row.title)}
+      value={precisionOf(row.id)}
+      options={options}
+      disabled={disabled || !on}
+      pick={(bits) => change({ data_identifier: withPrecision(row.id, bits) })}
+    />
+  );
 }
 
 function Frame({ row, on, disabled, change }: CellProps) {
   const frames = row.choice?.frames ?? [];
   if (frames.length === 0) return null;
   const options = frames.map((bits) => [bits, FRAMES[bits]] as const);
-  return <Pick label={`Frame of ${row.title}`} value={frameOf(row.id)} options={options} disabled={disabled || !on} pick={(bits) => change({ data_identifier: withFrame(row.id, bits) })} />;
+  return (
+    <Pick
+      label={TEXT.frameOf(row.title)}
+      value={frameOf(row.id)}
+      options={options}
+      disabled={disabled || !on}
+      pick={(bits) => change({ data_identifier: withFrame(row.id, bits) })}
+    />
+  );
 }

@@ -3,9 +3,22 @@ import { changed, type Entry, EVERY, outputRows, toggled, withFrame, withPrecisi
 import type { OutputChoice } from "./types";
 
 const choice = (data_identifier: number, title: string, rates: number[] = []): OutputChoice => ({
-  data_identifier, title, group: "", rates, formats: [], frames: [], size: 12, unit: "", simple: true, doc: "",
+  data_identifier,
+  title,
+  group: "",
+  rates,
+  formats: [],
+  frames: [],
+  size: 12,
+  unit: "",
+  basic: true,
+  doc: "",
 });
-const CHOICES = [choice(0x1020, "Packet counter"), choice(0x2010, "Quaternion", [400, 100]), choice(0x4020, "Acceleration", [400, 100])];
+const CHOICES = [
+  choice(0x1020, "Packet counter"),
+  choice(0x2010, "Quaternion", [400, 100]),
+  choice(0x4020, "Acceleration", [400, 100]),
+];
 const entry = (data_identifier: number, output_frequency: number): Entry => ({ data_identifier, output_frequency });
 const BEFORE = [entry(0x1020, EVERY), entry(0x2010, 100)];
 
@@ -32,11 +45,16 @@ describe("outputRows", () => {
   });
   it("puts what comes on where the table has it", () => {
     const entries = [entry(0x1020, EVERY), entry(0x4020, 100)];
-    expect(toggled(CHOICES, entries, outputRows(CHOICES, entries, [])[1]!).map((one) => one.data_identifier)).toEqual([0x1020, 0x2010, 0x4020]);
+    expect(toggled(CHOICES, entries, outputRows(CHOICES, entries, [])[1]!).map((one) => one.data_identifier)).toEqual([
+      0x1020, 0x2010, 0x4020,
+    ]);
   });
   it("changes one row alone", () => {
     const row = outputRows(CHOICES, BEFORE, BEFORE)[1]!;
-    expect(changed(CHOICES, BEFORE, row, { output_frequency: 400 })).toEqual([entry(0x1020, EVERY), entry(0x2010, 400)]);
+    expect(changed(CHOICES, BEFORE, row, { output_frequency: 400 })).toEqual([
+      entry(0x1020, EVERY),
+      entry(0x2010, 400),
+    ]);
   });
   it("composes format bits", () => {
     expect(withFrame(withPrecision(0x2010, 3), 8)).toBe(0x201b);

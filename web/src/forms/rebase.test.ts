@@ -5,22 +5,48 @@ import { rebase } from "./rebase";
 const outputs = setting({
   name: "OutputConfiguration",
   editor: "outputs",
-  fields: [field({ name: "outputs", editor: "list", fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })] })],
+  fields: [
+    field({
+      name: "outputs",
+      editor: "list",
+      fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })],
+    }),
+  ],
 });
-const out = (...pairs: [number, number][]) => ({ outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })) });
-const flash = setting({ name: "Flash", partial: true, fields: [field({ name: "a" }), field({ name: "b" }), field({ name: "v", editor: "vector", length: 3 })] });
+const out = (...pairs: [number, number][]) => ({
+  outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })),
+});
+const flash = setting({
+  name: "Flash",
+  partial: true,
+  fields: [field({ name: "a" }), field({ name: "b" }), field({ name: "v", editor: "vector", length: 3 })],
+});
 
 it("keeps one edit one edit when somebody else writes the same setting", () => {
   const base = out([0x2010, 100], [0x4020, 100], [0x8020, 100]);
-  const { draft, elsewhere } = rebase(outputs, base, out([0x2010, 400], [0x4020, 100], [0x8020, 100]), out([0x2010, 100], [0x4020, 50], [0xc020, 50]));
+  const { draft, elsewhere } = rebase(
+    outputs,
+    base,
+    out([0x2010, 400], [0x4020, 100], [0x8020, 100]),
+    out([0x2010, 100], [0x4020, 50], [0xc020, 50]),
+  );
   expect(draft).toEqual(out([0x2010, 400], [0x4020, 50], [0xc020, 50]));
   expect(elsewhere.map(({ conflict }) => conflict)).toEqual([false, false, false]);
 });
 
 it("says where both changed the same value, and keeps what was edited here", () => {
-  const { draft, elsewhere } = rebase(flash, { a: 1, b: 2, v: [0, 0, 0] }, { a: 5, b: 2, v: [0, 1, 0] }, { a: 9, b: 7, v: [3, 0, 0] });
+  const { draft, elsewhere } = rebase(
+    flash,
+    { a: 1, b: 2, v: [0, 0, 0] },
+    { a: 5, b: 2, v: [0, 1, 0] },
+    { a: 9, b: 7, v: [3, 0, 0] },
+  );
   expect(draft).toEqual({ a: 5, b: 7, v: [3, 1, 0] });
-  expect(elsewhere.map(({ path, conflict }) => [path.join("."), conflict])).toEqual([["a", true], ["b", false], ["v.0", false]]);
+  expect(elsewhere.map(({ path, conflict }) => [path.join("."), conflict])).toEqual([
+    ["a", true],
+    ["b", false],
+    ["v.0", false],
+  ]);
 });
 
 it("has no conflict where both made the same change", () => {

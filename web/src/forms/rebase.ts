@@ -1,22 +1,22 @@
 /**
- * What becomes of an edit when the device changes under it? Pure: three states in, one out.
+ * Rebase of edits when the device changes under them. Pure: three states in, one out.
  *
- *     base    what the device had when the edit was made      theirs   what it has now, somebody else wrote it
- *     mine    the draft                                       ─▶ theirs, with what was edited here put on top
+ *     base    the device's value when the edit was made       theirs   the device's value now, written by another user
+ *     mine    the draft                                       ─▶ theirs, with the edits applied on top
  *
- * Where both changed the same value, the edit stays in the form, and the page says what the device has.
+ * If both changed the same value, the edit stays in the form, and the page shows the device's value.
  */
 import { changesOf, keyedList } from "./edits";
 import type { SettingForm } from "./types";
 import { at, joined, type Path, put, same, type Values } from "./values";
 
-/** A value that somebody else changed. */
+/** A value changed by another user. */
 export interface Elsewhere {
   readonly setting: string;
   readonly path: Path;
   readonly before: unknown;
   readonly now: unknown;
-  /** It was edited here too, to something else. */
+  /** It was edited here too, to another value. */
   readonly conflict: boolean;
 }
 
@@ -38,28 +38,41 @@ export function rebase(form: SettingForm, base: Values, mine: Values, theirs: Va
     draft = put(draft, [keyed.list.name], mergedSets(of(base), of(mine), of(theirs), keyed.key));
   }
   const elsewhere = changesOf(form, base, theirs).map(({ path, before, after }) => ({
-    setting: form.name, path, before, now: after,
-    conflict: !same(at(draft, path), after) && edited.some((one) => isInside(one.path, path) || isInside(path, one.path)),
+    setting: form.name,
+    path,
+    before,
+    now: after,
+    conflict:
+      !same(at(draft, path), after) && edited.some((one) => isInside(one.path, path) || isInside(path, one.path)),
   }));
   return { draft, elsewhere };
 }
 
 const isInside = (path: Path, outer: Path): boolean => `${joined(path)}.`.startsWith(`${joined(outer)}.`);
 
-/** Value by value: what was edited here, else what is there now. A list of another length is taken whole. */
+/** Merge value by value: the edit, else the present value. A list of another length is taken whole. */
 function merged(base: unknown, mine: unknown, theirs: unknown): unknown {
   if (same(base, mine)) return theirs;
   if (Array.isArray(mine)) {
-    const alike = Array.isArray(base) && Array.isArray(theirs) && base.length === mine.length && theirs.length === mine.length;
+    const alike =
+      Array.isArray(base) && Array.isArray(theirs) && base.length === mine.length && theirs.length === mine.length;
     return alike ? mine.map((one, place) => merged(base[place], one, (theirs as readonly unknown[])[place])) : mine;
   }
   if (typeof mine !== "object" || mine === null || typeof theirs !== "object" || theirs === null) return mine;
-  return Object.fromEntries(Object.entries(mine).map(([name, one]) => [name, merged(at(base, [name]), one, at(theirs, [name]))]));
+  return Object.fromEntries(
+    Object.entries(mine).map(([name, one]) => [name, merged(at(base, [name]), one, at(theirs, [name]))]),
+  );
 }
 
-/** Entry by entry, by what it is an entry of: added, removed or altered here, else as it is now. */
-function mergedSets(base: readonly Values[], mine: readonly Values[], theirs: readonly Values[], key: (entry: Values) => number): readonly Values[] {
-  const find = (list: readonly Values[], wanted: number): Values | undefined => list.find((entry) => key(entry) === wanted);
+/** Merge entry by entry, by key: added, removed or altered here, else the present entry. */
+function mergedSets(
+  base: readonly Values[],
+  mine: readonly Values[],
+  theirs: readonly Values[],
+  key: (entry: Values) => number,
+): readonly Values[] {
+  const find = (list: readonly Values[], wanted: number): Values | undefined =>
+    list.find((entry) => key(entry) === wanted);
   const kept = theirs.flatMap((entry) => {
     const [was, is] = [find(base, key(entry)), find(mine, key(entry))];
     if (same(was, is)) return [entry];

@@ -5,8 +5,18 @@ import { indexOf, search } from "./search";
 const index = indexOf(
   forms({
     settings: [
-      setting({ name: "PortConfig", title: "Ports", group: "Port and baud rate", fields: [field({ name: "words", choices: { "2": "115 200 Bd" } })] }),
-      setting({ name: "DID_FLASH_CONFIG", title: "Flash configuration", group: "Configuration", fields: [field({ name: "ser0BaudRate", title: "ser0BaudRate" })] }),
+      setting({
+        name: "PortConfig",
+        title: "Ports",
+        group: "Port and baud rate",
+        fields: [field({ name: "words", choices: { "2": "115 200 Bd" } })],
+      }),
+      setting({
+        name: "DID_FLASH_CONFIG",
+        title: "Flash configuration",
+        group: "Configuration",
+        fields: [field({ name: "ser0BaudRate", title: "ser0BaudRate" })],
+      }),
       setting({ name: "FilterProfile", title: "Filter profile", group: "Filter" }),
     ],
     commands: [command({ name: "SetBaudrate", title: "Set the baud rate", group: "Port and baud rate" })],
@@ -32,13 +42,30 @@ it("takes names apart", () => {
 });
 
 it("finds quantities by identifier, and what people call otherwise", () => {
-  const outputs = [{ data_identifier: 0x2010, title: "Quaternion", group: "", rates: [], formats: [], frames: [], size: 16, unit: "", simple: true, doc: "" }];
+  const outputs = [
+    {
+      data_identifier: 0x2010,
+      title: "Quaternion",
+      group: "",
+      rates: [],
+      formats: [],
+      frames: [],
+      size: 16,
+      unit: "",
+      basic: true,
+      doc: "",
+    },
+  ];
   const more = indexOf(
     forms({
       outputs,
       settings: [
         setting({ name: "OutputConfiguration", title: "Output configuration", editor: "outputs" }),
-        setting({ name: "DID_FLASH_CONFIG", title: "Flash configuration", fields: [field({ name: "gps1AntOffset", title: "GNSS 1 antenna offset", simple: false })] }),
+        setting({
+          name: "DID_FLASH_CONFIG",
+          title: "Flash configuration",
+          fields: [field({ name: "gps1AntOffset", title: "GNSS 1 antenna offset", basic: false })],
+        }),
       ],
     }),
   );
@@ -47,7 +74,12 @@ it("finds quantities by identifier, and what people call otherwise", () => {
 });
 
 it("says where in the form a field is, also one inside another", () => {
-  const nested = field({ name: "wheelConfig", title: "Wheel", editor: "record", fields: [field({ name: "radius", title: "Radius" })] });
+  const nested = field({
+    name: "wheelConfig",
+    title: "Wheel",
+    editor: "record",
+    fields: [field({ name: "radius", title: "Radius" })],
+  });
   const more = indexOf(forms({ settings: [setting({ name: "S", fields: [nested] })] }));
   expect(search(more, "radius")[0]).toMatchObject({ field: "Radius", at: "wheelConfig" });
 });

@@ -1,4 +1,4 @@
-/** Which settings and commands does a person mean by a few letters? Pure; names before titles before what is written about them. */
+/** Search of settings and commands by a few letters. Pure; names rank before titles, titles before descriptions. */
 import type { FieldForm, Forms, SettingForm } from "./types";
 
 export interface Found {
@@ -6,9 +6,9 @@ export interface Found {
   readonly name: string;
   readonly title: string;
   readonly group: string;
-  /** What matched, where that was a field or an entry of a table: "ser0BaudRate", "Quaternion". */
+  /** The matching field or table entry: "ser0BaudRate", "Quaternion"; "" for the form. */
   readonly field: string;
-  /** Where it is in the form: the name of a field, the number of a data set or quantity; "" for the form itself. */
+  /** Its place in the form: the name of a field, the number of a data set or quantity; "" for the form itself. */
   readonly at: string;
 }
 
@@ -20,13 +20,29 @@ export type Index = readonly Entry[];
 
 const MOST_FOUND = 60;
 
-/** Everything that can be searched, once for the forms of a device. */
+/** The search index, built once for the forms of a device. */
 export function indexOf(forms: Forms): Index {
-  const entry = (kind: Found["kind"], row: { name: string; title: string; group: string; doc: string }, fields: readonly FieldForm[]): Entry => ({
-    kind, name: row.name, title: row.title, group: row.group, field: "", at: "",
-    texts: [[8, fold(row.title), "", ""], [7, fold(row.name), "", ""], [3, fold(row.group), "", ""], [2, fold(row.doc), "", ""], ...fields.flatMap((field) => fieldTexts(field))],
+  const entry = (
+    kind: Found["kind"],
+    row: { name: string; title: string; group: string; doc: string },
+    fields: readonly FieldForm[],
+  ): Entry => ({
+    kind,
+    name: row.name,
+    title: row.title,
+    group: row.group,
+    field: "",
+    at: "",
+    texts: [
+      [8, fold(row.title), "", ""],
+      [7, fold(row.name), "", ""],
+      [3, fold(row.group), "", ""],
+      [2, fold(row.doc), "", ""],
+      ...fields.flatMap((field) => fieldTexts(field)),
+    ],
   });
-  const tables = (row: SettingForm): Entry["texts"] => (row.editor === "outputs" ? outputTexts(forms) : row.editor === "streams" ? streamTexts(forms) : []);
+  const tables = (row: SettingForm): Entry["texts"] =>
+    row.editor === "outputs" ? outputTexts(forms) : row.editor === "streams" ? streamTexts(forms) : [];
   return [
     ...forms.settings.map((row) => {
       const own = entry("setting", row, row.fields);
@@ -36,28 +52,56 @@ export function indexOf(forms: Forms): Index {
   ];
 }
 
-/** What the table of outputs has, by name and by identifier: "Quaternion", "0x2010". */
+/** Entries of the output table, by name and by identifier: "Quaternion", "0x2010". */
 function outputTexts({ outputs }: Forms): Entry["texts"] {
   return outputs.flatMap(({ data_identifier, title, doc }) => {
     const id = `0x${data_identifier.toString(16).padStart(4, "0")}`;
-    return [[5, fold(`${title} ${id}`), title, id], [2, fold(doc), title, id]] as const;
+    return [
+      [5, fold(`${title} ${id}`), title, id],
+      [2, fold(doc), title, id],
+    ] as const;
   });
 }
 
 function streamTexts({ streams }: Forms): Entry["texts"] {
-  return streams.flatMap(({ did, name, title, doc }) => [[5, fold(`${title} ${name} ${did} 0x${did.toString(16).padStart(4, "0")}`), title, String(did)], [2, fold(doc), title, String(did)]] as const);
+  return streams.flatMap(
+    ({ did, name, title, doc }) =>
+      [
+        [5, fold(`${title} ${name} ${did} 0x${did.toString(16).padStart(4, "0")}`), title, String(did)],
+        [2, fold(doc), title, String(did)],
+      ] as const,
+  );
 }
 
-/** A field lies where its outermost field stands: that is what a form can scroll to. */
+/** Texts of a field, located at its outermost field, to which a form can scroll. */
 function fieldTexts(field: FieldForm, at = field.name): Entry["texts"] {
-  const words = [...Object.values(field.choices), ...field.bits.flatMap(({ name, doc, choices }) => [name, doc, ...Object.values(choices)])].join(" ");
-  const own: Entry["texts"] = [[5, fold(`${field.title} ${field.name}`), field.title, at], [2, fold(field.doc), field.title, at], [2, fold(words), field.title, at]];
+  const words = [
+    ...Object.values(field.choices),
+    ...field.bits.flatMap(({ name, doc, choices }) => [name, doc, ...Object.values(choices)]),
+  ].join(" ");
+  const own: Entry["texts"] = [
+    [5, fold(`${field.title} ${field.name}`), field.title, at],
+    [2, fold(field.doc), field.title, at],
+    [2, fold(words), field.title, at],
+  ];
   return [...own, ...field.fields.flatMap((inner) => fieldTexts(inner, at))];
 }
 
-/** Words that people use for a thing, and the words that the documents have for it; each finds the other. */
+/** Common words and the documents' words for the same thing; each finds the other. */
 const MEANT: readonly (readonly [said: string, written: readonly string[]])[] = [
-  ["lever arm", ["lever arm", "gnss lever", "antenna offset", "ant offset", "antenna, place", "antenna", "insoffset", "output point"]],
+  [
+    "lever arm",
+    [
+      "lever arm",
+      "gnss lever",
+      "antenna offset",
+      "ant offset",
+      "antenna, place",
+      "antenna",
+      "insoffset",
+      "output point",
+    ],
+  ],
   ["mounting", ["alignment", "insrotation", "sensor rotation", "mounting"]],
   ["sampling rate", ["output configuration", "nav dt", "imu dt", "period"]],
   ["bias", ["bias", "no-rotation", "no rotation"]],
@@ -65,20 +109,24 @@ const MEANT: readonly (readonly [said: string, written: readonly string[]])[] = 
   ["compass", ["magnet", "heading"]],
 ];
 
-/** The texts that would do for a query: itself, or what the documents call it. */
+/** Texts that match a query: itself, or the documents' word for it. */
 export function meanings(query: string): readonly string[] {
   const wanted = fold(query).trim();
   const found = MEANT.filter(([said]) => wanted.includes(said)).flatMap(([, written]) => written);
   return [query, ...found];
 }
 
-/** Letters as they are typed: no case, no accents, names by their words. */
+/** Letters for comparison: without case and accents, names split into words. */
 function fold(text: string): string {
   const spread = text.replace(/([a-z])([A-Z0-9])/g, "$1 $2").replace(/[_.]+/g, " ");
-  return `${text} ${spread}`.normalize("NFKD").replace(/\p{M}/gu, "").replace(/(\d)[\s\u2009](?=\d{3}\b)/gu, "$1").toLowerCase();
+  return `${text} ${spread}`
+    .normalize("NFKD")
+    .replace(/\p{M}/gu, "")
+    .replace(/(\d)[\s\u2009](?=\d{3}\b)/gu, "$1")
+    .toLowerCase();
 }
 
-/** The best first. Every word must be there, or what the documents say for it; a setting is worth more than the command that writes it. */
+/** Results, best first. Every word must match, directly or by the documents' word; a setting ranks above the command that writes it. */
 export function search(index: Index, query: string): readonly Found[] {
   const [own = "", ...others] = meanings(query);
   const found = new Map<string, readonly [Found, number]>();
@@ -89,10 +137,13 @@ export function search(index: Index, query: string): readonly Found[] {
       if ((found.get(key)?.[1] ?? -Infinity) < weighed) found.set(key, [entry, weighed]);
     }
   });
-  return [...found.values()].sort((a, b) => b[1] - a[1]).slice(0, MOST_FOUND).map(([one]) => one);
+  return [...found.values()]
+    .sort((a, b) => b[1] - a[1])
+    .slice(0, MOST_FOUND)
+    .map(([one]) => one);
 }
 
-/** What is found by other words than those typed stands behind. */
+/** Penalty of a match by other words than those typed. */
 const OTHER_WORDS = 4;
 
 function scored(index: Index, query: string): readonly (readonly [Found, number])[] {
@@ -110,10 +161,16 @@ function scored(index: Index, query: string): readonly (readonly [Found, number]
 
 /** An identifier is one word: "0x2010" is not taken apart. */
 function typedWords(query: string): readonly string[] {
-  return query.split(/\s+/).filter(Boolean).flatMap((word) => (/^0x[0-9a-f]+$/i.test(word) ? [word.toLowerCase()] : fold(word).trim().split(/\s+/)));
+  return query
+    .split(/\s+/)
+    .filter(Boolean)
+    .flatMap((word) => (/^0x[0-9a-f]+$/i.test(word) ? [word.toLowerCase()] : fold(word).trim().split(/\s+/)));
 }
 
-function best({ texts }: Entry, word: string): { readonly score: number; readonly field: string; readonly at: string } | undefined {
+function best(
+  { texts }: Entry,
+  word: string,
+): { readonly score: number; readonly field: string; readonly at: string } | undefined {
   let found: { score: number; field: string; at: string } | undefined;
   for (const [weight, text, field, at] of texts) {
     const place = text.indexOf(word);

@@ -3,11 +3,12 @@
  */
 import { number } from "../ui/format";
 import type { StreamChoice } from "./types";
+import { TEXT } from "../texts/forms";
 
 export interface StreamEntry {
   readonly did: number;
   readonly period: number;
-  /** The source's period as it was measured; source_ms × period is how far apart the packets are. 0 or absent: as the choice says. */
+  /** The source's measured period; source_ms × period is the interval of the packets. 0 or absent: that of the choice. */
   readonly source_ms?: number;
 }
 
@@ -22,18 +23,22 @@ export interface StreamRow {
   readonly was: string;
 }
 
-/** Multiples of the source's period that a menu offers. */
+/** Multiples of the source's period in the menu. */
 export const PERIODS: readonly number[] = [1, 2, 3, 4, 5, 8, 10, 15, 20, 25, 50, 75, 100, 200, 500, 1000];
 
-/** How often it comes: "143 Hz", "1 in 5" where the source's period is not known, "when it happens". */
+/** Rate of a stream: "143 Hz", "1 in 5" if the source's period is unknown, "when it happens". */
 export function paceWords(choice: StreamChoice | undefined, period: number): string {
   const source = choice?.source_ms ?? 0;
-  if (source <= 0) return period === 1 ? "as it comes" : `1 in ${period}`;
+  if (source <= 0) return period === 1 ? TEXT.nativeRate : TEXT.oneIn(period);
   const hertz = 1000 / (source * period);
   return `${number(hertz, hertz >= 20 ? 0 : hertz >= 2 ? 1 : 2)} Hz`;
 }
 
-export function streamRows(choices: readonly StreamChoice[], entries: readonly StreamEntry[], before: readonly StreamEntry[] | undefined): readonly StreamRow[] {
+export function streamRows(
+  choices: readonly StreamChoice[],
+  entries: readonly StreamEntry[],
+  before: readonly StreamEntry[] | undefined,
+): readonly StreamRow[] {
   const known = new Set(choices.map(({ did }) => did));
   const row = (choice: StreamChoice | undefined, did: number): StreamRow => {
     const place = entries.findIndex((entry) => entry.did === did);
@@ -41,7 +46,7 @@ export function streamRows(choices: readonly StreamChoice[], entries: readonly S
     return {
       key: String(did),
       choice: paced(choice, is ?? was),
-      title: choice?.title ?? "Not in the table",
+      title: choice?.title ?? TEXT.unknownOutput,
       did,
       place,
       period: is?.period ?? was?.period ?? 1,
@@ -52,19 +57,27 @@ export function streamRows(choices: readonly StreamChoice[], entries: readonly S
   return [...choices.map((choice) => row(choice, choice.did)), ...extra.map(({ did }) => row(undefined, did))];
 }
 
-/** A choice with the period that its stream was measured to have. */
+/** A choice with the measured period of its stream. */
 function paced(choice: StreamChoice | undefined, entry: StreamEntry | undefined): StreamChoice | undefined {
   return choice && entry?.source_ms ? { ...choice, source_ms: entry.source_ms } : choice;
 }
 
 function wasWords(choice: StreamChoice | undefined, is: StreamEntry | undefined, was: StreamEntry | undefined): string {
   if (is?.period === was?.period) return "";
-  return was ? `was ${paceWords(choice, was.period)}` : "was off";
+  return was ? TEXT.wasChoice(paceWords(choice, was.period)) : TEXT.wasOff;
 }
 
 /** The list with that row on at a period, or off. */
-export function streamed<T extends StreamEntry>(entries: readonly T[], row: StreamRow, period: number | undefined, blank: T): readonly T[] {
-  if (row.place < 0) return period === undefined ? entries : [...entries, { ...blank, did: row.did, period, source_ms: row.choice?.source_ms ?? 0 }];
+export function streamed<T extends StreamEntry>(
+  entries: readonly T[],
+  row: StreamRow,
+  period: number | undefined,
+  blank: T,
+): readonly T[] {
+  if (row.place < 0)
+    return period === undefined
+      ? entries
+      : [...entries, { ...blank, did: row.did, period, source_ms: row.choice?.source_ms ?? 0 }];
   if (period === undefined) return entries.filter((_, place) => place !== row.place);
   return entries.map((entry, place) => (place === row.place ? { ...entry, period } : entry));
 }

@@ -8,6 +8,34 @@ export type CautionKind = "" | "restarts" | "stops-output" | "cuts-line" | "lose
 
 export type Side = "device" | "factory" | "snapshot" | "text" | "other";
 
+/** Meaning of a field while another field of its record has certain values. */
+export interface MeaningForm {
+  /** of the other field; empty: all that no meaning before names */
+  readonly values: readonly number[];
+  readonly title: string;
+  readonly unit: string;
+  /** shown = wire × scale */
+  readonly scale: number;
+  readonly decimals: number;
+  /** the wire value is a two's complement; low and high are signed */
+  readonly signed: boolean;
+  /** allowed wire values; null: those of the field */
+  readonly low: number | null;
+  readonly high: number | null;
+  readonly doc: string;
+}
+
+/** Texts that the device lists in a setting. */
+export interface TextListForm {
+  readonly setting: string;
+  /** field of the setting: a list of records */
+  readonly records: string;
+  /** field of a record */
+  readonly text: string;
+  /** field that is 0 in an unused record */
+  readonly used: string;
+}
+
 /** One field to fill in. */
 export interface FieldForm {
   readonly name: string;
@@ -27,25 +55,30 @@ export interface FieldForm {
   readonly decimals: number;
   /** bytes or characters of a text or hex; elements of a vector; 0: open */
   readonly length: number;
-  /** greatest number of list elements; 0: what the payload holds */
-  readonly most: number;
+  /** maximum number of list elements; 0: limited by the payload only */
+  readonly max_length: number;
   readonly axes: readonly string[];
   /** value (decimal) → meaning */
   readonly choices: Readonly<Record<string, string>>;
   readonly bits: readonly BitsInfo[];
   /** of a record, or of each element of a list */
   readonly fields: readonly FieldForm[];
-  readonly simple: boolean;
+  readonly basic: boolean;
   readonly read_only: boolean;
   /** 16: an identifier, shown in hex as on the label */
   readonly base: number;
-  /** texts that a text field is known to take */
+  /** known values of a text field */
   readonly options: readonly string[];
+  /** if the device lists the values; a value may join several with "/" */
+  readonly listed: TextListForm | null;
+  /** field of the same record on which the meaning depends */
+  readonly meaning_of: string;
+  readonly meanings: readonly MeaningForm[];
   readonly doc: string;
   readonly source: string;
 }
 
-/** Values that the device keeps. */
+/** Values that the device stores. */
 export interface SettingForm {
   readonly name: string;
   readonly title: string;
@@ -59,12 +92,12 @@ export interface SettingForm {
   readonly after: "" | "measurement" | "reset";
   readonly caution: CautionKind;
   readonly consequence: string;
-  readonly simple: boolean;
+  readonly basic: boolean;
   readonly doc: string;
   readonly source: string;
 }
 
-/** Something the device can be told or asked. */
+/** A command of the device. */
 export interface CommandForm {
   readonly name: string;
   readonly title: string;
@@ -74,48 +107,13 @@ export interface CommandForm {
   readonly reply: string;
   readonly caution: CautionKind;
   readonly consequence: string;
-  readonly simple: boolean;
+  readonly basic: boolean;
   readonly doc: string;
   readonly source: string;
   /** argument → values to which no caution applies */
   readonly harmless: Readonly<Record<string, readonly number[]>>;
-  /** the setting of which its arguments are the fields: its form opens with what the device has */
+  /** setting whose fields are the arguments; the form opens with the values of the device */
   readonly writes: string;
-}
-
-/** One quantity that an Xsens output configuration can ask for. */
-export interface OutputChoice {
-  /** with Float32 and ENU where they can be chosen */
-  readonly data_identifier: number;
-  readonly title: string;
-  readonly group: string;
-  /** allowed, Hz, fastest first; empty: with every message (0xFFFF) */
-  readonly rates: readonly number[];
-  /** precision bits that it can have; empty: fixed */
-  readonly formats: readonly number[];
-  /** coordinate bits that it can have; empty: fixed */
-  readonly frames: readonly number[];
-  /** bytes of its data at Float32 */
-  readonly size: number;
-  readonly unit: string;
-  readonly simple: boolean;
-  readonly doc: string;
-}
-
-/** One data set that an Inertial Sense device can stream. */
-export interface StreamChoice {
-  readonly did: number;
-  readonly name: string;
-  readonly title: string;
-  readonly group: string;
-  /** bytes of its data; −1: as long as there is to tell */
-  readonly size: number;
-  /** bit of the RMC word; −1: by GET_DATA only */
-  readonly rmc_bit: number;
-  /** period of one, ms; 0: not known before the device has told */
-  readonly source_ms: number;
-  readonly simple: boolean;
-  readonly doc: string;
 }
 
 /** Every setting and command of a device. */
@@ -130,11 +128,11 @@ export interface Forms {
   readonly commands: readonly CommandForm[];
   readonly outputs: readonly OutputChoice[];
   readonly streams: readonly StreamChoice[];
-  /** takes RTCM */
+  /** accepts RTCM */
   readonly corrections: boolean;
-  /** the document tells its factory settings */
+  /** its factory settings are documented */
   readonly factory: boolean;
-  /** what is not known yet, in one sentence */
+  /** what is not known yet, one sentence */
   readonly note: string;
 }
 
@@ -153,7 +151,7 @@ export interface FrameInfo {
   readonly spans: readonly SpanInfo[];
 }
 
-/** What is wrong with a value, said where it is typed. */
+/** Problem of a value, shown at its input. */
 export interface FieldProblem {
   readonly path: string;
   readonly message: string;
@@ -166,15 +164,15 @@ export interface PartInfo {
   readonly bytes_per_s: number;
 }
 
-/** What the line has to carry. */
+/** Load on the link. */
 export interface LoadInfo {
   readonly parts: readonly PartInfo[];
   /** bytes/s */
   readonly total: number;
-  /** bytes/s, at the rate that will be in effect; null where the link has no such limit */
+  /** bytes/s, at the baud rate after the change; null if the link has no such limit */
   readonly capacity: number | null;
   readonly baud: number | null;
-  /** per-message limits that are broken */
+  /** per-message limits that are exceeded */
   readonly limits: readonly string[];
   /** bytes/s now */
   readonly measured: number | null;
@@ -191,29 +189,29 @@ export interface PreviewAnswer {
   readonly frames: readonly FrameInfo[];
   readonly problems: readonly FieldProblem[];
   readonly load: LoadInfo | null;
-  /** how this change could cut the line; "" when it cannot */
+  /** how this change could cut the line; "" if it cannot */
   readonly line: string;
 }
 
 export interface ReadWish {
   readonly settings: readonly string[] | null;
-  /** kept with the snapshot */
+  /** stored in the snapshot */
   readonly reason: string;
-  /** what a command left unfinished (ControlState.unfinished) may be discarded */
+  /** unfinished work of a command (DeviceJobs.unfinished) may be discarded */
   readonly confirmed: boolean;
 }
 
-/** Settings to write: whole ones, or single fields where the setting is `partial`. */
+/** Settings to write: complete ones, or single fields if the setting is `partial`. */
 export interface Apply {
   readonly changes: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
   readonly reason: string;
-  /** the person has read the consequence; without it a dangerous change is refused (409) */
+  /** the user accepts the consequence; without it a dangerous change is refused (409) */
   readonly confirmed: boolean;
-  /** further devices of the same protocol that get the same */
+  /** further devices of the same protocol, written with the same */
   readonly devices: readonly string[];
-  /** whose settings these are (a profile's); a device of another product asks once more (409) */
+  /** product of these settings (of a profile); another product needs confirmation (409) */
   readonly product: string;
-  /** what the settings were when they were edited: where */
+  /** the settings when they were edited; if the device */
   readonly base: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
 }
 
@@ -230,7 +228,7 @@ export interface Raw {
 
 export interface Keep {
   readonly title: string;
-  /** YAML; "" keeps what the device has now */
+  /** YAML; "" stores the present values of the device */
   readonly text: string;
 }
 
@@ -239,7 +237,7 @@ export interface SideRef {
   readonly side: Side;
   /** SnapshotInfo.name, for "snapshot" */
   readonly snapshot: string;
-  /** DeviceInfo.id, for "other"; for "snapshot" whose it is, "" for this device's */
+  /** DeviceInfo.id, for "other"; for "snapshot" its owner, "" for this device */
   readonly device: string;
   /** YAML, for "text" */
   readonly text: string;
@@ -255,7 +253,7 @@ export interface DifferenceRow {
   readonly path: string;
   readonly title: string;
   readonly unit: string;
-  /** in words: "400 Hz", "ENU"; "" where that side does not have it */
+  /** as text: "400 Hz", "ENU"; "" if that side does not have it */
   readonly left: string;
   readonly right: string;
   /** wire value */
@@ -265,7 +263,7 @@ export interface DifferenceRow {
 }
 
 export interface Difference {
-  /** what it is: "Device now", "Before this change, 14:31" */
+  /** title: "Device now", "Before this change, 14:31" */
   readonly left: string;
   readonly right: string;
   readonly rows: readonly DifferenceRow[];
@@ -273,17 +271,17 @@ export interface Difference {
   readonly same: number;
   /** setting → why it could not be compared */
   readonly missing: Readonly<Record<string, string>>;
-  /** as Apply takes them, to make left what right is */
+  /** for Apply, to make left equal to right */
   readonly changes: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
-  /** all of the right side that can be written */
+  /** all writable values of the right side */
   readonly profile: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
-  /** of the right side; "" where it is not known */
+  /** of the right side; "" if it is not known */
   readonly product: string;
-  /** what is wrong with the right side, at its path */
+  /** problems of the right side, at their paths */
   readonly problems: readonly FieldProblem[];
-  /** what writing the right side to the device could cost */
+  /** risks of writing the right side to the device */
   readonly dangers: readonly string[];
-  /** why it cannot be written: more than the line carries */
+  /** why it cannot be written: more than the line can carry */
   readonly blocked: string;
 }
 
@@ -297,7 +295,7 @@ export interface Fit {
 export interface FitAnswer {
   readonly values: Readonly<Record<string, unknown>>;
   readonly load: LoadInfo;
-  /** what was lowered: "Acceleration 400 → 100 Hz" */
+  /** lowered rates: "Acceleration 400 → 100 Hz" */
   readonly words: readonly string[];
 }
 
@@ -315,33 +313,68 @@ export interface SnapshotInfo {
   readonly settings: number;
   readonly missing: number;
   readonly pinned: boolean;
-  /** by this version; if not, `reason` says why, and what to do */
+  /** by this version; if not, `reason` gives the cause and what to do */
   readonly readable: boolean;
 }
 
 export interface SnapshotBody {
   readonly info: SnapshotInfo;
   readonly values: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
-  /** setting → why it is not there */
+  /** setting → why it is missing */
   readonly missing: Readonly<Record<string, string>>;
 }
 
 /** A stream of RTCM 3 forwarded to the device in whole messages. */
 export interface Corrections {
-  /** ntrip://user:password@host:2101/MOUNT, tcp://host:port, a file; the password is never told again */
+  /** ntrip://user:password@host:2101/MOUNT, tcp://host:port, a file; returned without the password */
   readonly source: string;
-  /** it goes on by itself, and is tried again where it broke */
+  /** continues by itself, and is retried if it breaks */
   readonly running: boolean;
-  /** the last message reached the device; false while the source or the link refuses */
+  /** the last message reached the device; false while the source or the link fails */
   readonly forwarding: boolean;
   readonly message: string;
   readonly hint: string;
-  /** since the last message that was forwarded */
+  /** since the last forwarded message */
   readonly age_s: number | null;
   readonly bytes_per_s: number;
-  /** RTCM message number → how many */
+  /** RTCM message number → count */
   readonly messages: Readonly<Record<string, number>>;
   readonly rejected: number;
-  /** forwarded, and the device said no */
+  /** forwarded, but rejected by the device */
   readonly refused: number;
+}
+
+/** One quantity available in an output configuration. */
+export interface OutputChoice {
+  /** with Float32 and ENU if selectable */
+  readonly data_identifier: number;
+  readonly title: string;
+  readonly group: string;
+  /** allowed, Hz, fastest first; empty: with every message (0xFFFF) */
+  readonly rates: readonly number[];
+  /** available precision bits; empty: fixed */
+  readonly formats: readonly number[];
+  /** available coordinate bits; empty: fixed */
+  readonly frames: readonly number[];
+  /** bytes of its data at Float32 */
+  readonly size: number;
+  readonly unit: string;
+  readonly basic: boolean;
+  readonly doc: string;
+}
+
+/** One data set that a device can stream. */
+export interface StreamChoice {
+  readonly did: number;
+  readonly name: string;
+  readonly title: string;
+  readonly group: string;
+  /** bytes of its data; −1: variable */
+  readonly size: number;
+  /** bit of the RMC word; −1: by GET_DATA only */
+  readonly rmc_bit: number;
+  /** period of one, ms; 0: unknown until the device reports it */
+  readonly source_ms: number;
+  readonly basic: boolean;
+  readonly doc: string;
 }

@@ -1,6 +1,22 @@
 import { describe, expect, it } from "vitest";
 import { field, setting } from "./fixtures";
-import { at, big, bitsOf, initial, offered, put, rangeWords, read, same, small, textProblem, typed, whereOf, withBits, words } from "./values";
+import {
+  at,
+  big,
+  bitsOf,
+  initial,
+  offered,
+  put,
+  rangeWords,
+  read,
+  same,
+  small,
+  textProblem,
+  typed,
+  whereOf,
+  withBits,
+  words,
+} from "./values";
 
 const angle = field({ name: "roll", editor: "number", unit: "°", scale: 180 / Math.PI, low: -Math.PI, high: Math.PI });
 const rate = field({ name: "rate", editor: "integer", unit: "Hz", low: 1, high: 2000, step: 1 });
@@ -20,16 +36,18 @@ describe("wire and shown", () => {
     expect(typeof word).toBe("string");
     expect(big(word)).toBe(0x8808601001300c00n);
     expect(bitsOf(withBits(big(word), { low: 62, width: 1 }, 1n), { low: 62, width: 1 })).toBe(1n);
-    expect(read(field({ editor: "integer", step: 1 }), "18446744073709551615")).toEqual({ value: "18446744073709551615" });
+    expect(read(field({ editor: "integer", step: 1 }), "18446744073709551615")).toEqual({
+      value: "18446744073709551615",
+    });
   });
 });
 
 describe("what is typed", () => {
   it("is refused with the reason", () => {
     expect(read(rate, "0")).toEqual({ problem: "1 to 2\u2009000 Hz." });
-    expect(read(rate, "2.5")).toEqual({ problem: "Only whole numbers." });
-    expect(read(rate, "fast")).toEqual({ problem: "This is not a number." });
-    expect(read(rate, " ")).toEqual({ problem: "A number is needed here." });
+    expect(read(rate, "2.5")).toEqual({ problem: "Enter a whole number." });
+    expect(read(rate, "fast")).toEqual({ problem: "Not a number. Enter digits, with a point for decimals." });
+    expect(read(rate, " ")).toEqual({ problem: "Enter a number." });
     expect(read(angle, "200")).toEqual({ problem: "−180 to 180 °." });
   });
   it("may be hex, or have a comma", () => {
@@ -40,8 +58,8 @@ describe("what is typed", () => {
     expect(read(angle, "180")).toEqual({ value: Math.PI });
   });
   it("is measured where it is text or hex", () => {
-    expect(textProblem(field({ editor: "hex", most: 2 }), "AA BB CC")).toBe("At most 2 bytes.");
-    expect(textProblem(field({ editor: "hex" }), "ABC")).toBe("Two hex digits for each byte.");
+    expect(textProblem(field({ editor: "hex", max_length: 2 }), "AA BB CC")).toBe("At most 2 bytes.");
+    expect(textProblem(field({ editor: "hex" }), "ABC")).toBe("Enter two hex digits per byte.");
     expect(textProblem(field({ editor: "text", length: 3 }), "abcd")).toBe("At most 3 characters.");
     expect(textProblem(field({ editor: "text" }), "abcd")).toBeUndefined();
   });
@@ -73,7 +91,11 @@ describe("words", () => {
   });
   it("show an identifier as its label does", () => {
     const id = field({ base: 16, step: 1, read_only: true });
-    expect([typed(id, 0x0080003a), words(id, 0x0080003a), words(id, "36047404379471887")]).toEqual(["0080003A", "0080003A", "8010EC5D1D000F"]);
+    expect([typed(id, 0x0080003a), words(id, 0x0080003a), words(id, "36047404379471887")]).toEqual([
+      "0080003A",
+      "0080003A",
+      "8010EC5D1D000F",
+    ]);
     expect([typed(id, 0x80800001), typed(id, "9259400838168707072")]).toEqual(["0080800001", "0080800001"]);
     expect(read(id, "0080003A")).toEqual({ value: 0x0080003a });
   });
@@ -101,7 +123,11 @@ describe("choices that are offered", () => {
 });
 
 it("says where a value stands, for a person", () => {
-  const ports = setting({ name: "PortConfig", title: "Ports", fields: [field({ name: "words", title: "Ports", editor: "list" })] });
+  const ports = setting({
+    name: "PortConfig",
+    title: "Ports",
+    fields: [field({ name: "words", title: "Ports", editor: "list" })],
+  });
   expect(whereOf(ports, "words.1")).toBe("Ports 2");
   const place = setting({ title: "Position", fields: [field({ name: "lat", title: "Latitude" })] });
   expect(whereOf(place, "lat")).toBe("Position, Latitude");

@@ -1,26 +1,31 @@
 /**
- * How is a wire value shown and typed, and what is wrong with what was typed? Pure; the server judges again before it sends.
+ * Display and input of wire values, with validation. Pure; the server validates again before it sends.
  *
  *     wire 0.7854 ──× scale + bias──▶ shown 45 °        typed "45" ──(− bias) ÷ scale──▶ wire 0.7854
  *
- * A float32 is shown with the seven digits that it has. Integers beyond 2^53 are decimal strings, as on the wire.
+ * A float32 is shown with its seven digits. Integers beyond 2^53 are decimal strings, as on the wire.
  */
 import { NONE, number } from "../ui/format";
 import type { FieldForm } from "./types";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/forms";
 
 export type Values = Readonly<Record<string, unknown>>;
-/** Where a value stands: names of fields (which may have dots in them) and places in lists. */
+/** Path of a value: names of fields (which may contain dots) and indexes in lists. */
 export type Path = readonly (string | number)[];
 
-/** As paths are written by the server: "outputs.3.output_frequency". */
+/** The server's form of paths: "outputs.3.output_frequency". */
 export const joined = (path: Path): string => path.join(".");
 
-/** The value at a path; undefined where there is none. */
+/** The value at a path; undefined if there is none. */
 export function at(values: unknown, path: Path): unknown {
-  return path.reduce<unknown>((inside, key) => (inside as Record<string | number, unknown> | undefined | null)?.[key], values);
+  return path.reduce<unknown>(
+    (inside, key) => (inside as Record<string | number, unknown> | undefined | null)?.[key],
+    values,
+  );
 }
 
-/** The same values with another one at that path; what is not on the way is shared. */
+/** The same values with another one at that path; the rest is shared. */
 export function put<T>(values: T, path: Path, value: unknown): T {
   const [key, ...rest] = path;
   if (key === undefined) return value as T;
@@ -29,7 +34,7 @@ export function put<T>(values: T, path: Path, value: unknown): T {
   return { ...values, [key]: inner };
 }
 
-/** Do two wire values mean the same? */
+/** Whether two wire values are equal in meaning. */
 export function same(a: unknown, b: unknown): boolean {
   if (a === b) return true;
   if (typeof a !== typeof b) return isWhole(a) && isWhole(b) && String(a) === String(b);
@@ -39,7 +44,8 @@ export function same(a: unknown, b: unknown): boolean {
   return one.length === other.length && one.every(([key, value]) => same(value, (b as Record<string, unknown>)[key]));
 }
 
-const isWhole = (value: unknown): boolean => Number.isInteger(value) || (typeof value === "string" && /^-?\d+$/.test(value));
+const isWhole = (value: unknown): boolean =>
+  Number.isInteger(value) || (typeof value === "string" && /^-?\d+$/.test(value));
 
 /** An integer of any size. */
 export function big(value: unknown): bigint {
@@ -47,7 +53,7 @@ export function big(value: unknown): bigint {
   return typeof value === "string" && /^-?\d+$/.test(value) ? BigInt(value) : 0n;
 }
 
-/** As it travels: a number where JavaScript can hold it, else its digits. */
+/** JSON form: a number if JavaScript can represent it, else its digits. */
 export function small(value: bigint): number | string {
   const plain = Number(value);
   return Number.isSafeInteger(plain) ? plain : value.toString();
@@ -55,26 +61,27 @@ export function small(value: bigint): number | string {
 
 const FLOAT32_DIGITS = 7;
 
-/** A real number with the digits that it has: a float32 needs seven, anything else all. */
+/** A real number with its significant digits: seven for a float32, else all. */
 function digits(value: number, decimals: number): string {
   if (decimals >= 0) return value.toFixed(decimals);
   return String(Number(value.toPrecision(FLOAT32_DIGITS)));
 }
 
-/** Text for an input: plain digits that the same input takes back; an identifier as on its label. */
+/** Text for an input: plain digits that the same input accepts; an identifier as on its label. */
 export function typed(field: FieldForm, wire: unknown): string {
   if (field.base === 16 && wire !== undefined && wire !== null) return identifier(big(wire));
   if (typeof wire === "string") return wire;
   if (typeof wire !== "number" || !Number.isFinite(wire)) return "";
   if (field.step === 1 && field.scale === 1 && field.bias === 0) return String(wire);
   const shown = wire * field.scale + field.bias;
-  if (Math.fround(wire) !== wire && field.decimals < 0) return String(field.scale === 1 ? shown : Number(shown.toPrecision(15)));
+  if (Math.fround(wire) !== wire && field.decimals < 0)
+    return String(field.scale === 1 ? shown : Number(shown.toPrecision(15)));
   return digits(shown, Math.abs(shown) < 1e-4 ? -1 : field.decimals);
 }
 
 const LONG = 0x8000_0000n;
 
-/** As it is printed on a label: 0080003A, of 64 bits 0080800001. See device_label in protocols/labels.py. */
+/** An identifier as on its label: 0080003A, with 64 bits 0080800001. See device_label in protocols/labels.py. */
 function identifier(value: bigint): string {
   let [high, low] = [value >> 32n, value & 0xffff_ffffn];
   if ((high & LONG) !== 0n && (low & LONG) === 0n) [high, low] = [low, high];
@@ -84,16 +91,21 @@ function identifier(value: bigint): string {
 
 export type Reading = { readonly value: unknown } | { readonly problem: string };
 
-/** What a text for a number means, or what is wrong with it. */
+/** The number in a text, or its problem. */
 export function read(field: FieldForm, text: string): Reading {
-  const plain = text.trim().replace(/[\u2009\u00a0 ]/g, "").replace("\u2212", "-").replace(",", ".");
-  if (plain === "") return { problem: "A number is needed here." };
+  const plain = text
+    .trim()
+    .replace(/[\u2009\u00a0 ]/g, "")
+    .replace("\u2212", "-")
+    .replace(",", ".");
+  if (plain === "") return { problem: TEXT.numberRequired };
   const whole = field.step === 1 && field.scale === 1 && field.bias === 0;
   if (field.base === 16 && /^[0-9a-f]+$/i.test(plain)) return ranged(field, small(BigInt(`0x${plain}`)));
-  if (/^-?0x[0-9a-f]+$/i.test(plain) && whole) return ranged(field, small(plain.startsWith("-") ? -BigInt(plain.slice(1)) : BigInt(plain)));
-  if (!/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(plain)) return { problem: "This is not a number." };
+  if (/^-?0x[0-9a-f]+$/i.test(plain) && whole)
+    return ranged(field, small(plain.startsWith("-") ? -BigInt(plain.slice(1)) : BigInt(plain)));
+  if (!/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(plain)) return { problem: TEXT.notANumber };
   if (whole && /^[-+]?\d+$/.test(plain)) return ranged(field, small(BigInt(plain)));
-  if (whole) return { problem: "Only whole numbers." };
+  if (whole) return { problem: TEXT.wholeNumberRequired };
   const wire = (Number(plain) - field.bias) / field.scale;
   return ranged(field, field.step === 1 ? Math.round(wire) : wire);
 }
@@ -104,19 +116,21 @@ export function ranged(field: FieldForm, wire: number | string): Reading {
   const below = field.low !== null && value < field.low - slack(field.low);
   const above = field.high !== null && value > field.high + slack(field.high);
   if (!below && !above && Number.isFinite(value)) return { value: wire };
-  return { problem: `${rangeWords(field) || "This number is too large"}.` };
+  return { problem: `${rangeWords(field) || TEXT.numberTooLarge}.` };
 }
 
-/** Of a limit that was turned into another unit and back. */
+/** Tolerance of a limit that was converted to another unit and back. */
 const slack = (limit: number): number => Math.abs(limit) * 1e-6;
 
-/** The allowed range as shown: "0 to 359.9 °", "at least 1 Hz"; "" where there is none. */
+/** The displayed range: "0 to 359.9 °", "at least 1 Hz"; "" without one. */
 export function rangeWords(field: FieldForm): string {
-  const [low, high] = [field.low, field.high].map((limit) => (limit === null ? "" : plainNumber(limit * field.scale + field.bias)));
+  const [low, high] = [field.low, field.high].map((limit) =>
+    limit === null ? "" : plainNumber(limit * field.scale + field.bias),
+  );
   const unit = field.unit && !field.unit.includes(",") ? ` ${field.unit}` : "";
-  if (low && high) return `${low} to ${high}${unit}`;
-  if (low) return `at least ${low}${unit}`;
-  return high ? `at most ${high}${unit}` : "";
+  if (low && high) return TEXT.numberRange(low, high, unit);
+  if (low) return TEXT.atLeast(low, unit);
+  return high ? TEXT.atMost(high, unit) : "";
 }
 
 function plainNumber(value: number): string {
@@ -124,7 +138,7 @@ function plainNumber(value: number): string {
   return text.includes("e") ? text : number(value, text.split(".")[1]?.length ?? 0);
 }
 
-/** A place in a setting for a person: "Position, Latitude"; of a list the place, counted from one. */
+/** A place in a setting in words: "Position, Latitude"; in a list its number, counted from one. */
 export function whereOf(form: { readonly title: string; readonly fields: readonly FieldForm[] }, path: string): string {
   const found = [form.title];
   let [fields, rest] = [form.fields, path];
@@ -135,7 +149,9 @@ export function whereOf(form: { readonly title: string; readonly fields: readonl
       rest = rest.slice(place[0].length);
       continue;
     }
-    const field = fields.filter(({ name }) => rest === name || rest.startsWith(`${name}.`)).sort((a, b) => b.name.length - a.name.length)[0];
+    const field = fields
+      .filter(({ name }) => rest === name || rest.startsWith(`${name}.`))
+      .sort((a, b) => b.name.length - a.name.length)[0];
     if (field === undefined) break;
     if (field.title !== form.title) found.push(field.title);
     [fields, rest] = [field.fields, rest.slice(field.name.length + 1)];
@@ -143,7 +159,7 @@ export function whereOf(form: { readonly title: string; readonly fields: readonl
   return found.join(", ");
 }
 
-/** What a form starts with where neither the device nor the table says anything. */
+/** Initial value of a form's field if neither the device nor the table has one. */
 export function initial(field: FieldForm): unknown {
   if (field.default !== null && field.default !== undefined) return field.default;
   switch (field.editor) {
@@ -177,18 +193,19 @@ export function initials(fields: readonly FieldForm[]): Values {
   return Object.fromEntries(fields.map((field) => [field.name, initial(field)]));
 }
 
-/** A wire value as a person reads it, with its unit: "400 Hz", "ENU", "A, C"; "—" for nothing. */
+/** A wire value in words, with its unit: "400 Hz", "ENU", "A, C"; "—" for none. */
 export function words(field: FieldForm, value: unknown): string {
   if (value === undefined || value === null) return NONE;
   if (Array.isArray(value)) {
-    if (value.length === 0) return "none";
-    if (field.fields.length > 0) return value.length === 1 ? "1 entry" : `${value.length} entries`;
+    if (value.length === 0) return COMMON.none;
+    if (field.fields.length > 0) return TEXT.entryCount(value.length);
     const parts = value.slice(0, 4).map((one) => oneWord(field, one));
     return `${parts.join(", ")}${value.length > 4 ? " …" : ""}${field.unit ? ` ${field.unit}` : ""}`;
   }
   if (typeof value === "object") return "…";
   const text = oneWord(field, value);
-  const isNamed = field.editor === "choice" || field.editor === "flags" || field.editor === "bool" || typeof value === "string";
+  const isNamed =
+    field.editor === "choice" || field.editor === "flags" || field.editor === "bool" || typeof value === "string";
   return field.unit && !isNamed ? `${text} ${field.unit}` : text;
 }
 
@@ -200,10 +217,11 @@ function oneWord(field: FieldForm, value: unknown): string {
   return value === "" ? "empty" : String(value);
 }
 
-/** What the document reserves is offered to nobody; where the device has it, it is shown. */
-export const isReserved = ({ name, doc }: { readonly name: string; readonly doc: string }): boolean => /^reserved/i.test(name) || /^reserved/i.test(doc);
+/** Reserved values are not offered; a reserved value of the device is shown. */
+export const isReserved = ({ name, doc }: { readonly name: string; readonly doc: string }): boolean =>
+  /^reserved/i.test(name) || /^reserved/i.test(doc);
 
-/** Choices to offer: each meaning once, none that is reserved or invalid, but what is chosen now always. */
+/** Choices to offer: each meaning once, no reserved or invalid ones, but always the present one. */
 export function offered(choices: Readonly<Record<string, string>>, now: unknown): Readonly<Record<string, string>> {
   const all = Object.entries(choices);
   const isNow = (number: string): boolean => now !== undefined && number === String(now);
@@ -224,7 +242,8 @@ export function bitWords(field: FieldForm, value: unknown): string {
   const word = big(value);
   const names = field.bits.flatMap((bits) => {
     const part = bitsOf(word, bits);
-    if (bits.width > 1) return part === 0n && !("0" in bits.choices) ? [] : [`${bits.name} ${bits.choices[String(part)] ?? part}`];
+    if (bits.width > 1)
+      return part === 0n && !("0" in bits.choices) ? [] : [`${bits.name} ${bits.choices[String(part)] ?? part}`];
     return part ? [bits.name] : [];
   });
   return names.join(", ") || "none";
@@ -245,15 +264,15 @@ export function withBits(word: bigint, { low, width }: Place, part: bigint): big
   return (word & ~mask) | ((part << BigInt(low)) & mask);
 }
 
-/** What is wrong with a text or hex field, or undefined. */
+/** Problem of a text or hex field, or undefined. */
 export function textProblem(field: FieldForm, text: string): string | undefined {
   if (field.editor === "hex") {
     const plain = text.replace(/\s/g, "");
-    if (!/^[0-9a-f]*$/i.test(plain)) return "Only hex digits: 0 to 9, A to F.";
-    if (plain.length % 2 !== 0) return "Two hex digits for each byte.";
-    const most = field.length || field.most;
-    return most > 0 && plain.length / 2 > most ? `At most ${most} bytes.` : undefined;
+    if (!/^[0-9a-f]*$/i.test(plain)) return COMMON.hexDigitsOnly;
+    if (plain.length % 2 !== 0) return COMMON.twoDigitsPerByte;
+    const most = field.length || field.max_length;
+    return most > 0 && plain.length / 2 > most ? TEXT.atMostBytes(most) : undefined;
   }
-  const most = field.length || field.most;
-  return most > 0 && text.length > most ? `At most ${most} characters.` : undefined;
+  const most = field.length || field.max_length;
+  return most > 0 && text.length > most ? TEXT.atMostCharacters(most) : undefined;
 }

@@ -1,22 +1,37 @@
-/** Which sensors are there? The devices with their state, and what else was heard on this host. */
+/** The devices with their state, and other ports of this host with data. */
 import { signal } from "@preact/signals";
-import { view } from "../data/view-state";
 import { recently } from "../panels/panel-context";
 import { rateBars } from "../panels/health-history";
 import { drawBars } from "../panels/sparkline";
 import { keyWanted, trustOf } from "../panels/authenticity";
 import { api, type Port } from "../ui/http";
 import { surface } from "../ui/canvas";
-import { el, every, type Panel } from "../ui/dom";
-import { age, count, rate } from "../ui/format";
+import { el, throttle, type Panel } from "../ui/dom";
+import { age, rate } from "../ui/format";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
-import { Mounted } from "../ui/panel-host";
+import { PanelHost } from "../ui/panel-host";
 import { markOf, shortSource } from "../ui/page-state";
+import { protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
-import { type App, askKey, connect, linkOf, overlay, ports, run, scanning, scanPorts, select, sheet, tick } from "./app-state";
+import {
+  type App,
+  askKey,
+  connect,
+  linkOf,
+  overlay,
+  ports,
+  run,
+  scanning,
+  scanPorts,
+  select,
+  sheet,
+  tick,
+} from "./app-state";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/live";
 
-/** The device whose removal was asked for once; asking twice removes it. */
+/** The device whose removal was requested once; the second request removes it. */
 const removing = signal<string | undefined>(undefined);
 
 export function Rail({ app }: { readonly app: App }) {
@@ -24,35 +39,51 @@ export function Rail({ app }: { readonly app: App }) {
   const inUse = new Set(devices.map((device) => shortSource(device.source)));
   const others = ports.value.filter((port) => !inUse.has(shortSource(port.device)));
   return (
-    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label="Devices">
+    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label={COMMON.devices}>
       <div class="head">
-        <h2>Devices</h2>
+        <h2>{COMMON.devices}</h2>
         <span>{devices.length}</span>
         <span class="grow" />
-        <button type="button" class="btn icon" aria-label="Add a device" title="Add a device by its address" onClick={() => (overlay.value = "add")}>
+        <button
+          type="button"
+          class="btn icon"
+          aria-label={COMMON.addADevice}
+          title={TEXT.addDeviceByAddress}
+          onClick={() => (overlay.value = "add")}
+        >
           <Icon name="plus" />
         </button>
         {sheet.value === "rail" && (
-          <button type="button" class="btn icon" aria-label="Close the list of devices" onClick={() => (sheet.value = undefined)}>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.closeDeviceList}
+            onClick={() => (sheet.value = undefined)}
+          >
             <Icon name="close" />
           </button>
         )}
       </div>
       {devices.length > 0 && (
-        <ul class="devs">
+        <ul class="device-list">
           {inOrder(devices).map((device) => (
-            <Device key={device.id} app={app} device={device} shared={devices.filter((one) => linkOf(one) === linkOf(device)).length} />
+            <Device
+              key={device.id}
+              app={app}
+              device={device}
+              shared={devices.filter((one) => linkOf(one) === linkOf(device)).length}
+            />
           ))}
         </ul>
       )}
-      <div class="head also">
-        <h3>Also on this host</h3>
+      <div class="head further">
+        <h3>{TEXT.otherSerialPorts}</h3>
         <span class="grow" />
         <button type="button" class="btn small" disabled={scanning.value} onClick={() => void scanPorts()}>
-          {scanning.value ? "Listening…" : "Scan"}
+          {scanning.value ? TEXT.listening : TEXT.scan}
         </button>
       </div>
-      {others.length === 0 ? <p class="foot-note dim">No other serial port.</p> : null}
+      {others.length === 0 ? <p class="foot-note dim">{TEXT.noOtherSerialPort}</p> : null}
       <ul>
         {others.map((port) => (
           <Ghost key={port.device} port={port} />
@@ -62,37 +93,41 @@ export function Rail({ app }: { readonly app: App }) {
   );
 }
 
-/** As the server lists them, but those on one link below each other. */
+/** In the server's order, with those on one link together. */
 export function inOrder(devices: readonly DeviceInfo[]): readonly DeviceInfo[] {
-  return devices.filter(({ parent }) => parent === "").flatMap((own) => [own, ...devices.filter(({ parent }) => parent === own.id)]);
+  return devices
+    .filter(({ parent }) => parent === "")
+    .flatMap((own) => [own, ...devices.filter(({ parent }) => parent === own.id)]);
 }
 
 interface DeviceProps {
   readonly app: App;
   readonly device: DeviceInfo;
-  /** How many devices are on its link. */
+  /** Number of devices on its link. */
   readonly shared: number;
 }
 
 function Device({ app, device, shared }: DeviceProps) {
-  const current = view.value.device === device.id;
+  const current = app.viewState.view.value.device === device.id;
   const health = app.store.health.value.get(device.id);
   const { gaps } = recently(app, device.id);
   const { dot, word } = markOf(device.status, gaps);
   const streams = device.status === "live" && !app.store.isCut;
   return (
-    <li class={device.parent ? "dev sibling" : "dev"} {...(current ? { "aria-current": "true" as const } : {})}>
-      <button type="button" class="pick" aria-pressed={current} onClick={() => select(device.id)}>
+    <li class={device.parent ? "device sibling" : "device"} {...(current ? { "aria-current": "true" as const } : {})}>
+      <button type="button" class="choose-device" aria-pressed={current} onClick={() => select(device.id)}>
         <span class={`dot ${dot}`} />
-        <span class="vh">{word}: </span>
-        <b class="ell">{device.name}</b>
+        <span class="visually-hidden">{word}: </span>
+        <b class="ellipsis">{device.name}</b>
         <span class="rate">
           {streams && health ? rate(health.rate) : "—"}
-          <span class="u">Hz</span>
+          <span class="unit">Hz</span>
         </span>
         <Facts device={device} />
         <TrustTag device={device} health={health} />
-        {(streams || app.minute.of(device.id).some((moment) => moment.rate > 0)) && <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />}
+        {(streams || app.recentHealth.of(device.id).some((moment) => moment.rate > 0)) && (
+          <PanelHost key={device.id} class="sparkline" mount={(host) => mountSpark(host, app, device.id)} />
+        )}
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
       {current && <Acts device={device} shared={shared} />}
@@ -107,31 +142,31 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
       <br />
       {device.serial_number !== "" && (
         <>
-          <span class="nb">
+          <span class="no-wrap">
             S/N <span class="mono">{device.serial_number}</span>
           </span>
           {" · "}
         </>
       )}
-      <span class="nb" title={device.source}>
-        {device.parent ? "same link" : shortSource(device.source)}
+      <span class="no-wrap" title={device.source}>
+        {device.parent ? TEXT.sameLink : shortSource(device.source)}
       </span>
       {device.baud !== null && device.parent === "" && (
         <>
           {" · "}
-          <span class="nb">{count(device.baud, "Bd", "Bd")}</span>
+          <span class="no-wrap">{TEXT.baudRate(device.baud)}</span>
         </>
       )}
     </span>
   );
 }
 
-/** Verified or not, with what protects the frames; nothing where a protocol does not tell. */
+/** Verification state, with the frames' protection; absent if the protocol does not report it. */
 function TrustTag({ device, health }: { readonly device: DeviceInfo; readonly health: DeviceHealth | undefined }) {
   const trust = trustOf(device, health);
   if (!trust) return null;
   return (
-    <span class="trust" data-trust={trust.word}>
+    <span class="trust" data-trust={trust.state}>
       <span class={trust.tone ? `tag ${trust.tone}` : ""}>
         {trust.mark} {trust.word}
       </span>
@@ -140,21 +175,20 @@ function TrustTag({ device, health }: { readonly device: DeviceInfo; readonly he
   );
 }
 
-/** Protocols by the names their documents use. */
-const PROTOCOLS: Readonly<Record<string, string>> = { xbus: "Xbus", isb: "ISB", idtp: "IDTP" };
-
-/** What is known of the product beyond the name above it. */
+/** Product details beyond the name above. */
 function productWords(device: DeviceInfo): string {
   const { name, product, protocol, firmware } = device;
-  if (protocol === "") return "nothing known yet";
-  const said = product === name ? "" : product || (unreadHint(device) ? "product unknown until read" : "product unknown");
-  return [said, PROTOCOLS[protocol] ?? protocol, firmware && `firmware ${firmware}`].filter(Boolean).join(" · ");
+  if (protocol === "") return TEXT.protocolUnknown;
+  const said =
+    product === name ? "" : product || (unreadHint(device) ? TEXT.productUnknownUntilRead : TEXT.productUnknown);
+  return [said, protocolOf(protocol)?.short ?? protocol, firmware && COMMON.firmware(firmware)]
+    .filter(Boolean)
+    .join(" · ");
 }
 
-/** Why an MTi has no name yet, and what helps. */
-function unreadHint({ protocol, product, link }: DeviceInfo): string | undefined {
-  if (protocol !== "xbus" || product !== "" || link === "file") return undefined;
-  return "An MTi does not say what it is while it measures: reading its settings stops it for about a second and asks it.";
+/** Why a device has no name yet, and what helps; "" for nothing. */
+function unreadHint({ protocol, product, link }: DeviceInfo): string {
+  return product !== "" || link === "file" ? "" : (protocolOf(protocol)?.identify_hint ?? "");
 }
 
 interface WhyProps {
@@ -164,45 +198,46 @@ interface WhyProps {
   readonly gaps: number;
 }
 
-/** The line that says why a device wants to be looked at; nothing while all is well. */
+/** The line that says why a device needs attention; absent while all is well. */
 function Why({ app, device, health, gaps }: WhyProps) {
   if (device.status === "live") {
     if (gaps === 0) return null;
     return (
       <span class="why">
-        <span class="tag warn">{count(gaps, "gap")}</span>in the last minute
+        <span class="tag warn">{TEXT.gapCount(gaps)}</span>
+        {TEXT.inTheLastMinute}
       </span>
     );
   }
   void tick.value;
   const now = app.store.serverNow();
   const last = health?.last_arrival ?? device.last_arrival;
-  const ago = last === null || last === undefined ? "" : `${age(now - last).value} ${age(now - last).unit} ago`;
-  const left = device.next_try === null ? 0 : Math.ceil(device.next_try - now);
-  const next = left > 0 ? `next try ${left} s` : "";
+  const ago = last === null || last === undefined ? "" : TEXT.timeAgo(age(now - last).value, age(now - last).unit);
+  const left = device.next_attempt === null ? 0 : Math.ceil(device.next_attempt - now);
+  const next = left > 0 ? TEXT.nextAttempt(left) : "";
   const words = [ago, next].filter(Boolean).join(" · ");
   const [tone, name] = WANTS[device.wants] ?? NAMES[device.status];
-  const wanted = device.status === "connecting" && keyWanted(health) !== ""; // it is heard, and refused
+  const wanted = device.status === "connecting" && keyWanted(health) !== ""; // it is received, and refused
   return (
     <span class="why">
-      <span class={`tag ${wanted ? "warn" : tone}`}>{wanted ? "Key missing" : name}</span>
-      {device.status === "connecting" && next === "" ? (device.tries.at(-1)?.what ?? "") : words}
+      <span class={`tag ${wanted ? "warn" : tone}`}>{wanted ? TEXT.keyNeeded : name}</span>
+      {device.status === "connecting" && next === "" ? (device.attempts.at(-1)?.what ?? "") : words}
     </span>
   );
 }
 
-/** What a device waits for while bytes come and nothing of them can be shown. */
+/** What a device waits for while bytes arrive and none can be shown. */
 const WANTS: Readonly<Partial<Record<DeviceInfo["wants"], readonly [string, string]>>> = {
-  key: ["warn", "Key missing"],
-  rearm: ["warn", "Restarted"],
+  key: ["warn", TEXT.keyNeeded],
+  rearm: ["warn", TEXT.restarted],
 };
 
 const NAMES: Readonly<Record<Exclude<DeviceInfo["status"], "live">, readonly [string, string]>> = {
-  connecting: ["", "Connecting"],
-  lost: ["bad", "Lost"],
-  denied: ["bad", "Not permitted"],
-  idle: ["", "Idle"],
-  ended: ["", "Ended"],
+  connecting: ["", COMMON.connecting],
+  lost: ["bad", COMMON.lost],
+  denied: ["bad", COMMON.notPermitted],
+  idle: ["", TEXT.idle],
+  ended: ["", COMMON.ended],
 };
 
 function Acts({ device, shared }: { readonly device: DeviceInfo; readonly shared: number }) {
@@ -212,41 +247,41 @@ function Acts({ device, shared }: { readonly device: DeviceInfo; readonly shared
       void run(api.removeDevice(linkOf(device)));
     };
     return (
-      <div class="acts">
-        <span class="grow">{shared > 1 ? `Remove all ${shared} devices of this link?` : `Remove ${device.name}?`}</span>
+      <div class="actions">
+        <span class="grow">{shared > 1 ? TEXT.confirmRemoveLink(shared) : TEXT.confirmRemove(device.name)}</span>
         <button type="button" class="btn small edge" onClick={remove}>
-          Remove
+          {TEXT.remove}
         </button>
         <button type="button" class="btn small" onClick={() => (removing.value = undefined)}>
-          Keep
+          {COMMON.cancel}
         </button>
       </div>
     );
   }
   return (
-    <div class="acts">
+    <div class="actions">
       {device.status !== "live" && (
         <button type="button" class="btn small edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
-          {device.status === "ended" ? "Play again" : "Try now"}
+          {device.status === "ended" ? TEXT.playAgain : TEXT.tryNow}
         </button>
       )}
-      {device.protocol === "idtp" && (
+      {(protocolOf(device.protocol)?.options.length ?? 0) > 0 && (
         <button type="button" class="btn small" onClick={() => askKey(device)}>
-          Reading…
+          {TEXT.reading}
         </button>
       )}
       <span class="grow" />
       <button type="button" class="btn small" onClick={() => (removing.value = device.id)}>
-        {shared > 1 ? "Remove the link" : "Remove"}
+        {shared > 1 ? TEXT.removeLink : TEXT.remove}
       </button>
     </div>
   );
 }
 
 function mountSpark(host: HTMLElement, app: App, id: string): Panel {
-  const canvas = el("canvas", { role: "img", "aria-label": "Samples per second, last minute" });
+  const canvas = el("canvas", { role: "img", "aria-label": TEXT.samplesPerSecondLastMinute });
   host.append(canvas);
-  const due = every(2);
+  const due = throttle(2);
   let redraw = true;
   const to = surface(canvas, () => {
     redraw = true;
@@ -256,7 +291,7 @@ function mountSpark(host: HTMLElement, app: App, id: string): Panel {
       if (!due(now) && !redraw) return;
       redraw = false;
       const gone = app.store.devices.peek().find((device) => device.id === id)?.status === "lost";
-      drawBars(to, rateBars(app.minute.of(id), app.store.serverNow(), 60), gone);
+      drawBars(to, rateBars(app.recentHealth.of(id), app.store.serverNow(), 60), gone);
     },
     dispose() {
       to.dispose();
@@ -265,31 +300,38 @@ function mountSpark(host: HTMLElement, app: App, id: string): Panel {
   };
 }
 
-/** A port that no device uses: what was heard there, and a way to connect to it. */
+/** A port without a device: the data found there, and a way to connect to it. */
 function Ghost({ port }: { readonly port: Port }) {
   const free = port.busy === "" && port.denied === "";
   return (
-    <li class="dev ghost">
-      <div class="pick">
+    <li class="device ghost">
+      <div class="choose-device">
         <span class="dot off" />
-        <b class="ell">{shortSource(port.device)}</b>
+        <b class="ellipsis">{shortSource(port.device)}</b>
         {free ? (
-          <button type="button" class="btn small edge" aria-label={`Connect to ${shortSource(port.device)}`} onClick={() => void connect(port.device)}>
-            Connect
+          <button
+            type="button"
+            class="btn small edge"
+            aria-label={TEXT.connectTo(shortSource(port.device))}
+            onClick={() => void connect(port.device)}
+          >
+            {TEXT.connect}
           </button>
         ) : (
           <span />
         )}
-        <span class="facts"><Message text={portWords(port)} /></span>
+        <span class="facts">
+          <Message text={portWords(port)} />
+        </span>
       </div>
     </li>
   );
 }
 
-/** One line about a port: why it cannot be opened, else what was heard, else what it is. */
+/** One line about a port: why it cannot be opened, else the data found, else its description. */
 export function portWords(port: Port): string {
   if (port.denied !== "") return port.denied;
-  if (port.busy !== "") return `In use by ${port.busy}.`;
+  if (port.busy !== "") return TEXT.inUseBy(port.busy);
   const last = port.heard.at(-1);
-  return last ? `${last.what}: ${last.outcome}` : `${port.description}. Not listened to yet.`;
+  return last ? `${last.what}: ${last.outcome}` : TEXT.notScanned(port.description);
 }

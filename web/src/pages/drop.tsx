@@ -1,16 +1,17 @@
-/** Files dropped anywhere on the page go into the library: a browser left to itself would leave the page and open them. */
+/** Files dropped anywhere on the page go into the library; by default a browser would leave the page and open them. */
 import { signal } from "@preact/signals";
 import { go, route } from "./route";
+import { TEXT } from "../texts/live";
 
 /** Files are over the page. */
 const hovering = signal(false);
 
-/** Is it files that are dragged? Words of the page itself are not ours. */
+/** Whether files are dragged, not text of the page. */
 export function bringsFiles(types: readonly string[] | undefined): boolean {
   return types?.includes("Files") ?? false;
 }
 
-/** Takes them from here on. What handles a drop by itself says so with `preventDefault`. */
+/** Starts handling drops. Other handlers mark theirs by `preventDefault`. */
 export function startDrop(): void {
   const isOurs = (event: DragEvent): boolean => !event.defaultPrevented && bringsFiles(event.dataTransfer?.types);
   window.addEventListener("dragover", (event) => {
@@ -32,12 +33,12 @@ export function startDrop(): void {
   });
 }
 
-/** What a drop would do, over everything while files are held. */
+/** Overlay with the effect of a drop, while files are dragged over the page. */
 export function DropVeil() {
   if (!hovering.value) return null;
   return (
-    <div class="dropveil" role="status">
-      <p>Drop to add to the recordings</p>
+    <div class="drop-veil" role="status">
+      <p>{TEXT.dropToAdd}</p>
     </div>
   );
 }

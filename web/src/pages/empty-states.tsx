@@ -1,27 +1,34 @@
-/** What stands in the plots' place while there is nothing to plot: the cause, the facts seen, and one main action. */
+/** Placeholder for the plots while there is nothing to plot: the cause, the facts, and one main action. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { api, type Problem } from "../ui/http";
 import { age } from "../ui/format";
 import { Message } from "../ui/message";
 import { shortSource } from "../ui/page-state";
-import type { DeviceInfo, Try } from "../wire/types";
+import { capabilities } from "../wire/capabilities";
+import type { DeviceInfo, Attempt } from "../wire/types";
 import { type App, connect, linkOf, overlay, ports, problem, run, scanning, scanPorts, tick } from "./app-state";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/live";
 
-/** Why the server does not let us in, once asked. */
+/** Why the server refuses access, once known. */
 export const refusal = signal<Problem | undefined>(undefined);
 
 export function Starting() {
   const refused = refusal.value;
   return (
-    <Card title={refused ? "The server does not let this page in" : "Connecting to imuscope"} dot={refused ? "bad" : "off"}>
-      <p>{refused ? <Message text={refused.message} /> : "The page is here; the live connection to the server is being opened."}</p>
-      {refused && <p class="hint"><Message text={refused.hint || "Open the address that was printed when imuscope was started: it carries the token."} /></p>}
+    <Card title={refused ? TEXT.accessRefused : TEXT.connectingToImuscope} dot={refused ? "bad" : "off"}>
+      <p>{refused ? <Message text={refused.message} /> : TEXT.connectingToServer}</p>
+      {refused && (
+        <p class="hint">
+          <Message text={refused.hint || TEXT.openPrintedAddress} />
+        </p>
+      )}
       <div class="row">
         <button type="button" class="btn main" onClick={() => location.reload()}>
-          Reload
+          {TEXT.reload}
         </button>
       </div>
     </Card>
@@ -29,31 +36,36 @@ export function Starting() {
 }
 
 export function Empty() {
+  const simulated = capabilities.value.protocols.find(({ simulator }) => simulator);
   return (
-    <Card title="No device yet">
-      <p>Plug a sensor in, or point imuscope at one.</p>
+    <Card title={TEXT.noDeviceYet}>
+      <p>{TEXT.plugInSensor}</p>
       {ports.value.length > 0 ? (
-        <ol class="tries">
+        <ol class="attempts">
           {ports.value.map((port) => (
             <li key={port.device}>
               <b>{shortSource(port.device)}</b>
-              <span><Message text={portWords(port)} /></span>
+              <span>
+                <Message text={portWords(port)} />
+              </span>
             </li>
           ))}
         </ol>
       ) : (
-        <p class="hint">No serial port was found on this host.</p>
+        <p class="hint">{TEXT.noSerialPort}</p>
       )}
       <div class="row">
         <button type="button" class="btn main" disabled={scanning.value} onClick={() => void scanPorts()}>
-          {scanning.value ? "Listening on every port…" : "Scan ports"}
+          {scanning.value ? TEXT.scanningPorts : TEXT.scanPorts}
         </button>
         <button type="button" class="btn edge" onClick={() => (overlay.value = "add")}>
-          Add an address
+          {TEXT.addAnAddress}
         </button>
-        <button type="button" class="btn" onClick={() => void connect("twin:xbus")}>
-          Start a twin
-        </button>
+        {simulated && (
+          <button type="button" class="btn" onClick={() => void connect(`sim:${simulated.name}`)}>
+            {TEXT.startASimulator}
+          </button>
+        )}
       </div>
     </Card>
   );
@@ -61,24 +73,34 @@ export function Empty() {
 
 export function Connecting({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   return (
-    <Card title={`Connecting to ${shortSource(device.source)}`} dot="off">
-      <p><Message text={device.message || "Each try is shown as it is made."} /></p>
-      <Tries tries={device.tries} />
-      {device.hint !== "" && <p class="hint"><Message text={device.hint} /></p>}
+    <Card title={TEXT.connectingTo(shortSource(device.source))} dot="off">
+      <p>
+        <Message text={device.message || TEXT.attemptsFollow} />
+      </p>
+      <Attempts attempts={device.attempts} />
+      {device.hint !== "" && (
+        <p class="hint">
+          <Message text={device.hint} />
+        </p>
+      )}
       <p class="dim">
         <NextTry app={app} device={device} />
       </p>
-      <Choices device={device} stop={device.next_try === null} />
+      <Choices device={device} stop={device.next_attempt === null} />
     </Card>
   );
 }
 
 export function Denied({ device }: { readonly device: DeviceInfo }) {
   return (
-    <Card title={`No permission for ${shortSource(device.source)}`} dot="bad">
-      <p><Message text={device.message || "The operating system does not let imuscope open this port."} /></p>
-      <p class="hint"><Message text={device.hint || "Give the user that runs imuscope access to the port, then try again."} /></p>
-      <Tries tries={device.tries} />
+    <Card title={TEXT.noPermissionFor(shortSource(device.source))} dot="bad">
+      <p>
+        <Message text={device.message || TEXT.portPermissionDenied} />
+      </p>
+      <p class="hint">
+        <Message text={device.hint || TEXT.grantPortAccess} />
+      </p>
+      <Attempts attempts={device.attempts} />
       <Choices device={device} />
     </Card>
   );
@@ -86,12 +108,16 @@ export function Denied({ device }: { readonly device: DeviceInfo }) {
 
 export function Unreached({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   return (
-    <Card title={`${device.name} cannot be reached`} dot="bad">
+    <Card title={TEXT.cannotBeReached(device.name)} dot="bad">
       <p>
         <Message text={device.message} /> <NextTry app={app} device={device} />
       </p>
-      {device.hint !== "" && <p class="hint"><Message text={device.hint} /></p>}
-      <Tries tries={device.tries} />
+      {device.hint !== "" && (
+        <p class="hint">
+          <Message text={device.hint} />
+        </p>
+      )}
+      <Attempts attempts={device.attempts} />
       <Choices device={device} />
     </Card>
   );
@@ -99,10 +125,14 @@ export function Unreached({ app, device }: { readonly app: App; readonly device:
 
 export function Silent({ device }: { readonly device: DeviceInfo }) {
   return (
-    <Card title={`${device.name} is open, and silent`} dot="off">
-      <p><Message text={device.message || "The link is up. No sample has come over it so far."} /></p>
-      <p class="hint"><Message text={device.hint || "Is the device in measurement mode, and are outputs switched on? A device in configuration mode sends nothing."} /></p>
-      <Tries tries={device.tries} />
+    <Card title={TEXT.isSilent(device.name)} dot="off">
+      <p>
+        <Message text={device.message || TEXT.linkUpNoSample} />
+      </p>
+      <p class="hint">
+        <Message text={device.hint || TEXT.silentHint} />
+      </p>
+      <Attempts attempts={device.attempts} />
       <Choices device={device} />
     </Card>
   );
@@ -113,27 +143,29 @@ function Choices({ device, stop = false }: { readonly device: DeviceInfo; readon
     <div class="row">
       {!stop && (
         <button type="button" class="btn main" onClick={() => void run(api.retryDevice(linkOf(device)))}>
-          Try now
+          {TEXT.tryNow}
         </button>
       )}
       <button type="button" class="btn edge" onClick={() => void run(api.removeDevice(linkOf(device)))}>
-        {stop ? "Stop" : "Remove"}
+        {stop ? COMMON.stop : TEXT.remove}
       </button>
       <button type="button" class="btn" onClick={() => (overlay.value = "add")}>
-        {device.link === "serial" ? "Set the baud rate myself" : "Add another address"}
+        {device.link === "serial" ? TEXT.setBaudRate : TEXT.addAnotherAddress}
       </button>
     </div>
   );
 }
 
-function Tries({ tries }: { readonly tries: readonly Try[] }) {
-  if (tries.length === 0) return null;
+function Attempts({ attempts }: { readonly attempts: readonly Attempt[] }) {
+  if (attempts.length === 0) return null;
   return (
-    <ol class="tries" aria-label="Tries so far" aria-live="polite" tabIndex={0}>
-      {tries.slice(-12).map((one) => (
+    <ol class="attempts" aria-label={TEXT.attempts} aria-live="polite" tabIndex={0}>
+      {attempts.slice(-12).map((one) => (
         <li key={`${one.time} ${one.what}`}>
           <b>{one.what}</b>
-          <span><Message text={one.outcome} /></span>
+          <span>
+            <Message text={one.outcome} />
+          </span>
         </li>
       ))}
     </ol>
@@ -162,9 +194,9 @@ function Card({ title, dot, children }: CardProps) {
 
 function NextTry({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   void tick.value;
-  if (device.next_try === null) return null;
-  const left = Math.ceil(device.next_try - app.store.serverNow());
-  return <>{left > 0 ? `Next try in ${left} s.` : "Trying now."}</>;
+  if (device.next_attempt === null) return null;
+  const left = Math.ceil(device.next_attempt - app.store.serverNow());
+  return <>{left > 0 ? TEXT.nextAttemptIn(left) : TEXT.tryingNow}</>;
 }
 
 /** The band over the plots of a device whose newest value is old. */
@@ -174,7 +206,9 @@ export function HeldBand({ app, device }: { readonly app: App; readonly device: 
   const last = app.store.health.value.get(device.id)?.last_arrival ?? device.last_arrival;
   const old = age(last === null ? undefined : app.store.serverNow() - last);
   const calm = state !== "lost";
-  const title = { lost: "lost", ended: "has ended", idle: "is quiet" }[state as "lost" | "ended" | "idle"];
+  const title = { lost: COMMON.status.lost, ended: TEXT.hasEnded, idle: TEXT.isIdle }[
+    state as "lost" | "ended" | "idle"
+  ];
   return (
     <div class={`band ${calm ? "calm" : ""}`} role="status">
       <span class={`dot ${calm ? "off" : "bad"}`} />
@@ -183,17 +217,18 @@ export function HeldBand({ app, device }: { readonly app: App; readonly device: 
       </b>
       <span class="mid">
         <Message text={device.message} />
-        {last !== null && ` Last sample ${old.value} ${old.unit} ago.`} <NextTry app={app} device={device} /> <Message text={device.hint} />
+        {last !== null && TEXT.lastSampleAgo(old.value, old.unit)} <NextTry app={app} device={device} />{" "}
+        <Message text={device.hint} />
       </span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
-        {state === "ended" ? "Play again" : "Try now"}
+        {state === "ended" ? TEXT.playAgain : TEXT.tryNow}
       </button>
     </div>
   );
 }
 
-/** The band of a page that has lost its server: what is on screen stays, and says that it is old. */
+/** The band of a page without its server: the display stays and is marked as old. */
 export function OfflineBand({ app }: { readonly app: App }) {
   void tick.value;
   const refused = refusal.value;
@@ -202,28 +237,30 @@ export function OfflineBand({ app }: { readonly app: App }) {
   return (
     <div class="band" role="alert">
       <span class="dot bad" />
-      <b>{refused ? "The server refuses this page" : since === undefined ? "No connection to imuscope" : "Nothing comes from imuscope"}</b>
+      <b>{refused ? TEXT.accessRefused : since === undefined ? TEXT.noConnection : TEXT.noDataFromServer}</b>
       <span class="mid">
-        {refused
-          ? <Message text={`${refused.message} ${refused.hint}`} />
-          : since === undefined
-            ? "The server has stopped or the network is down. What you see is what came before; the page tries again by itself."
-            : `For ${silent.value} ${silent.unit}: the network is down or the server hangs. What you see is what came before.`}
+        {refused ? (
+          <Message text={`${refused.message} ${refused.hint}`} />
+        ) : since === undefined ? (
+          TEXT.serverStopped
+        ) : (
+          TEXT.silentFor(silent.value, silent.unit)
+        )}
       </span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => app.store.retry()}>
-        Try now
+        {TEXT.tryNow}
       </button>
     </div>
   );
 }
 
-/** Where the WebSocket is: the page's own host, with the page's own kind of security. */
+/** Address of the WebSocket: the page's own host, with the page's own kind of security. */
 export function socketUrl(): string {
   return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`;
 }
 
-/** What every page tells in bands of its own: a request that failed, until it is read, and a recording that has ended. */
+/** Bands of every page: a failed request, until it is read, and a recording that has ended. */
 export function ProblemBand() {
   return (
     <>
@@ -239,11 +276,15 @@ function FailedBand() {
   return (
     <div class="band" role="alert">
       <span class="dot bad" />
-      <b><Message text={shown.message} /></b>
-      <span class="mid"><Message text={shown.hint} /></span>
+      <b>
+        <Message text={shown.message} />
+      </b>
+      <span class="mid">
+        <Message text={shown.hint} />
+      </span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => (problem.value = undefined)}>
-        Close
+        {COMMON.close}
       </button>
     </div>
   );

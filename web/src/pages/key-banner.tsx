@@ -1,8 +1,9 @@
-/** Data that are refused or shown without a check, and what to do about it: bands of their own, never on the data. */
+/** Bands for refused or unverified data and the remedy, never over the data. */
 import { keyWanted, keyWrong, trustOf } from "../panels/authenticity";
 import { api } from "../ui/http";
 import { Message } from "../ui/message";
 import { type App, askKey, linkOf, run } from "./app-state";
+import { TEXT } from "../texts/live";
 
 /** Secure devices on the link of the selected one that restarted: their frames are refused until an operator re-arms them. */
 export function RearmBand({ app }: { readonly app: App }) {
@@ -12,16 +13,13 @@ export function RearmBand({ app }: { readonly app: App }) {
   return (
     <>
       {link.rearm.map((sender) => (
-        <div class="band caution" role="status" data-rearm={sender} key={sender}>
+        <div class="band warning" role="status" data-rearm={sender} key={sender}>
           <span class="dot warn" />
-          <b>Sequence of {sender} restarted</b>
-          <span class="mid">
-            Device {sender} sends old sequence numbers, which Secure mode refuses. Re-arm it if you restarted it. If nobody did, somebody may be playing
-            captured frames again.
-          </span>
+          <b>{TEXT.sequenceRestarted(sender)}</b>
+          <span class="mid">{TEXT.oldSequenceNumbers(sender)}</span>
           <span class="grow" />
           <button type="button" class="btn edge" onClick={() => void run(api.rearmDevice(link.id, sender))}>
-            Re-arm {sender}
+            {TEXT.rearm(sender)}
           </button>
         </div>
       ))}
@@ -29,25 +27,25 @@ export function RearmBand({ app }: { readonly app: App }) {
   );
 }
 
-/** For the selected device: frames that need a key, a key that does not fit, or data that nobody could check. */
+/** For the selected device: frames that need a key, a wrong key, or data that could not be verified. */
 export function KeyBand({ app }: { readonly app: App }) {
   const device = app.device.value;
   if (!device) return null;
   const health = app.store.health.value.get(device.id);
-  const unverified = trustOf(device, health)?.word === "unverified" && device.protocol !== "";
+  const unverified = trustOf(device, health)?.state === "unverified" && device.protocol !== "";
   const refused = keyWanted(health) || keyWrong(health);
   if (!unverified && refused === "") return null;
   return (
-    <div class="band caution" role="status" data-key="wanted">
+    <div class="band warning" role="status" data-key="wanted">
       <span class="dot warn" />
-      <b>{unverified ? "Shown unverified" : "A key is needed"}</b>
+      <b>{unverified ? TEXT.shownUnverified : TEXT.keyNeeded}</b>
       <span class="mid">
-        {unverified ? "Nobody could check who sent these data. " : <Message text={`${refused} `} />}
-        Give the key here, or start with <code>--key</code>.
+        {unverified ? TEXT.unverifiedData : <Message text={`${refused} `} />}
+        {TEXT.enterKeyHere} <code>{TEXT.keyOption}</code>.
       </span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => askKey(device)}>
-        Give the key…
+        {TEXT.enterKey}
       </button>
     </div>
   );

@@ -1,6 +1,4 @@
-/** Makes keys do what the table in ui/keys.ts says. */
-import * as actions from "../data/view-actions";
-import { cursor, measure, view } from "../data/view-state";
+/** Handles keys by the table in ui/keys.ts. */
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
 import { type App, overlay, sheet } from "./app-state";
 import { showsPlots } from "../ui/page-state";
@@ -10,8 +8,9 @@ import { go, PAGES, type PageName, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
   const onKey = (event: KeyboardEvent): void => {
-    // A dialog has its own keys, and closes on Esc by itself.
-    if (event.defaultPrevented || overlay.value !== undefined || document.querySelector("dialog[open]") !== null) return;
+    // a dialog has its own keys, and closes on Esc by itself
+    if (event.defaultPrevented || overlay.value !== undefined || document.querySelector("dialog[open]") !== null)
+      return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const type = target instanceof HTMLInputElement ? target.type : "";
     if (belongsToControl(target.tagName, type, target.isContentEditable, event)) return;
@@ -26,11 +25,12 @@ export function startKeyboard(app: App): () => void {
     if (action.do === "help") overlay.value = "help";
     else if (action.do === "record") void toggleRecord(app);
     else if (action.do === "askRecord") askForRecord(app);
-    else if (route.value.recording !== undefined) return; // a recording that is open has keys of its own
+    else if (route.value.recording !== undefined)
+      return; // an open recording has keys of its own
     else if (action.do === "mark") void mark(app);
     else if (action.do === "note") beginNote(app);
-    else if (action.do === "close") close();
-    else if (route.value.page === "live" && showsPlots(app.state.value)) act(action);
+    else if (action.do === "close") close(app);
+    else if (route.value.page === "live" && showsPlots(app.state.value)) act(action, app);
     else return;
     event.preventDefault();
   };
@@ -38,11 +38,11 @@ export function startKeyboard(app: App): () => void {
   return () => removeEventListener("keydown", onKey);
 }
 
-/** How long the second key of "G, then a letter" is waited for. */
+/** How long the second key of "G, then a letter" is awaited. */
 const CHORD_MS = 1500;
 let goPressed = -Infinity;
 
-/** The page that "G, then L" asks for. */
+/** The page of "G, then L". */
 function pageAfter(event: KeyboardEvent): PageName | undefined {
   if (event.ctrlKey || event.altKey || event.metaKey) return undefined;
   const key = event.key.toLowerCase();
@@ -51,14 +51,15 @@ function pageAfter(event: KeyboardEvent): PageName | undefined {
   return waits ? PAGES.find(({ title }) => title.charAt(0).toLowerCase() === key)?.name : undefined;
 }
 
-/** Esc: what lies on top first, then the measuring cursor, then the pinned one. */
-function close(): void {
+/** Esc: closes the topmost overlay, then the measuring cursor, then the pinned one. */
+function close({ viewState: { cursor, measure } }: App): void {
   if (sheet.value) sheet.value = undefined;
   else if (measure.value !== undefined) measure.value = undefined;
   else if (cursor.value?.kind === "pinned") cursor.value = undefined;
 }
 
-function act(action: KeyAction): void {
+function act(action: KeyAction, app: App): void {
+  const { view, actions } = app.viewState;
   switch (action.do) {
     case "playPause":
       return view.value.live ? actions.pause() : actions.live();
@@ -79,7 +80,7 @@ function act(action: KeyAction): void {
     case "timeBase":
       return actions.toggleTimeBase();
     case "link":
-      return void shareLive();
+      return void shareLive(app.viewState);
     case "series":
       return actions.toggleSeries(action.index, action.alone);
     case "record":

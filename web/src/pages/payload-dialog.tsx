@@ -1,12 +1,14 @@
-/** Says what a vendor's own payload means: a short text in TOML, which the server judges; what was only bytes becomes plots. */
+/** Defines a vendor's own payload: a short text in TOML, checked by the server; its bytes become plots. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { descriptionOf } from "../panels/hex";
 import { api, type Problem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Message } from "../ui/message";
-import type { RawPayload } from "../wire/types";
+import type { UnknownPayload } from "../wire/types";
 import { type App, linkOf } from "./app-state";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/live";
 
 const text = signal("");
 const problem = signal<Problem | undefined>(undefined);
@@ -14,11 +16,12 @@ const busy = signal(false);
 
 interface Props {
   readonly app: App;
-  readonly payload: RawPayload;
+  readonly payload: UnknownPayload;
   readonly onClose: () => void;
 }
 
 export function Describe({ app, payload, onClose }: Props) {
+  // biome-ignore lint/correctness/useExhaustiveDependencies: restarts with another payload only, not with each of its samples
   useEffect(() => {
     text.value = descriptionOf(payload.id, payload.size);
     problem.value = undefined;
@@ -34,9 +37,9 @@ export function Describe({ app, payload, onClose }: Props) {
     if (outcome.ok) onClose();
   };
   return (
-    <Dialog title={`Describe ${payload.name}`} onClose={onClose}>
+    <Dialog title={TEXT.definePayload(payload.name)} onClose={onClose}>
       <form class="form" onSubmit={(event) => void submit(event)}>
-        <label for="description">Its fields, in the order of the bytes</label>
+        <label for="description">{TEXT.payloadFields}</label>
         <textarea
           id="description"
           class="mono"
@@ -50,19 +53,21 @@ export function Describe({ app, payload, onClose }: Props) {
           aria-describedby="description-hint"
         />
         <p class="hint" id="description-hint">
-          Kept until imuscope stops. For good, put the same text into a file and start with <code>--schema FILE</code>.
+          {TEXT.definitionLifetime} <code>{TEXT.schemaOption}</code>.
         </p>
         {problem.value && (
           <div class="problem" role="alert">
-            <b><Message text={problem.value.message} /></b>
+            <b>
+              <Message text={problem.value.message} />
+            </b>
           </div>
         )}
         <div class="row">
           <button type="button" class="btn" onClick={onClose}>
-            Cancel
+            {COMMON.cancel}
           </button>
           <button type="submit" class="btn main" disabled={busy.value}>
-            {busy.value ? "Sending…" : "Use this description"}
+            {busy.value ? COMMON.sending : TEXT.useDefinition}
           </button>
         </div>
       </form>

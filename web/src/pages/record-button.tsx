@@ -1,6 +1,6 @@
 /**
- * The record button, in the bar of every page: one click begins, one ends, and what was recorded is told with a link to it; what goes
- * wrong while recording stands beside it.
+ * The record button, in the bar of every page: one click starts, one stops; the recording is then shown with a link to it, and problems
+ * during recording are shown beside it.
  */
 import { effect, signal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
@@ -11,19 +11,21 @@ import { Icon } from "../ui/icons";
 import type { RecorderState } from "../wire/types";
 import { type App, problem, run, tick } from "./app-state";
 import { href } from "./route";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/live";
 
-/** Behind by more than this, s, or with less than this left on the disk, s, it wants to be read. */
+/** With a longer delay, s, or less time left on the disk, s, it needs attention. */
 const BEHIND_S = 0.5;
 const LEFT_S = 900;
-/** How long the button says that a marker was dropped, ms. */
+/** How long the button confirms a marker, ms. */
 const SAID_MS = 2500;
 
-/** When a note was begun, unix s: it is put there, however long it takes to write. */
+/** Time at which a note was begun, unix s: its position, however long it takes to write. */
 const noteAt = signal<number | undefined>(undefined);
-/** What was dropped last, in words. */
+/** Confirmation of the last marker or note. */
 const said = signal("");
 
-/** A recording that has ended, until that was read. */
+/** A recording that has ended, until it is dismissed. */
 export interface Saved {
   readonly id: string;
   readonly title: string;
@@ -33,10 +35,20 @@ export interface Saved {
 }
 export const saved = signal<Saved | undefined>(undefined);
 
-/** What was recorded, when `now` follows `before`; undefined while it goes on, and where it failed. */
-export function endedOf(before: RecorderState | undefined, now: RecorderState | undefined, at: number, names: readonly string[] = []): Saved | undefined {
+/** The recording that ended between `before` and `now`; undefined while it goes on, and if it failed. */
+export function endedOf(
+  before: RecorderState | undefined,
+  now: RecorderState | undefined,
+  at: number,
+  names: readonly string[] = [],
+): Saved | undefined {
   if (!before?.running || !now || now.running || now.message !== "") return undefined;
-  return { id: before.id, title: before.title || [...new Set(names)].join(" + ") || before.id, duration: before.started === null ? null : at - before.started, bytes: Math.max(before.bytes, now.bytes) };
+  return {
+    id: before.id,
+    title: before.title || [...new Set(names)].join(" + ") || before.id,
+    duration: before.started === null ? null : at - before.started,
+    bytes: Math.max(before.bytes, now.bytes),
+  };
 }
 
 export const isRecording = (app: App): boolean => app.store.recorder.value?.running === true;
@@ -45,13 +57,13 @@ export async function toggleRecord(app: App): Promise<void> {
   await run(isRecording(app) ? server.stop() : server.start({ devices: null, title: "" }));
 }
 
-/** The key alone does nothing but say which one records: it lies beside those that are pressed often. */
+/** The first press only shows the second key: it lies beside keys that are pressed often. */
 export function askForRecord(app: App): void {
   asking.value = true;
-  say(isRecording(app) ? "Shift R ends the recording" : "Shift R records");
+  say(isRecording(app) ? TEXT.shiftREndsRecording : TEXT.shiftRRecords);
 }
 
-/** The button shows its key, because half of that was pressed. */
+/** Whether the button shows its second key, after the first was pressed. */
 const asking = signal(false);
 
 function say(words: string): void {
@@ -65,25 +77,37 @@ function say(words: string): void {
 let saying: ReturnType<typeof setTimeout> | undefined;
 
 /** Drop a marker now. */
-export async function mark(app: App, text = "", kind: "marker" | "note" = "marker", time = app.store.serverNow()): Promise<void> {
+export async function mark(
+  app: App,
+  text = "",
+  kind: "marker" | "note" = "marker",
+  time = app.store.serverNow(),
+): Promise<void> {
   const done = await run(server.mark({ text, kind, time, device: "" }));
   if (done === undefined) return;
-  say(`${kind === "note" ? "Note" : "Marker"} at ${clock(time)}`);
+  say(TEXT.markerSet(kind === "note" ? TEXT.note : COMMON.marker, clock(time)));
 }
 
-/** Ask for the words of a note that belongs here. */
+/** Ask for the words of a note at this time. */
 export function beginNote(app: App): void {
   if (isRecording(app)) noteAt.value = app.store.serverNow();
 }
 
-/** A recording that stopped by itself says so on whatever page is open. */
+/** Shows on every page that a recording stopped by itself. */
 export function watchRecorder(app: App): void {
   let told = "";
   let before: RecorderState | undefined;
   effect(() => {
     const now = app.store.recorder.value;
-    const heard = app.store.devices.peek().filter(({ id, last_arrival: last }) => before?.devices.includes(id) && last !== null);
-    const ended = endedOf(before, now, app.store.serverNow(), heard.map(({ name }) => name));
+    const heard = app.store.devices
+      .peek()
+      .filter(({ id, last_arrival: last }) => before?.devices.includes(id) && last !== null);
+    const ended = endedOf(
+      before,
+      now,
+      app.store.serverNow(),
+      heard.map(({ name }) => name),
+    );
     if (ended) saved.value = ended;
     else if (now?.running) saved.value = undefined;
     before = now;
@@ -97,7 +121,8 @@ export function watchRecorder(app: App): void {
   effect(() => {
     const state = app.store.recorder.value;
     const message = state?.message ?? "";
-    if (state && message !== "" && message !== told) problem.value = { kind: "recorder", message, hint: state.hint, status: 0 };
+    if (state && message !== "" && message !== told)
+      problem.value = { kind: "recorder", message, hint: state.hint, status: 0 };
     told = message;
   });
 }
@@ -109,9 +134,16 @@ export function Record({ app }: { readonly app: App }) {
   if (!state.running) {
     return (
       <>
-        <button type="button" class="btn edge recbtn" aria-label="Record" title="Record every device (Shift R)" disabled={app.store.devices.value.length === 0} onClick={() => void toggleRecord(app)}>
-          <i class="recdot" />
-          <span class="desk">{asking.value ? "Shift R" : "Record"}</span>
+        <button
+          type="button"
+          class="btn edge record-button"
+          aria-label={TEXT.record}
+          title={TEXT.recordAllDevices}
+          disabled={app.store.devices.value.length === 0}
+          onClick={() => void toggleRecord(app)}
+        >
+          <i class="record-dot" />
+          <span class="desk">{asking.value ? TEXT.shiftR : TEXT.record}</span>
         </button>
         <Said />
       </>
@@ -119,8 +151,9 @@ export function Record({ app }: { readonly app: App }) {
   }
   const size = bytes(state.bytes);
   const time = length(state.started === null ? null : Math.max(0, app.store.serverNow() - state.started));
-  const behind = state.behind_s > BEHIND_S ? `${age(state.behind_s).value} ${age(state.behind_s).unit} behind` : "";
-  const left = state.seconds_left !== null && state.seconds_left < LEFT_S ? `disk full in ${length(state.seconds_left)}` : "";
+  const behind = state.behind_s > BEHIND_S ? TEXT.behindBy(age(state.behind_s).value, age(state.behind_s).unit) : "";
+  const left =
+    state.seconds_left !== null && state.seconds_left < LEFT_S ? TEXT.diskFullIn(length(state.seconds_left)) : "";
   return (
     <>
       {(behind || left) && (
@@ -128,15 +161,27 @@ export function Record({ app }: { readonly app: App }) {
           {[left, behind].filter(Boolean).join(", ")}
         </span>
       )}
-      <button type="button" class="rec" aria-label={`Stop recording, ${time}, ${size.value} ${size.unit}`} title={`Stop recording ${state.title || state.id} (Shift R)`} onClick={() => void toggleRecord(app)}>
-        <i class="recdot" />
-        <span class="rectime">{asking.value ? "Shift R" : time}</span>
-        <span class="recsize desk">
+      <button
+        type="button"
+        class="stop-recording"
+        aria-label={TEXT.stopRecordingState(time, size.value, size.unit)}
+        title={TEXT.stopRecordingTitle(state.title || state.id)}
+        onClick={() => void toggleRecord(app)}
+      >
+        <i class="record-dot" />
+        <span class="recording-time">{asking.value ? TEXT.shiftR : time}</span>
+        <span class="recording-size desk">
           {size.value}
-          <span class="u">{size.unit}</span>
+          <span class="unit">{size.unit}</span>
         </span>
       </button>
-      <button type="button" class={`btn icon flag ${said.value && !asking.value ? "just" : ""}`} aria-label="Drop a marker" title="Drop a marker (M); with words: Shift M" onClick={(event) => void (event.shiftKey ? beginNote(app) : mark(app))}>
+      <button
+        type="button"
+        class={`btn icon flag ${said.value && !asking.value ? "just-done" : ""}`}
+        aria-label={TEXT.addMarker}
+        title={TEXT.addMarkerHint}
+        onClick={(event) => void (event.shiftKey ? beginNote(app) : mark(app))}
+      >
         <Icon name="flag" />
       </button>
       {noteAt.value !== undefined && <Note app={app} time={noteAt.value} />}
@@ -145,16 +190,16 @@ export function Record({ app }: { readonly app: App }) {
   );
 }
 
-/** What was just done, or is to be done: in words for who does not see the button change, and the line on the plots. */
+/** The last or next action, in words for screen readers, and the line on the plots. */
 function Said() {
   return (
-    <span class="vh" role="status">
+    <span class="visually-hidden" role="status">
       {said.value}
     </span>
   );
 }
 
-/** A recording that has ended: where it is. In a band of its own on every page, until it is read. */
+/** A recording that has ended, with its link; a band on every page, until dismissed. */
 export function SavedBand() {
   const one = saved.value;
   if (!one) return null;
@@ -164,15 +209,15 @@ export function SavedBand() {
   };
   return (
     <div class="band calm saved" role="status">
-      <b class="ell">{one.title} is recorded</b>
+      <b class="ellipsis">{TEXT.recordingSaved(one.title)}</b>
       <span class="mid">
         {length(one.duration)} · {size.value} {size.unit}
       </span>
       <span class="grow" />
       <a class="btn edge" href={href("recordings", one.id)} onClick={close}>
-        Open
+        {COMMON.open}
       </a>
-      <button type="button" class="btn icon" aria-label="Close" onClick={close}>
+      <button type="button" class="btn icon" aria-label={COMMON.close} onClick={close}>
         <Icon name="close" />
       </button>
     </div>
@@ -182,7 +227,7 @@ export function SavedBand() {
 /** The words of a note, in a field under the bar. */
 function Note({ app, time }: { readonly app: App; readonly time: number }) {
   const field = useRef<HTMLInputElement>(null);
-  useLayoutEffect(() => field.current?.focus(), []); // before the next key is pressed: it belongs to the words
+  useLayoutEffect(() => field.current?.focus(), []); // before the next key is pressed: it belongs to the note
   const close = (): void => {
     noteAt.value = undefined;
   };
@@ -192,15 +237,15 @@ function Note({ app, time }: { readonly app: App; readonly time: number }) {
     close();
   };
   return (
-    <form class="notefield" onSubmit={send} onKeyDown={(event) => event.key === "Escape" && close()}>
+    <form class="note-form" onSubmit={send} onKeyDown={(event) => event.key === "Escape" && close()}>
       <label class="field">
-        <span class="vh">Note at {clock(time)}</span>
-        <input ref={field} maxLength={2000} placeholder={`Note at ${clock(time)}`} />
+        <span class="visually-hidden">{TEXT.noteAt(clock(time))}</span>
+        <input ref={field} maxLength={2000} placeholder={TEXT.noteAt(clock(time))} />
       </label>
       <button type="submit" class="btn main">
-        Keep
+        {COMMON.save}
       </button>
-      <button type="button" class="btn icon" aria-label="No note" onClick={close}>
+      <button type="button" class="btn icon" aria-label={TEXT.discardNote} onClick={close}>
         <Icon name="close" />
       </button>
     </form>

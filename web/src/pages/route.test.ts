@@ -3,7 +3,12 @@ import { href, parse } from "./route";
 
 it("reads what it writes, whatever the names hold", () => {
   const place = "AlignmentRotation.RotSensor";
-  expect(parse(href("configure", "1.102", place))).toEqual({ page: "configure", device: "1.102", place, more: undefined });
+  expect(parse(href("configure", "1.102", place))).toEqual({
+    page: "configure",
+    device: "1.102",
+    place,
+    more: undefined,
+  });
   expect(parse(href("configure", "1", "compare", "a/b %"))).toMatchObject({ place: "compare", more: "a/b %" });
   expect(href("configure", "1", undefined, "x")).toBe("#/configure/1");
   expect(parse(href("live"))).toMatchObject({ page: "live" });
@@ -18,7 +23,11 @@ it("leaves other hashes alone", () => {
 
 it("opens a recording where its link says", () => {
   expect(parse(href("recordings"))).toMatchObject({ page: "recordings", recording: undefined });
-  expect(parse(`${href("recordings", "a/b ?")}?t0=1.5&cursor=2`)).toMatchObject({ page: "recordings", recording: "a/b ?", query: "t0=1.5&cursor=2" });
+  expect(parse(`${href("recordings", "a/b ?")}?t0=1.5&cursor=2`)).toMatchObject({
+    page: "recordings",
+    recording: "a/b ?",
+    query: "t0=1.5&cursor=2",
+  });
 });
 
 it("a link to Live carries the view, which a plain one leaves alone", () => {

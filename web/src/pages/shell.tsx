@@ -1,4 +1,4 @@
-/** The page around the pages: which one is shown, the tabs of a phone, and what must be seen on every one. */
+/** The frame of all pages: the current page, the tabs of a phone, and notices shown on every page. */
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
 import type { Store } from "../data/store";
@@ -7,9 +7,13 @@ import type { App } from "./app-state";
 import { DropVeil } from "./drop";
 import { LivePage } from "./live";
 import { href, PAGES, route } from "./route";
+import { TEXT } from "../texts/live";
 
-/** Heavy parts come when they are first wanted; until then there is nothing of them. */
-function late<P>(load: () => Promise<{ default: ComponentType<P> }>): { readonly value: ComponentType<P> | undefined; readonly want: () => void } {
+/** Heavy parts are loaded on first use; until then they are empty. */
+function late<P>(load: () => Promise<{ default: ComponentType<P> }>): {
+  readonly value: ComponentType<P> | undefined;
+  readonly want: () => void;
+} {
   const found = signal<ComponentType<P> | undefined>(undefined);
   let asked = false;
   return {
@@ -37,26 +41,26 @@ const decks = late<{ store: Store }>(() => import("./configure/rollback-banner")
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;
-  const onTrial = [...app.store.control.value.values()].some(({ trial }) => trial !== null);
+  const temporary = [...app.store.jobs.value.values()].some((jobs) => jobs.pending_rollback !== null);
   const heavy = page === "live" ? undefined : page === "configure" ? configure : recordings;
   heavy?.want();
-  if (onTrial) decks.want();
+  if (temporary) decks.want();
   const Heavy = heavy?.value;
   const Decks = decks.value;
   return (
     <>
       {heavy ? Heavy ? <Heavy app={app} /> : <div class="app" aria-busy="true" /> : <LivePage app={app} />}
-      {onTrial && Decks && <Decks store={app.store} />}
+      {temporary && Decks && <Decks store={app.store} />}
       <Tabs />
       <DropVeil />
     </>
   );
 }
 
-/** Where one goes from here; the device stays the same. */
+/** Navigation; the device stays the same. */
 function Tabs() {
   return (
-    <nav class="tabs" aria-label="Pages">
+    <nav class="tabs" aria-label={TEXT.pages}>
       {PAGES.map(({ name, title, icon }) => (
         <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
           <Icon name={icon} />

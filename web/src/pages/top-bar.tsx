@@ -1,8 +1,7 @@
-/** The top bar: where we are, and the controls of time. On a phone the same controls stand in the dock at the bottom. */
-import * as actions from "../data/view-actions";
-import { view } from "../data/view-state";
+/** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
+import type { ViewActions } from "../data/view-actions";
 import { recently } from "../panels/panel-context";
-import { count, number, rate, span } from "../ui/format";
+import { number, rate, span } from "../ui/format";
 import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/page-state";
@@ -12,15 +11,21 @@ import { type App, folded, overlay, sheet } from "./app-state";
 import { Record } from "./record-button";
 import { href, PAGES, route } from "./route";
 import { Share } from "./share";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/live";
 
-/** What the folded panels of each page are called. */
+/** Names of each page's folded panels. */
 const PANELS = {
-  live: { rail: "Devices", side: "Values and health" },
-  configure: { rail: "Settings", side: "Exchange" },
-  recordings: { rail: "Filters and markers", side: "Details" },
+  live: { rail: COMMON.devices, side: TEXT.valuesAndHealth },
+  configure: { rail: COMMON.settings, side: COMMON.trafficLog },
+  recordings: { rail: TEXT.filtersAndMarkers, side: TEXT.details },
 } as const;
 
-export function Bar({ app }: { readonly app: App }) {
+interface Props {
+  readonly app: App;
+}
+
+export function Bar({ app }: Props) {
   const { page } = route.value;
   const isLive = page === "live";
   return (
@@ -30,7 +35,7 @@ export function Bar({ app }: { readonly app: App }) {
         <span>imuscope</span>
         <small class="desk">{location.hostname}</small>
       </div>
-      <nav class="nav" aria-label="Pages">
+      <nav class="nav" aria-label={TEXT.pages}>
         {PAGES.map(({ name, title }) => (
           <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
             {title}
@@ -44,14 +49,26 @@ export function Bar({ app }: { readonly app: App }) {
       <span class="grow desk" />
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton />}
       <Record app={app} />
-      {isLive && showsPlots(app.state.value) && <Share />}
-      <button type="button" class="btn icon desk" aria-label="Keys" title="Keys (?)" onClick={() => (overlay.value = "help")}>
+      {isLive && showsPlots(app.state.value) && <Share viewState={app.viewState} />}
+      <button
+        type="button"
+        class="btn icon desk"
+        aria-label={COMMON.keyboard}
+        title={TEXT.keys}
+        onClick={() => (overlay.value = "help")}
+      >
         <Icon name="help" />
       </button>
       <Theme />
       <Toggle name="side" label={PANELS[page].side} icon="side" />
       {isLive && folded.value && (
-        <button type="button" class="btn icon desk only-wide" aria-label="Show values and health" title="Show values and health" onClick={() => (folded.value = false)}>
+        <button
+          type="button"
+          class="btn icon desk only-wide"
+          aria-label={TEXT.showValuesAndHealth}
+          title={TEXT.showValuesAndHealth}
+          onClick={() => (folded.value = false)}
+        >
           <Icon name="side" />
         </button>
       )}
@@ -60,46 +77,47 @@ export function Bar({ app }: { readonly app: App }) {
   );
 }
 
-/** Where the controls of time have no place: what the device is doing, and what is on trial. */
-function StateTags({ app }: { readonly app: App }) {
+/** State of the device and pending confirmation, if there is no room for the time controls. */
+function StateTags({ app }: Props) {
   const device = app.device.value;
-  const control = device && app.store.control.value.get(device.id);
+  const jobs = device && app.store.jobs.value.get(device.id);
   const health = device && app.store.health.value.get(device.id);
   if (!device) return null;
-  const state = control?.state || markOf(device.status, 0).word;
+  const state = jobs?.state || markOf(device.status, 0).word;
   const streams = device.status === "live" && health;
-  const trial = control?.trial?.state === "asking" ? control.trial : undefined;
+  const rollback = jobs?.pending_rollback?.state === "pending" ? jobs.pending_rollback : undefined;
   return (
     <>
-      <span class="tag desk statetag">
+      <span class="tag desk state-tag">
         <span class={`dot ${markOf(device.status, 0).dot}`} />
         {state}
-        {streams ? `, ${rate(health.rate)} samples/s` : ""}
+        {streams ? TEXT.samplesPerSecond(rate(health.rate)) : ""}
       </span>
-      {trial && <span class="tag yours desk statetag">{count(trial.changes.length, "change")} on trial</span>}
+      {rollback && <span class="tag yours desk state-tag">{TEXT.changesToConfirm(rollback.changes.length)}</span>}
     </>
   );
 }
 
-/** The controls of time; there are none while there is no time to move in. */
-function TimeControls({ app }: { readonly app: App }) {
-  // Lit is what is live: not a page that nothing comes to, nor a device that is gone.
+/** The time controls; absent while there is no time range. */
+function TimeControls({ app }: Props) {
+  const { view, actions } = app.viewState;
+  // highlighted if live: not without a server connection, nor with a lost device
   const lit = view.value.live && !app.store.isCut && app.device.value?.status === "live";
   return (
     <>
-      <div class="seg desk" role="group" aria-label="Play state">
-        <button type="button" aria-pressed={view.value.live} title="Follow the newest sample (Space, End)" onClick={() => actions.live()}>
+      <div class="segmented desk" role="group" aria-label={TEXT.playState}>
+        <button type="button" aria-pressed={view.value.live} title={TEXT.followNewest} onClick={() => actions.live()}>
           <span class={lit ? "dot live" : "dot off"} />
-          Live
+          {TEXT.live}
         </button>
-        <button type="button" aria-pressed={!view.value.live} title="Freeze the view; nothing else stops (Space)" onClick={() => actions.pause()}>
+        <button type="button" aria-pressed={!view.value.live} title={TEXT.pauseView} onClick={() => actions.pause()}>
           <Icon name="pause" />
-          Pause
+          {COMMON.pause}
         </button>
       </div>
-      <Window class="desk" words />
-      <TimeBase />
-      <Move />
+      <Window app={app} class="desk" words />
+      <TimeBase app={app} />
+      <Move app={app} />
     </>
   );
 }
@@ -107,7 +125,13 @@ function TimeControls({ app }: { readonly app: App }) {
 function Theme() {
   const other = theme.value === "dark" ? "light" : "dark";
   return (
-    <button type="button" class="btn icon" aria-label={`Use the ${other} theme`} title={`Use the ${other} theme`} onClick={toggleTheme}>
+    <button
+      type="button"
+      class="btn icon"
+      aria-label={TEXT.useTheme(TEXT.theme[other])}
+      title={TEXT.useTheme(TEXT.theme[other])}
+      onClick={toggleTheme}
+    >
       <Icon name={theme.value === "dark" ? "sun" : "moon"} />
     </button>
   );
@@ -137,30 +161,46 @@ function Toggle({ name, label, icon }: ToggleProps) {
   );
 }
 
-/** On a phone the devices stand behind the name of the selected one. */
-function DeviceName({ app }: { readonly app: App }) {
+/** On a phone the devices are behind the name of the selected one. */
+function DeviceName({ app }: Props) {
   const device = app.device.value;
   const mark = device ? markOf(device.status, recently(app, device.id).gaps) : { dot: "off", word: "none" };
   const open = sheet.value === "rail";
   return (
-    <button type="button" class="btn phone devname" aria-expanded={open} aria-controls="rail" onClick={() => (sheet.value = open ? undefined : "rail")}>
+    <button
+      type="button"
+      class="btn phone device-name"
+      aria-expanded={open}
+      aria-controls="rail"
+      onClick={() => (sheet.value = open ? undefined : "rail")}
+    >
       <span class={`dot ${mark.dot}`} />
-      <span class="vh">{mark.word}: </span>
-      <span class="ell">{device?.name ?? "Devices"}</span>
+      <span class="visually-hidden">{mark.word}: </span>
+      <span class="ellipsis">{device?.name ?? COMMON.devices}</span>
       <Icon name="down" />
     </button>
   );
 }
 
-/** The length of the window; a length made by zooming stands in the list as well. */
-function Window({ class: name, words = false }: { readonly class: string; readonly words?: boolean }) {
+interface WindowProps extends Props {
+  readonly class: string;
+  readonly words?: boolean;
+}
+
+/** The length of the window; a length set by zooming is added to the list. */
+function Window({ app, class: name, words = false }: WindowProps) {
+  const { view, actions } = app.viewState;
   const current = view.value.span;
   const listed = SPANS.some((seconds) => Math.abs(seconds - current) < 1e-6);
   const all = listed ? SPANS : [...SPANS, current].sort((a, b) => a - b);
   return (
-    <label class={`select ${name}`} title="Window length ([ and ])">
-      {words && <span aria-hidden="true">Window</span>}
-      <select aria-label="Window length" value={String(current)} onChange={(event) => actions.setSpan(Number(event.currentTarget.value))}>
+    <label class={`select ${name}`} title={TEXT.windowLengthHint}>
+      {words && <span aria-hidden="true">{TEXT.window}</span>}
+      <select
+        aria-label={TEXT.windowLength}
+        value={String(current)}
+        onChange={(event) => actions.setSpan(Number(event.currentTarget.value))}
+      >
         {all.map((seconds) => (
           <option key={seconds} value={String(seconds)}>
             {span(seconds).value} {span(seconds).unit}
@@ -172,18 +212,19 @@ function Window({ class: name, words = false }: { readonly class: string; readon
   );
 }
 
-function TimeBase() {
+function TimeBase({ app }: Props) {
+  const { view, actions } = app.viewState;
   const device = view.value.timeBase === "device";
   const choose = (wanted: boolean) => () => {
     if (wanted !== device) actions.toggleTimeBase();
   };
   return (
-    <div class="seg desk" role="group" aria-label="Time axis">
-      <button type="button" aria-pressed={device} title="When it was measured, by the device's clock (T)" onClick={choose(true)}>
-        Device time
+    <div class="segmented desk" role="group" aria-label={COMMON.timeAxis}>
+      <button type="button" aria-pressed={device} title={TEXT.deviceTimeHint} onClick={choose(true)}>
+        {COMMON.deviceTime}
       </button>
-      <button type="button" aria-pressed={!device} title="When its bytes arrived at the host (T)" onClick={choose(false)}>
-        Arrival time
+      <button type="button" aria-pressed={!device} title={TEXT.arrivalTimeHint} onClick={choose(false)}>
+        {COMMON.arrivalTime}
       </button>
     </div>
   );
@@ -193,28 +234,40 @@ interface Step {
   readonly icon: IconName;
   readonly label: string;
   readonly extra: boolean;
-  readonly act: () => void;
+  readonly act: (actions: ViewActions) => void;
 }
 
 const zoomed = number(ZOOM_STEP, 1);
 const STEPS: readonly Step[] = [
-  { icon: "first", label: "To the start of what is in memory (Home)", extra: true, act: () => actions.toStart() },
-  { icon: "back", label: "Back a tenth of the window (←)", extra: false, act: () => actions.pan(-0.1) },
-  { icon: "stepBack", label: "Back one sample (,)", extra: true, act: () => actions.stepSample(-1) },
-  { icon: "stepForward", label: "Forward one sample (.)", extra: true, act: () => actions.stepSample(1) },
-  { icon: "forward", label: "Forward a tenth of the window (→)", extra: false, act: () => actions.pan(0.1) },
-  { icon: "last", label: "To now (End)", extra: true, act: () => actions.live() },
-  { icon: "minus", label: `Zoom out ${zoomed} times (−)`, extra: true, act: () => actions.zoom(ZOOM_STEP) },
-  { icon: "plus", label: `Zoom in ${zoomed} times (+)`, extra: true, act: () => actions.zoom(1 / ZOOM_STEP) },
-  { icon: "fit", label: "Fit all that is in memory (F)", extra: false, act: () => actions.fit() },
+  {
+    icon: "first",
+    label: TEXT.toMemoryStart,
+    extra: true,
+    act: (actions) => actions.toStart(),
+  },
+  { icon: "back", label: TEXT.backTenth, extra: false, act: (actions) => actions.pan(-0.1) },
+  { icon: "stepBack", label: COMMON.backOneSample, extra: true, act: (actions) => actions.stepSample(-1) },
+  { icon: "stepForward", label: COMMON.forwardOneSample, extra: true, act: (actions) => actions.stepSample(1) },
+  { icon: "forward", label: TEXT.forwardTenth, extra: false, act: (actions) => actions.pan(0.1) },
+  { icon: "last", label: TEXT.toNow, extra: true, act: (actions) => actions.live() },
+  { icon: "minus", label: COMMON.zoomOut(zoomed), extra: true, act: (actions) => actions.zoom(ZOOM_STEP) },
+  { icon: "plus", label: COMMON.zoomIn(zoomed), extra: true, act: (actions) => actions.zoom(1 / ZOOM_STEP) },
+  { icon: "fit", label: TEXT.fitMemory, extra: false, act: (actions) => actions.fit() },
 ];
 
-/** Moving through time by hand; every one is a key as well. */
-function Move() {
+/** Buttons for moving through time; each has a key as well. */
+function Move({ app }: Props) {
   return (
-    <div class="move desk" role="group" aria-label="Move through time">
+    <div class="time-controls desk" role="group" aria-label={TEXT.timeNavigation}>
       {STEPS.map((step) => (
-        <button type="button" key={step.icon} class={`btn icon ${step.extra ? "extra" : ""}`} aria-label={step.label} title={step.label} onClick={step.act}>
+        <button
+          type="button"
+          key={step.icon}
+          class={`btn icon ${step.extra ? "extra" : ""}`}
+          aria-label={step.label}
+          title={step.label}
+          onClick={() => step.act(app.viewState.actions)}
+        >
           <Icon name={step.icon} />
         </button>
       ))}
@@ -223,19 +276,31 @@ function Move() {
 }
 
 /** The controls of time for a thumb. */
-export function Dock() {
+export function Dock({ app }: Props) {
+  const { view, actions } = app.viewState;
   const { live } = view.value;
   return (
-    <div class="dock" role="region" aria-label="Time controls">
-      <button type="button" class="btn edge icon" aria-label={live ? "Pause" : "Live"} onClick={() => (live ? actions.pause() : actions.live())}>
+    <div class="dock" role="region" aria-label={TEXT.timeControls}>
+      <button
+        type="button"
+        class="btn edge icon"
+        aria-label={live ? COMMON.pause : TEXT.live}
+        onClick={() => (live ? actions.pause() : actions.live())}
+      >
         <Icon name={live ? "pause" : "play"} />
       </button>
-      <Window class="" />
-      <button type="button" class="btn edge" aria-label="Time axis: device or arrival time" onClick={() => actions.toggleTimeBase()}>
-        {view.value.timeBase === "device" ? "Device" : "Arrival"}
+      <Window app={app} class="" />
+      <button type="button" class="btn edge" aria-label={TEXT.timeAxisChoice} onClick={() => actions.toggleTimeBase()}>
+        {view.value.timeBase === "device" ? COMMON.device : TEXT.arrival}
       </button>
       {STEPS.filter((step) => !step.extra).map((step) => (
-        <button type="button" key={step.icon} class="btn edge icon" aria-label={step.label} onClick={step.act}>
+        <button
+          type="button"
+          key={step.icon}
+          class="btn edge icon"
+          aria-label={step.label}
+          onClick={() => step.act(app.viewState.actions)}
+        >
           <Icon name={step.icon} />
         </button>
       ))}

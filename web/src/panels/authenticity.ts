@@ -1,49 +1,65 @@
 /**
- * Can it be known that a device sent these data, and that they are whole? Pure: what the server tells of the frames' protection
- * becomes a mark and a word, and what was rejected becomes a count for each reason. Only protocols that protect frames in
- * different ways (IDTP) tell anything; of the others every frame passed its check.
+ * Authenticity and integrity of a device's data. Pure: the server's report on the frames' protection becomes a mark and a word,
+ * and rejects become a count for each reason. Only protocols with several kinds of protection (IDTP) report anything; for the others
+ * every frame passed its check.
  */
-import { count } from "../ui/format";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
+import { TEXT } from "../texts/panels";
 
 export interface Trust {
-  /** Shape and word; a caution for data that nobody could check. */
+  /** Shape and word; a caution for data that could not be verified. */
   readonly mark: "●" | "▲" | "○";
-  readonly word: "verified" | "unverified" | "not protected" | "partly protected";
+  readonly state: keyof typeof TEXT.trust;
+  readonly word: string;
   readonly tone: "" | "warn";
-  /** What protects the frames: "Safety, CRC-32". */
+  /** Protection of the frames: "Safety, CRC-32". */
   readonly detail: string;
 }
 
-/** The trust in a device's data; undefined where its protocol tells nothing, or nothing was shown so far. */
+/** The trust in a device's data; undefined if its protocol reports nothing, or no data was shown yet. */
 export function trustOf(device: Pick<DeviceInfo, "protection">, health: DeviceHealth | undefined): Trust | undefined {
   const verified = health?.verified ?? 0;
   const unverified = health?.unverified ?? 0;
   const detail = device.protection;
   if (unverified > 0 || /unverified/i.test(detail)) {
-    return { mark: "▲", word: "unverified", tone: "warn", detail: detail.replace(/,? unverified/i, "") };
+    return {
+      mark: "▲",
+      state: "unverified",
+      word: TEXT.trust.unverified,
+      tone: "warn",
+      detail: detail.replace(/,? unverified/i, ""),
+    };
   }
-  // A Lite frame is checked in its header alone: its payload may be anything.
-  if (/^lite/i.test(detail)) return { mark: "○", word: "not protected", tone: "", detail };
-  if (/\blite\b/i.test(detail)) return { mark: "○", word: "partly protected", tone: "", detail };
-  if (verified > 0 || detail !== "") return { mark: "●", word: "verified", tone: "", detail: detail.replace(/, verified/i, "") };
+  // a Lite frame checks only its header: its payload may be anything
+  if (/^lite/i.test(detail))
+    return { mark: "○", state: "not protected", word: TEXT.trust["not protected"], tone: "", detail };
+  if (/\blite\b/i.test(detail))
+    return { mark: "○", state: "partly protected", word: TEXT.trust["partly protected"], tone: "", detail };
+  if (verified > 0 || detail !== "")
+    return {
+      mark: "●",
+      state: "verified",
+      word: TEXT.trust.verified,
+      tone: "",
+      detail: detail.replace(/, verified/i, ""),
+    };
   return undefined;
 }
 
 /** Reasons of rejection in words. */
 const REASONS: Readonly<Record<string, string>> = {
-  no_key: "no key",
-  bad_hmac: "wrong key or forged",
-  bad_crc8: "bad header check",
-  bad_crc32: "bad CRC-32",
-  below_min_mode: "mode too weak",
-  stale: "old sequence number",
-  far_ahead: "sequence number far ahead",
-  bad_id: "unknown number",
-  bad_version: "other version",
-  bad_mode: "unknown mode",
-  indt: "successor protocol (INDT)",
-  bad_nmea: "bad NMEA line",
+  no_key: TEXT.noKey,
+  bad_hmac: TEXT.wrongKeyOrForged,
+  bad_crc8: TEXT.headerChecksumError,
+  bad_crc32: TEXT.crc32Error,
+  below_min_mode: TEXT.modeTooWeak,
+  stale: TEXT.oldSequenceNumber,
+  far_ahead: TEXT.sequenceNumberFarAhead,
+  bad_id: TEXT.unknownId,
+  bad_version: TEXT.otherVersion,
+  bad_mode: TEXT.unknownMode,
+  successor: TEXT.successorProtocol,
+  bad_nmea: TEXT.invalidNmea,
 };
 
 export interface Rejection {
@@ -52,20 +68,22 @@ export interface Rejection {
   readonly count: number;
 }
 
-/** What was rejected, by reason, most first. */
+/** Rejects by reason, most frequent first. */
 export function rejections(health: DeviceHealth | undefined): readonly Rejection[] {
   const all = Object.entries(health?.rejects_by ?? {}).filter(([, n]) => n > 0);
-  return all.sort(([, a], [, b]) => b - a).map(([reason, n]) => ({ reason, words: REASONS[reason] ?? reason.replaceAll("_", " "), count: n }));
+  return all
+    .sort(([, a], [, b]) => b - a)
+    .map(([reason, n]) => ({ reason, words: REASONS[reason] ?? reason.replaceAll("_", " "), count: n }));
 }
 
-/** What to say while frames are refused because nobody gave a key; "" when none are. */
+/** Message while frames are refused for lack of a key; "" otherwise. */
 export function keyWanted(health: DeviceHealth | undefined): string {
   const refused = health?.rejects_by["no_key"] ?? 0;
-  return refused > 0 ? `${count(refused, "Secure frame")} rejected: there is no key to check them.` : "";
+  return refused > 0 ? TEXT.rejectedWithoutKey(refused) : "";
 }
 
-/** The key that was given does not fit: nothing verified came, and frames fail their check. */
+/** Message if the given key does not fit: nothing was verified, and frames fail their check. */
 export function keyWrong(health: DeviceHealth | undefined): string {
   const refused = health?.rejects_by["bad_hmac"] ?? 0;
-  return refused > 0 && !health?.verified ? `${count(refused, "Secure frame")} rejected: the key does not fit them.` : "";
+  return refused > 0 && !health?.verified ? TEXT.rejectedByKey(refused) : "";
 }

@@ -4,15 +4,45 @@ import { groupsOf } from "./event-groups";
 
 let seq = 0;
 const event = (time: number, kind: string, text: string, more: Partial<EventInfo> = {}): EventInfo =>
-  ({ seq: seq++, time, device: "1", kind, level: "info", text, t0: null, t1: null, samples: 0, data: {}, ...more }) as EventInfo;
+  ({
+    seq: seq++,
+    time,
+    device: "1",
+    kind,
+    level: "info",
+    text,
+    t0: null,
+    t1: null,
+    samples: 0,
+    data: {},
+    ...more,
+  }) as EventInfo;
 const gap = (time: number, samples = 1, more: Partial<EventInfo> = {}): EventInfo =>
-  event(time, "gap", `${samples} lost (5 ms): in the cable.`, { level: "fault", samples, t0: time - 0.01, t1: time, data: { by: "link" }, ...more });
+  event(time, "gap", `${samples} lost (5 ms): in the cable.`, {
+    level: "error",
+    samples,
+    t0: time - 0.01,
+    t1: time,
+    data: { by: "link" },
+    ...more,
+  });
 
 it("a status between hundreds of lost samples is not pushed out by them", () => {
   const events = [...Array.from({ length: 300 }, (_, k) => gap(100 + k / 10)), event(131, "link", "ttyUSB0 is back.")];
   const groups = groupsOf([event(90, "device", "It said who it is."), ...events, gap(131.5)], "all", 25);
-  expect(groups.map(({ kind, count }) => [kind, count])).toEqual([["gap", 301], ["link", 1], ["device", 1]]);
-  expect(groups[0]).toMatchObject({ text: "301 gaps, 301 samples lost: in the cable.", from: 100, to: 131.5, t0: 131.49, t1: 131.5, level: "fault" });
+  expect(groups.map(({ kind, count }) => [kind, count])).toEqual([
+    ["gap", 301],
+    ["link", 1],
+    ["device", 1],
+  ]);
+  expect(groups[0]).toMatchObject({
+    text: "301 gaps, 301 samples lost: in the cable.",
+    from: 100,
+    to: 131.5,
+    t0: 131.49,
+    t1: 131.5,
+    level: "error",
+  });
 });
 
 it("a sum counts the gaps that it sums up", () => {
@@ -20,12 +50,21 @@ it("a sum counts the gaps that it sums up", () => {
 });
 
 it("what happens again later, or to another device, or for another reason is told by itself", () => {
-  const groups = groupsOf([gap(0), gap(100), gap(101, 1, { device: "2" }), gap(102, 1, { data: { by: "device" } })], "all", 9);
+  const groups = groupsOf(
+    [gap(0), gap(100), gap(101, 1, { device: "2" }), gap(102, 1, { data: { by: "device" } })],
+    "all",
+    9,
+  );
   expect(groups).toHaveLength(4);
 });
 
 it("only what is asked for is listed, newest first, and markers each by themselves", () => {
-  const events = [gap(1), event(2, "marker", "kerb"), event(3, "reply", "ReqDID", { data: { message: "DeviceID" } }), event(4, "marker", "kerb")];
+  const events = [
+    gap(1),
+    event(2, "marker", "kerb"),
+    event(3, "reply", "ReqDID", { data: { message: "DeviceID" } }),
+    event(4, "marker", "kerb"),
+  ];
   expect(groupsOf(events, "markers", 9).map(({ from }) => from)).toEqual([4, 2]);
   expect(groupsOf(events, "loss", 9)).toHaveLength(1);
   expect(groupsOf(events, "commands", 9).map(({ kind }) => kind)).toEqual(["reply"]);

@@ -1,57 +1,67 @@
 /**
- * Events as they are read: what repeats is one line with a count, and what is not looked for can be left out. Pure.
+ * Grouping and filtering of events: repeats become one line with a count. Pure.
  *
- * A bad cable brings ten events a second, each with its own words; one line for each would push out what a person looks for. Events of one
- * sort that follow each other within AGAIN_S are a group: it says how many, what they amount to, and from when to when.
+ * A bad cable causes ten events a second, each with its own words; a line for each would displace everything else. Events of one
+ * sort that follow each other within AGAIN_S are a group: it gives their number, their total, and their first and last time.
  */
-import { count, number } from "../ui/format";
+import { number } from "../ui/format";
 import type { EventInfo, EventKind, Level } from "../wire/types";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/panels";
 
-/** What can be asked for. */
+/** Filter of the list. */
 export type Sort = "all" | "loss" | "device" | "commands" | "markers";
 
 export const SORTS: readonly { readonly name: Sort; readonly title: string }[] = [
-  { name: "all", title: "All" },
-  { name: "loss", title: "Loss and clock" },
-  { name: "device", title: "Device and link" },
-  { name: "commands", title: "Commands and answers" },
-  { name: "markers", title: "Markers" },
+  { name: "all", title: COMMON.all },
+  { name: "loss", title: TEXT.lossAndClock },
+  { name: "device", title: TEXT.deviceAndLink },
+  { name: "commands", title: TEXT.commandsAndReplies },
+  { name: "markers", title: COMMON.markers },
 ];
 
 const SORT_OF: Readonly<Record<EventKind, Exclude<Sort, "all">>> = {
-  gap: "loss", reject: "loss", clock: "loss", link: "device", device: "device", text: "device", reply: "commands", command: "commands", marker: "markers",
+  gap: "loss",
+  reject: "loss",
+  clock: "loss",
+  link: "device",
+  device: "device",
+  text: "device",
+  reply: "commands",
+  command: "commands",
+  marker: "markers",
 };
 
 export interface EventGroup {
-  /** `seq` of the first: stays while the group grows. */
+  /** `seq` of the first: constant while the group grows. */
   readonly key: number;
   readonly kind: EventKind;
   readonly level: Level;
   readonly text: string;
-  /** When the first happened and the last, unix s. */
+  /** Times of the first and the last, unix s. */
   readonly from: number;
   readonly to: number;
   readonly count: number;
-  /** What a look at it shows, unix s: the span that the newest concerns, or its moment. */
+  /** Interval to show, unix s: that of the newest event, or its moment. */
   readonly t0: number;
   readonly t1: number;
 }
 
-/** A repetition after this long is news again, s. */
+/** A repetition after this long starts a new group, s. */
 const AGAIN_S = 30;
-const LEVELS: readonly Level[] = ["info", "caution", "fault"];
+const LEVELS: readonly Level[] = ["info", "warning", "error"];
 
-/** Events of these sorts are told together whatever their words; others only with the same ones. */
+/** Grouping key of an event: some sorts are grouped whatever their words, others only with equal words. */
 function sortOf({ seq, kind, device, text, data }: EventInfo): string {
   if (kind === "gap") return `gap ${device} ${String(data["by"] ?? "")}`;
   if (kind === "reject") return `reject ${device}`;
   if (kind === "clock") return `clock ${device} ${String(data["kind"] ?? "")}`;
   if (kind === "reply") return `reply ${device} ${String(data["message"] ?? text)}`;
-  if (kind === "marker") return `marker ${seq}`; // each is somebody's own
+  if (kind === "marker") return `marker ${seq}`; // each stands for itself
   return `${kind} ${device} ${text}`;
 }
 
-/** Groups of what is asked for, newest first, at most `most`. */
+/** Groups of the filtered events, newest first, at most `most`. */
 export function groupsOf(events: readonly EventInfo[], sort: Sort, most: number): readonly EventGroup[] {
   const open = new Map<string, EventInfo[]>();
   const found: EventInfo[][] = [];
@@ -75,7 +85,17 @@ function told(group: readonly EventInfo[]): EventGroup {
   const [first, last] = [group[0]!, group.at(-1)!];
   const level = LEVELS[Math.max(...group.map((one) => LEVELS.indexOf(one.level)))]!;
   const n = group.reduce((sum, { data }) => sum + (typeof data["gaps"] === "number" ? data["gaps"] : 1), 0);
-  return { key: first.seq, kind: last.kind, level, text: wordsOf(group, n), from: first.time, to: last.time, count: n, t0: last.t0 ?? last.time, t1: last.t1 ?? last.time };
+  return {
+    key: first.seq,
+    kind: last.kind,
+    level,
+    text: wordsOf(group, n),
+    from: first.time,
+    to: last.time,
+    count: n,
+    t0: last.t0 ?? last.time,
+    t1: last.t1 ?? last.time,
+  };
 }
 
 function wordsOf(group: readonly EventInfo[], n: number): string {
@@ -84,9 +104,9 @@ function wordsOf(group: readonly EventInfo[], n: number): string {
   const samples = group.reduce((sum, one) => sum + one.samples, 0);
   const cause = last.text.slice(last.text.indexOf(": ") + 2);
   if (last.kind === "gap") {
-    const lost = samples > 0 ? `, ${count(samples, "sample")} lost` : "";
-    return `${count(n, "gap")}${lost}: ${cause}`;
+    const lost = samples > 0 ? TEXT.thenSamplesLost(samples) : "";
+    return TEXT.gapsBecause(n, lost, cause);
   }
-  if (last.kind === "reject") return `${count(samples, "frame")} rejected, ${number(group.length, 0)} times; lately ${cause}`;
-  return `${last.text} (${number(group.length, 0)} times)`;
+  if (last.kind === "reject") return TEXT.framesRejected(samples, number(group.length, 0), cause);
+  return TEXT.repeated(last.text, number(group.length, 0));
 }

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { DeviceHealth } from "../wire/types";
-import { Minute, rateBars } from "./health-history";
+import { RecentHealth, rateBars } from "./health-history";
 
 const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth => ({
   device: "1",
@@ -21,13 +21,13 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   verified: null,
   unverified: null,
   dropped: 0,
-  time_cause: null,
+  jitter_cause: null,
   ...more,
 });
 
 describe("Minute", () => {
   it("takes a report once", () => {
-    const minute = new Minute();
+    const minute = new RecentHealth();
     minute.add(report(1));
     minute.add(report(1));
     expect(minute.of("1").length).toBe(1);
@@ -36,7 +36,7 @@ describe("Minute", () => {
 
 describe("rateBars", () => {
   it("marks loss, and shows silence after the last report", () => {
-    const minute = new Minute();
+    const minute = new RecentHealth();
     for (let t = 0.5; t <= 40; t += 0.5) minute.add(report(t, { lost: t >= 20 ? 3 : 0 }));
     const bars = rateBars(minute.of("1"), 60, 60);
     expect(bars[10]).toEqual({ height: 1, bad: false });
@@ -44,7 +44,7 @@ describe("rateBars", () => {
     expect(bars[59]).toEqual({ height: 0, bad: true });
   });
   it("invents nothing before the first report", () => {
-    const minute = new Minute();
+    const minute = new RecentHealth();
     for (let t = 50; t <= 60; t += 0.5) minute.add(report(t));
     expect(rateBars(minute.of("1"), 60, 60)[5]).toBeUndefined();
   });

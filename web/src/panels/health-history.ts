@@ -1,10 +1,10 @@
 /**
- * How did the last minute go? Health reports come twice a second; their recent past is kept per device, so that the rail and
- * the health panel can draw it. Pure; fed once per report.
+ * The last minute of health reports. They come twice a second; the recent ones are kept per device for the sidebar and the health
+ * panel. Pure; fed once per report.
  */
 import type { DeviceHealth } from "../wire/types";
 
-/** One health report, reduced to what is drawn. */
+/** One health report, reduced to the drawn values. */
 export interface Moment {
   readonly time: number;
   readonly rate: number;
@@ -17,10 +17,10 @@ export interface Moment {
 
 export const MINUTE = 60;
 
-export class Minute {
+export class RecentHealth {
   #moments = new Map<string, Moment[]>();
 
-  /** Takes a report in; the same one twice is one. */
+  /** Add a report; repeats are ignored. */
   add(health: DeviceHealth): void {
     const list = this.#moments.get(health.device) ?? [];
     const last = list.at(-1);
@@ -34,12 +34,12 @@ export class Minute {
       jitter: health.jitter_ms ?? undefined,
       drift: health.drift_ppm ?? undefined,
     });
-    // One report older than the minute is kept, as what the counters stood at when it began.
+    // one report older than the minute is kept, for the counters at its start
     while (list.length > 2 && (list[1]?.time ?? 0) < health.time - MINUTE) list.shift();
     this.#moments.set(health.device, list);
   }
 
-  /** What the last minute was, all of it: of a recording it is known at once, wherever it is read. */
+  /** Set the whole last minute: for a recording it is known at once, at any reading position. */
   put(device: string, moments: readonly Moment[]): void {
     this.#moments.set(device, [...moments]);
   }
@@ -54,7 +54,7 @@ export class Minute {
   }
 }
 
-/** A bar of a sparkline: height 0..1 and whether something was wrong in it; undefined where nothing is known. */
+/** A bar of a sparkline: height 0..1 and whether something was wrong in it; undefined if unknown. */
 export interface Bar {
   readonly height: number;
   readonly bad: boolean;

@@ -1,10 +1,9 @@
 /**
- * Can these numbers be trusted? Rates, losses, load, jitter and clock of the selected device, how they went in the last minute,
- * and one sentence on who lost what. Written twice a second; the age of the last sample ten times.
+ * Health of the selected device: rates, losses, load, jitter and clock, their last minute, and one sentence on where data was lost.
+ * Written twice a second; the age of the last sample ten times.
  */
-import { view } from "../data/view-state";
 import { type Surface, surface } from "../ui/canvas";
-import { el, every, Live, LiveMessage, type Panel } from "../ui/dom";
+import { el, throttle, LiveText, LiveMessage, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./panel-context";
@@ -12,6 +11,10 @@ import { type Figure, type Figures, figuresOf, timeWords, totals, verdict } from
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./health-history";
 import { rejections, trustOf } from "./authenticity";
+import { registerPanel } from "./registry";
+import { Notices } from "./notices";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/panels";
 
 /** Bars in a small sparkline: one for two seconds. */
 const SLOTS = 31;
@@ -19,25 +22,50 @@ const SLOTS = 31;
 type Key = Exclude<keyof Figures, "share">;
 
 const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
-  { key: "samples", name: "Samples", help: "Of the fastest message, over the last second", spark: true },
-  { key: "gaps", name: "Gaps", help: "Samples of the last minute that the device's own counter says are missing, and how long its link was down", spark: true },
-  { key: "rejects", name: "Rejects", help: "Frames of the last minute that failed their check; never shown as data", spark: true },
-  { key: "bytes", name: "Bytes", help: "All bytes that arrived, over the last second", spark: false },
-  { key: "shareText", name: "Share of link", help: "Bytes a second against what the link can carry", spark: false },
-  { key: "jitter", name: "Arrival jitter", help: "99th percentile of late arrival against the device's clock", spark: true },
-  { key: "age", name: "Last sample", help: "Since the newest sample arrived at the host", spark: false },
-  { key: "dropped", name: "Dropped here", help: "Samples not sent to this browser because it did not keep up", spark: false },
-  { key: "drift", name: "Clock drift", help: "The device's clock against the host's", spark: false },
-  { key: "uncertainty", name: "Device time", help: "How far off device times on the host's clock may be, all of them together", spark: false },
+  { key: "samples", name: TEXT.samples, help: TEXT.samplesHelp, spark: true },
+  {
+    key: "gaps",
+    name: TEXT.gaps,
+    help: TEXT.gapsHelp,
+    spark: true,
+  },
+  {
+    key: "rejects",
+    name: COMMON.rejects,
+    help: TEXT.rejectsHelp,
+    spark: true,
+  },
+  { key: "bytes", name: COMMON.bytes, help: TEXT.bytesHelp, spark: false },
+  { key: "shareText", name: TEXT.shareOfLink, help: TEXT.shareHelp, spark: false },
+  {
+    key: "jitter",
+    name: TEXT.arrivalJitter,
+    help: TEXT.jitterHelp,
+    spark: true,
+  },
+  { key: "age", name: TEXT.lastSample, help: TEXT.lastSampleHelp, spark: false },
+  {
+    key: "dropped",
+    name: TEXT.droppedHere,
+    help: TEXT.droppedHelp,
+    spark: false,
+  },
+  { key: "drift", name: TEXT.clockDrift, help: TEXT.driftHelp, spark: false },
+  {
+    key: "uncertainty",
+    name: COMMON.deviceTime,
+    help: TEXT.deviceTimeHelp,
+    spark: false,
+  },
 ];
 
-/** A figure and its unit; a tag where it wants to be read. */
+/** A figure and its unit; with a tag if it needs attention. */
 class Cell {
   readonly node = el("dd");
-  readonly #value = new Live();
-  readonly #unit = new Live();
+  readonly #value = new LiveText();
+  readonly #unit = new LiveText();
   readonly #box = el("span", {}, this.#value.node);
-  readonly #after = el("span", { class: "u" }, this.#unit.node);
+  readonly #after = el("span", { class: "unit" }, this.#unit.node);
 
   constructor() {
     this.node.append(this.#box, this.#after);
@@ -52,18 +80,21 @@ class Cell {
   }
 }
 
-export function mountHealth(host: HTMLElement, deps: Deps): Panel {
-  const list = el("dl", { class: "hl" });
+function mountHealth(host: HTMLElement, deps: Deps): Panel {
+  const list = el("dl", { class: "health-list" });
   const cells = new Map<Key, Cell>();
   const sparks = new Map<Key, Surface>();
   const fill = el("i");
   for (const { key, name, help, spark } of ROWS) {
     const cell = new Cell();
-    const mini = el("dd", { class: "mini", "aria-hidden": "true" });
+    const mini = el("dd", { class: "mini-chart", "aria-hidden": "true" });
     if (spark) {
       const canvas = el("canvas");
       mini.append(canvas);
-      sparks.set(key, surface(canvas, () => undefined));
+      sparks.set(
+        key,
+        surface(canvas, () => undefined),
+      );
     }
     if (key === "shareText") mini.append(el("span", { class: "meter" }, fill));
     list.append(el("div", { title: help }, el("dt", {}, name), mini, cell.node));
@@ -74,7 +105,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const words = new LiveMessage(el("p", { class: "note" }));
   const uneven = mountUneven();
   host.append(list, words.node, uneven.node);
-  const [figuresDue, ageDue] = [every(2), every(10)];
+  const [figuresDue, ageDue] = [throttle(2), throttle(10)];
   return {
     update(now) {
       const device = selected(deps);
@@ -107,7 +138,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
   };
 }
 
-/** Why the times of a device are uneven, and what helps; hidden while they are not. */
+/** Cause of uneven times of a device and its remedy; hidden while they are even. */
 function mountUneven(): { readonly node: HTMLElement; update(health: DeviceHealth | undefined): void } {
   const words = new LiveMessage(el("p", { class: "note uneven" }));
   words.node.hidden = true;
@@ -120,7 +151,7 @@ function mountUneven(): { readonly node: HTMLElement; update(health: DeviceHealt
   };
 }
 
-/** A message that came as often as this streams; answers and greetings come once or twice. */
+/** Messages seen at least this often stream; answers and greetings come once or twice. */
 const STREAMS = 5;
 
 /** One line per message that streams, below the samples; none while there is only one. */
@@ -136,7 +167,7 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
         lines = several.map((one) => {
           const cell = new Cell();
           const group = channelsOf(deps).find(({ info }) => info.message === one.name)?.info.group;
-          const row = el("div", { class: "sub" }, el("dt", { title: one.name }, group || one.name), cell.node);
+          const row = el("div", { class: "sub-row" }, el("dt", { title: one.name }, group || one.name), cell.node);
           return { name: one.name, row, cell };
         });
         list.firstElementChild?.after(...lines.map((line) => line.row));
@@ -147,25 +178,33 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
 }
 
 /**
- * Lines under the rejects: why, since the session began, in one line that is always there (a line for each reason would move what is
- * below whenever a busy machine cuts a frame); and how many samples were verified and how many not.
+ * Lines under the rejects: their reasons since the session began, in one line that is always there (a line for each reason would move
+ * the content below whenever a busy machine cuts a frame); and the numbers of verified and unverified samples.
  */
-function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefined, device: DeviceInfo | undefined): void } {
+function mountReasons(list: HTMLElement): {
+  update(health: DeviceHealth | undefined, device: DeviceInfo | undefined): void;
+} {
   const lines = new Map<string, { readonly row: HTMLElement; readonly cell: Cell }>();
-  const reasons = new Live();
-  const why = el("div", { class: "sub reasons" }, el("dt", {}, "since the beginning"), el("dd", {}, reasons.node));
-  const rejects = [...list.children].find((row) => row.firstElementChild?.textContent === "Rejects");
+  const reasons = new LiveText();
+  const why = el("div", { class: "sub-row reasons" }, el("dt", {}, TEXT.sinceStart), el("dd", {}, reasons.node));
+  const rejects = [...list.children].find((row) => row.firstElementChild?.textContent === COMMON.rejects);
   rejects?.after(why);
   const after: Element = why;
   return {
     update(health, device) {
       const wanted = new Map<string, Figure>();
-      const passed = device && trustOf(device, health)?.mark === "○" ? "header checked" : "verified";
+      const passed = device && trustOf(device, health)?.mark === "○" ? TEXT.headerChecked : TEXT.trust.verified;
       const told = rejections(health).map(({ words, count }) => `${words} ${number(count, 0)}`);
-      reasons.set(told.join(", ") || "none");
+      reasons.set(told.join(", ") || COMMON.none);
       why.title = told.join(", ");
-      if (health?.unverified) wanted.set("unverified", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
-      if (typeof health?.verified === "number") wanted.set(passed, { value: number(health.verified, 0), unit: "smp", tone: "" });
+      if (health?.unverified)
+        wanted.set(TEXT.trust.unverified, {
+          value: `▲ ${number(health.unverified, 0)}`,
+          unit: TEXT.samplesUnit,
+          tone: "warn",
+        });
+      if (typeof health?.verified === "number")
+        wanted.set(passed, { value: number(health.verified, 0), unit: TEXT.samplesUnit, tone: "" });
       for (const [name, line] of lines) {
         if (wanted.has(name)) continue;
         line.row.remove();
@@ -176,7 +215,7 @@ function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefi
         let line = lines.get(name);
         if (!line) {
           const cell = new Cell();
-          line = { cell, row: el("div", { class: "sub" }, el("dt", {}, name), cell.node) };
+          line = { cell, row: el("div", { class: "sub-row" }, el("dt", {}, name), cell.node) };
           lines.set(name, line);
           last.after(line.row);
         }
@@ -188,7 +227,7 @@ function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefi
 }
 
 function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, gone: boolean): void {
-  const moments = deps.minute.of(id);
+  const moments = deps.recentHealth.of(id);
   const draw = (key: Key, how: (to: Surface) => void): void => {
     const to = sparks.get(key);
     if (to) how(to);
@@ -196,7 +235,10 @@ function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, g
   draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.serverNow(), SLOTS), gone));
   // One report in four, the newest at the right, the same scale however short the past is.
   const lately = moments.filter((_, i) => (moments.length - 1 - i) % 4 === 0).slice(-SLOTS);
-  const slots = <T,>(values: readonly T[]): readonly (T | undefined)[] => [...new Array<undefined>(SLOTS - values.length).fill(undefined), ...values];
+  const slots = <T>(values: readonly T[]): readonly (T | undefined)[] => [
+    ...new Array<undefined>(SLOTS - values.length).fill(undefined),
+    ...values,
+  ];
   draw("gaps", (to) => drawTicks(to, slots(lately.map((moment) => moment.lost))));
   draw("rejects", (to) => drawTicks(to, slots(lately.map((moment) => moment.rejects))));
   const jitter = lately.map((moment) => moment.jitter);
@@ -206,30 +248,38 @@ function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, g
 /** Keys that the page's title line and the phone's strip share. */
 export const STRIP: readonly Key[] = ["samples", "gaps", "rejects", "shareText", "jitter", "uncertainty", "age"];
 
-const STRIP_UNITS: Partial<Record<Key, string>> = { samples: "samples/s", gaps: "samples lost", rejects: "rejects", shareText: "% of link", jitter: "ms jitter", uncertainty: "ms device time", age: "old" };
+const STRIP_UNITS: Partial<Record<Key, string>> = {
+  samples: TEXT.samplesPerSecond,
+  gaps: TEXT.samplesLost,
+  rejects: TEXT.rejectsUnit,
+  shareText: TEXT.ofLink,
+  jitter: TEXT.msJitter,
+  uncertainty: TEXT.msDeviceTime,
+  age: TEXT.oldUnit,
+};
 
 /** Health in one line, for the phone. */
-export function mountStrip(host: HTMLElement, deps: Deps): Panel {
+function mountStrip(host: HTMLElement, deps: Deps): Panel {
   const why = new LiveMessage(el("span"));
   const items = STRIP.map((key) => {
-    const [value, unit] = [new Live(), new Live()];
+    const [value, unit] = [new LiveText(), new LiveText()];
     const box = el("b", {}, value.node);
-    host.append(el("span", {}, box, el("span", { class: "u" }, unit.node)));
+    host.append(el("span", {}, box, el("span", { class: "unit" }, unit.node)));
     return { key, value, unit, box };
   });
   host.append(why.node);
-  const due = every(4);
+  const due = throttle(4);
   return {
     update(now) {
       if (host.offsetParent === null || !due(now)) return;
-      const id = view.value.device ?? "";
+      const id = deps.viewState.view.value.device ?? "";
       const recent = recently(deps, id);
       const expected = selected(deps)?.status !== "ended";
       const health = deps.store.health.value.get(id);
       const figures = figuresOf(health, recent, ageOf(deps, id), deps.store.dropped(), expected);
       for (const { key, value, unit, box } of items) {
         const figure = figures[key];
-        value.set(key === "age" ? `${figure.value} ${figure.unit.replace(" ago", "")}` : figure.value);
+        value.set(key === "age" ? `${figure.value} ${figure.unit.replace(TEXT.agoSuffix, "")}` : figure.value);
         unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));
         box.className = figure.tone ? `tag ${figure.tone}` : "";
       }
@@ -238,3 +288,14 @@ export function mountStrip(host: HTMLElement, deps: Deps): Panel {
     dispose: () => host.replaceChildren(),
   };
 }
+
+registerPanel({
+  id: "health",
+  title: TEXT.health,
+  note: TEXT.lastMinute,
+  where: "below",
+  order: 0,
+  mount: mountHealth,
+  after: Notices,
+});
+registerPanel({ id: "link", title: TEXT.linkHealth, where: "strip", order: 0, class: "strip", mount: mountStrip });

@@ -21,7 +21,7 @@ const health: DeviceHealth = {
   verified: null,
   unverified: null,
   dropped: 0,
-  time_cause: null,
+  jitter_cause: null,
 };
 const quiet = { gaps: 0, lost: 0, blind: 0, rejects: 0 };
 const device = { id: "1", status: "live", message: "", hint: "" } as unknown as DeviceInfo;
@@ -29,7 +29,11 @@ const device = { id: "1", status: "live", message: "", hint: "" } as unknown as 
 describe("figuresOf", () => {
   it("has no colour while all is well, though something was lost long ago", () => {
     const figures = figuresOf(health, quiet, 0.004, 0);
-    expect(Object.values(figures).map((figure) => (typeof figure === "object" ? figure.tone : "")).join("")).toBe("");
+    expect(
+      Object.values(figures)
+        .map((figure) => (typeof figure === "object" ? figure.tone : ""))
+        .join(""),
+    ).toBe("");
     expect(figures.shareText.value).toBe("33.9");
     // "Last minute" says what was in it; what the session lost is told beside.
     expect(figures.gaps).toEqual({ value: "0", unit: "smp", tone: "" });
@@ -59,7 +63,10 @@ describe("figuresOf", () => {
     expect(bound(0.4).value).toBe("± 0.4");
     expect(bound(null).value).toBe("—");
     expect(timeWords(health)).toBe("");
-    const uneven = { ...health, time_cause: { kind: "bursts" as const, text: "It comes in bursts.", remedy: "Set the timer." } };
+    const uneven = {
+      ...health,
+      jitter_cause: { kind: "bursts" as const, text: "It comes in bursts.", remedy: "Set the timer." },
+    };
     expect(figuresOf(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
     expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
   });
@@ -73,27 +80,42 @@ describe("figuresOf", () => {
 
 describe("recentOf", () => {
   const event = (time: number, kind: string, samples: number, data = {}): EventInfo =>
-    ({ seq: 0, time, device: "1", kind, level: "fault", text: "", t0: null, t1: null, samples, data }) as EventInfo;
+    ({ seq: 0, time, device: "1", kind, level: "error", text: "", t0: null, t1: null, samples, data }) as EventInfo;
   it("counts the last minute of one device, sums included", () => {
-    const events = [event(10, "gap", 5), event(50, "gap", 7), event(60, "gap", 90, { gaps: 12 }), event(70, "reject", 3), event(75, "reply", 0)];
+    const events = [
+      event(10, "gap", 5),
+      event(50, "gap", 7),
+      event(60, "gap", 90, { gaps: 12 }),
+      event(70, "reject", 3),
+      event(75, "reply", 0),
+    ];
     expect(recentOf(events, "1", 80)).toEqual({ gaps: 13, lost: 97, blind: 0, rejects: 3 });
     expect(recentOf(events, "2", 80)).toEqual(quiet);
   });
 });
 
 describe("verdict", () => {
-  const gap = { seq: 1, time: 52333, device: "1", kind: "gap", level: "fault", text: "72 samples lost (180 ms): on the device's side" };
+  const gap = {
+    seq: 1,
+    time: 52333,
+    device: "1",
+    kind: "gap",
+    level: "error",
+    text: "72 samples lost (180 ms): on the device's side",
+  };
   const events = [{ ...gap, t0: 52333, t1: 52333.18, samples: 72, data: {} } as EventInfo];
   it("says who lost it", () => {
     expect(verdict(device, events, health, 0)).toBe("Gap 14:32:13: 72 samples lost (180 ms): on the device's side.");
     expect(verdict(device, [], health, 0)).toMatch(/2 frames/);
     expect(verdict(device, [], health, 7)).toMatch(/this browser/);
-    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/Nothing was lost/);
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/^No loss/);
   });
   it("does not say of a recording that nothing was lost where it is only further on", () => {
     expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toContain("this session");
-    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 0)).toBe("Nothing was lost in this recording.");
-    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 165)).toBe("Nothing was lost up to here; 165 samples are missing further on.");
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 0)).toBe("No loss in this recording.");
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 165)).toBe(
+      "No loss up to here; 165 samples are missing later.",
+    );
   });
   it("tells the cause of a lost device before anything else", () => {
     const lost = { ...device, status: "lost", message: "ttyUSB0 is gone.", hint: "Plug it in again." } as DeviceInfo;

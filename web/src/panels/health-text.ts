@@ -1,6 +1,7 @@
-/** What do the health figures say? Pure: reports in, words and numbers out; the health panel and the phone's strip print the same. */
-import { age, byteRate, clock, count, number, type Quantity, signed } from "../ui/format";
+/** Words and numbers of the health figures. Pure; shared by the health panel and the phone's strip. */
+import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
+import { TEXT } from "../texts/panels";
 
 export type Tone = "" | "warn" | "bad";
 
@@ -15,7 +16,7 @@ export interface Figures {
   readonly gaps: Figure;
   readonly rejects: Figure;
   readonly bytes: Figure;
-  /** Share of the link's capacity in 0..1; undefined where the link has none that is known. */
+  /** Share of the link's capacity in 0..1; undefined if the capacity is unknown. */
   readonly share: number | undefined;
   readonly shareText: Figure;
   readonly jitter: Figure;
@@ -25,23 +26,23 @@ export interface Figures {
   readonly uncertainty: Figure;
 }
 
-/** Past this a live device is late: no message that streams comes slower than once a second without being called idle. */
+/** Beyond this a live device is late: a streaming message slower than once a second is called idle. */
 const LATE_S = 1;
 /** A link this full has no room for a burst. */
 const FULL = 0.9;
 
-/** What went wrong within the last minute. */
+/** Problems within the last minute. */
 export interface Recent {
   readonly gaps: number;
   readonly lost: number;
-  /** Length of the gaps of which nobody can say how many samples are missing, s. */
+  /** Length of the gaps without a known number of missing samples, s. */
   readonly blind: number;
   readonly rejects: number;
 }
 
 const MINUTE_S = 60;
 
-/** Counted from the events, which a page that has just been opened has as well; one event may sum up many gaps. */
+/** Counted from the events, which a newly opened page has as well; one event may sum up many gaps. */
 export function recentOf(events: readonly EventInfo[], device: string, now: number): Recent {
   let [gaps, lost, blind, rejects] = [0, 0, 0, 0];
   for (const event of events) {
@@ -56,25 +57,28 @@ export function recentOf(events: readonly EventInfo[], device: string, now: numb
   return { gaps, lost, blind, rejects };
 }
 
-/** "2 · 72 smp", "1 · 15 s" where a link was down and nothing counted, "3 · 72 smp + 15 s". */
+/** "2 · 72 smp", "1 · 15 s" if a link was down and nothing counted, "3 · 72 smp + 15 s". */
 function gapWords({ gaps, lost, blind }: Recent): string {
   const down = age(blind);
-  const parts = [lost > 0 || blind === 0 ? `${number(lost, 0)} smp` : "", blind > 0 ? `${down.value} ${down.unit}` : ""];
+  const parts = [
+    lost > 0 || blind === 0 ? TEXT.samplesShort(number(lost, 0)) : "",
+    blind > 0 ? `${down.value} ${down.unit}` : "",
+  ];
   return `${number(gaps, 0)} · ${parts.filter(Boolean).join(" + ")}`;
 }
 
-/** What the counters stand at, beside the figures of the last minute. */
+/** Counter totals, beside the figures of the last minute. */
 export function totals(health: DeviceHealth | undefined): string {
   if (!health) return "";
-  return `Since the session began: ${count(health.gaps, "gap")}, ${count(health.lost, "sample")} lost, ${count(health.rejects, "frame")} rejected.`;
+  return TEXT.sinceSessionBegan(health.gaps, health.lost, health.rejects);
 }
 
 /**
  * The figures of one device.
  *
- * @param recent what went wrong in the last minute: that is what is told of gaps and rejects; older ones are history (`totals`).
+ * @param recent problems in the last minute, for gaps and rejects; older ones are in `totals`.
  * @param old seconds since the last sample arrived.
- * @param expected samples should be coming: false for a file that has ended, whose age is no fault.
+ * @param expected whether samples should be coming: false for a file that has ended, whose age is not a fault.
  */
 export function figuresOf(
   health: DeviceHealth | undefined,
@@ -87,39 +91,54 @@ export function figuresOf(
   const jitter = health?.jitter_ms ?? undefined;
   return {
     samples: plain({ value: number(health?.rate, 1), unit: "/s" }),
-    gaps: recent.gaps > 0 ? { value: gapWords(recent), unit: "", tone: "warn" } : plain({ value: number(health && 0, 0), unit: "smp" }),
-    rejects: { value: number(health && recent.rejects, 0), unit: recent.rejects === 1 ? "frame" : "frames", tone: recent.rejects > 0 ? "warn" : "" },
+    gaps:
+      recent.gaps > 0
+        ? { value: gapWords(recent), unit: "", tone: "warn" }
+        : plain({ value: number(health && 0, 0), unit: TEXT.samplesUnit }),
+    rejects: {
+      value: number(health && recent.rejects, 0),
+      unit: TEXT.framesUnit(recent.rejects),
+      tone: recent.rejects > 0 ? "warn" : "",
+    },
     bytes: plain(byteRate(health?.bytes_per_s)),
     share,
-    shareText: { value: number(share === undefined ? undefined : share * 100, 1), unit: "%", tone: (share ?? 0) > FULL ? "warn" : "" },
-    jitter: plain({ value: number(jitter, (jitter ?? 0) < 100 ? 2 : 0), unit: "ms p99" }),
+    shareText: {
+      value: number(share === undefined ? undefined : share * 100, 1),
+      unit: "%",
+      tone: (share ?? 0) > FULL ? "warn" : "",
+    },
+    jitter: plain({ value: number(jitter, (jitter ?? 0) < 100 ? 2 : 0), unit: TEXT.msP99 }),
     age: { ...agoOf(old), tone: expected && old !== undefined && old > LATE_S ? "bad" : "" },
-    dropped: { value: number(dropped, 0), unit: "smp", tone: dropped > 0 ? "warn" : "" },
+    dropped: { value: number(dropped, 0), unit: TEXT.samplesUnit, tone: dropped > 0 ? "warn" : "" },
     drift: plain({ value: signed(health?.drift_ppm ?? undefined, 1), unit: "ppm" }),
     uncertainty: boundOf(health),
   };
 }
 
-/** "± 0.4 ms": never rounded to less than it is. Coloured while something makes the times uneven that could be mended. */
+/** "± 0.4 ms": never rounded below its value. Coloured while an avoidable cause makes the times uneven. */
 function boundOf(health: DeviceHealth | undefined): Figure {
   const bound = health?.uncertainty_ms ?? undefined;
   const digits = bound === undefined || bound >= 10 ? 0 : bound >= 0.1 ? 1 : 2;
   const up = bound === undefined ? undefined : Math.ceil(bound * 10 ** digits - 1e-9) / 10 ** digits;
-  return { value: up === undefined ? number(up, 0) : `± ${number(up, digits)}`, unit: "ms", tone: health?.time_cause ? "warn" : "" };
+  return {
+    value: up === undefined ? number(up, 0) : `± ${number(up, digits)}`,
+    unit: "ms",
+    tone: health?.jitter_cause ? "warn" : "",
+  };
 }
 
-/** Why arrival times are uneven, and what helps; "" while they are not. */
+/** Cause of uneven arrival times and its remedy; "" while they are even. */
 export function timeWords(health: DeviceHealth | undefined): string {
-  const cause = health?.time_cause;
+  const cause = health?.jitter_cause;
   return cause ? `${cause.text} ${cause.remedy}` : "";
 }
 
 function agoOf(old: number | undefined): Quantity {
   const { value, unit } = age(old);
-  return { value, unit: unit ? `${unit} ago` : "" };
+  return { value, unit: unit ? TEXT.unitAgo(unit) : "" };
 }
 
-/** One sentence: who lost it last, or that nothing was lost. `later`: of a recording, samples that are missing after where it is read. */
+/** One sentence: where data was lost last, or that none was. `later`: samples of a recording missing after the reading position. */
 export function verdict(
   device: DeviceInfo | undefined,
   events: readonly EventInfo[],
@@ -128,16 +147,17 @@ export function verdict(
   later?: number,
 ): string {
   if (!device) return "";
-  if (device.status === "lost" || device.status === "denied") return [device.message, device.hint].filter(Boolean).join(" ");
+  if (device.status === "lost" || device.status === "denied")
+    return [device.message, device.hint].filter(Boolean).join(" ");
   if (dropped > 0) {
-    return `${count(dropped, "sample")} not sent to this browser, because it did not keep up. Nothing else lost them.`;
+    return TEXT.droppedVerdict(dropped);
   }
   const gap = events.findLast((event) => event.device === device.id && event.kind === "gap");
-  if (gap) return `Gap ${clock(gap.t0 ?? gap.time)}: ${sentence(gap.text)}`;
-  if (health && health.rejects > 0) return `${count(health.rejects, "frame")} failed the check and ${health.rejects === 1 ? "was" : "were"} left out; no counter says that samples are missing.`;
-  if (later !== undefined && later > 0) return `Nothing was lost up to here; ${count(later, "sample is", "samples are")} missing further on.`;
+  if (gap) return TEXT.gapVerdict(clock(gap.t0 ?? gap.time), sentence(gap.text));
+  if (health && health.rejects > 0) return TEXT.rejectsVerdict(health.rejects);
+  if (later !== undefined && later > 0) return TEXT.lostLaterVerdict(later);
   if (!health) return "";
-  return later === undefined ? "Nothing was lost since this session began." : "Nothing was lost in this recording.";
+  return later === undefined ? TEXT.noLossInSession : TEXT.noLossInRecording;
 }
 
 function sentence(text: string): string {

@@ -1,7 +1,8 @@
 /**
- * How are bytes written for a person? Eight to a line: offset, hex, and the letters that they may be. Pure. And what a description of
- * a vendor's own payload type begins with.
+ * Hex dump of bytes, eight to a line: offset, hex, characters. Pure. Also the initial description of a vendor's own payload type.
  */
+import { TEXT } from "../texts/panels";
+
 export const PER_LINE = 8;
 
 /** A run of bytes of one line that changed together, or stayed. */
@@ -18,7 +19,7 @@ export interface HexLine {
   readonly letters: readonly Run[];
 }
 
-/** The bytes of a hex string; what is no hex digit ends it. */
+/** The bytes of a hex string, up to the first character that is not a hex digit. */
 export function bytesOf(hex: string): Uint8Array {
   const digits = /^(?:[0-9a-f]{2})*/i.exec(hex)?.[0] ?? "";
   return Uint8Array.from({ length: digits.length / 2 }, (_, k) => parseInt(digits.slice(2 * k, 2 * k + 2), 16));
@@ -41,7 +42,11 @@ export function linesOf(bytes: Uint8Array, before: Uint8Array | undefined): read
   return lines;
 }
 
-function runs(places: readonly number[], changed: (k: number) => boolean, spell: (k: number) => string): readonly Run[] {
+function runs(
+  places: readonly number[],
+  changed: (k: number) => boolean,
+  spell: (k: number) => string,
+): readonly Run[] {
   const found: { text: string; changed: boolean }[] = [];
   for (const k of places) {
     const last = found.at(-1);
@@ -51,27 +56,20 @@ function runs(places: readonly number[], changed: (k: number) => boolean, spell:
   return found;
 }
 
-/** Printable ASCII as it is, all else as a dot. */
+/** Printable ASCII unchanged, all else as a dot. */
 function letter(byte: number): string {
   return byte >= 0x20 && byte < 0x7f ? String.fromCharCode(byte) : "·";
 }
 
-/** A description of an IDTP payload type to begin with: its bytes as whole numbers, for a person to name. */
+/** An initial description of an IDTP payload type: its bytes as whole numbers, to be named by the user. */
 export function descriptionOf(id: number, size: number): string {
   const field = size % 2 === 0 ? { type: "i16", count: size / 2 } : { type: "u8", count: size };
   const count = field.count > 1 ? `count = ${field.count}\n` : "";
-  return `# ${size} bytes in all; one [[message.field]] for each quantity, in the order of the bytes.
-# type: i8 u8 i16 u16 i32 u32 i64 u64 f32 f64, little-endian
-# count: how many of them; left out, one
-# unit: "m/s", "°C"; shown = sent × scale
-[[message]]
-type = 0x${id.toString(16).toUpperCase().padStart(2, "0")}
-name = "Vendor${id.toString(16).toUpperCase()}"
-
-[[message.field]]
-name = "Values"
-type = "${field.type}"
-${count}unit = ""
-scale = 1.0
-`;
+  return TEXT.bytesInAllOneMessage(
+    size,
+    id.toString(16).toUpperCase().padStart(2, "0"),
+    id.toString(16).toUpperCase(),
+    field.type,
+    count,
+  );
 }

@@ -1,55 +1,70 @@
-/** What a panel is given when it is mounted. */
-import { cursor, view } from "../data/view-state";
+/** Context passed to a panel when it is mounted. */
+import type { ViewState } from "../data/view-state";
 import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
-import type { DeviceInfo, EventInfo } from "../wire/types";
+import type { DeviceInfo, EventInfo, UnknownPayload } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
-import type { Minute } from "./health-history";
+import type { RecentHealth } from "./health-history";
 import { type Reading, readingAt } from "./cursor-time";
+
+/** Overlays that a panel can open. */
+export interface Openers {
+  /** The enlarged track. */
+  track(): void;
+  /** The rows of the table channel of that name. */
+  rows(name: string, title: string): void;
+  /** The form that describes a payload. */
+  describe(payload: UnknownPayload): void;
+}
 
 export interface Deps {
   readonly store: Store;
-  readonly minute: Minute;
-  /** What a column's window amounts to, when the store holds only some of its samples; undefined while that is not known. */
+  readonly viewState: ViewState;
+  readonly recentHealth: RecentHealth;
+  readonly open: Openers;
+  /** True while the newest value is old: headings then show its age. */
+  readonly held: () => boolean;
+  /** Statistics of a column over the window if the store holds only some of its samples; undefined until known. */
   readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
-  /** All that happened, where the store tells of what had happened by then. */
+  /** All events, if the store has only those up to the reading position. */
   readonly allEvents?: readonly EventInfo[];
-  /** Shows a moment, where that is more than to look at it. */
+  /** Shows a moment, if that needs more than a change of the view. */
   readonly jump?: (to: { readonly t0: number; readonly t1: number }) => void;
-  /** Samples of a recording that are missing after where it is read. */
+  /** Samples of a recording missing after the reading position. */
   readonly lostLater?: (device: string) => number;
 }
 
-/** The moment that panels read now. */
+/** The moment read by the panels. */
 export function reading(deps: Deps): Reading {
+  const { view, cursor } = deps.viewState;
   return readingAt(view.value, cursor.value, deps.store.edgeOf(view.value.device));
 }
 
 /** Channels of the selected device. */
 export function channelsOf(deps: Deps): readonly Channel[] {
-  const device = view.value.device;
+  const { device } = deps.viewState.view.value;
   return deps.store.channels.value.filter((channel) => channel.info.device === device);
 }
 
 export function selected(deps: Deps): DeviceInfo | undefined {
-  const id = view.value.device;
+  const id = deps.viewState.view.value.device;
   return deps.store.devices.value.find((device) => device.id === id);
 }
 
-/** What went wrong with a device within the last minute. */
+/** Problems of a device within the last minute. */
 export function recently(deps: Deps, device: string): Recent {
   return recentOf(deps.store.events.value, device, deps.store.serverNow());
 }
 
-/** What comes in turns begins in turns: before its first sample a quantity is read by that for so long, s. A recording opens there. */
+/** Messages sent in turns start in turns: up to this long before its first sample a quantity reads that one, s. Recordings open there. */
 const EARLY_S = 0.5;
 
 /** Index of the sample that `at` reads in a channel; -1 when there is none. */
 export function sampleAt(channel: Channel, at: Reading): number {
   const { ring } = channel;
   if (at.time === Number.POSITIVE_INFINITY) return ring.length - 1;
-  const i = ring.indexAt(at.time, view.value.timeBase);
+  const i = ring.indexAt(at.time, at.base);
   return i < 0 && ring.length > 0 && ring.time(0) - at.time < EARLY_S ? 0 : i;
 }
 
@@ -59,7 +74,7 @@ export function ageOf(deps: Deps, device: string): number | undefined {
   const now = deps.store.serverNow();
   for (const { info, ring } of deps.store.channels.value) {
     if (info.device !== device || ring.length === 0) continue;
-    // Of a recording there are samples from after where it is read, too.
+    // a recording also has samples after the reading position
     const at = ring.arrival(ring.length - 1) > now ? ring.indexAt(now, "arrival") : ring.length - 1;
     if (at < 0) continue;
     const arrival = ring.arrival(at);

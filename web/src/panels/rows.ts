@@ -1,11 +1,11 @@
-/** All rows of a table that came at one time (satellites, signals), as they stood where it is read. */
+/** All rows of a table that came at one time (satellites, signals), at the reading position. */
 import type { Channel } from "../data/channels";
-import { el, every, type Panel } from "../ui/dom";
+import { el, throttle, type Panel } from "../ui/dom";
 import { decimalsOf, number } from "../ui/format";
 import { choiceWords } from "../ui/labels";
 import { channelsOf, type Deps, reading, sampleAt } from "./panel-context";
 
-/** A table's rows are those that share the time of the row at `i`: the first of them, −1 where there is none. */
+/** First of the table's rows that share the time of the row at `i`; −1 if there is none. */
 export function firstRowAt({ ring }: Pick<Channel, "ring">, i: number): number {
   if (i < 0) return -1;
   const arrival = ring.arrival(i);
@@ -14,7 +14,7 @@ export function firstRowAt({ ring }: Pick<Channel, "ring">, i: number): number {
   return first;
 }
 
-/** What stands in the cells, row by row. */
+/** Cell texts, row by row. */
 export function cellsOf({ info, ring }: Channel, i: number): readonly (readonly string[])[] {
   const first = firstRowAt({ ring }, i);
   if (first < 0) return [];
@@ -31,21 +31,27 @@ export function cellsOf({ info, ring }: Channel, i: number): readonly (readonly 
 export function mountRows(host: HTMLElement, deps: Deps, name: string): Panel {
   const body = el("tbody");
   const head = el("tr");
-  const table = el("table", { class: "rowtable" }, el("thead", {}, head), body);
+  const table = el("table", { class: "rows-table" }, el("thead", {}, head), body);
   host.append(table);
-  const due = every(2);
+  const due = throttle(2);
   let known = "";
   return {
     update(now) {
       if (!due(now)) return;
       const channel = channelsOf(deps).find(({ info }) => info.name === name);
       if (!channel) return;
-      const titles = channel.info.columns.map(({ label, name: own, unit }) => `${label || own}${unit ? ` ${unit}` : ""}`);
+      const titles = channel.info.columns.map(
+        ({ label, name: own, unit }) => `${label || own}${unit ? ` ${unit}` : ""}`,
+      );
       if (titles.join("|") !== known) {
         known = titles.join("|");
         head.replaceChildren(...titles.map((title) => el("th", { scope: "col" }, title)));
       }
-      body.replaceChildren(...cellsOf(channel, sampleAt(channel, reading(deps))).map((cells) => el("tr", {}, ...cells.map((text) => el("td", { class: "num" }, text)))));
+      body.replaceChildren(
+        ...cellsOf(channel, sampleAt(channel, reading(deps))).map((cells) =>
+          el("tr", {}, ...cells.map((text) => el("td", { class: "num" }, text))),
+        ),
+      );
     },
     dispose: () => table.remove(),
   };

@@ -1,12 +1,13 @@
 /**
- * Which satellites are received, how strongly, and which of them count? Pure: the newest table of a channel of rows, grouped by
- * constellation. A table is known by its columns: a signal strength (C/N0), a satellite number, a constellation, and the bits
- * that say whether it is used and healthy, whatever family they come from.
+ * Received satellites, their strength and use. Pure: the newest table of a channel of rows, grouped by constellation. A table is
+ * recognised by its columns: a signal strength (C/N0), a satellite number, a constellation, and the bits for use and health, of any
+ * family.
  */
 import type { Channel } from "../data/channels";
 import type { BitsInfo } from "../wire/types";
+import { TEXT } from "../texts/panels";
 
-/** "used" in the solution · "healthy", tracked and not used · "unhealthy" · "not used", nothing better known. */
+/** "used" in the solution · "healthy", tracked and not used · "unhealthy" · "not used", without further knowledge. */
 export type Use = "used" | "healthy" | "not used" | "unhealthy";
 
 export interface Satellite {
@@ -22,7 +23,7 @@ export interface Constellation {
   readonly satellites: readonly Satellite[];
 }
 
-/** A channel whose rows are satellites, and where its columns are. */
+/** A channel whose rows are satellites, and the positions of its columns. */
 export interface SkyTable {
   readonly channel: Channel;
   readonly strength: number;
@@ -35,7 +36,7 @@ export interface SkyTable {
   readonly health: BitsInfo | undefined;
 }
 
-/** Constellations by what documents call them, with the letter of RINEX. */
+/** Constellations by their names in documents, with the letter of RINEX. */
 const SYSTEMS: readonly (readonly [words: RegExp, letter: string, name: string])[] = [
   [/^gps/i, "G", "GPS"],
   [/^gal/i, "E", "Galileo"],
@@ -51,24 +52,27 @@ const ORDER: readonly Use[] = ["used", "healthy", "not used", "unhealthy"];
 /** A table has no more rows than this: satellites times signals. */
 const MOST_ROWS = 200;
 
-/** The tables of satellites among a device's channels; those of signals only where there is none of satellites. */
+/** The tables of satellites among a device's channels; those of signals only if there is none of satellites. */
 export function skyTables(channels: readonly Channel[]): readonly SkyTable[] {
   const found = channels.flatMap((channel): readonly SkyTable[] => {
-    if (channel.info.kind !== "rows") return [];
+    if (channel.info.kind !== "table") return [];
     const { columns } = channel.info;
     const find = (pattern: RegExp): number => columns.findIndex(({ name }) => pattern.test(name));
     const [strength, satellite, system] = [find(/^c_?\/?n_?[o0]/i), find(/^sv_?id$/i), find(/^gnss_?id$/i)];
     if (strength < 0 || satellite < 0) return [];
     const flags = columns.findIndex(({ bits }) => bits.some(({ name }) => /^used/i.test(name)));
     const bits = columns[flags]?.bits ?? [];
-    const [used, health] = [bits.find(({ name }) => /^used/i.test(name)), bits.find(({ name }) => /^health/i.test(name))];
+    const [used, health] = [
+      bits.find(({ name }) => /^used/i.test(name)),
+      bits.find(({ name }) => /^health/i.test(name)),
+    ];
     return [{ channel, strength, satellite, system, signal: find(/^sig_?id$/i), flags, used, health }];
   });
   const satellites = found.filter(({ signal }) => signal < 0);
   return satellites.length > 0 ? satellites : found;
 }
 
-/** The table whose last row is `i`: rows that came at one time; [] where there is none. */
+/** The table whose last row is `i`: rows that came at one time; [] if there is none. */
 export function skyAt(table: SkyTable, i: number): readonly Constellation[] {
   const { ring } = table.channel;
   if (i < 0) return [];
@@ -83,7 +87,7 @@ export function skyAt(table: SkyTable, i: number): readonly Constellation[] {
     seen.add(row);
     const group = groups.get(name) ?? new Map<string, Satellite>();
     groups.set(name, group);
-    const one = { id, strength: ring.value(table.strength, k), use: useOf(table, k) };
+    const one = { id, strength: ring.value(table.strength, k), use: usageOf(table, k) };
     const other = group.get(id);
     group.set(id, other ? better(one, other) : one);
   }
@@ -93,21 +97,21 @@ export function skyAt(table: SkyTable, i: number): readonly Constellation[] {
     .map(([name, group]) => ({ name, satellites: [...group.values()].sort((a, b) => a.id.localeCompare(b.id)) }));
 }
 
-/** Of two signals of one satellite the stronger strength and the better use. */
+/** Of two signals of one satellite, the stronger strength and the better use. */
 function better(a: Satellite, b: Satellite): Satellite {
   const use = ORDER.indexOf(a.use) < ORDER.indexOf(b.use) ? a.use : b.use;
   return { id: a.id, strength: Math.max(a.strength, b.strength), use };
 }
 
 function systemOf({ channel, system }: SkyTable, k: number): readonly [letter: string, name: string] {
-  if (system < 0) return ["", "Satellites"];
+  if (system < 0) return ["", TEXT.satellites];
   const number = channel.ring.value(system, k);
-  const words = channel.info.columns[system]?.choices[String(number)] ?? `System ${number}`;
+  const words = channel.info.columns[system]?.choices[String(number)] ?? TEXT.system(number);
   const known = SYSTEMS.find(([pattern]) => pattern.test(words));
   return known ? [known[1], known[2]] : ["", words];
 }
 
-function useOf({ channel, flags, used, health }: SkyTable, k: number): Use {
+function usageOf({ channel, flags, used, health }: SkyTable, k: number): Use {
   if (flags < 0) return "not used";
   const word = channel.ring.value(flags, k);
   const of = (bits: BitsInfo | undefined): number => (bits ? Math.floor(word / 2 ** bits.low) % 2 ** bits.width : 0);
@@ -120,5 +124,8 @@ function useOf({ channel, flags, used, health }: SkyTable, k: number): Use {
 /** "8 used · 3 healthy · 1 not used": how many satellites of each use. */
 export function tally(satellites: readonly Satellite[]): string {
   const counts = ORDER.map((use) => [use, satellites.filter((one) => one.use === use).length] as const);
-  return counts.filter(([, n]) => n > 0).map(([use, n]) => `${n} ${use}`).join(" · ");
+  return counts
+    .filter(([, n]) => n > 0)
+    .map(([use, n]) => `${n} ${use}`)
+    .join(" · ");
 }

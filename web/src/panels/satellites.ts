@@ -1,11 +1,14 @@
 /**
- * The satellites that each receiver hears: a bar of C/N0 for each, by constellation. Used, healthy and not used are told apart by
- * the fill and by a word. A table for whoever reads it; on the screen two satellites stand side by side.
+ * The satellites of each receiver: a bar of C/N0 for each, by constellation. Used, healthy and not used differ by fill and by a word.
+ * A table for screen readers; on the screen two satellites are side by side.
  */
-import { el, every, Live, type Panel } from "../ui/dom";
+import { el, throttle, LiveText, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import { channelsOf, type Deps, reading, sampleAt } from "./panel-context";
 import { type Constellation, type Satellite, skyAt, type SkyTable, skyTables, tally, type Use } from "./satellite-data";
+import { registerPanel } from "./registry";
+import { h } from "preact";
+import { TEXT } from "../texts/panels";
 
 /** A bar this long is full, dB-Hz: stronger than any satellite. */
 const FULL_DBHZ = 55;
@@ -14,22 +17,22 @@ const USES: readonly Use[] = ["used", "healthy", "not used", "unhealthy"];
 interface Row {
   readonly root: HTMLElement;
   readonly bar: HTMLElement;
-  readonly strength: Live;
-  readonly use: Live;
+  readonly strength: LiveText;
+  readonly use: LiveText;
 }
 
 /** One receiver's table; rebuilt when a satellite comes or goes. */
 class Sky {
   readonly root: HTMLTableElement;
   readonly #table: SkyTable;
-  readonly #tallies = new Map<string, Live>();
+  readonly #tallies = new Map<string, LiveText>();
   readonly #rows = new Map<string, Row>();
   #known = "";
 
   constructor(table: SkyTable, several: boolean) {
     this.#table = table;
     const name = several ? table.channel.info.group : "";
-    const caption = el("caption", name ? {} : { class: "vh" }, name || "Satellites by constellation, with signal strength in dB-Hz");
+    const caption = el("caption", name ? {} : { class: "visually-hidden" }, name || TEXT.satellitesLabel);
     this.root = el("table", { class: "sky", role: "table" }, caption);
   }
 
@@ -51,22 +54,28 @@ class Sky {
     this.#tallies.clear();
     this.root.querySelectorAll("tbody").forEach((body) => body.remove());
     for (const { name, satellites } of sky) {
-      const words = new Live();
+      const words = new LiveText();
       this.#tallies.set(name, words);
-      const head = el("th", { role: "columnheader", scope: "rowgroup", colspan: "4" }, name, " ", el("span", { class: "dim" }, words.node));
-      const body = el("tbody", { role: "rowgroup" }, el("tr", { role: "row", class: "g" }, head));
+      const head = el(
+        "th",
+        { role: "columnheader", scope: "rowgroup", colspan: "4" },
+        name,
+        " ",
+        el("span", { class: "dim" }, words.node),
+      );
+      const body = el("tbody", { role: "rowgroup" }, el("tr", { role: "row", class: "group-row" }, head));
       for (const { id } of satellites) body.append(this.#row(id));
       this.root.append(body);
     }
   }
 
   #row(id: string): HTMLElement {
-    const [bar, strength, use] = [el("i"), new Live(), new Live()];
+    const [bar, strength, use] = [el("i"), new LiveText(), new LiveText()];
     const cells = [
       el("th", { role: "rowheader", scope: "row" }, id),
-      el("td", { role: "cell", class: "cn0", "aria-hidden": "true" }, bar),
-      el("td", { role: "cell", class: "num" }, strength.node, el("span", { class: "vh" }, " dB-Hz")),
-      el("td", { role: "cell", class: "vh" }, use.node),
+      el("td", { role: "cell", class: "signal-strength", "aria-hidden": "true" }, bar),
+      el("td", { role: "cell", class: "num" }, strength.node, el("span", { class: "visually-hidden" }, " dB-Hz")),
+      el("td", { role: "cell", class: "visually-hidden" }, use.node),
     ];
     const root = el("tr", { role: "row" }, ...cells);
     this.#rows.set(id, { root, bar, strength, use });
@@ -87,12 +96,16 @@ class Sky {
 }
 
 /** Mounts into `host`. */
-export function mountSatellites(host: HTMLElement, deps: Deps): Panel {
-  const key = el("ul", { class: "skykey", "aria-hidden": "true" }, ...USES.map((use) => el("li", { "data-use": use }, el("i"), use)));
+function mountSatellites(host: HTMLElement, deps: Deps): Panel {
+  const key = el(
+    "ul",
+    { class: "sky-key", "aria-hidden": "true" },
+    ...USES.map((use) => el("li", { "data-use": use }, el("i"), use)),
+  );
   host.append(key);
   let shown: readonly SkyTable[] = [];
   let skies: readonly Sky[] = [];
-  const due = every(2);
+  const due = throttle(2);
   return {
     update(now) {
       if (!due(now)) return;
@@ -109,3 +122,14 @@ export function mountSatellites(host: HTMLElement, deps: Deps): Panel {
     dispose: () => host.replaceChildren(),
   };
 }
+
+registerPanel({
+  id: "satellites",
+  title: TEXT.satellites,
+  note: ["C/N", h("sub", null, "0"), TEXT.inDBHz],
+  where: "below",
+  order: 10,
+  class: "satellites",
+  applies: (deps) => skyTables(channelsOf(deps)).length > 0,
+  mount: mountSatellites,
+});

@@ -1,8 +1,8 @@
-/** How did a figure go over the last minute? Small bars: grey where all was well, marked where samples were lost. */
+/** Sparklines of the last minute: small bars, grey if all was well, marked where samples were lost. */
 import { css, type Surface } from "../ui/canvas";
 import type { Bar } from "./health-history";
 
-/** Bars from the left; a bar with nothing known is left empty, silence is a low mark. */
+/** Bars from the left; an unknown bar is empty, silence is a low mark. */
 export function drawBars(to: Surface, bars: readonly (Bar | undefined)[], gone: boolean): void {
   if (!to.begin()) return;
   const x = to.context;

@@ -1,75 +1,92 @@
 /**
- * What is in payloads that nobody has described? One entry for each kind: how many, how often, and the newest as bytes. What changed
- * since the entry was last written, at most twice a second, is marked. Only open entries are written.
+ * Content of undescribed payloads. One entry for each kind: how many, how often, and the newest as bytes. Changes since the entry was
+ * last written, at most twice a second, are marked. Only open entries are written.
  */
-import { view } from "../data/view-state";
-import { el, every, Live, type Panel } from "../ui/dom";
+import { el, throttle, LiveText, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
-import type { RawPayload } from "../wire/types";
+import { protocolOf } from "../wire/capabilities";
+import type { UnknownPayload } from "../wire/types";
 import { type Deps, selected } from "./panel-context";
 import { bytesOf, type HexLine, linesOf, type Run } from "./hex";
+import { registerPanel } from "./registry";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/panels";
 
-/** Entries that are open without being asked for. */
+/** Entries that are initially open. */
 const OPEN = 2;
 
 /** One kind of payload. */
 class Entry {
   readonly root: HTMLDetailsElement;
-  readonly #figures = new Live();
+  readonly #figures = new LiveText();
   readonly #bytes = el("pre", { class: "hex", tabindex: "0" });
-  #shown: RawPayload | undefined;
+  #shown: UnknownPayload | undefined;
   #before: Uint8Array | undefined;
 
-  constructor(payload: RawPayload, open: boolean, describe: (() => void) | undefined) {
+  constructor(payload: UnknownPayload, open: boolean, describe: (() => void) | undefined) {
     const head = el("summary", {}, el("b", {}, payload.name), " ");
-    if (!payload.verified) head.append(el("span", { class: "tag warn" }, "▲ unverified"), " ");
+    if (!payload.verified) head.append(el("span", { class: "tag warn" }, COMMON.unverified), " ");
     head.append(el("span", { class: "dim num" }, this.#figures.node));
     head.title = payload.doc;
-    this.#bytes.setAttribute("aria-label", `Newest payload ${payload.name}: offset, bytes, letters`);
-    this.root = el("details", { class: "raw" }, head, this.#bytes);
+    this.#bytes.setAttribute("aria-label", TEXT.newestPayload(payload.name));
+    this.root = el("details", { class: "raw-payload" }, head, this.#bytes);
     this.root.open = open;
     if (describe) {
-      const button = el("button", { type: "button", class: "btn small edge" }, "Describe this type…");
+      const button = el("button", { type: "button", class: "btn small edge" }, TEXT.definePayload);
       button.addEventListener("click", describe);
       this.root.append(button);
     }
   }
 
-  write(payload: RawPayload): void {
-    this.#figures.set(`${number(payload.rate, 1)} /s · ${number(payload.count, 0)} so far · ${number(payload.size, 0)} B`);
+  write(payload: UnknownPayload): void {
+    this.#figures.set(TEXT.payloadFacts(number(payload.rate, 1), number(payload.count, 0), number(payload.size, 0)));
     if (!this.root.open || payload.hex === this.#shown?.hex) return;
     const bytes = bytesOf(payload.hex);
     const lines = linesOf(bytes, this.#before).map(lineOf);
     const rest = payload.size - bytes.length;
-    this.#bytes.replaceChildren(...lines, ...(rest > 0 ? [`… and ${number(rest, 0)} B more`] : []));
+    this.#bytes.replaceChildren(...lines, ...(rest > 0 ? [TEXT.moreBytes(number(rest, 0))] : []));
     this.#before = bytes;
     this.#shown = payload;
   }
 }
 
 function lineOf({ offset, bytes, letters }: HexLine): HTMLElement {
-  return el("div", {}, el("span", { class: "dim" }, `${offset}  `), ...bytes.map(runOf), " ", el("span", { class: "mid" }, ...letters.map(runOf)));
+  return el(
+    "div",
+    {},
+    el("span", { class: "dim" }, `${offset}  `),
+    ...bytes.map(runOf),
+    " ",
+    el("span", { class: "mid" }, ...letters.map(runOf)),
+  );
 }
 
 function runOf({ text, changed }: Run): Node {
   return changed ? el("mark", {}, text) : document.createTextNode(text);
 }
 
-/** Mounts into `host`. `describe` is offered where a person can say what a payload means. */
-export function mountRaws(host: HTMLElement, deps: Deps, describe: (payload: RawPayload) => void): Panel {
+/** Mounts into `host`. */
+function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
   let known = "";
   let entries = new Map<string, Entry>();
-  const due = every(2);
+  const due = throttle(2);
   return {
     update(now) {
       const device = selected(deps);
-      const payloads = deps.store.raws.value.filter((payload) => payload.device === view.value.device);
+      const payloads = deps.store.unknownPayloads.value.filter(
+        (payload) => payload.device === deps.viewState.view.value.device,
+      );
       const names = `${device?.id} ${payloads.map(key).join(" ")}`;
       if (names === known && !due(now)) return;
       if (names !== known) {
         known = names;
-        const told = device?.protocol === "idtp";
-        entries = new Map(payloads.map((one, k) => [key(one), entries.get(key(one)) ?? new Entry(one, k < OPEN, told ? () => describe(one) : undefined)]));
+        const told = protocolOf(device?.protocol)?.describes_payloads === true;
+        entries = new Map(
+          payloads.map((one, k) => [
+            key(one),
+            entries.get(key(one)) ?? new Entry(one, k < OPEN, told ? () => deps.open.describe(one) : undefined),
+          ]),
+        );
         host.replaceChildren(...[...entries.values()].map(({ root }) => root));
       }
       for (const payload of payloads) entries.get(key(payload))?.write(payload);
@@ -78,6 +95,17 @@ export function mountRaws(host: HTMLElement, deps: Deps, describe: (payload: Raw
   };
 }
 
-function key({ device, name, verified }: RawPayload): string {
+function key({ device, name, verified }: UnknownPayload): string {
   return `${device}/${name}${verified ? "" : "?"}`;
 }
+
+registerPanel({
+  id: "unknown-payloads",
+  title: TEXT.rawPayloads,
+  note: TEXT.undefinedPayloads,
+  where: "below",
+  order: 20,
+  class: "raw-payloads",
+  applies: (deps) => deps.store.unknownPayloads.value.some(({ device }) => device === deps.viewState.view.value.device),
+  mount: mountUnknownPayloads,
+});

@@ -35,10 +35,13 @@ describe("groupsOf", () => {
   it("puts what is measured first and gathers single values at the end", () => {
     const groups = groupsOf([
       channel("Temperature", "scalar", [column("value", { unit: "°C" })]),
-      channel("RateOfTurn", "vector", [column("x", { axis: "x", unit: "rad/s" }), column("y", { axis: "y", unit: "rad/s" })]),
+      channel("RateOfTurn", "vector", [
+        column("x", { axis: "x", unit: "rad/s" }),
+        column("y", { axis: "y", unit: "rad/s" }),
+      ]),
       channel("GnssPvtData", "record", [column("lat"), column("fixtype"), column("Reserved1")]),
       channel("Acceleration", "vector", [column("x", { axis: "x", unit: "m/s²" })]),
-      channel("GnssSatInfo", "rows", [column("svId"), column("cno")]),
+      channel("GnssSatInfo", "table", [column("svId"), column("cno")]),
       channel("PacketCounter", "counter", [column("value")]),
     ]);
     expect(groups.map((group) => group.title)).toEqual(["Acceleration", "RateOfTurn", "Other values", "GnssPvtData"]);
@@ -48,11 +51,19 @@ describe("groupsOf", () => {
     expect(groups[3]?.rows.map((row) => row.label)).toEqual(["lat", "fixtype"]);
   });
   it("tells mean and spread of a quantity without axes: every column of a table is one", () => {
-    const [group] = groupsOf([channel("gyro_z", "scalar", [column("value", { unit: "°/s" })]), channel("count", "scalar", [column("value", { dtype: "u4" })])]);
-    expect(group?.rows.map(({ colour, unit }) => [colour, unit])).toEqual([["n", "°/s"], ["", undefined]]);
+    const [group] = groupsOf([
+      channel("gyro_z", "scalar", [column("value", { unit: "°/s" })]),
+      channel("count", "scalar", [column("value", { dtype: "u4" })]),
+    ]);
+    expect(group?.rows.map(({ colour, unit }) => [colour, unit])).toEqual([
+      ["n", "°/s"],
+      ["", undefined],
+    ]);
   });
   it("colours by axis and leaves what has none grey", () => {
-    const [group] = groupsOf([channel("Quaternion", "quaternion", [column("w", { axis: "w" }), column("x", { axis: "x" })])]);
+    const [group] = groupsOf([
+      channel("Quaternion", "quaternion", [column("w", { axis: "w" }), column("x", { axis: "x" })]),
+    ]);
     expect(group?.rows.map((row) => row.colour)).toEqual(["n", "x"]);
   });
 });

@@ -1,11 +1,12 @@
 /**
- * In which order do the values stand, and in which groups? Pure: channels in, groups of rows out.
+ * Order and groups of the values. Pure: channels in, groups of rows out.
  *
- * Quantities with axes come first, in the order an engineer reads them; what changes slowly is one group of single lines at the
- * end; a record (GNSS) is a group of its own. Tables with several rows at one time (satellites) are only counted here.
+ * Quantities with axes come first, in an engineer's reading order; slow ones are one group of single lines at the end; a record
+ * (GNSS) is a group of its own. Tables with several rows at one time (satellites) are only counted here.
  */
 import { titlesOf } from "../ui/labels";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
+import { TEXT } from "../texts/panels";
 
 const ORDER: readonly string[] = [
   "Acceleration",
@@ -40,11 +41,11 @@ export interface ValueGroup {
   readonly unit: string;
   readonly frame: string;
   readonly rows: readonly ValueRow[];
-  /** False: shown although nobody could check who sent it. */
+  /** False: shown although the sender could not be verified. */
   readonly verified: boolean;
 }
 
-/** The same quantities by the titles that families with other names share. */
+/** The same quantities by titles shared with families that use other names. */
 const TITLES: readonly string[] = [
   "Acceleration",
   "Rate of turn",
@@ -59,12 +60,13 @@ function rank(channel: ChannelInfo): number {
   const at = ORDER.indexOf(channel.name);
   if (at >= 0) return at;
   const title = TITLES.indexOf(channel.title);
-  const same = title < 0 ? -1 : ORDER.findIndex((name) => name.toLowerCase() === channel.title.replaceAll(" ", "").toLowerCase());
+  const same =
+    title < 0 ? -1 : ORDER.findIndex((name) => name.toLowerCase() === channel.title.replaceAll(" ", "").toLowerCase());
   if (same >= 0) return same;
   return ORDER.length + (title < 0 ? TITLES.length : title);
 }
 
-/** Columns that documents keep for later: they carry nothing to read. */
+/** Columns reserved by the document: nothing to read. */
 const RESERVED = /^res(erved)?\d*$/i;
 
 function rowsOf(channel: ChannelInfo, plain: boolean): readonly ValueRow[] {
@@ -84,19 +86,37 @@ export function groupsOf(channels: readonly ChannelInfo[]): readonly ValueGroup[
   for (const channel of [...channels].sort((a, b) => rank(a) - rank(b))) {
     const title = titleOf(channel);
     const { frame } = channel;
-    if (channel.kind === "rows") {
+    if (channel.kind === "table") {
       slow.push({ channel, column: -1, info: undefined, label: title, colour: "" });
     } else if (["vector", "euler", "quaternion", "matrix"].includes(channel.kind)) {
-      groups.push({ title, unit: channel.unit || commonUnit(channel), frame, rows: rowsOf(channel, false), verified: channel.verified });
+      groups.push({
+        title,
+        unit: channel.unit || commonUnit(channel),
+        frame,
+        rows: rowsOf(channel, false),
+        verified: channel.verified,
+      });
     } else if (channel.columns.length === 1) {
       // A quantity by itself has a mean and a spread as one with axes has: a gyro of a table, a temperature.
       const measured = channel.kind === "scalar" && channel.columns[0]!.dtype.startsWith("f");
-      for (const row of rowsOf(channel, !measured)) slow.push({ ...row, label: title, ...(measured ? { unit: row.info?.unit || channel.unit } : {}) });
+      for (const row of rowsOf(channel, !measured))
+        slow.push({ ...row, label: title, ...(measured ? { unit: row.info?.unit || channel.unit } : {}) });
     } else {
       records.push({ title, unit: "", frame, rows: rowsOf(channel, true), verified: channel.verified });
     }
   }
-  const tail = slow.length > 0 ? [{ title: "Other values", unit: "", frame: "", rows: slow, verified: slow.every((row) => row.channel.verified) }] : [];
+  const tail =
+    slow.length > 0
+      ? [
+          {
+            title: TEXT.otherValues,
+            unit: "",
+            frame: "",
+            rows: slow,
+            verified: slow.every((row) => row.channel.verified),
+          },
+        ]
+      : [];
   return [...groups, ...tail, ...records];
 }
 

@@ -7,7 +7,17 @@ import { staleness } from "./values";
 function upTo(step: number): { readonly channel: Channel } {
   const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
   const times = Float64Array.from({ length: 20 }, (_, k) => 100 - (19 - k) * step);
-  ring.take({ channel: 1, n: 20, dropped: 0, sequence: 0, history: false, now: 0, arrival: times, time: times, columns: [times] });
+  ring.take({
+    channel: 1,
+    n: 20,
+    dropped: 0,
+    sequence: 0,
+    history: false,
+    now: 0,
+    arrival: times,
+    time: times,
+    columns: [times],
+  });
   return { channel: { info: {} as Channel["info"], ring } };
 }
 

@@ -1,58 +1,59 @@
 /**
- * What are the numbers? The table of every channel of the selected device: newest value or value at the cursor, mean and σ over
- * the window. Text nodes are written in the frame loop, numbers 12 times a second; statistics in turn, a little in every frame,
- * because a long window of a fast device is millions of samples. Nothing moves when digits do.
+ * The values table, for every channel of the selected device: newest value or value at the cursor, mean and σ over the window. Text
+ * nodes are written in the frame loop, numbers 12 times a second; statistics in turn, a little in every frame, because a long
+ * window of a fast device is millions of samples. Nothing moves when digits do.
  */
 import type { Channel } from "../data/channels";
-import { cursorBeside } from "../data/view-actions";
-import { view } from "../data/view-state";
-import { every, el, Live, type Panel, unit } from "../ui/dom";
+import { throttle, el, LiveText, type Panel, unit } from "../ui/dom";
 import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
 import { ageOf, channelsOf, type Deps, reading, sampleAt } from "./panel-context";
 import { DTYPE_SIZE } from "../wire/types";
 import { groupsOf, type ValueRow } from "./value-groups";
 import type { Reading } from "./cursor-time";
+import { registerPanel } from "./registry";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/panels";
 
-/** What statistics may take of one frame's 16 ms, in ms; one line is done in any case. */
+/** Time for statistics in one frame's 16 ms, in ms; one line is done in any case. */
 const STATS_MS = 0.7;
 
 interface Line {
   readonly row: ValueRow;
   readonly channel: Channel;
-  readonly now: Live;
-  readonly mean: Live | undefined;
-  readonly sd: Live | undefined;
-  /** How old the value is, where that is not as it should be: beside a plain number, in the place of σ of others. */
-  readonly old: Live | undefined;
+  readonly now: LiveText;
+  readonly mean: LiveText | undefined;
+  readonly sd: LiveText | undefined;
+  /** Age of the value if overdue: beside a plain number, in place of σ for others. */
+  readonly old: LiveText | undefined;
   readonly tr: HTMLElement;
 }
 
-export interface ValuesDeps extends Deps {
-  /** True while the newest value is old: the head then says how old. */
-  readonly held: () => boolean;
-  /** Shows the rows of a table. */
-  readonly openRows?: (channel: Channel["info"], title: string) => void;
-}
-
-/** Mounts the table into `host`; what the numbers belong to is written into the element with id `headline`. */
-export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: string): Panel {
-  const when = new Live();
-  const word = new Live();
+/** Mounts the table into `host`; the source of the numbers is written into `headline`. */
+function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null): Panel {
+  const when = new LiveText();
+  const word = new LiveText();
   const caption = el("span", { class: "when" }, when.node);
-  document.getElementById(headlineId)?.append(caption);
+  headline?.append(caption);
   const body = el("tbody");
   const head = el("tr", {}, el("td"), el("th", { class: "num", scope: "col" }, word.node));
-  head.append(el("th", { class: "num", scope: "col" }, "mean"), el("th", { class: "num", scope: "col" }, "σ"));
-  const columns = el("colgroup", {}, el("col"), el("col", { class: "now" }), el("col", { class: "mean" }), el("col", { class: "sd" }));
-  const label = el("caption", { class: "vh" }, "Values of the selected device");
-  const table = el("table", { class: "vals" }, label, columns, el("thead", {}, head), body);
+  head.append(el("th", { class: "num", scope: "col" }, TEXT.mean), el("th", { class: "num", scope: "col" }, "σ"));
+  const columns = el(
+    "colgroup",
+    {},
+    el("col"),
+    el("col", { class: "now" }),
+    el("col", { class: "mean" }),
+    el("col", { class: "deviation" }),
+  );
+  const label = el("caption", { class: "visually-hidden" }, TEXT.valuesLabel);
+  const table = el("table", { class: "values-table" }, label, columns, el("thead", {}, head), body);
   host.append(table);
 
   let shown: readonly Channel[] = [];
   let lines: readonly Line[] = [];
   let turn = 0;
-  const numbersDue = every(12);
-  const statsDue = every(3);
+  const numbersDue = throttle(12);
+  const statsDue = throttle(3);
   return {
     update(frame) {
       if (turn < lines.length) turn = writeSomeStats(lines, turn, reading(deps), deps);
@@ -64,8 +65,8 @@ export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: str
         lines = build(body, channels, deps);
       }
       const at = reading(deps);
-      word.set(at.word);
-      when.set(headline(deps, at));
+      word.set(TEXT.reading[at.word]);
+      when.set(whenOf(deps, at));
       for (const line of lines) {
         line.now.set(valueText(line, at));
         const stale = deps.held() ? undefined : staleness(line, at, deps.store.edgeOf(line.channel.info.device));
@@ -84,12 +85,16 @@ export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: str
   };
 }
 
-/** A value that did not come for this long is old, s; and for so many of its usual spacings. */
+/** A value this long overdue is old, s; and by this many of its usual spacings. */
 const OLD_S = 3;
 const OLD_STEPS = 5;
 
-/** How old the newest value is, "3 min", when that is more than its channel's pace explains; undefined while it is fresh, or of another moment. */
-export function staleness({ channel: { ring } }: Pick<Line, "channel">, at: Pick<Reading, "word">, now: number): string | undefined {
+/** Age of the newest value, "3 min", if it exceeds its channel's pace; undefined while fresh, or for another moment. */
+export function staleness(
+  { channel: { ring } }: Pick<Line, "channel">,
+  at: Pick<Reading, "word">,
+  now: number,
+): string | undefined {
   if (at.word !== "now" || ring.length === 0) return undefined;
   const seconds = now - ring.arrival(ring.length - 1);
   if (!(seconds > Math.max(OLD_S, OLD_STEPS * (ring.step || 0)))) return undefined;
@@ -97,17 +102,18 @@ export function staleness({ channel: { ring } }: Pick<Line, "channel">, at: Pick
   return `${value} ${words}`;
 }
 
-function headline(deps: ValuesDeps, at: Reading): string {
+function whenOf(deps: Deps, at: Reading): string {
   if (at.word === "now" && deps.held()) {
-    const old = age(ageOf(deps, view.value.device ?? ""));
-    return `held, ${old.value} ${old.unit} old`;
+    const old = age(ageOf(deps, deps.viewState.view.value.device ?? ""));
+    return TEXT.heldFor(old.value, old.unit);
   }
-  if (at.word !== "now") return `at ${clock(at.time, 3)}${cursorBeside() === undefined ? "" : ", off screen"}`;
-  const window = span(view.value.span);
-  return `${window.value} ${window.unit} window`;
+  if (at.word !== "now")
+    return TEXT.atTime(clock(at.time, 3), deps.viewState.actions.cursorBeside() === undefined ? "" : TEXT.offScreen);
+  const window = span(deps.viewState.view.value.span);
+  return TEXT.windowLength(window.value, window.unit);
 }
 
-function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps: ValuesDeps): readonly Line[] {
+function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps: Deps): readonly Line[] {
   const byId = new Map(channels.map((channel) => [channel.info.id, channel]));
   const lines: Line[] = [];
   body.replaceChildren();
@@ -115,8 +121,8 @@ function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps
     const title = el("th", { colspan: "4", scope: "rowgroup" }, group.title);
     if (group.unit) title.append(unit(group.unit));
     if (group.frame) title.append(el("span", { class: "dim" }, ` ${group.frame}`));
-    if (!group.verified) title.append(el("span", { class: "tag warn" }, "▲ unverified"));
-    body.append(el("tr", { class: "g" }, title));
+    if (!group.verified) title.append(el("span", { class: "tag warn" }, COMMON.unverified));
+    body.append(el("tr", { class: "group-row" }, title));
     for (const row of group.rows) {
       const channel = byId.get(row.channel.id);
       if (channel) lines.push(addLine(body, row, channel, deps));
@@ -125,14 +131,18 @@ function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps
   return lines;
 }
 
-function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel, { openRows }: ValuesDeps): Line {
-  const now = new Live();
+function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel, deps: Deps): Line {
+  const now = new LiveText();
   const help = row.info?.doc || row.channel.doc;
-  const name = el("th", { scope: "row", class: row.colour || "plain", ...(help ? { title: help } : {}) }, row.label);
+  const name = el(
+    "th",
+    { scope: "row", class: row.colour ? `axis-${row.colour}` : "plain", ...(help ? { title: help } : {}) },
+    row.label,
+  );
   if (row.unit) name.append(unit(row.unit));
   // A row with statistics has four cells; a plain one gives its words and its number half of the width each.
   if (row.colour !== "") {
-    const [mean, sd] = [new Live(), new Live()];
+    const [mean, sd] = [new LiveText(), new LiveText()];
     const cells = [now, mean, sd].map((live) => el("td", { class: "num" }, live.node));
     const tr = el("tr", {}, name, ...cells);
     body.append(tr);
@@ -144,13 +154,17 @@ function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel,
   const shownUnit = row.info?.unit ?? (row.column < 0 ? "rows" : "");
   // A unit that is itself a number (a tick of 0.1 ms) is a factor.
   if (shownUnit) cell.append(unit(/^\d/.test(shownUnit) ? `× ${shownUnit}` : shownUnit));
-  if (row.column < 0 && openRows) {
-    const open = el("button", { type: "button", class: "btn small edge", "aria-label": `Show the rows of ${row.label}` }, "Show");
-    open.addEventListener("click", () => openRows(channel.info, row.label));
+  if (row.column < 0) {
+    const open = el(
+      "button",
+      { type: "button", class: "btn small edge", "aria-label": TEXT.showRowsOf(row.label) },
+      TEXT.show,
+    );
+    open.addEventListener("click", () => deps.open.rows(channel.info.name, row.label));
     cell.append(" ", open);
   }
-  const old = new Live();
-  cell.append(el("span", { class: "u" }, old.node));
+  const old = new LiveText();
+  cell.append(el("span", { class: "unit" }, old.node));
   const tr = el("tr", {}, name, cell);
   body.append(tr);
   return { row, channel, now, mean: undefined, sd: undefined, old, tr };
@@ -168,7 +182,7 @@ function valueText(line: Line, at: Reading): string {
   return number(value, decimalsOf(row.info, row.info.unit || row.channel.unit));
 }
 
-/** A word of flags as its document writes it: "0x0000003F". */
+/** A flag word as in its document: "0x0000003F". */
 function hex(value: number, digits: number): string {
   return Number.isFinite(value) ? `0x${Math.trunc(value).toString(16).toUpperCase().padStart(digits, "0")}` : NONE;
 }
@@ -182,7 +196,7 @@ function rowsAt(channel: Channel, i: number): number {
   return n;
 }
 
-/** Statistics of as many lines as fit in the time a frame has to spare; gives where to go on. */
+/** Compute statistics of as many lines as fit in the spare time of a frame; returns where to continue. */
 function writeSomeStats(lines: readonly Line[], from: number, at: Reading, deps: Deps): number {
   const until = performance.now() + STATS_MS;
   let turn = from;
@@ -194,11 +208,15 @@ function writeSomeStats(lines: readonly Line[], from: number, at: Reading, deps:
   return turn;
 }
 
-function writeStats(line: Line, at: Reading, { statistics }: Deps): void {
+function writeStats(line: Line, at: Reading, deps: Deps): void {
   const { row, channel, mean, sd } = line;
   if (!mean || !sd || !row.info || line.tr.classList.contains("old")) return;
   const decimals = decimalsOf(row.info, row.info.unit || row.channel.unit);
-  const stats = statistics ? statistics(channel, row.column, at) : channel.ring.stats(row.column, at.from, at.to, view.value.timeBase);
+  const stats = deps.statistics
+    ? deps.statistics(channel, row.column, at)
+    : channel.ring.stats(row.column, at.from, at.to, deps.viewState.view.value.timeBase);
   mean.set(stats && stats.n > 0 ? number(stats.mean, decimals) : NONE);
   sd.set(stats && stats.n > 1 ? number(stats.sigma, decimals) : NONE);
 }
+
+registerPanel({ id: "values", title: TEXT.values, where: "side", order: 0, class: "values-box", mount: mountValues });

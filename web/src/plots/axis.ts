@@ -1,16 +1,19 @@
 /**
- * What time is it along the axis? Ticks in steps that a clock has, labels in UTC, and the cursor's time to 1 ms.
+ * The time axis: ticks in clock steps, labels in UTC, and the cursor's time to 1 ms.
  */
 import type { View } from "../data/view-state";
 import { clock } from "../ui/format";
-import { type Palette, setFont, type Sheet } from "./canvas-style";
+import { type Palette, setFont, type CanvasLayer } from "./canvas-style";
 import { xOf, type TimeWindow } from "./time-window";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/plots";
 
 /** Steps of a clock, s; below a second decimal ones. */
 const STEPS: readonly number[] = [
-  0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10_800, 21_600, 43_200, 86_400,
+  0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200,
+  10_800, 21_600, 43_200, 86_400,
 ];
-/** Room a label needs, px: "14:32:18" and air. */
+/** Room for a label, px: "14:32:18" and a margin. */
 const LABEL_PX = 66;
 const MILLI_PX = 92;
 const DAY_S = 86_400;
@@ -32,7 +35,7 @@ export function timeGrid(w: TimeWindow): number[] {
 /** "21 Nov": day and month in UTC. */
 export function day(t: number): string {
   const date = new Date(t * 1000);
-  return `${date.getUTCDate()} ${["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"][date.getUTCMonth()]}`;
+  return `${date.getUTCDate()} ${COMMON.months[date.getUTCMonth()]}`;
 }
 
 /** Label of a tick: the time, and at midnight the day. */
@@ -47,17 +50,17 @@ export function duration(seconds: number): string {
   const sign = seconds < 0 ? "−" : "";
   if (size < 1) return `${sign}${(size * 1000).toFixed(size < 0.1 ? 2 : 1)} ms`;
   if (size < 60) return `${sign}${size.toFixed(3)} s`;
-  return `${sign}${Math.floor(size / 60)} min ${(size % 60).toFixed(1)} s`;
+  return TEXT.minutesSeconds(sign, Math.floor(size / 60), (size % 60).toFixed(1));
 }
 
-/** What the left end of the axis says. */
+/** Text at the left end of the axis. */
 export function axisWords(w: TimeWindow, base: View["timeBase"]): string {
-  const words = base === "device" ? "device time" : "arrival time";
+  const words = base === "device" ? TEXT.deviceTime : TEXT.arrivalTime;
   const away = day(w.t1) !== day(w.now);
-  return away ? `UTC ${day(w.t1)}, ${words}` : `UTC, ${words}`;
+  return away ? TEXT.utcDay(day(w.t1), words) : TEXT.utcBase(words);
 }
 
-/** A chip on the axis: the cursor's time, or how much later the second, measuring cursor stands. */
+/** A chip on the axis: the cursor's time, or the offset of the measuring cursor. */
 interface Chip {
   readonly text: string;
   readonly from: number;
@@ -65,25 +68,38 @@ interface Chip {
   readonly yours: boolean;
 }
 
-function chips(x: CanvasRenderingContext2D, w: TimeWindow, least: number, cursorAt: number | undefined, measureAt: number | undefined): Chip[] {
+function chips(
+  x: CanvasRenderingContext2D,
+  w: TimeWindow,
+  least: number,
+  cursorAt: number | undefined,
+  measureAt: number | undefined,
+): Chip[] {
   if (cursorAt === undefined) return [];
   const right = w.left + w.width;
   const wide = (text: string): number => x.measureText(text).width + 14;
-  // What is read beside the window is told at its edge: values of a moment that is not to be seen would be taken for those on screen.
-  const time = cursorAt < w.t0 ? `◂ ${clock(cursorAt, 3)}` : cursorAt > w.t1 ? `${clock(cursorAt, 3)} ▸` : clock(cursorAt, 3);
+  // an off-screen reading is shown at the edge: its values would be mistaken for those on screen
+  const time =
+    cursorAt < w.t0 ? `◂ ${clock(cursorAt, 3)}` : cursorAt > w.t1 ? `${clock(cursorAt, 3)} ▸` : clock(cursorAt, 3);
   const half = wide(time) / 2;
   const centre = Math.min(Math.max(xOf(w, cursorAt), least + half), right - half);
   const cursor = { text: time, from: centre - half, to: centre + half, yours: false };
   if (measureAt === undefined) return [cursor];
-  const text = `Δ ${duration(measureAt - cursorAt)}`;
+  const text = TEXT.measured(duration(measureAt - cursorAt));
   const width = wide(text) + 4;
-  // On the side of the other cursor, if there is room; never off the axis.
+  // on the side of the other cursor, if there is room; never off the axis
   const after = cursor.from - width < least || (measureAt > cursorAt && cursor.to + width < right);
   const from = after && cursor.to + width <= right + 4 ? cursor.to + 4 : Math.max(least, cursor.from - width);
   return [cursor, { text, from, to: from + width - 4, yours: true }];
 }
 
-export function drawAxis(sheet: Sheet, w: TimeWindow, look: Palette, cursorAt: number | undefined, measureAt: number | undefined): void {
+export function drawAxis(
+  sheet: CanvasLayer,
+  w: TimeWindow,
+  look: Palette,
+  cursorAt: number | undefined,
+  measureAt: number | undefined,
+): void {
   const x = sheet.begin();
   const middle = sheet.height / 2 + 0.5;
   const least = look.narrow ? 4 : w.left;

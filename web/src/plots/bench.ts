@@ -8,10 +8,9 @@
  * stands still is not drawn. `pan` frames move by a pixel every time, so that every frame draws everything; `zoom` frames change the
  * window's length, so that moreover no pixel can be kept from the frame before.
  */
-import * as actions from "../data/view-actions";
 import { onFrame } from "../data/render-loop";
 import { Store } from "../data/store";
-import { cursor, hidden, measure, view } from "../data/view-state";
+import { createViewState } from "../data/view-state";
 import { localNow } from "../wire/clock";
 import { mountStack } from "./plot-stack";
 import { CHANNELS, DEVICE, frameOf } from "./synthetic";
@@ -20,6 +19,7 @@ import "../ui/base.css";
 import "../ui/layout.css";
 import "../ui/panels.css";
 import "../ui/phone.css";
+import "../ui/visibility.css";
 
 interface Figures {
   readonly p50: number;
@@ -43,12 +43,17 @@ const theme = options.get("theme");
 if (theme !== null) document.documentElement.dataset["theme"] = theme;
 const root = document.getElementById("root")!;
 root.style.cssText = BENCH ? "position:fixed;inset:46px 296px 0 232px;display:flex" : "display:flex;height:100dvh";
-root.classList.add("plothost");
+root.classList.add("plot-host");
 
 const store = new Store();
+const viewState = createViewState();
+const { view, actions } = viewState;
 const channels = BENCH ? CHANNELS.filter(({ id }) => CHARTS.includes(id)) : CHANNELS;
 store.receive({ kind: "subscribed", fresh: true });
-store.receive({ kind: "text", text: { op: "devices", devices: [{ ...DEVICE, status: options.has("lost") ? "lost" : "live" }] } });
+store.receive({
+  kind: "text",
+  text: { op: "devices", devices: [{ ...DEVICE, status: options.has("lost") ? "lost" : "live" }] },
+});
 store.receive({ kind: "text", text: { op: "channels", channels } });
 store.connection.value = "open";
 
@@ -56,7 +61,8 @@ store.connection.value = "open";
 const now = localNow();
 const origin = Math.round(now * RATE);
 const total = Math.round((BENCH ? SPAN * 1.1 : 180) * RATE);
-const times = (from: number, to: number): Float64Array => Float64Array.from({ length: to - from }, (_, k) => (from + k) / RATE);
+const times = (from: number, to: number): Float64Array =>
+  Float64Array.from({ length: to - from }, (_, k) => (from + k) / RATE);
 /** Lost on the way: rows of the demonstration that never come. */
 const gapped = (t: number): boolean => !BENCH && t > now - 8 && t < now - 7.82;
 const skip = (list: Float64Array): Float64Array => list.filter((t) => !gapped(t));
@@ -72,7 +78,20 @@ if (!BENCH) {
     kind: "text",
     text: {
       op: "events",
-      events: [{ seq: 1, time: now, device: "1", kind: "gap", level: "caution", text: "The packet counter jumped by 72.", t0: now - 8, t1: now - 7.82, samples: 72, data: {} }],
+      events: [
+        {
+          seq: 1,
+          time: now,
+          device: "1",
+          kind: "gap",
+          level: "warning",
+          text: "The packet counter jumped by 72.",
+          t0: now - 8,
+          t1: now - 7.82,
+          samples: 72,
+          data: {},
+        },
+      ],
     },
   });
 }
@@ -86,16 +105,32 @@ function feed(): void {
 }
 
 view.value = { ...view.peek(), device: "1", span: SPAN };
-const stack = mountStack(root, { store });
-if (BENCH) for (const button of [...root.querySelectorAll<HTMLButtonElement>(".more button")].map((_, k) => k)) root.querySelectorAll<HTMLButtonElement>(".more button")[button]?.click();
+const stack = mountStack(root, { store, viewState });
+if (BENCH)
+  for (const button of [...root.querySelectorAll<HTMLButtonElement>(".more-quantities button")].map((_, k) => k))
+    root.querySelectorAll<HTMLButtonElement>(".more-quantities button")[button]?.click();
 
-const percentile = (list: number[], p: number): number => [...list].sort((a, b) => a - b)[Math.min(list.length - 1, Math.floor(list.length * p))] ?? NaN;
-const figures = (list: number[]): Figures => ({ p50: percentile(list, 0.5), p95: percentile(list, 0.95), max: Math.max(...list) });
+const percentile = (list: number[], p: number): number =>
+  [...list].sort((a, b) => a - b)[Math.min(list.length - 1, Math.floor(list.length * p))] ?? NaN;
+const figures = (list: number[]): Figures => ({
+  p50: percentile(list, 0.5),
+  p95: percentile(list, 0.95),
+  max: Math.max(...list),
+});
 const draws: number[] = [];
 const pans: number[] = [];
 const zooms: number[] = [];
 const feeds: number[] = [];
-const result = { done: false, frames: 0, points: 0, fps: NaN, draw: figures([0]), pan: figures([0]), zoom: figures([0]), feed: figures([0]) };
+const result = {
+  done: false,
+  frames: 0,
+  points: 0,
+  fps: NaN,
+  draw: figures([0]),
+  pan: figures([0]),
+  zoom: figures([0]),
+  feed: figures([0]),
+};
 let started = NaN;
 let stopped = false;
 
@@ -121,6 +156,12 @@ onFrame((at) => {
   const shown = store.channels.peek().filter(({ info }) => CHARTS.includes(info.id));
   const from = store.serverNow() - SPAN;
   result.points = shown.reduce((sum, { ring }) => sum + 3 * (ring.end - ring.row(from, "device")), 0);
-  Object.assign(result, { draw: figures(draws), pan: figures(pans), zoom: figures(zooms), feed: figures(feeds), done: true });
+  Object.assign(result, {
+    draw: figures(draws),
+    pan: figures(pans),
+    zoom: figures(zooms),
+    feed: figures(feeds),
+    done: true,
+  });
 });
-Object.assign(window, { bench: result, imuscope: { store, view, cursor, measure, hidden, actions } });
+Object.assign(window, { bench: result, imuscope: { store, ...viewState } });

@@ -1,14 +1,36 @@
 /**
- * What does drawing need of the page? The theme's colours and sizes, read from the custom properties once per theme and layout
- * instead of once per stroke, canvases as sharp as the screen, and the hatch.
+ * Drawing style: the theme's colours and sizes, read from the custom properties once per theme and layout instead of once per
+ * stroke, canvases as sharp as the screen, and the hatch.
  */
 
 import { clear } from "../ui/canvas";
 
 const COLOURS = [
-  "bg", "bg-rail", "bg-hover", "bg-active", "line", "line-strong", "edge", "grid", "grid-zero", "ink", "ink-2", "ink-3",
-  "invert-bg", "invert-ink", "axis-x", "axis-y", "axis-z", "axis-n", "status-warn", "status-warn-ink", "status-bad", "status-bad-ink", "loss",
-  "yours", "yours-ink",
+  "bg",
+  "bg-rail",
+  "bg-hover",
+  "bg-active",
+  "line",
+  "line-strong",
+  "edge",
+  "grid",
+  "grid-zero",
+  "ink",
+  "ink-2",
+  "ink-3",
+  "invert-bg",
+  "invert-ink",
+  "axis-x",
+  "axis-y",
+  "axis-z",
+  "axis-n",
+  "status-warn",
+  "status-warn-ink",
+  "status-bad",
+  "status-bad-ink",
+  "loss",
+  "yours",
+  "yours-ink",
 ] as const;
 export type Colour = (typeof COLOURS)[number];
 
@@ -20,14 +42,14 @@ export interface Palette {
   /** Left edge of the plots and room at their right end, px. */
   readonly gutter: number;
   readonly tail: number;
-  /** The gutter is too narrow for a legend: it stands above the plot. */
+  /** The gutter is too narrow for a legend, which is then above the plot. */
   readonly narrow: boolean;
 }
 
 /** A gutter below this holds no legend, px. */
 const LEGEND_FITS = 130;
 
-/** Read the theme as it is at `element`. */
+/** Read the theme at `element`. */
 export function palette(element: Element): Palette {
   const style = getComputedStyle(element);
   const get = (name: string): string => style.getPropertyValue(`--${name}`).trim();
@@ -48,7 +70,7 @@ export function setFont(x: CanvasRenderingContext2D, look: Palette, size: number
 }
 
 /** A canvas with its size, in CSS px; its pixels follow the screen's. */
-export class Sheet {
+export class CanvasLayer {
   readonly x: CanvasRenderingContext2D;
   width = 0;
   height = 0;
@@ -61,7 +83,7 @@ export class Sheet {
     this.x = context;
   }
 
-  /** Take on a size; true when it changed, and the canvas is blank. */
+  /** Set the size; true if it changed, and the canvas is blank. */
   resize(width: number, height: number): boolean {
     const ratio = globalThis.devicePixelRatio || 1;
     const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
@@ -74,7 +96,7 @@ export class Sheet {
     return true;
   }
 
-  /** Blank, with CSS pixels as the unit. */
+  /** Clear; the unit is CSS pixels. */
   begin(): CanvasRenderingContext2D {
     const { x, ratio } = this;
     x.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -82,7 +104,7 @@ export class Sheet {
     return x;
   }
 
-  /** A CSS coordinate moved to the nearest device pixel, so that hairlines are sharp. */
+  /** A CSS coordinate rounded to the nearest device pixel, so that hairlines are sharp. */
   snap(v: number): number {
     return Math.round(v * this.ratio) / this.ratio;
   }
@@ -90,7 +112,7 @@ export class Sheet {
 
 const hatches = new Map<string, CanvasPattern | null>();
 
-/** Diagonal lines `gap` px apart: what is missing, floating or unknown. */
+/** Diagonal lines `gap` px apart, for missing, floating or unknown data. */
 export function hatch(x: CanvasRenderingContext2D, colour: string, gap: number): CanvasPattern | string {
   const key = `${colour} ${gap}`;
   let pattern = hatches.get(key);
@@ -114,7 +136,7 @@ export function hatch(x: CanvasRenderingContext2D, colour: string, gap: number):
   return pattern ?? colour;
 }
 
-/** As much of a text as has room. */
+/** As much of a text as fits. */
 export function fitting(x: CanvasRenderingContext2D, text: string, room: number): string {
   let cut = text;
   while (cut.length > 1 && x.measureText(cut).width > room) cut = `${cut.slice(0, -2)}…`;

@@ -1,5 +1,5 @@
 /**
- * What do pointer and fingers do on the plots? They call the actions; nothing here draws.
+ * Pointer and touch gestures on the plots. They call the actions; nothing here draws.
  *
  *     move            the cursor follows (mouse)          drag           pans, and pauses by itself
  *     click, tap      pins the cursor there               shift + drag   selects a range
@@ -7,25 +7,24 @@
  *     wheel           zooms about the pointer             two fingers    zoom and pan
  *     click on the time of a cursor beside the window     goes there
  *
- *     a finger that stays where it is pins the measuring cursor
+ *     a finger that rests pins the measuring cursor
  *
- * One finger moves along time; across time it scrolls the page, which `touch-action: pan-y` leaves to the browser.
+ * One finger moves along time; vertically it scrolls the page, which `touch-action: pan-y` leaves to the browser.
  */
-import { cursorBeside, cursorTime, fit, live, panTo, pin, pinMeasure, rightEdge, select, unpin, zoom, centreAt } from "../data/view-actions";
-import { cursor, view } from "../data/view-state";
+import type { ViewState } from "../data/view-state";
 import { timeAt, xOf, type TimeWindow } from "./time-window";
 
 /** A press that moved less than this is a click, px. */
 const CLICK_PX = 4;
-/** A click this near to the pin takes it away, px. */
+/** A click this near to the pin removes it, px. */
 const UNPIN_PX = 5;
 /** Change of the window's length per px of wheel: a notch of 100 px is about 15 %. */
 const WHEEL = 0.0015;
-/** Dragging the box of the strip to within this part of its end goes live again. */
+/** Dragging the box of the strip to within this fraction of its end goes live again. */
 const LIVE_ZONE = 0.012;
-/** The word on the axis about a cursor beside the window: a click on it goes there, px. */
+/** Width of the label of an off-screen cursor on the axis: a click on it goes there, px. */
 const BESIDE_PX = 120;
-/** A finger that rests for so long measures, ms. */
+/** A finger that rests this long measures, ms. */
 const REST_MS = 500;
 
 export interface Surface {
@@ -46,18 +45,23 @@ interface Press {
   moved: boolean;
 }
 
-/** Listen on the stack; the returned function stops. Canvases only: legends, names and buttons are their own. */
-export function listen(stack: HTMLElement, surface: Surface): () => void {
+/** Listen on the stack; the returned function stops. Canvases only: legends, names and buttons have their own handlers. */
+export function listen(stack: HTMLElement, { view, cursor, actions }: ViewState, surface: Surface): () => void {
   const fingers = new Map<number, number>();
   let resting: ReturnType<typeof setTimeout> | undefined;
   let press: Press | undefined;
   const stop = new AbortController();
-  const on = <K extends keyof HTMLElementEventMap>(name: K, run: (event: HTMLElementEventMap[K]) => void, passive = true): void =>
-    stack.addEventListener(name, run, { signal: stop.signal, passive });
+  const on = <K extends keyof HTMLElementEventMap>(
+    name: K,
+    run: (event: HTMLElementEventMap[K]) => void,
+    passive = true,
+  ): void => stack.addEventListener(name, run, { signal: stop.signal, passive });
   const xIn = (event: MouseEvent): number => event.clientX - stack.getBoundingClientRect().left;
   const onCanvas = (event: Event): boolean => event.target instanceof HTMLCanvasElement;
-  const inStrip = (event: Event): boolean => event.target instanceof Element && event.target.parentElement?.className === "over";
-  const onAxis = (event: Event): boolean => event.target instanceof Element && event.target.parentElement?.className === "axis";
+  const inStrip = (event: Event): boolean =>
+    event.target instanceof Element && event.target.parentElement?.className === "history-strip";
+  const onAxis = (event: Event): boolean =>
+    event.target instanceof Element && event.target.parentElement?.className === "axis";
   const inside = (w: TimeWindow, x: number): boolean => x >= w.left && x <= w.left + w.width;
 
   const hover = (x: number): void => {
@@ -68,8 +72,8 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
   const moveStrip = (x: number): void => {
     const strip = surface.strip();
     if (strip === undefined) return;
-    if (x > strip.left + strip.width * (1 - LIVE_ZONE)) live();
-    else centreAt(timeAt(strip, x));
+    if (x > strip.left + strip.width * (1 - LIVE_ZONE)) actions.live();
+    else actions.centreAt(timeAt(strip, x));
   };
   const pinch = (event: PointerEvent): void => {
     const w = surface.window();
@@ -79,9 +83,9 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     if (w === undefined || before.length !== 2) return;
     const spread = (xs: number[]): number => Math.max(24, Math.abs(xs[0]! - xs[1]!));
     const middle = (after[0]! + after[1]!) / 2;
-    zoom(spread(before) / spread(after), (middle - w.left) / w.width);
+    actions.zoom(spread(before) / spread(after), (middle - w.left) / w.width);
     const shift = middle - (before[0]! + before[1]!) / 2;
-    if (!view.peek().live) panTo(view.peek().end - (shift / w.width) * view.peek().span);
+    if (!view.peek().live) actions.panTo(view.peek().end - (shift / w.width) * view.peek().span);
   };
   const drag = (event: PointerEvent, held: Press): void => {
     const w = surface.window();
@@ -92,32 +96,32 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     stack.classList.add("dragging");
     if (held.strip) moveStrip(x);
     else if (held.shift) surface.selecting([timeAt(w, held.x), timeAt(w, x)]);
-    else panTo(held.end - ((x - held.x) / w.width) * w.span);
+    else actions.panTo(held.end - ((x - held.x) / w.width) * w.span);
   };
   /** With no cursor yet, the first is put there. */
   const measureHere = (): void => {
     const w = surface.window();
     if (w === undefined || press === undefined || press.moved || !inside(w, press.x)) return;
     const t = timeAt(w, press.x);
-    press = undefined; // the finger is not a click any more
-    if (cursor.peek()?.kind === "pinned") pinMeasure(t);
-    else pin(t);
+    press = undefined; // the finger is no longer a click
+    if (cursor.peek()?.kind === "pinned") actions.pinMeasure(t);
+    else actions.pin(t);
   };
   const click = (event: PointerEvent, held: Press): void => {
     const w = surface.window();
     if (held.strip) return moveStrip(held.x);
     if (w === undefined) return;
-    const beside = onAxis(event) ? cursorBeside() : undefined;
+    const beside = onAxis(event) ? actions.cursorBeside() : undefined;
     const isThere = beside === "before" ? held.x < w.left + BESIDE_PX : held.x > w.left + w.width - BESIDE_PX;
-    if (beside !== undefined && isThere) return centreAt(cursorTime() ?? rightEdge());
+    if (beside !== undefined && isThere) return actions.centreAt(actions.cursorTime() ?? actions.rightEdge());
     if (!inside(w, held.x)) return;
     const t = timeAt(w, held.x);
-    if (held.shift) return pinMeasure(t);
-    const pinned = cursor.peek()?.kind === "pinned" ? cursorTime() : undefined;
+    if (held.shift) return actions.pinMeasure(t);
+    const pinned = cursor.peek()?.kind === "pinned" ? actions.cursorTime() : undefined;
     if (pinned !== undefined && Math.abs(xOf(w, pinned) - held.x) < UNPIN_PX) {
-      unpin();
+      actions.unpin();
       if (event.pointerType === "mouse") hover(held.x);
-    } else pin(t);
+    } else actions.pin(t);
   };
 
   on(
@@ -135,9 +139,20 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     (event.target as Element).setPointerCapture(event.pointerId);
     fingers.set(event.pointerId, xIn(event));
     clearTimeout(resting);
-    if (event.pointerType === "touch" && fingers.size === 1 && !inStrip(event)) resting = setTimeout(measureHere, REST_MS);
+    if (event.pointerType === "touch" && fingers.size === 1 && !inStrip(event))
+      resting = setTimeout(measureHere, REST_MS);
     // A second finger turns the press into a pinch.
-    press = fingers.size > 1 ? undefined : { id: event.pointerId, x: xIn(event), shift: event.shiftKey, end: rightEdge(), strip: inStrip(event), moved: false };
+    press =
+      fingers.size > 1
+        ? undefined
+        : {
+            id: event.pointerId,
+            x: xIn(event),
+            shift: event.shiftKey,
+            end: actions.rightEdge(),
+            strip: inStrip(event),
+            moved: false,
+          };
   });
   on("pointermove", (event) => {
     if (fingers.size > 1 && fingers.has(event.pointerId)) return pinch(event);
@@ -155,7 +170,7 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     surface.selecting(undefined);
     if (event.type === "pointercancel" || w === undefined) return;
     if (!held.moved) click(event, held);
-    else if (held.shift && !held.strip) select(timeAt(w, held.x), timeAt(w, xIn(event)));
+    else if (held.shift && !held.strip) actions.select(timeAt(w, held.x), timeAt(w, xIn(event)));
   };
   on("pointerup", end);
   on("pointercancel", end);
@@ -164,8 +179,8 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
   });
   on("dblclick", (event) => {
     if (!onCanvas(event) || inStrip(event)) return;
-    unpin(); // the first of the two clicks pinned
-    fit();
+    actions.unpin(); // the first of the two clicks pinned
+    actions.fit();
   });
   on(
     "wheel",
@@ -175,11 +190,12 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
       // Over the gutter the wheel scrolls the stack; with Ctrl it is the browser's own zoom (or a pinch on a touchpad: ours).
       if (w === undefined || !onCanvas(event) || x < w.left) return;
       event.preventDefault();
-      const unit = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : event.deltaMode === WheelEvent.DOM_DELTA_PAGE ? 400 : 1;
+      const unit =
+        event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : event.deltaMode === WheelEvent.DOM_DELTA_PAGE ? 400 : 1;
       const sideways = event.shiftKey && event.deltaX === 0 ? event.deltaY : event.deltaX;
       if (Math.abs(sideways) > Math.abs(event.deltaY) || (event.shiftKey && sideways !== 0)) {
-        panTo(rightEdge() + ((sideways * unit) / w.width) * view.peek().span);
-      } else zoom(Math.exp(event.deltaY * unit * (event.ctrlKey ? 4 * WHEEL : WHEEL)), (x - w.left) / w.width);
+        actions.panTo(actions.rightEdge() + ((sideways * unit) / w.width) * view.peek().span);
+      } else actions.zoom(Math.exp(event.deltaY * unit * (event.ctrlKey ? 4 * WHEEL : WHEEL)), (x - w.left) / w.width);
     },
     false,
   );

@@ -1,40 +1,41 @@
 /**
- * What is in memory, and where is the window in it? A strip under the axis: the motion of everything held, marks where samples are
- * missing, and the window as a box that can be dragged.
+ * The memory strip under the axis: the motion of all stored data, marks where samples are missing, and the window as a box that can
+ * be dragged.
  */
 import type { Loss } from "../data/losses";
 import { number, span as spanOf } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
 import { drawMarkers, type MarkLine } from "./markers";
-import { type Palette, setFont, type Sheet } from "./canvas-style";
+import { type Palette, setFont, type CanvasLayer } from "./canvas-style";
 import type { PlotSpec } from "./plot-selection";
 import { timeWindow, xOf, type TimeWindow } from "./time-window";
+import { TEXT } from "../texts/plots";
 
-/** Lengths the strip can have, s: it grows in steps so that it does not crawl. */
+/** Possible lengths of the strip, s: it grows in steps so that it does not crawl. */
 const LENGTHS: readonly number[] = [60, 120, 300, 600, 1200, 1800, 3600, 7200, 14_400, 28_800, 57_600, 86_400];
-/** Behind live by more than this, s, is worth a word. */
+/** Lag behind live that is reported, s. */
 const BEHIND_S = 0.05;
 const MARK_PX = 1.5;
-/** Part of the bars, at either end, that may reach over the strip's scale. */
+/** Fraction of the bars, at either end, that may exceed the strip's scale. */
 const OUTLIERS = 0.03;
 
-/** Steps between the strip's marks, s; the first that gives no more than MARKS of them is taken. */
+/** Steps between the strip's marks, s; the first with at most MARKS of them is used. */
 const MARK_STEPS: readonly number[] = [15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 21_600];
 const MARKS = 5;
 
-/** Length of the strip for what is held, s. */
+/** Length of the strip for the stored data, s. */
 export function stripLength(held: number, window: number): number {
   const need = Math.max(held, window);
   return LENGTHS.find((length) => length >= need * 0.999) ?? need;
 }
 
-/** How long ago a mark of the strip is: "−2 min". */
+/** Age of a mark of the strip: "−2 min". */
 function ago(seconds: number): string {
   const { value, unit } = spanOf(seconds);
   return `−${value} ${unit}`;
 }
 
-export class Memory {
+export class HistoryStrip {
   #columns: PixelColumns | undefined;
   #key = "";
   window: TimeWindow | undefined;
@@ -47,7 +48,14 @@ export class Memory {
     this.#columns = series && new PixelColumns(series.channel.ring, [series.column]);
   }
 
-  draw(sheet: Sheet, w: TimeWindow, look: Palette, first: number | undefined, losses: readonly Loss[], markers: readonly MarkLine[]): void {
+  draw(
+    sheet: CanvasLayer,
+    w: TimeWindow,
+    look: Palette,
+    first: number | undefined,
+    losses: readonly Loss[],
+    markers: readonly MarkLine[],
+  ): void {
     const x = sheet.begin();
     const length = stripLength(first === undefined ? 0 : w.now - first, w.span);
     const view = { device: undefined, live: true, end: 0, span: length, timeBase: w.base } as const;
@@ -60,7 +68,14 @@ export class Memory {
       const from = Math.max(strip.left, xOf(strip, t0));
       x.fillRect(from, y, Math.max(MARK_PX, xOf(strip, t1) - from), height);
     }
-    drawMarkers(x, markers.map(({ time }) => ({ time, text: "" })), strip, look, 2, y + height);
+    drawMarkers(
+      x,
+      markers.map(({ time }) => ({ time, text: "" })),
+      strip,
+      look,
+      2,
+      y + height,
+    );
     this.#box(x, sheet, strip, w, look);
     this.#labels(x, sheet, strip, w, look, length);
   }
@@ -73,9 +88,15 @@ export class Memory {
     const seen: number[] = [];
     for (let g = strip.g0; g < strip.g1; g++) if (lo[g & mask]! <= hi[g & mask]!) seen.push(g & mask);
     if (seen.length === 0) return;
-    // One jolt must not flatten an hour: the strip spans what all but the wildest bars need, and those reach its edge.
-    const least = quantile(seen.map((slot) => lo[slot]!), OUTLIERS);
-    const most = quantile(seen.map((slot) => hi[slot]!), 1 - OUTLIERS);
+    // one jolt must not flatten an hour: the scale fits all but the largest bars, which are clipped at its edge
+    const least = quantile(
+      seen.map((slot) => lo[slot]!),
+      OUTLIERS,
+    );
+    const most = quantile(
+      seen.map((slot) => hi[slot]!),
+      1 - OUTLIERS,
+    );
     const k = height / Math.max(most - least, 1e-12);
     const within = (v: number): number => Math.min(height, Math.max(0, (most - v) * k));
     const step = strip.width / (strip.g1 - strip.g0);
@@ -88,7 +109,7 @@ export class Memory {
     x.globalAlpha = 1;
   }
 
-  #box(x: CanvasRenderingContext2D, sheet: Sheet, strip: TimeWindow, w: TimeWindow, look: Palette): void {
+  #box(x: CanvasRenderingContext2D, sheet: CanvasLayer, strip: TimeWindow, w: TimeWindow, look: Palette): void {
     const from = Math.max(strip.left, xOf(strip, w.t0));
     const to = Math.min(strip.left + strip.width, xOf(strip, w.t1));
     const width = Math.max(4, to - from);
@@ -102,14 +123,21 @@ export class Memory {
     x.stroke();
   }
 
-  #labels(x: CanvasRenderingContext2D, sheet: Sheet, strip: TimeWindow, w: TimeWindow, look: Palette, length: number): void {
+  #labels(
+    x: CanvasRenderingContext2D,
+    sheet: CanvasLayer,
+    strip: TimeWindow,
+    w: TimeWindow,
+    look: Palette,
+    length: number,
+  ): void {
     const y = sheet.height - 7;
     const right = strip.left + strip.width;
     setFont(x, look, 10.5);
     x.textBaseline = "middle";
     x.textAlign = "left";
     x.fillStyle = look.colour["ink-3"];
-    if (!look.narrow) x.fillText("In memory", 16, 6 + (sheet.height - 20) / 2);
+    if (!look.narrow) x.fillText(TEXT.inMemory, 16, 6 + (sheet.height - 20) / 2);
     const behind = w.now - w.t1;
     const say = w.live || behind < BEHIND_S ? "now" : behindWords(behind);
     const room = x.measureText(say).width + 12;
@@ -130,5 +158,7 @@ function quantile(values: number[], part: number): number {
 }
 
 function behindWords(seconds: number): string {
-  return seconds < 60 ? `${number(seconds, 1)} s behind` : `${number(Math.floor(seconds / 60), 0)} min ${number(Math.floor(seconds % 60), 0)} s behind`;
+  return seconds < 60
+    ? TEXT.secondsBehind(number(seconds, 1))
+    : TEXT.minutesBehind(number(Math.floor(seconds / 60), 0), number(Math.floor(seconds % 60), 0));
 }

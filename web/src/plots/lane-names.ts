@@ -1,41 +1,52 @@
-/** The names of the lanes in the gutter, and one line under them that says what a lane means: by pointer, finger or keyboard. */
+/** The names of the lanes in the gutter, and one line under them that explains a lane: by pointer, finger or keyboard. */
 import type { Loss } from "../data/losses";
 import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view-state";
-import { count } from "../ui/format";
 import { el, messageNodes } from "../ui/dom";
 import type { Reads } from "./legend";
-import { firstLanes, inPlace, type Lane, LANE_PX, lanesOf, roomFor, lossWords, stateAt, stateWords } from "./status-lanes";
+import {
+  firstLanes,
+  inPlace,
+  type Lane,
+  LANE_PX,
+  lanesOf,
+  roomFor,
+  lossWords,
+  stateAt,
+  stateWords,
+} from "./status-lanes";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/plots";
 
 export class LaneNames {
   lanes: readonly Lane[] = [];
-  /** The line that explains; always there, so that nothing moves when it speaks. */
-  readonly say = el("p", { class: "lanesay", "aria-live": "polite" });
+  /** The explaining line; always there, so that nothing moves when its text changes. */
+  readonly say = el("p", { class: "lane-description", "aria-live": "polite" });
   readonly #box: HTMLElement;
-  readonly #list = el("div", { class: "lanenames" });
-  /** Lanes of interest that do not stand there, and whether all were asked for. */
+  readonly #list = el("div", { class: "lane-names" });
+  /** Number of hidden lanes of interest; all may be requested. */
   #others = 0;
   /** Rows kept for lanes. */
   #room = 0;
   #all = false;
   #redo: () => void;
-  /** Lane spoken of: 0 is the loss lane, undefined none. */
+  /** Lane being explained: 0 is the loss lane, undefined none. */
   #spoken: number | undefined;
   #text = "";
 
-  /** `redo` is called when a person asks for more lanes, or for fewer. */
+  /** `redo` is called when the user requests more lanes, or fewer. */
   constructor(box: HTMLElement, redo: () => void) {
     this.#box = box;
     this.#redo = redo;
     box.append(this.#list);
     box.addEventListener("pointermove", (event) => this.#speak(this.#laneAt(event)));
     box.addEventListener("pointerdown", (event) => this.#speak(this.#laneAt(event)));
-    // A finger "leaves" as it is lifted: what it asked for stays, until it asks for something else.
+    // a finger "leaves" when it is lifted: the lane stays explained until another one is touched
     box.addEventListener("pointerleave", ({ pointerType }) => pointerType !== "touch" && this.#speak(undefined));
     this.#write();
   }
 
-  /** Take on the lanes that are of interest now; true when their number changed. */
+  /** Set the lanes of interest; true if their number changed. */
   choose(channels: readonly Channel[], absent: readonly string[] = []): boolean {
     const found = lanesOf(channels, absent);
     const first = firstLanes(found);
@@ -53,7 +64,7 @@ export class LaneNames {
   #write(): void {
     const rows = Math.max(this.lanes.length + (this.#others > 0 ? 1 : 0), this.#room) + 1;
     this.#box.style.height = `${rows * LANE_PX}px`;
-    const names = ["Loss", ...this.lanes.map(({ name }) => name)];
+    const names = [COMMON.loss, ...this.lanes.map(({ name }) => name)];
     this.#list.replaceChildren(
       ...names.map((name, k) => {
         const button = el("button", { type: "button" }, name);
@@ -66,9 +77,9 @@ export class LaneNames {
     this.#spoken = undefined;
   }
 
-  /** The row under the lanes: those that say less, one click away. */
+  /** The row under the lanes: a button for the hidden ones. */
   #moreButton(): HTMLElement {
-    const words = this.#all ? "Fewer lanes" : `${count(this.#others, "more lane")}`;
+    const words = this.#all ? TEXT.fewerLanes : TEXT.moreLanes(this.#others);
     const button = el("button", { type: "button", class: "all", "aria-expanded": String(this.#all) }, words);
     button.addEventListener("click", () => {
       this.#all = !this.#all;
@@ -89,7 +100,7 @@ export class LaneNames {
     [...this.#list.children].forEach((child, k) => child.classList.toggle("on", k === lane));
   }
 
-  /** Say what the lane spoken of means, and its state at `t`. */
+  /** Explain the selected lane, and give its state at `t`. */
   read(t: number, base: TimeBase, losses: readonly Loss[], reads: Reads): void {
     const [name, words] = this.#sentence(t, base, losses, reads);
     if (name + words === this.#text) return;
@@ -105,13 +116,13 @@ export class LaneNames {
       return [`${lane.name}${state === "" ? "" : `: ${state}`}`, docOf(lane, state)];
     }
     const here = losses.findLast(({ t0, t1 }) => t >= t0 && t <= t1) ?? (t === Infinity ? losses.at(-1) : undefined);
-    if (here !== undefined) return [`Loss: ${lossWords(here)}`, here.text];
-    return ["Loss", losses.length === 0 ? "Nothing is missing." : `${count(losses.length, "gap")} in memory.`];
+    if (here !== undefined) return [TEXT.lossHere(lossWords(here)), here.text];
+    return [COMMON.loss, losses.length === 0 ? TEXT.noLoss : TEXT.gapsInMemory(losses.length)];
   }
 }
 
-/** What a lane means; of a flag that is not set, what it would say. */
+/** Explanation of a lane; for a flag that is not set, the meaning of the set flag. */
 export function docOf({ bits: { doc, width } }: Pick<Lane, "bits">, state: string): string {
   if (doc === "" || width !== 1 || state !== "not set") return doc;
-  return `When set: ${/^[A-Z][a-z]/.test(doc) ? doc.charAt(0).toLowerCase() + doc.slice(1) : doc}`;
+  return TEXT.whenSet(/^[A-Z][a-z]/.test(doc) ? doc.charAt(0).toLowerCase() + doc.slice(1) : doc);
 }

@@ -14,7 +14,16 @@ function yawAt(times: readonly number[], start: number): Channel {
   ring.take({ ...frame, columns: frame.columns.map(() => turned) });
   return { info, ring };
 }
-const seriesOf = (channel: Channel): Series => ({ channel, column: 0, key: "", label: "", colour: "axis-x", dash: [], norm: false, decimals: 2 });
+const seriesOf = (channel: Channel): Series => ({
+  channel,
+  column: 0,
+  key: "",
+  label: "",
+  colour: "axis-x",
+  dash: [],
+  norm: false,
+  decimals: 2,
+});
 
 it("measures from the first cursor to the second, the short way round", () => {
   const series = seriesOf(yawAt([0, 1, 2, 3, 4], 175));

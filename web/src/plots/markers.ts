@@ -2,29 +2,35 @@
 import type { EventInfo } from "../wire/types";
 import { fitting, type Palette, setFont } from "./canvas-style";
 import { xOf, type TimeWindow } from "./time-window";
+import { COMMON } from "../texts/common";
 
-/** A marker as it is drawn. */
+/** A marker for drawing. */
 export interface MarkLine {
   readonly time: number;
   /** "" for one without words. */
   readonly text: string;
 }
 
-/** Words are cut to this, px; a marker that has less room than LEAST_PX before the next has none. */
+/** Words are cut to this, px; with less room than LEAST_PX before the next marker they are omitted. */
 const MOST_PX = 160;
 const LEAST_PX = 26;
 const FLAG_PX = 8;
 
-/** The words of an event that nobody gave any. */
-const NO_WORDS = "Marker";
+/** The words of a marker without text. */
+const NO_WORDS = COMMON.marker;
 
-/** Those among events, of a device or of all of them. */
+/** The markers among events, of a device or of all. */
 export function markersIn(events: readonly EventInfo[], device: string | undefined): readonly MarkLine[] {
-  return events.filter((event) => event.kind === "marker" && (event.device === "" || event.device === device)).map(({ time, text }) => ({ time, text: text === NO_WORDS ? "" : text }));
+  return events
+    .filter((event) => event.kind === "marker" && (event.device === "" || event.device === device))
+    .map(({ time, text }) => ({ time, text: text === NO_WORDS ? "" : text }));
 }
 
-/** Those that are in a window, in their order, each with where it stands and how much room its words have, px. */
-export function placed(markers: readonly MarkLine[], w: TimeWindow): readonly (MarkLine & { readonly x: number; readonly room: number })[] {
+/** The markers in a window, in order, each with its position and the room for its words, px. */
+export function placed(
+  markers: readonly MarkLine[],
+  w: TimeWindow,
+): readonly (MarkLine & { readonly x: number; readonly room: number })[] {
   const seen = markers.filter(({ time }) => time >= w.t0 && time <= w.t1).sort((a, b) => a.time - b.time);
   return seen.map((marker, k) => {
     const x = xOf(w, marker.time);
@@ -35,7 +41,14 @@ export function placed(markers: readonly MarkLine[], w: TimeWindow): readonly (M
 }
 
 /** Draw them from `top` to `bottom`, px; the flags stand at `top`. */
-export function drawMarkers(x: CanvasRenderingContext2D, markers: readonly MarkLine[], w: TimeWindow, look: Palette, top: number, bottom: number): void {
+export function drawMarkers(
+  x: CanvasRenderingContext2D,
+  markers: readonly MarkLine[],
+  w: TimeWindow,
+  look: Palette,
+  top: number,
+  bottom: number,
+): void {
   setFont(x, look, 11);
   [x.textAlign, x.textBaseline] = ["left", "middle"];
   for (const { x: px, room, text } of placed(markers, w)) {

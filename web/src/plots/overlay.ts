@@ -1,10 +1,10 @@
 /**
- * What runs through all plots and lanes? One transparent layer over them: the hatch over what is missing, markers, the cursor, the span
- * being measured or selected. It is redrawn when the pointer moves, while the traces under it stay as they are.
+ * The overlay: one transparent layer over all plots and lanes, with the hatch over missing data, markers, the cursor, and the measured
+ * or selected interval. It is redrawn when the pointer moves, while the traces under it stay.
  */
 import type { Loss } from "../data/losses";
 import { drawMarkers, type MarkLine } from "./markers";
-import type { Palette, Sheet } from "./canvas-style";
+import type { Palette, CanvasLayer } from "./canvas-style";
 import { hatch } from "./canvas-style";
 import type { Plot } from "./plot";
 import { type Reads, valueAt } from "./legend";
@@ -13,7 +13,7 @@ import { xOf, type TimeWindow } from "./time-window";
 /** A loss is at least this wide (design, "Loss"), px. */
 const LOSS_PX = 2;
 
-/** Where something is drawn under the glass, CSS px from the stack's top. */
+/** A pane under the overlay, CSS px from the stack's top. */
 export interface Pane {
   readonly top: number;
   readonly bottom: number;
@@ -21,22 +21,31 @@ export interface Pane {
 
 export interface Marks {
   readonly losses: readonly Loss[];
-  /** The device is gone: nothing came since then. */
+  /** The device is gone: nothing arrived since then. */
   readonly lostSince: number | undefined;
-  /** Where the cursor reads, unix s. */
+  /** Cursor position, unix s. */
   readonly cursor: number | undefined;
   readonly measure: number | undefined;
-  /** Span being selected with shift and drag. */
+  /** Interval being selected with shift and drag. */
   readonly selection: readonly [number, number] | undefined;
   readonly reads: Reads;
   readonly markers: readonly MarkLine[];
 }
 
-export function drawGlass(sheet: Sheet, panes: readonly Pane[], plots: readonly Plot[], w: TimeWindow, look: Palette, marks: Marks, hidden: ReadonlySet<string>): void {
+export function drawGlass(
+  sheet: CanvasLayer,
+  panes: readonly Pane[],
+  plots: readonly Plot[],
+  w: TimeWindow,
+  look: Palette,
+  marks: Marks,
+  hidden: ReadonlySet<string>,
+): void {
   const x = sheet.begin();
   const right = w.left + w.width;
   const clip = (px: number): number => Math.min(right, Math.max(w.left, px));
-  const band = (from: number, to: number): void => panes.forEach(({ top, bottom }) => x.fillRect(from, top, to - from, bottom - top));
+  const band = (from: number, to: number): void =>
+    panes.forEach(({ top, bottom }) => x.fillRect(from, top, to - from, bottom - top));
   const line = (px: number, width: number): void => {
     if (px >= w.left && px <= right) band(sheet.snap(px), sheet.snap(px) + width);
   };
@@ -73,7 +82,13 @@ export function drawGlass(sheet: Sheet, panes: readonly Pane[], plots: readonly 
 }
 
 function drawMeasure(
-  x: CanvasRenderingContext2D, sheet: Sheet, panes: readonly Pane[], w: TimeWindow, look: Palette, marks: Marks, clip: (px: number) => number,
+  x: CanvasRenderingContext2D,
+  sheet: CanvasLayer,
+  panes: readonly Pane[],
+  w: TimeWindow,
+  look: Palette,
+  marks: Marks,
+  clip: (px: number) => number,
 ): void {
   const at = xOf(w, marks.measure!);
   x.fillStyle = x.strokeStyle = look.colour.yours;
@@ -96,8 +111,16 @@ function drawMeasure(
   x.setLineDash([]);
 }
 
-/** A dot on each trace where the cursor reads it. */
-function dots(x: CanvasRenderingContext2D, plots: readonly Plot[], w: TimeWindow, look: Palette, t: number, hidden: ReadonlySet<string>, reads: Reads): void {
+/** A dot on each trace at the cursor. */
+function dots(
+  x: CanvasRenderingContext2D,
+  plots: readonly Plot[],
+  w: TimeWindow,
+  look: Palette,
+  t: number,
+  hidden: ReadonlySet<string>,
+  reads: Reads,
+): void {
   const px = xOf(w, t);
   if (px < w.left || px > w.left + w.width) return;
   x.lineWidth = 1.5;

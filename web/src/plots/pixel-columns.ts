@@ -1,9 +1,9 @@
 /**
- * Smallest and largest value of every pixel column on screen, for some columns of one ring, worked out once per pixel.
+ * Smallest and largest value of every pixel column on screen, for some columns of one ring, computed once per pixel.
  *
- * A frame asks for pixels g0 ≤ g < g1. Those that the last frame had are kept; only new ones are read from the ring's pyramid,
- * and the one at the newest sample again, because it was not complete. Zooming, another time base or rows moved in the ring start
- * afresh: then it is one pyramid query a pixel, whatever the number of samples.
+ * A frame requests pixels g0 ≤ g < g1. Those of the last frame are kept; only new ones are read from the ring's pyramid, and the
+ * one at the newest sample again, because it was incomplete. Zooming, another time base or rows moved in the ring invalidate all:
+ * then it is one pyramid query a pixel, for any number of samples.
  */
 import type { Extent } from "../data/minmax-pyramid";
 import type { Ring } from "../data/ring-buffer";
@@ -14,7 +14,7 @@ export class PixelColumns {
   mask = 0;
   /** First row of the pixel; that of pixel g + 1 is its end. */
   rows = new Int32Array(0);
-  /** Extremes per column asked for; lo > hi where there is no value. OR and AND for status words. */
+  /** Extremes per requested column; lo > hi without a value. OR and AND for status words. */
   lo: Float64Array[] = [];
   hi: Float64Array[] = [];
   #from = 0;
@@ -31,11 +31,16 @@ export class PixelColumns {
     readonly columns: readonly number[],
   ) {}
 
-  /** Have pixels g0 ≤ g < g1 of `dt` seconds ready. */
+  /** Prepare pixels g0 ≤ g < g1 of `dt` seconds. */
   prepare(g0: number, g1: number, dt: number, base: TimeBase): void {
     const { ring } = this;
     if (g1 - g0 + 2 > this.mask) this.#allocate(g1 - g0 + 2);
-    const same = dt === this.#dt && base === this.#base && ring.generation === this.#generation && g0 <= this.#to && g1 >= this.#from;
+    const same =
+      dt === this.#dt &&
+      base === this.#base &&
+      ring.generation === this.#generation &&
+      g0 <= this.#to &&
+      g1 >= this.#from;
     if (!same) [this.#from, this.#to] = [g0, g0];
     else if (ring.end !== this.#end) this.#to = Math.min(this.#to, this.#stale(dt, base));
     [this.#dt, this.#base, this.#generation] = [dt, base, ring.generation];
@@ -69,7 +74,7 @@ export class PixelColumns {
     }
   }
 
-  /** First row ≥ `row` with time ≥ t: gallops, because it is near. */
+  /** First row ≥ `row` with time ≥ t, by galloping search, because it is near. */
   #next(row: number, t: number, base: TimeBase): number {
     const { ring } = this;
     const { mask, end } = ring;

@@ -1,51 +1,52 @@
 /**
- * Which plots does a device get, which stand there without being asked for, and in which order?
+ * The plots of a device, their order, and which of them are shown initially.
  *
- * Acceleration, rate of turn, magnetic field, roll with pitch, and yaw stand by themselves, one of each family, and velocity and
- * local position where a device knows them; what a family is, title and unit say, not a protocol's own names. Everything else
- * that is a number with a unit is offered under the plots and added with one click. A device that sends none of the five
- * shows the first few of what it does send. Angles of different size never share a y scale; neither do units.
+ * The device's protocol may define them. Otherwise this rule applies: acceleration, rate of turn, magnetic field, roll with pitch, and
+ * yaw are shown, one of each family, and velocity and local position for a device that knows them; title and unit decide the family,
+ * not a protocol's own names. Every other number with a unit is offered under the plots and added with one click. A device that
+ * sends none of the five shows its first few quantities. Angles of different size never share a y scale; neither do units.
  */
 import type { Channel } from "../data/channels";
 import type { ColumnInfo } from "../wire/types";
 import { decimalsOf } from "../ui/format";
+import { TEXT } from "../texts/plots";
 
 export interface Series {
   readonly channel: Channel;
   /** Column of the channel. */
   readonly column: number;
-  /** As in view-state.ts `hidden`: channel and column name. */
+  /** As `hidden` in view-state.ts: channel and column name. */
   readonly key: string;
   readonly label: string;
   readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n";
-  /** Dashes tell series without axis colours apart; empty for a full line. */
+  /** Dashes distinguish series without axis colours; empty for a solid line. */
   readonly dash: readonly number[];
-  /** The norm of the others: read in the legend, drawn only when asked for. */
+  /** The norm of the others: shown in the legend, drawn only on request. */
   readonly norm: boolean;
   readonly decimals: number;
 }
 
 export interface PlotSpec {
-  /** The same for the same quantity whenever channels are advertised anew. */
+  /** Constant for the same quantity whenever channels are advertised again. */
   readonly key: string;
   readonly title: string;
   readonly unit: string;
-  /** World frame of the angles or the vector, "" where there is none. */
+  /** World frame of the angles or the vector, "" without one. */
   readonly frame: string;
   readonly series: readonly Series[];
   readonly decimals: number;
   /** Share of the height (design, "Grid"). */
   readonly weight: number;
-  /** Stands without being asked for. */
+  /** Shown initially. */
   readonly primary: boolean;
-  /** The message it came in, for a person; "" where the quantity stands for itself. */
+  /** The message of the quantity, for display; "" if the quantity is unique. */
   readonly group: string;
 }
 
 interface Family {
   /** Of the channel's title, or its name. */
   readonly words: RegExp;
-  /** Which units it may have; "" where devices give none. */
+  /** Possible units; "" if devices give none. */
   readonly units: readonly string[];
   readonly weight: number;
 }
@@ -53,7 +54,7 @@ interface Family {
 const ACCELERATION: readonly string[] = ["m/s²", "g"];
 const TURN: readonly string[] = ["°/s", "rad/s"];
 
-/** In the design's order. The first channel of a family is the one that stands by itself. */
+/** In the design's order. The first channel of a family is the one shown. */
 const FAMILIES: readonly Family[] = [
   { words: /^acceleration$/i, units: ACCELERATION, weight: 1.2 },
   { words: /acc/i, units: ACCELERATION, weight: 1.2 },
@@ -61,24 +62,25 @@ const FAMILIES: readonly Family[] = [
   { words: /rate.?of.?turn/i, units: TURN, weight: 1.14 },
   { words: /^(?!.*bias).*mag/i, units: ["a.u.", "µT", "G", "gauss", ""], weight: 1.02 },
 ];
-/** After the angles: what devices send that also know where they are. */
+/** After the angles: quantities of devices that also know their position. */
 const MOTION: readonly Family[] = [
   { words: /^velocity(?!.*increment)/i, units: ["m/s"], weight: 0.9 },
   { words: /^(local )?position$/i, units: ["m"], weight: 0.9 },
 ];
-/** Frames in which motion is shown rather, first the best. */
+/** Preferred frames for motion, best first. */
 const MOTION_FRAMES: readonly RegExp[] = [/^(ENU|NED|NWU)/, /^(body|FLU|FRD)?$/, /^ECEF/];
-/** Families that are one: the second member is offered, not shown. */
+/** Families that are equivalent: the second member is offered, not shown. */
 const SAME: readonly number[] = [0, 0, 1, 1, 2];
 const EULER = { tilt: 0.98, yaw: 0.66 };
 const OTHER_WEIGHT = 0.9;
-/** Shown of a device that sends none of the design's quantities. */
+/** Number of plots of a device that sends none of the design's quantities. */
 const FALLBACK = 4;
-/** Offered of one record: a GNSS fix has thirty numbers, and nobody looks for the twentieth in a row of buttons. */
+/** Offered per record: a GNSS fix has thirty numbers, too many for a row of buttons. */
 const MOST_OF_RECORD = 8;
 const SERIES_IN_PLOT = 3;
-/** Says when, how many or nothing: never plotted. */
-const NOT_PLOTTED = /^(itow|tow|year|month|day|hour|min(ute)?|sec(ond)?|nano|ns|week|time|timeOfWeek(Ms)?|leapS|res(erved)?\d*|t_?acc)$/i;
+/** Times, counts and reserved fields: never plotted. */
+const NOT_PLOTTED =
+  /^(itow|tow|year|month|day|hour|min(ute)?|sec(ond)?|nano|ns|week|time|timeOfWeek(Ms)?|leapS|res(erved)?\d*|t_?acc)$/i;
 const DASHES: readonly (readonly number[])[] = [[], [5, 3], [1.5, 2.5]];
 
 const COLOURS = { x: "axis-x", y: "axis-y", z: "axis-z", w: "axis-n", "": "axis-n" } as const;
@@ -91,20 +93,46 @@ function seriesOf(channel: Channel, columns: readonly number[]): Series[] {
     const colour = COLOURS[info.axis];
     const dash = colour === "axis-n" && !norm ? DASHES[plain++ % DASHES.length]! : [];
     const label = info.label || info.name;
-    return { channel, column, key: `${channel.info.name}.${info.name}`, label, colour, dash, norm, decimals: decimalsOf(info) };
+    return {
+      channel,
+      column,
+      key: `${channel.info.name}.${info.name}`,
+      label,
+      colour,
+      dash,
+      norm,
+      decimals: decimalsOf(info),
+    };
   });
 }
 
-/** "ENU from body" and "ENU" are both ENU to the reader of a plot. */
+/** "ENU from body" and "ENU" are both ENU to the reader. */
 function frameOf(channel: Channel): string {
   return channel.info.frame.split(" ")[0] ?? "";
 }
 
-function spec(channel: Channel, key: string, title: string, columns: readonly number[], weight: number, primary: boolean): PlotSpec {
+function spec(
+  channel: Channel,
+  key: string,
+  title: string,
+  columns: readonly number[],
+  weight: number,
+  primary: boolean,
+): PlotSpec {
   const series = seriesOf(channel, columns);
   const unit = channel.info.columns[columns[0]!]!.unit || channel.info.unit;
   const decimals = Math.max(0, ...series.map((one) => one.decimals));
-  return { key: `${channel.info.name}${key}`, title, unit, frame: frameOf(channel), series, decimals, weight, primary, group: channel.info.group };
+  return {
+    key: `${channel.info.name}${key}`,
+    title,
+    unit,
+    frame: frameOf(channel),
+    series,
+    decimals,
+    weight,
+    primary,
+    group: channel.info.group,
+  };
 }
 
 function title(channel: Channel): string {
@@ -114,10 +142,20 @@ function title(channel: Channel): string {
 function eulerPlots(channel: Channel): PlotSpec[] {
   const find = (name: string): number => channel.info.columns.findIndex((column) => column.name === name);
   const [roll, pitch, yaw] = [find("roll"), find("pitch"), find("yaw")];
-  if (roll < 0 || pitch < 0 || yaw < 0) return [spec(channel, "", title(channel), channel.info.columns.map((_, c) => c), EULER.tilt, true)];
+  if (roll < 0 || pitch < 0 || yaw < 0)
+    return [
+      spec(
+        channel,
+        "",
+        title(channel),
+        channel.info.columns.map((_, c) => c),
+        EULER.tilt,
+        true,
+      ),
+    ];
   return [
-    spec(channel, "/tilt", "Roll, pitch", [roll, pitch], EULER.tilt, true),
-    spec(channel, "/yaw", "Yaw", [yaw], EULER.yaw, true),
+    spec(channel, "/tilt", TEXT.rollPitch, [roll, pitch], EULER.tilt, true),
+    spec(channel, "/yaw", TEXT.yaw, [yaw], EULER.yaw, true),
   ];
 }
 
@@ -125,14 +163,18 @@ function isNumber(column: ColumnInfo): boolean {
   return column.bits.length === 0 && Object.keys(column.choices).length === 0 && !NOT_PLOTTED.test(column.name);
 }
 
-/** A record, or a vector without axes: what has the same unit and the same beginning of its name stands together. */
+/** A record, or a vector without axes: columns with the same unit and the same start of the name share a plot. */
 function loosePlots(channel: Channel): PlotSpec[] {
   const groups = new Map<string, number[]>();
   channel.info.columns.forEach((column, c) => {
     if (!isNumber(column) || (column.unit === "" && channel.info.kind === "record")) return;
     // Axes of one vector share a scale; latitude and longitude, height and accuracy do not.
     const numbered = /^\d+$/.test(column.name); // elements without names of their own
-    const group = numbered ? `# ${Math.floor(Number(column.name) / SERIES_IN_PLOT)}` : column.axis === "" ? `${column.name}` : `${column.unit} ${column.name.replace(/[a-z0-9]$/i, "")}`;
+    const group = numbered
+      ? `# ${Math.floor(Number(column.name) / SERIES_IN_PLOT)}`
+      : column.axis === ""
+        ? `${column.name}`
+        : `${column.unit} ${column.name.replace(/[a-z0-9]$/i, "")}`;
     groups.set(group, [...(groups.get(group) ?? []), c]);
   });
   const alone = groups.size === 1;
@@ -140,7 +182,11 @@ function loosePlots(channel: Channel): PlotSpec[] {
     const first = channel.info.columns[columns[0]!]!;
     const name = columns.length > 1 ? first.name.replace(/_?[a-z0-9]$/i, "") : first.label || first.name;
     const numbers = columns.map((c) => channel.info.columns[c]!.name).filter((own) => /^\d+$/.test(own));
-    const words = alone ? title(channel) : numbers.length > 0 ? `${title(channel)} ${numbers.join(", ")}` : sentence(name);
+    const words = alone
+      ? title(channel)
+      : numbers.length > 0
+        ? `${title(channel)} ${numbers.join(", ")}`
+        : sentence(name);
     return spec(channel, alone ? "" : `/${first.name}`, words, columns.slice(0, SERIES_IN_PLOT), OTHER_WEIGHT, false);
   });
 }
@@ -152,14 +198,28 @@ function sentence(name: string): string {
 function otherPlots(channel: Channel): PlotSpec[] {
   const { kind, columns } = channel.info;
   if (kind === "quaternion" || (kind === "vector" && columns.some(({ axis }) => axis === "x"))) {
-    return [spec(channel, "", title(channel), columns.map((_, c) => c), OTHER_WEIGHT, false)];
+    return [
+      spec(
+        channel,
+        "",
+        title(channel),
+        columns.map((_, c) => c),
+        OTHER_WEIGHT,
+        false,
+      ),
+    ];
   }
   return kind === "vector" || kind === "scalar" || kind === "record" ? loosePlots(channel) : [];
 }
 
 function belongs({ info }: Channel, { words, units }: Family): boolean {
   const unit = info.unit || (info.columns[0]?.unit ?? "");
-  return info.kind === "vector" && units.includes(unit) && (words.test(info.title) || words.test(info.name)) && info.columns.some(({ axis }) => axis === "x");
+  return (
+    info.kind === "vector" &&
+    units.includes(unit) &&
+    (words.test(info.title) || words.test(info.name)) &&
+    info.columns.some(({ axis }) => axis === "x")
+  );
 }
 
 /** The velocity of an INS or a GNSS receiver; its position too, unless latitude and longitude draw a track. */
@@ -168,11 +228,22 @@ function motionPlots(channels: readonly Channel[]): PlotSpec[] {
   return MOTION.slice(0, tracked ? 1 : 2).flatMap((family) => {
     const members = channels.filter((channel) => belongs(channel, family));
     const [found] = MOTION_FRAMES.flatMap((frame) => members.filter(({ info }) => frame.test(info.frame)));
-    return found === undefined ? [] : [spec(found, "", title(found), found.info.columns.map((_, c) => c), family.weight, true)];
+    return found === undefined
+      ? []
+      : [
+          spec(
+            found,
+            "",
+            title(found),
+            found.info.columns.map((_, c) => c),
+            family.weight,
+            true,
+          ),
+        ];
   });
 }
 
-/** Where two plots have one title, the message tells them apart; what stands by itself keeps its short one. */
+/** Add the message to the titles of plots that share one; initially shown plots keep the short title. */
 function toldApart(plots: readonly PlotSpec[]): PlotSpec[] {
   const seen = new Map<string, number>();
   for (const plot of plots) seen.set(plot.title, (seen.get(plot.title) ?? 0) + 1);
@@ -180,8 +251,24 @@ function toldApart(plots: readonly PlotSpec[]): PlotSpec[] {
   return plots.map((plot) => (same(plot) ? { ...plot, title: `${plot.title} · ${plot.group}` } : plot));
 }
 
-/** The plots of one device's channels, those that stand by themselves first. */
-export function plotsOf(channels: readonly Channel[]): PlotSpec[] {
+/**
+ * The plots of one device's channels, those shown initially first.
+ *
+ * @param chosen titles or names of the initially shown quantities, given by its protocol; by default those of the rule above
+ */
+export function plotsOf(channels: readonly Channel[], chosen: readonly string[] = []): PlotSpec[] {
+  const plots = plotsByRule(channels);
+  const rank = ({ series }: PlotSpec): number =>
+    chosen.findIndex((name) => series.some(({ channel }) => name === channel.info.name || name === title(channel)));
+  const first = plots.filter((plot) => rank(plot) >= 0).sort((a, b) => rank(a) - rank(b));
+  if (first.length === 0) return plots;
+  return [
+    ...first.map((plot) => ({ ...plot, primary: true })),
+    ...plots.filter((plot) => rank(plot) < 0).map((plot) => ({ ...plot, primary: false })),
+  ];
+}
+
+function plotsByRule(channels: readonly Channel[]): PlotSpec[] {
   const taken = new Set<Channel>();
   const shown: PlotSpec[] = [];
   const families = new Set<number>();
@@ -190,7 +277,16 @@ export function plotsOf(channels: readonly Channel[]): PlotSpec[] {
     if (found === undefined || families.has(SAME[f]!)) return;
     families.add(SAME[f]!);
     taken.add(found);
-    shown.push(spec(found, "", title(found), found.info.columns.map((_, c) => c), family.weight, true));
+    shown.push(
+      spec(
+        found,
+        "",
+        title(found),
+        found.info.columns.map((_, c) => c),
+        family.weight,
+        true,
+      ),
+    );
   });
   const euler = channels.find(({ info }) => info.kind === "euler");
   if (euler !== undefined) {

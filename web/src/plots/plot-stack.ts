@@ -10,16 +10,15 @@
  *     │ memory  everything held, the window as a box          │
  *     └───────────────────────────────────────────────────────┘
  *
- * `update` runs once a frame. It works out the time window, then asks each part to draw what changed. Layout is read once after it
- * changed and never in between, so a frame causes no reflow.
+ * `update` runs once a frame. It computes the time window, then each part draws its changes. Layout is read once after it changed and
+ * never in between, so a frame causes no reflow.
  */
-import { computed, effect, signal } from "@preact/signals";
-import { attach, cursorTime, dropPassed, keepFitted } from "../data/view-actions";
+import { computed, effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
-import { cursor, hidden, measure, normsSeen, view } from "../data/view-state";
+import type { ViewState } from "../data/view-state";
 import { clock } from "../ui/format";
-import { el, every, unit } from "../ui/dom";
+import { el, throttle, unit } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
 import { drawGlass, type Pane } from "./overlay";
@@ -27,53 +26,56 @@ import type { Reads } from "./legend";
 import { Lanes } from "./status-lanes";
 import { LaneNames } from "./lane-names";
 import { type MarkLine, markersIn } from "./markers";
-import { Memory } from "./history-strip";
-import { palette, type Palette, Sheet } from "./canvas-style";
+import { HistoryStrip } from "./history-strip";
+import { palette, type Palette, CanvasLayer } from "./canvas-style";
 import { Plot } from "./plot";
+import { protocolAmong } from "../wire/capabilities";
 import { type PlotSpec, plotsOf } from "./plot-selection";
 import { timeWindow, type TimeWindow } from "./time-window";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/plots";
 import "./plots.css";
 
 export interface StackDeps {
   readonly store: Store;
-  /** Where values are read, when what is drawn is summarised; as drawn otherwise. */
+  readonly viewState: ViewState;
+  /** Source of values if the drawn ones are summarised; default: as drawn. */
   readonly reads?: Reads;
-  /** All there is, when the store holds a part of it; what the store holds otherwise. */
+  /** Bounds of all data, if the store holds only a part; default: the store's. */
   readonly bounds?: () => { readonly first: number; readonly last: number };
-  /** Markers to be drawn; those among the store's events otherwise. */
+  /** Markers to draw; default: those among the store's events. */
   readonly markers?: () => readonly MarkLine[];
 }
 
-/** Further quantities that a person has asked for, by plot key. Outlives a remount. */
-export const asked = signal<ReadonlySet<string>>(new Set());
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
-/** More further quantities than this stand behind the names of their messages. */
+/** With more further quantities than this they are grouped by message. */
 const MOST_OFFERED = 12;
-/** A title that ends after this reaches the tick labels, px from the left. */
+/** A longer title reaches the tick labels, px from the left. */
 const TITLE_PX = 126;
 
 class Stack {
   readonly #store: Store;
+  readonly #state: ViewState;
   readonly #reads: Reads;
   readonly #whole: StackDeps["bounds"];
   readonly #markers: () => readonly MarkLine[];
-  readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": "Plots" });
-  readonly #glass = new Sheet(el("canvas", { class: "glass", "aria-hidden": "true" }));
-  readonly #more = el("div", { class: "more", role: "group", "aria-label": "More signals" });
-  readonly #lanesBox = el("div", { class: "lanebox" });
+  readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": COMMON.plots });
+  readonly #glass = new CanvasLayer(el("canvas", { class: "cursor-layer", "aria-hidden": "true" }));
+  readonly #more = el("div", { class: "more-quantities", role: "group", "aria-label": TEXT.moreQuantities });
+  readonly #lanesBox = el("div", { class: "lane-box" });
   readonly #lanesHost = el("div", { class: "lanes" });
-  readonly #lanesSheet = new Sheet(el("canvas", { role: "img", "aria-label": "Losses and status flags over time" }));
-  readonly #axis = new Sheet(el("canvas", { role: "img", "aria-label": "Time axis" }));
-  readonly #over = new Sheet(el("canvas", { role: "img", "aria-label": "Everything in memory" }));
+  readonly #lanesSheet = new CanvasLayer(el("canvas", { role: "img", "aria-label": TEXT.statusLanesLabel }));
+  readonly #axis = new CanvasLayer(el("canvas", { role: "img", "aria-label": COMMON.timeAxis }));
+  readonly #over = new CanvasLayer(el("canvas", { role: "img", "aria-label": TEXT.everythingInMemory }));
   readonly #names: LaneNames;
   readonly #lanes = new Lanes();
-  readonly #memory = new Memory();
+  readonly #strip = new HistoryStrip();
   readonly #stops: (() => void)[] = [];
-  readonly #legendsDue = every(LEGENDS_HZ);
-  readonly #slowlyDue = every(2);
-  readonly #stillDue = every(10);
-  readonly #memoryDue = every(4);
+  readonly #legendsDue = throttle(LEGENDS_HZ);
+  readonly #slowlyDue = throttle(2);
+  readonly #stillDue = throttle(10);
+  readonly #stripDue = throttle(4);
   readonly #stamps = new Map<string, string>();
   readonly #seen: IntersectionObserver;
   #plots: Plot[] = [];
@@ -86,12 +88,13 @@ class Stack {
   #selection: readonly [number, number] | undefined;
   #cursorWas = "";
   #panes: readonly Pane[] = [];
-  /** Revision of the samples as looked at last; ten times a second is often enough where the window stands still. */
+  /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
   #still = 0;
 
-  constructor(host: HTMLElement, { store, reads = (channel) => channel, bounds, markers }: StackDeps) {
-    this.#markers = markers ?? markersOf(store);
+  constructor(host: HTMLElement, { store, viewState, reads = (channel) => channel, bounds, markers }: StackDeps) {
+    this.#markers = markers ?? markersOf(store, viewState);
     this.#store = store;
+    this.#state = viewState;
     this.#reads = reads;
     this.#whole = bounds;
     this.#names = new LaneNames(this.#lanesBox, () => this.#slowly());
@@ -99,11 +102,11 @@ class Stack {
     this.#lanesHost.append(this.#lanesBox, this.#names.say);
     this.#more.addEventListener("wheel", (event) => {
       if (event.deltaX !== 0 || this.#more.scrollWidth <= this.#more.clientWidth) return;
-      event.preventDefault(); // a wheel goes along the row: it has no bar to be drawn by
+      event.preventDefault(); // the wheel scrolls along the row, which has no scroll bar
       this.#more.scrollLeft += event.deltaY;
     });
     const axis = el("div", { class: "axis" }, this.#axis.canvas);
-    const over = el("div", { class: "over" }, this.#over.canvas);
+    const over = el("div", { class: "history-strip" }, this.#over.canvas);
     this.#root.append(this.#more, this.#lanesHost, axis, over, this.#glass.canvas);
     host.append(this.#root);
     this.#look = palette(this.#root);
@@ -121,7 +124,7 @@ class Stack {
       this.#theme += 1;
       this.#layoutDue = true;
     };
-    const device = computed(() => view.value.device); // the rest of the view changes with every drag
+    const device = computed(() => this.#state.view.value.device); // the rest of the view changes with every drag
     const resized = new ResizeObserver(relook);
     resized.observe(this.#root);
     const themed = new MutationObserver(relook);
@@ -131,28 +134,34 @@ class Stack {
       () => resized.disconnect(),
       () => themed.disconnect(),
       () => removeEventListener("imuscope:theme", relook),
-      listen(this.#root, { window: () => this.#window, strip: () => this.#memory.window, selecting: (span) => (this.#selection = span) }),
-      effect(() => this.#choose(this.#store.channels.value, device.value, asked.value)),
+      listen(this.#root, this.#state, {
+        window: () => this.#window,
+        strip: () => this.#strip.window,
+        selecting: (span) => (this.#selection = span),
+      }),
+      effect(() => this.#choose(this.#store.channels.value, device.value, this.#state.extraPlots.value)),
       effect(() => {
-        for (const plot of this.#plots) plot.legend.show(hidden.value);
+        for (const plot of this.#plots) plot.legend.show(this.#state.hiddenSeries.value);
       }),
     );
-    attach({
+    this.#state.actions.attachPlots({
       now: () => this.#now(),
       bounds: () => this.#bounds(),
       step: (t, steps) => this.#step(t, steps),
       series: () => this.#plots.flatMap(({ spec }) => plain(spec)),
-      beside: (key) => this.#plots.filter(({ spec }) => spec.series.some((one) => one.key === key)).flatMap(({ spec }) => plain(spec)),
+      beside: (key) =>
+        this.#plots.filter(({ spec }) => spec.series.some((one) => one.key === key)).flatMap(({ spec }) => plain(spec)),
     });
   }
 
-  /** Have the plots that the device's channels call for; those that stay keep their scale. */
+  /** Set the plots for the device's channels; existing ones keep their scale. */
   #choose(channels: readonly Channel[], device: string | undefined, extra: ReadonlySet<string>): void {
     this.#channels = channels.filter(({ info }) => info.device === device);
-    this.#specs = plotsOf(this.#channels);
+    const protocol = protocolAmong(this.#store.devices.peek(), device);
+    this.#specs = plotsOf(this.#channels, protocol?.plots);
     const wanted = this.#specs.filter(({ primary, key }) => primary !== extra.has(key));
     const before = this.#plots;
-    this.#plots = wanted.map((spec) => before.find((plot) => sameSeries(plot.spec, spec)) ?? new Plot(spec));
+    this.#plots = wanted.map((spec) => before.find((plot) => sameSeries(plot.spec, spec)) ?? this.#plot(spec));
     for (const plot of before) {
       if (this.#plots.includes(plot)) continue;
       this.#seen.unobserve(plot.root);
@@ -165,37 +174,51 @@ class Stack {
     this.#hideNorms();
     this.#offer(extra);
     this.#lanes.keep(this.#channels);
-    this.#memory.follow(this.#specs[0]);
+    this.#strip.follow(this.#specs[0]);
     this.#theme += 1;
     this.#layoutDue = true;
   }
 
-  #hideNorms(): void {
-    const fresh = this.#plots.flatMap(({ spec }) => spec.series).filter(({ norm, key }) => norm && !normsSeen.has(key));
-    for (const { key } of fresh) normsSeen.add(key);
-    if (fresh.length > 0) hidden.value = new Set([...hidden.peek(), ...fresh.map(({ key }) => key)]);
-    for (const plot of this.#plots) plot.legend.show(hidden.peek());
+  #plot(spec: PlotSpec): Plot {
+    return new Plot(spec, (key, alone) => this.#state.actions.toggleKey(key, alone));
   }
 
-  /** The row of further quantities; by message, each behind its name, where they are many. */
+  #hideNorms(): void {
+    const fresh = this.#plots
+      .flatMap(({ spec }) => spec.series)
+      .filter(({ norm, key }) => norm && !this.#state.knownNorms.has(key));
+    for (const { key } of fresh) this.#state.knownNorms.add(key);
+    if (fresh.length > 0)
+      this.#state.hiddenSeries.value = new Set([...this.#state.hiddenSeries.peek(), ...fresh.map(({ key }) => key)]);
+    for (const plot of this.#plots) plot.legend.show(this.#state.hiddenSeries.peek());
+  }
+
+  /** The row of further quantities; grouped by message if they are many. */
   #offer(extra: ReadonlySet<string>): void {
     const others = this.#specs.filter(({ primary }) => !primary);
     this.#more.hidden = others.length === 0;
-    const open = new Set([...this.#more.querySelectorAll("details[open]")].map((details) => details.getAttribute("data-group")));
+    const open = new Set(
+      [...this.#more.querySelectorAll("details[open]")].map((details) => details.getAttribute("data-group")),
+    );
     const groups = new Map<string, PlotSpec[]>();
     for (const spec of others) {
       const group = others.length > MOST_OFFERED ? spec.group : "";
       groups.set(group, [...(groups.get(group) ?? []), spec]);
     }
     this.#more.classList.toggle("grouped", groups.size > 1);
-    this.#more.replaceChildren("More signals");
+    this.#more.replaceChildren(TEXT.moreQuantities);
     for (const [group, specs] of groups) {
       const buttons = specs.map((spec) => this.#offerOne(spec, extra.has(spec.key), group));
       if (group === "") {
         this.#more.append(...buttons);
         continue;
       }
-      const details = el("details", { "data-group": group }, el("summary", {}, group, unit(String(specs.length))), ...buttons);
+      const details = el(
+        "details",
+        { "data-group": group },
+        el("summary", {}, group, unit(String(specs.length))),
+        ...buttons,
+      );
       details.open = open.has(group);
       details.addEventListener("toggle", () => (this.#layoutDue = true));
       this.#more.append(details);
@@ -208,12 +231,16 @@ class Stack {
     const button = el("button", { type: "button", "aria-pressed": String(on), "data-plot": key }, words);
     const tail = [unitText, frame].filter(Boolean).join(" ");
     if (tail !== "") button.append(unit(tail));
-    if (series[0]?.channel.info.verified === false) button.append(el("span", { class: "warned", title: "Unverified: nobody could check who sent this" }, " ▲"), el("span", { class: "vh" }, "unverified"));
+    if (series[0]?.channel.info.verified === false)
+      button.append(
+        el("span", { class: "warned", title: TEXT.unverifiedHint }, " ▲"),
+        el("span", { class: "visually-hidden" }, TEXT.unverified),
+      );
     button.addEventListener("click", () => {
-      const next = new Set(asked.peek());
+      const next = new Set(this.#state.extraPlots.peek());
       if (!next.delete(key)) next.add(key);
-      asked.value = next;
-      // The row was drawn anew: focus stays with the button that was pressed.
+      this.#state.extraPlots.value = next;
+      // the row was rendered again: restore focus to the pressed button
       this.#more.querySelector<HTMLElement>(`[data-plot="${CSS.escape(key)}"]`)?.focus();
       this.#plots.find((plot) => plot.spec.key === key)?.root.scrollIntoView({ block: "nearest" });
     });
@@ -223,46 +250,71 @@ class Stack {
   update(now: number): void {
     if (this.#slowlyDue(now)) {
       this.#slowly();
-      keepFitted();
+      this.#state.actions.keepFitted();
     }
     if (this.#layoutDue) this.#layout();
     const width = this.#axis.width - this.#look.gutter - this.#look.tail;
     if (width < 20) return;
-    dropPassed();
-    const w = (this.#window = timeWindow(view.peek(), this.#now(), this.#look.gutter, width, this.#axis.ratio));
-    const shown = hidden.peek();
+    this.#state.actions.dropPassed();
+    const w = (this.#window = timeWindow(
+      this.#state.view.peek(),
+      this.#now(),
+      this.#look.gutter,
+      width,
+      this.#axis.ratio,
+    ));
+    const shown = this.#state.hiddenSeries.peek();
     for (const plot of this.#plots) plot.draw(w, this.#look, shown, now, this.#theme);
-    const reading = cursorTime();
+    const reading = this.#state.actions.cursorTime();
     this.#read(now, w, reading);
     this.#drawShared(now, w, reading, shown);
   }
 
-  /** Lanes, axis, memory and glass, each when something in it changed: a window that stands still costs nothing. */
+  /** Draw lanes, axis, memory strip and overlay, each if it changed: a window that stands still costs nothing. */
   #drawShared(now: number, w: TimeWindow, reading: number | undefined, shown: ReadonlySet<string>): void {
-    const device = view.peek().device ?? "";
+    const device = this.#state.view.peek().device ?? "";
     const losses = this.#store.losses(device);
     const frame = `${w.g1} ${w.dt} ${w.base} ${this.#theme} ${losses.length} ${losses.at(-1)?.t1}`;
-    const still = this.#stillDue(now) ? this.#channels.reduce((sum, channel) => sum + this.#revisionOf(channel), 0) : this.#still;
+    const still = this.#stillDue(now)
+      ? this.#channels.reduce((sum, channel) => sum + this.#revisionOf(channel), 0)
+      : this.#still;
     if (this.#changed("lanes", `${frame} ${still} ${this.#names.lanes.length}`) && this.#lanesSheet.height > 0) {
       this.#lanes.draw(this.#lanesSheet, this.#names.lanes, losses, w, this.#look);
     }
     this.#still = still;
-    const cursors = `${reading} ${measure.peek()}`;
-    if (this.#changed("axis", `${frame} ${cursors}`)) drawAxis(this.#axis, w, this.#look, reading, measure.peek());
-    if (this.#over.height > 0 && (this.#memoryDue(now) || this.#changed("memory", `${w.live} ${w.span} ${w.live || w.t1} ${this.#theme}`))) {
-      this.#memory.draw(this.#over, w, this.#look, this.#bounds()?.first, losses, this.#markers());
+    const cursors = `${reading} ${this.#state.measure.peek()}`;
+    if (this.#changed("axis", `${frame} ${cursors}`))
+      drawAxis(this.#axis, w, this.#look, reading, this.#state.measure.peek());
+    if (
+      this.#over.height > 0 &&
+      (this.#stripDue(now) || this.#changed("memory", `${w.live} ${w.span} ${w.live || w.t1} ${this.#theme}`))
+    ) {
+      this.#strip.draw(this.#over, w, this.#look, this.#bounds()?.first, losses, this.#markers());
     }
     const lostSince = this.#lostSince(device);
     const markers = this.#markers();
-    const marks = { losses, lostSince, markers, cursor: reading, measure: measure.peek(), selection: this.#selection, reads: this.#reads };
-    if (this.#changed("glass", `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${shown.size} ${reading === undefined ? "" : still}`)) {
+    const marks = {
+      losses,
+      lostSince,
+      markers,
+      cursor: reading,
+      measure: this.#state.measure.peek(),
+      selection: this.#selection,
+      reads: this.#reads,
+    };
+    if (
+      this.#changed(
+        "glass",
+        `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${shown.size} ${reading === undefined ? "" : still}`,
+      )
+    ) {
       drawGlass(this.#glass, this.#panes, this.#plots, w, this.#look, marks, shown);
     }
   }
 
-  /** Goes up with every change of what is drawn of a channel, or read at a cursor. */
+  /** A number that changes with everything drawn of a channel, or read at a cursor. */
   #revisionOf(channel: Channel): number {
-    const at = [cursorTime(), measure.peek()].filter((t) => t !== undefined);
+    const at = [this.#state.actions.cursorTime(), this.#state.measure.peek()].filter((t) => t !== undefined);
     return at.reduce((sum, t) => sum + this.#reads(channel, t).ring.revision, channel.ring.revision);
   }
 
@@ -272,24 +324,28 @@ class Stack {
     return true;
   }
 
-  /** Legends and the sentence about a lane. */
+  /** Update legends and the explanation of a lane. */
   #read(now: number, w: TimeWindow, reading: number | undefined): void {
-    const state = `${reading !== undefined && !(w.live && cursor.peek()?.kind === "pointer") ? reading : cursor.peek()?.kind} ${measure.peek()} ${w.base} ${this.#theme}`;
+    const state = `${reading !== undefined && !(w.live && this.#state.cursor.peek()?.kind === "pointer") ? reading : this.#state.cursor.peek()?.kind} ${this.#state.measure.peek()} ${w.base} ${this.#theme}`;
     if (state === this.#cursorWas && !this.#legendsDue(now)) return;
     this.#cursorWas = state;
     const t = reading ?? (w.live ? Infinity : w.t1);
-    for (const plot of this.#plots) if (plot.visible) plot.legend.read(t, w.base, measure.peek(), this.#look.narrow, this.#reads, w.now);
-    this.#names.read(t, w.base, this.#store.losses(view.peek().device ?? ""), this.#reads);
+    for (const plot of this.#plots)
+      if (plot.visible) plot.legend.read(t, w.base, this.#state.measure.peek(), this.#look.narrow, this.#reads, w.now);
+    this.#names.read(t, w.base, this.#store.losses(this.#state.view.peek().device ?? ""), this.#reads);
   }
 
-  /** Twice a second: which lanes there are, what screen readers are told. */
+  /** Twice a second: choose the lanes, update screen readers. */
   #slowly(): void {
     const absent = this.#store.devices.peek().find(({ id }) => id === this.#channels[0]?.info.device)?.absent;
     if (this.#names.choose(this.#channels, absent)) this.#layoutDue = true;
-    const reading = cursorTime();
-    const { span, live } = view.peek();
-    const where = live ? `last ${span} s` : `${span} s until ${clock(view.peek().end)} UTC`;
-    this.#axis.canvas.setAttribute("aria-label", `Time axis, ${where}${reading === undefined ? "" : `, cursor at ${clock(reading, 3)} UTC`}`);
+    const reading = this.#state.actions.cursorTime();
+    const { span, live } = this.#state.view.peek();
+    const where = live ? TEXT.lastSeconds(span) : TEXT.secondsUntil(span, clock(this.#state.view.peek().end));
+    this.#axis.canvas.setAttribute(
+      "aria-label",
+      TEXT.timeAxisState(where, reading === undefined ? "" : TEXT.cursorAtUtc(clock(reading, 3))),
+    );
   }
 
   #layout(): void {
@@ -302,18 +358,21 @@ class Stack {
       plot.sheet.resize(width, plot.root.clientHeight);
       plot.wideTitle = titleEnd(plot) > TITLE_PX;
     }
-    const box = (sheet: Sheet): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
+    const box = (sheet: CanvasLayer): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
     [this.#lanesSheet, this.#axis, this.#over].forEach(box);
     const top = this.#lanesHost.offsetTop + this.#lanesBox.offsetTop;
     const bottom = top + this.#lanesSheet.height;
-    const panes = this.#plots.map((plot) => ({ top: plot.top + plot.inset(this.#look), bottom: plot.top + plot.sheet.height }));
+    const panes = this.#plots.map((plot) => ({
+      top: plot.top + plot.inset(this.#look),
+      bottom: plot.top + plot.sheet.height,
+    }));
     this.#panes = [...panes, { top, bottom }];
     this.#glass.resize(width, bottom);
     this.#glass.canvas.style.height = `${bottom}px`;
-    this.#theme += 1; // a canvas that changed its size is blank
+    this.#theme += 1; // a resized canvas is blank
   }
 
-  /** When the device was heard last, if it is gone, or the server is. A file that has ended is not gone, nor is one that was never here. */
+  /** Last arrival from the device, if it or the server is gone. A file that has ended is not gone, nor is a device that was never here. */
   #lostSince(device: string): number | undefined {
     const status = this.#store.devices.peek().find(({ id }) => id === device)?.status;
     if (status !== "lost" && status !== "denied" && status !== "connecting" && !this.#store.isCut) return undefined;
@@ -323,7 +382,7 @@ class Stack {
   }
 
   #now(): number {
-    return this.#store.edgeOf(view.peek().device);
+    return this.#store.edgeOf(this.#state.view.peek().device);
   }
 
   #bounds(): { readonly first: number; readonly last: number } | undefined {
@@ -337,11 +396,11 @@ class Stack {
     return first <= last ? { first, last } : undefined;
   }
 
-  /** The sample `steps` on from t, of the channel that stands first. */
+  /** The sample `steps` on from t, of the first channel. */
   #step(t: number, steps: number): number | undefined {
     const channel = this.#plots[0]?.spec.series[0]?.channel;
     const ring = channel && this.#reads(channel, t).ring;
-    const base = view.peek().timeBase;
+    const base = this.#state.view.peek().timeBase;
     if (ring === undefined || ring.length === 0) return undefined;
     // Half a microsecond: a cursor pinned to a sample must find that sample again.
     const i = ring.indexAt(t + 5e-7, base) + steps;
@@ -351,22 +410,25 @@ class Stack {
 
   dispose(): void {
     for (const stop of this.#stops) stop();
+    const { cursor } = this.#state;
+    if (cursor.peek()?.kind === "pointer") cursor.value = undefined; // the item under the pointer is gone
     this.#seen.disconnect();
     this.#root.remove();
   }
 }
 
-/** The markers among the events of a store, looked for when there are new events. */
-function markersOf(store: Store): () => readonly MarkLine[] {
+/** The markers among the events of a store, updated when there are new events. */
+function markersOf(store: Store, { view }: ViewState): () => readonly MarkLine[] {
   let [from, device, found]: [unknown, string | undefined, readonly MarkLine[]] = [undefined, undefined, []];
   return () => {
     const now = view.peek().device;
-    if (from !== store.events.peek() || device !== now) [from, device, found] = [store.events.peek(), now, markersIn(store.events.peek(), now)];
+    if (from !== store.events.peek() || device !== now)
+      [from, device, found] = [store.events.peek(), now, markersIn(store.events.peek(), now)];
     return found;
   };
 }
 
-/** Keys of a plot's series but its norm. */
+/** Keys of a plot's series without its norm. */
 function plain({ series }: PlotSpec): readonly string[] {
   return series.filter(({ norm }) => !norm).map(({ key }) => key);
 }
@@ -376,9 +438,14 @@ function titleEnd({ legend }: Plot): number {
   return title === null ? 0 : title.offsetLeft + title.offsetWidth;
 }
 
-/** Would a plot of `b` draw the same samples, in the same frame, as one of `a`? */
+/** Whether a plot of `b` would draw the same samples, in the same frame, as one of `a`. */
 function sameSeries(a: PlotSpec, b: PlotSpec): boolean {
-  return a.key === b.key && a.frame === b.frame && a.series.length === b.series.length && a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key);
+  return (
+    a.key === b.key &&
+    a.frame === b.frame &&
+    a.series.length === b.series.length &&
+    a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key)
+  );
 }
 
 /** Put the plots into `host`; call `update` once a frame with the frame's time in ms. */

@@ -1,12 +1,12 @@
 /**
  * One plot: grid, scale, traces and the letters at their right end.
  *
- * Why a canvas of our own and not uPlot? Because little of uPlot would be left. Its data model is one x array for all series of a
- * plot; ours are rings with a clock each, of different rates, that should not be joined or copied every frame. Given all points in
- * view it takes 33 ms a frame for 18 series of 100 000 points, so extremes would have to be worked out for it. Axes, legend, cursor,
- * zoom, gaps, hatch and wraps follow rules of this page that it answers otherwise. What remains is moveTo and lineTo: trace.ts.
+ * It uses a canvas of its own instead of uPlot, because little of uPlot would be left. Its data model is one x array for all series of a
+ * plot; ours are rings with a clock each, of different rates, which should not be joined or copied every frame. With all points in
+ * view it takes 33 ms a frame for 18 series of 100 000 points, so extremes would have to be computed for it. Axes, legend, cursor,
+ * zoom, gaps, hatch and wraps follow other rules on this page. What remains is moveTo and lineTo: trace.ts.
  *
- * A plot is drawn when something changed: the window moved by a pixel, samples came (ten times a second suffices when the window
+ * A plot is drawn when something changed: the window moved by a pixel, samples came (ten times a second suffices while the window
  * stands still), a series was hidden, the theme or size changed.
  */
 import type { Extent } from "../data/minmax-pyramid";
@@ -14,17 +14,18 @@ import type { Ring } from "../data/ring-buffer";
 import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
-import { Legend, valueAt } from "./legend";
-import { fitting, type Palette, setFont, Sheet } from "./canvas-style";
+import { Legend, type Toggle, valueAt } from "./legend";
+import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
 import { Scale, ticks } from "./scale";
 import type { PlotSpec, Series } from "./plot-selection";
 import { traceDots, traceSeries, type Vertical } from "./trace";
 import { timeGrid } from "./axis";
 import { xOf, type TimeWindow } from "./time-window";
+import { TEXT } from "../texts/plots";
 
 const LEGEND_HEIGHT = 26;
 const LINE = 1.15;
-/** Letters at the right end and tick labels keep this far apart, px. */
+/** Least distance of letters at the right end and of tick labels, px. */
 const LETTERS_APART = 11.5;
 const LABELS_APART = 12;
 /** A tick label may be set this much narrower to fit the gutter: six digits of pressure on a phone. */
@@ -43,11 +44,11 @@ interface Shown {
 export class Plot {
   readonly root: HTMLElement;
   readonly legend: Legend;
-  readonly sheet: Sheet;
+  readonly sheet: CanvasLayer;
   /** Place in the stack, CSS px. */
   top = 0;
   visible = true;
-  /** The title reaches under the tick labels: the uppermost gives way. */
+  /** The title reaches under the tick labels, so the uppermost is omitted. */
   wideTitle = false;
   readonly #scale: Scale;
   readonly #rings: readonly Ring[];
@@ -60,41 +61,47 @@ export class Plot {
   #drawnAt = -Infinity;
   #zoom = NaN;
 
-  constructor(readonly spec: PlotSpec) {
-    this.legend = new Legend(spec);
-    const unit = spec.unit === "" ? "" : ` in ${spec.unit}`;
-    const canvas = el("canvas", { role: "img", "aria-label": `${spec.title}${unit} over time` });
+  constructor(
+    readonly spec: PlotSpec,
+    toggle: Toggle,
+  ) {
+    this.legend = new Legend(spec, toggle);
+    const unit = spec.unit === "" ? "" : TEXT.inUnit(spec.unit);
+    const canvas = el("canvas", { role: "img", "aria-label": TEXT.plotOverTime(spec.title, unit) });
     this.root = el("div", { class: spec.weight < 0.7 ? "plot low" : "plot" }, this.legend.root, canvas);
     this.root.style.setProperty("--weight", String(spec.weight));
     this.root.style.setProperty("--least", `${Math.round(40 + 32 * spec.weight)}px`);
-    this.sheet = new Sheet(canvas);
+    this.sheet = new CanvasLayer(canvas);
     const periods = spec.series.map(({ channel, column }) => channel.info.columns[column]!.period);
     this.#scale = new Scale(20 * 10 ** -spec.decimals, Math.min(...periods));
     this.#rings = [...new Set(spec.series.map(({ channel }) => channel.ring))];
   }
 
-  /** Take on which series are drawn; for hidden ones nothing is worked out. */
+  /** Set the drawn series; hidden ones cost nothing. */
   #choose(hidden: ReadonlySet<string>): void {
     this.#hidden = hidden;
     this.#shown = this.#rings.flatMap((ring) => {
       const list = this.spec.series.filter(({ channel, key }) => channel.ring === ring && !hidden.has(key));
-      const columns = new PixelColumns(ring, list.map(({ column }) => column));
+      const columns = new PixelColumns(
+        ring,
+        list.map(({ column }) => column),
+      );
       return list.map((series, at) => ({ series, columns, at }));
     });
     this.#stamp = "";
   }
 
-  /** Upper edge of the drawing: below the legend where that stands above, px. */
+  /** Upper edge of the drawing: below a legend above it, px. */
   inset(look: Palette): number {
     return look.narrow ? LEGEND_HEIGHT : 0;
   }
 
-  /** Where a value stands, CSS px from the plot's top. */
+  /** Position of a value, CSS px from the plot's top. */
   y(value: number): number {
     return this.#vertical.top + (this.#vertical.hi - value) * this.#vertical.k;
   }
 
-  /** Draw if there is something new. `now` in ms. */
+  /** Draw if anything changed. `now` in ms. */
   draw(w: TimeWindow, look: Palette, hidden: ReadonlySet<string>, now: number, theme: number): void {
     if (!this.visible || this.sheet.height < 10) return;
     if (hidden !== this.#hidden) this.#choose(hidden);
@@ -103,13 +110,13 @@ export class Plot {
     const stamp = `${w.g1} ${w.dt} ${w.base} ${theme}`;
     const still = stamp === this.#stamp;
     if (still && revision !== this.#revision && now - this.#drawnAt < STILL_MS) return;
-    // A scale narrows by the clock alone, also while nothing else changes.
+    // a scale narrows with time alone, even if nothing else changes
     if (!this.#rescale(shown, w, now) && still && revision === this.#revision) return;
     [this.#stamp, this.#revision, this.#drawnAt] = [stamp, revision, now];
     this.#paint(shown, w, look);
   }
 
-  /** Read the extent of what is in the window; true when the scale changed. */
+  /** Read the extent of the window; true if the scale changed. */
   #rescale(shown: readonly Shown[], w: TimeWindow, now: number): boolean {
     let lo = Infinity;
     let hi = -Infinity;
@@ -165,7 +172,12 @@ export class Plot {
       const y = sheet.snap(this.y(value));
       x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
       x.fillRect(w.left, y, w.width, Math.max(hair, 1));
-      if (y < inset + (this.wideTitle && !look.narrow ? 22 : 5) || y > sheet.height - 5 || used.some((other) => Math.abs(other - y) < LABELS_APART)) continue;
+      if (
+        y < inset + (this.wideTitle && !look.narrow ? 22 : 5) ||
+        y > sheet.height - 5 ||
+        used.some((other) => Math.abs(other - y) < LABELS_APART)
+      )
+        continue;
       if (x.measureText(text).width * CONDENSED > room) continue;
       used.push(y);
       x.fillStyle = look.colour["ink-3"];
@@ -176,7 +188,7 @@ export class Plot {
     x.fillRect(sheet.snap(w.left + w.width), inset, 1, sheet.height);
   }
 
-  /** What the y axis says: zero and, for an acceleration, 1 g have the first right to a place. */
+  /** Labels of the y axis: zero and, for an acceleration, 1 g take precedence. */
   #labels(look: Palette): { readonly value: number; readonly text: string }[] {
     const { lo, hi } = this.#scale;
     const all = ticks(lo, hi, this.sheet.height - this.inset(look), this.spec.unit === "°");
@@ -189,7 +201,7 @@ export class Plot {
     return near[0]?.value === 0 ? [near[0], g, ...near.slice(1)] : [g, ...near];
   }
 
-  /** Each trace is named where it ends, by letter, not by colour alone; letters are moved apart. */
+  /** Label each trace at its end with a letter, not by colour alone; letters are moved apart. */
   #letters(x: CanvasRenderingContext2D, shown: readonly Shown[], w: TimeWindow, look: Palette): void {
     const letters = shown
       .map(({ series }) => ({ series, y: this.y(lastIn(series, w)) }))

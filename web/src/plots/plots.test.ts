@@ -55,7 +55,14 @@ describe("columns of pixels", () => {
     let span = 5;
     for (let step = 0; step < 60; step++) {
       const n = 1 + Math.floor(random() * 40);
-      ring.take(frameOf(info, sent, Float64Array.from({ length: n }, (_, k) => 1000 + (sent + k) * 0.01), false));
+      ring.take(
+        frameOf(
+          info,
+          sent,
+          Float64Array.from({ length: n }, (_, k) => 1000 + (sent + k) * 0.01),
+          false,
+        ),
+      );
       sent += n;
       if (random() < 0.15) span = 1 + random() * 8;
       const end = ring.time(ring.length - 1) + random() * 0.3 - (random() < 0.2 ? 3 : 0);
@@ -95,7 +102,11 @@ describe("the y scale", () => {
     const scale = new Scale(0.2, 360);
     scale.update(-179, 178, 0, true);
     expect([scale.lo, scale.hi]).toEqual([-190, 190]);
-    expect(ticks(-190, 190, 80, true).map(({ value }) => value).sort((a, b) => a - b)).toEqual([-180, -90, 0, 90, 180]);
+    expect(
+      ticks(-190, 190, 80, true)
+        .map(({ value }) => value)
+        .sort((a, b) => a - b),
+    ).toEqual([-180, -90, 0, 90, 180]);
   });
 
   it("has room around a constant, and ignores that there is nothing", () => {
@@ -128,44 +139,129 @@ describe("the time axis", () => {
   });
 
   it("shows memory in lengths that people know", () => {
-    expect([stripLength(5, 20), stripLength(61, 20), stripLength(100, 600), stripLength(1e6, 1)]).toEqual([60, 120, 600, 1e6]);
+    expect([stripLength(5, 20), stripLength(61, 20), stripLength(100, 600), stripLength(1e6, 1)]).toEqual([
+      60, 120, 600, 1e6,
+    ]);
   });
 });
 
 describe("which plots there are", () => {
-  const channel = (name: string, kind: ChannelInfo["kind"], names: readonly (readonly [string, string])[], unit = ""): Channel => {
-    const columns = names.map(([column, axis]): ColumnInfo => ({
-      name: column, dtype: "f4", unit, label: "", axis: axis as ColumnInfo["axis"], choices: {}, bits: [], decimals: -1, period: 0, doc: "",
-    }));
-    const info = { id: 1, device: "1", message: "", name, title: name, kind, unit, frame: "", columns, doc: "", source: "", group: "", verified: true };
+  const channel = (
+    name: string,
+    kind: ChannelInfo["kind"],
+    names: readonly (readonly [string, string])[],
+    unit = "",
+  ): Channel => {
+    const columns = names.map(
+      ([column, axis]): ColumnInfo => ({
+        name: column,
+        dtype: "f4",
+        unit,
+        label: "",
+        axis: axis as ColumnInfo["axis"],
+        choices: {},
+        bits: [],
+        decimals: -1,
+        period: 0,
+        doc: "",
+      }),
+    );
+    const info = {
+      id: 1,
+      device: "1",
+      message: "",
+      name,
+      title: name,
+      kind,
+      unit,
+      frame: "",
+      columns,
+      doc: "",
+      source: "",
+      group: "",
+      verified: true,
+    };
     return { info, ring: ringOf(info) };
   };
-  const xyz = [["x", "x"], ["y", "y"], ["z", "z"]] as const;
-  const angles = [["roll", "x"], ["pitch", "y"], ["yaw", "z"]] as const;
-  const titles = (channels: readonly Channel[], primary: boolean): string[] => plotsOf(channels).filter((plot) => plot.primary === primary).map(({ title }) => title);
+  const xyz = [
+    ["x", "x"],
+    ["y", "y"],
+    ["z", "z"],
+  ] as const;
+  const angles = [
+    ["roll", "x"],
+    ["pitch", "y"],
+    ["yaw", "z"],
+  ] as const;
+  const titles = (channels: readonly Channel[], primary: boolean): string[] =>
+    plotsOf(channels)
+      .filter((plot) => plot.primary === primary)
+      .map(({ title }) => title);
 
   it("stand in the design's order, one of each family", () => {
     const sent = [
-      channel("EulerAngles", "euler", angles, "°"), channel("MagneticField", "vector", xyz, "a.u."), channel("RateOfTurn", "vector", xyz, "°/s"),
-      channel("FreeAcceleration", "vector", xyz, "m/s²"), channel("Acceleration", "vector", xyz, "m/s²"), channel("PacketCounter", "counter", [["value", ""]]),
+      channel("EulerAngles", "euler", angles, "°"),
+      channel("MagneticField", "vector", xyz, "a.u."),
+      channel("RateOfTurn", "vector", xyz, "°/s"),
+      channel("FreeAcceleration", "vector", xyz, "m/s²"),
+      channel("Acceleration", "vector", xyz, "m/s²"),
+      channel("PacketCounter", "counter", [["value", ""]]),
       channel("Temperature", "scalar", [["value", ""]], "°C"),
     ];
     expect(titles(sent, true)).toEqual(["Acceleration", "RateOfTurn", "MagneticField", "Roll, pitch", "Yaw"]);
     expect(titles(sent, false)).toEqual(["FreeAcceleration", "Temperature"]);
   });
 
+  it("are those that the protocol chooses, in its order", () => {
+    const sent = [
+      channel("Acceleration", "vector", xyz, "m/s²"),
+      channel("EulerAngles", "euler", angles, "°"),
+      channel("Temperature", "scalar", [["value", ""]], "°C"),
+    ];
+    const of = (chosen: readonly string[]) =>
+      plotsOf(sent, chosen)
+        .filter(({ primary }) => primary)
+        .map(({ title }) => title);
+    expect(of(["Temperature", "EulerAngles", "Nothing"])).toEqual(["Temperature", "Roll, pitch", "Yaw"]);
+    expect(of(["Nothing"])).toEqual(["Acceleration", "Roll, pitch", "Yaw"]);
+  });
+
   it("are the first few of what there is when none of the five is sent", () => {
-    expect(titles([channel("Temperature", "scalar", [["value", ""]], "°C"), channel("BaroPressure", "scalar", [["value", ""]], "Pa")], true)).toEqual(["Temperature", "BaroPressure"]);
+    expect(
+      titles(
+        [
+          channel("Temperature", "scalar", [["value", ""]], "°C"),
+          channel("BaroPressure", "scalar", [["value", ""]], "Pa"),
+        ],
+        true,
+      ),
+    ).toEqual(["Temperature", "BaroPressure"]);
   });
 
   it("keep elements without names together, and say whose they are", () => {
-    const numbered = (n: number): Channel => channel("Wheels", "vector", Array.from({ length: n }, (_, k) => [String(k), ""] as const), "m/s");
+    const numbered = (n: number): Channel =>
+      channel(
+        "Wheels",
+        "vector",
+        Array.from({ length: n }, (_, k) => [String(k), ""] as const),
+        "m/s",
+      );
     expect(titles([numbered(2)], true)).toEqual(["Wheels"]);
     expect(titles([numbered(5)], true)).toEqual(["Wheels 0, 1, 2", "Wheels 3, 4"]);
   });
 
   it("do not put latitude and longitude on one scale", () => {
-    const plots = plotsOf([channel("LatLon", "vector", [["latitude", ""], ["longitude", ""]], "°")]);
+    const plots = plotsOf([
+      channel(
+        "LatLon",
+        "vector",
+        [
+          ["latitude", ""],
+          ["longitude", ""],
+        ],
+        "°",
+      ),
+    ]);
     expect(plots.map(({ series }) => series.length)).toEqual([1, 1]);
   });
 });
@@ -208,7 +304,13 @@ describe("lanes", () => {
   it("say what a value means", () => {
     const rtk = STATUS_BITS.find(({ name }) => name === "RtkStatus")!;
     expect([0, 1, 3, -2].map((state) => stateWords(rtk, state))).toEqual(["no RTK", "floating", "3", "changing"]);
-    expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(words)).toEqual(["Clip acc X", "Filter valid", "SyncIn Marker", "RTK status", "GNSS fix"]);
+    expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(words)).toEqual([
+      "Clip acc X",
+      "Filter valid",
+      "SyncIn Marker",
+      "RTK status",
+      "GNSS fix",
+    ]);
   });
 });
 

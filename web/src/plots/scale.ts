@@ -1,9 +1,8 @@
 /**
- * Which values does a plot's y axis span, and where do its lines stand?
+ * The span of a plot's y axis and its grid lines.
  *
- * The scale widens at once, because a trace must not leave its plot, and narrows only after NARROW_MS of spare room: the eye
- * measures by the scale and must not have it taken away while it looks. Its ends are multiples of a quarter of the tick
- * step, so that noise does not move it.
+ * The scale widens at once, because a trace must not leave its plot, and narrows only after NARROW_MS of spare room, so that the scale
+ * does not change while the user reads it. Its ends are multiples of a quarter of the tick step, so that noise does not move it.
  */
 
 /** Spare room must last this long before the scale narrows (design, "Live"). */
@@ -12,7 +11,7 @@ const NARROW_MS = 5000;
 const SPARE = 0.66;
 /** Room above and below the data. */
 const PAD = 0.07;
-/** Part of its circle from which a wrapping quantity is taken to go round. */
+/** Fraction of its circle from which a wrapping quantity counts as going round. */
 const ROUND = 0.7;
 
 /** Steps of a circle from ten degrees up. */
@@ -35,8 +34,8 @@ export class Scale {
   #spareSince: number | undefined;
 
   /**
-   * @param least the smallest span shown: below it one would look at the last digit's noise
-   * @param period where the quantity wraps, 0 for never: one that goes round is shown on its whole circle
+   * @param least the smallest span shown: below it only noise of the last digit would be visible
+   * @param period value at which the quantity wraps, 0 for never: one that goes round is shown on its whole circle
    */
   constructor(
     readonly least: number,
@@ -44,15 +43,17 @@ export class Scale {
   ) {}
 
   /**
-   * Take on the data's extent.
-   * @param now ms; @param at once narrow without waiting (the window was zoomed by a person)
+   * Adapt to the data's extent.
+   * @param now ms; @param at once narrow without waiting (the user zoomed the window)
    * @returns whether the scale changed
    */
   update(lo: number, hi: number, now: number, atOnce: boolean): boolean {
     if (!(lo <= hi)) return false;
     if (this.period > 0 && hi - lo > ROUND * this.period) {
       const edge = this.period / 36;
-      return lo < 0 ? this.#take(-this.period / 2 - edge, this.period / 2 + edge) : this.#take(-edge, this.period + edge);
+      return lo < 0
+        ? this.#take(-this.period / 2 - edge, this.period / 2 + edge)
+        : this.#take(-edge, this.period + edge);
     }
     const span = Math.max(hi - lo, this.least, Math.abs(hi + lo) * 1e-9);
     const middle = (lo + hi) / 2;
@@ -61,7 +62,7 @@ export class Scale {
     const [a, b] = [Math.floor((middle - half) / step) * step, Math.ceil((middle + half) / step) * step];
     if (!this.#set || atOnce) return this.#take(a, b);
     if (a < this.lo || b > this.hi) {
-      // Widen only the end that needs it; the padding is not worth moving the scale for.
+      // widen only the end that needs it; the padding alone does not move the scale
       if (lo < this.lo || hi > this.hi) return this.#take(Math.min(a, this.lo), Math.max(b, this.hi));
     }
     if (b - a >= SPARE * (this.hi - this.lo)) this.#spareSince = undefined;
@@ -70,7 +71,7 @@ export class Scale {
     return false;
   }
 
-  /** Start again with the next data. */
+  /** Reset; the next data sets the scale. */
   reset(): void {
     this.#set = false;
   }
@@ -84,11 +85,11 @@ export class Scale {
 
 export interface Tick {
   readonly value: number;
-  /** Digits after the point that its label needs. */
+  /** Decimals of its label. */
   readonly decimals: number;
 }
 
-/** Ticks of a scale drawn `height` px high, about `apart` px from each other; zero first, it has the first right to a label. */
+/** Ticks of a scale `height` px high, about `apart` px from each other; zero first, its label takes precedence. */
 export function ticks(lo: number, hi: number, height: number, degrees = false, apart = 17): Tick[] {
   const step = niceStep(((hi - lo) * apart) / Math.max(height, apart), degrees);
   const decimals = Math.min(9, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));

@@ -1,10 +1,10 @@
 /**
- * What do the status words say over time? One lane per flag or bit group that has ever been of interest (set once, or an
- * enumeration), under a lane for losses; of a family with dozens, the ten that say most, and the others one click away. Normal is
- * neutral; yellow and crimson are kept for a caution and a fault.
+ * Lanes of the status words over time. One lane per flag or bit group that has ever been of interest (set once, or an enumeration),
+ * under a lane for losses; of a family with dozens, the ten most relevant, and the others one click away. Normal is neutral; yellow
+ * and crimson are reserved for a warning and an error.
  *
- * Lanes are drawn from the OR and AND of the word in every pixel (minmax-pyramid.ts), so that a flag that was up for 5 ms is a mark at any
- * zoom, and the cost is that of the pixels.
+ * Lanes are drawn from the OR and AND of the word in every pixel (minmax-pyramid.ts), so that a flag that was set for 5 ms is a mark at
+ * any zoom, and the cost depends on the pixels only.
  */
 import { OrAnd } from "../data/minmax-pyramid";
 import type { Loss } from "../data/losses";
@@ -16,8 +16,9 @@ import { age, number } from "../ui/format";
 import { choiceWords, words } from "../ui/labels";
 import type { BitsInfo } from "../wire/types";
 import { PixelColumns } from "./pixel-columns";
-import { hatch, type Palette, setFont, type Sheet } from "./canvas-style";
+import { hatch, type Palette, setFont, type CanvasLayer } from "./canvas-style";
 import { xOf, type TimeWindow } from "./time-window";
+import { TEXT } from "../texts/plots";
 
 export const LANE_PX = 17;
 /** A loss or a fault is never narrower than this in its lane, px. */
@@ -25,7 +26,7 @@ const LEAST_PX = 4;
 const PULSE_PX = 3;
 /** Room for a lane's name where it stands on the lane, px. */
 const NAME_PX = 124;
-/** In `states`: no sample has come yet, or the value changed within the pixel. */
+/** In `states`: no sample yet, or the value changed within the pixel. */
 const NOTHING = -1;
 const MIXED = -2;
 
@@ -35,32 +36,34 @@ export interface Lane {
   readonly channel: Channel;
   readonly column: number;
   readonly bits: BitsInfo;
-  /** Small stands high: 0 a fault that was up … 5 a plain flag that never changed. */
+  /** Ascending order: 0 a fault that occurred … 5 a plain flag that never changed. */
   readonly rank: number;
 }
 
 const maskOf = ({ low, width }: BitsInfo): number => (width >= 32 ? -1 : (1 << width) - 1) << low;
 
-/** What is always wanted of a family with dozens of flags: the solution, the fix, and how it got there. */
+/** Preferred lanes of a family with dozens of flags: the solution, the fix, and their source. */
 const WANTED = /solution|fix|rtk|mode|filter|verified|interference/i;
-/** Lanes that stand by themselves, when there are more of interest. */
+/** Number of lanes shown initially, if more are of interest. */
 const MOST = 8;
 
-/** How much a group of bits is of interest; undefined: not at all so far. */
+/** Rank of a bit group; undefined: of no interest so far. */
 function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefined {
   const mask = maskOf(bits);
   const wasSet = (everSet & mask) !== 0;
   const changed = ((everSet ^ alwaysSet) & mask) !== 0;
   const named = bits.width > 1 && Object.keys(bits.choices).length > 0;
-  if (bits.severity !== "" && (bits.normal_set ? (alwaysSet & mask) === 0 : wasSet)) return bits.severity === "fault" ? 0 : 1;
-  if (bits.severity !== "" && bits.normal_set) return bits.severity === "fault" ? 0 : 1;
+  if (bits.severity !== "" && (bits.normal_set ? (alwaysSet & mask) === 0 : wasSet))
+    return bits.severity === "error" ? 0 : 1;
+  if (bits.severity !== "" && bits.normal_set) return bits.severity === "error" ? 0 : 1;
   if (named && bits.severity === "" && (changed || WANTED.test(bits.name))) return WANTED.test(bits.name) ? 2 : 3;
   if (named && bits.severity === "") return 5;
   if (!wasSet) return undefined;
   return changed ? 4 : 5;
 }
 
-/** The lanes of a device's channels that are of interest, faults first; what two messages say alike stands once. A product has no lane for a flag that is `absent` in it. */
+/** The lanes of interest of a device's channels, faults first; equal ones of two messages are shown once. A product has no lane for a flag
+that is `absent` in it. */
 export function lanesOf(channels: readonly Channel[], absent: readonly string[] = []): Lane[] {
   const status = channels.filter(({ info }) => info.kind === "status");
   const found = new Map<string, Lane>();
@@ -75,14 +78,21 @@ export function lanesOf(channels: readonly Channel[], absent: readonly string[] 
         const said = info.title === "Status" ? `${info.title} ${info.group.split(" ")[0]}` : info.title;
         const same = `${said}.${bits.name}`;
         if (rank === undefined || found.has(same)) continue;
-        found.set(same, { key: `${info.id}.${column}.${bits.name}`, name: words(bits.name), channel, column, bits, rank });
+        found.set(same, {
+          key: `${info.id}.${column}.${bits.name}`,
+          name: words(bits.name),
+          channel,
+          column,
+          bits,
+          rank,
+        });
       }
     });
   }
   return named([...found.values()].sort((a, b) => a.rank - b.rank));
 }
 
-/** Two lanes of one name get the message they came in. */
+/** Add the message to the names of two lanes that share one. */
 function named(lanes: readonly Lane[]): Lane[] {
   return lanes.map((lane) => {
     const alone = lanes.filter(({ name }) => name === lane.name).length === 1;
@@ -95,47 +105,50 @@ function named(lanes: readonly Lane[]): Lane[] {
 /** Characters of a name that the gutter shows. */
 const NAME_SHOWN = 20;
 
-/** Names that differ only where the gutter cuts them: their first word gives way. */
+/** Shorten names that differ only in the part cut by the gutter: drop their first word. */
 function shortened(name: string, lanes: readonly Lane[]): string {
   const start = name.slice(0, NAME_SHOWN);
   const space = name.indexOf(" ");
-  if (name.length <= NAME_SHOWN || space < 5 || lanes.filter((other) => other.name.startsWith(start)).length < 2) return name;
+  if (name.length <= NAME_SHOWN || space < 5 || lanes.filter((other) => other.name.startsWith(start)).length < 2)
+    return name;
   return `${name.slice(0, 3)}.${name.slice(space)}`;
 }
 
-/** Of these, the ones that stand without being asked for: all when they are few, else what is wrong, said or changing. */
+/** The lanes shown initially: all if they are few, else those that are wrong, set or changing. */
 export function firstLanes(lanes: readonly Lane[]): readonly Lane[] {
   if (lanes.length <= MOST) return lanes;
   const wrong = lanes.filter(({ rank }) => rank <= 1).length;
   return lanes.slice(0, Math.max(MOST, wrong)).filter(({ rank }) => rank < 5);
 }
 
-/** Those that stand already keep their place; new ones come below: a flag that is raised for the first time moves no other. */
+/** Keep the place of present lanes; new ones are added below, so that a flag raised for the first time moves no other. */
 export function inPlace(before: readonly Lane[], next: readonly Lane[]): readonly Lane[] {
   const stays = before.flatMap(({ key }) => next.find((lane) => lane.key === key) ?? []);
   return [...stays, ...next.filter((lane) => !stays.includes(lane))];
 }
 
-/** Rows to keep for lanes: those that are there, and those that a caution or a fault would add, as far as they would stand by themselves. */
+/** Rows reserved for lanes: the present ones, and those that a warning or an error would add initially. */
 export function roomFor(channels: readonly Channel[], lanes: readonly Lane[]): number {
-  const warning = channels.flatMap(({ info }) => (info.kind === "status" ? info.columns.flatMap(({ bits }) => bits.filter(({ severity }) => severity !== "")) : []));
+  const warning = channels.flatMap(({ info }) =>
+    info.kind === "status" ? info.columns.flatMap(({ bits }) => bits.filter(({ severity }) => severity !== "")) : [],
+  );
   const coming = new Set(warning.map(({ name }) => name));
   for (const { bits } of lanes) coming.delete(bits.name);
   return Math.max(lanes.length, Math.min(MOST, lanes.length + coming.size));
 }
 
-/** Is that state one to be seen? */
+/** Whether that state is to be highlighted. */
 function raised(bits: BitsInfo, state: number): boolean {
   return bits.severity !== "" && state !== NOTHING && (bits.normal_set ? state === 0 : state !== 0);
 }
 
-/** A state in words: its choice, or what a flag can say. */
+/** A state in words: its choice, or the meaning of the flag. */
 export function stateWords(bits: BitsInfo, state: number): string {
   if (state === NOTHING) return "";
   if (state === MIXED) return "changing";
   const choice = bits.choices[String(state)];
   if (choice !== undefined) return choiceWords(choice);
-  return (bits.width > 1 ? String(state) : state === 0 ? "not set" : "set");
+  return bits.width > 1 ? String(state) : state === 0 ? TEXT.notSet : "set";
 }
 
 /** The state of a lane at `t` (Infinity: the newest sample). */
@@ -150,7 +163,7 @@ interface Run {
   readonly state: number;
 }
 
-/** Stretches of one state among the pixels of a window: `or` and `and` are those of the word per pixel. */
+/** Runs of one state among the pixels of a window: `or` and `and` are those of the word per pixel. */
 export function runsOf(columns: PixelColumns, at: number, bits: BitsInfo, w: TimeWindow): Run[] {
   const { rows, mask, ring } = columns;
   const [or, and] = [columns.lo[at]!, columns.hi[at]!];
@@ -162,10 +175,11 @@ export function runsOf(columns: PixelColumns, at: number, bits: BitsInfo, w: Tim
   for (let g = w.g0; g < w.g1; g++) {
     const [from, to] = [rows[g & mask]!, rows[(g + 1) & mask]!];
     if (to > from) {
-      const [set, always] = [((or[g & mask]! & bit) >>> bits.low), ((and[g & mask]! & bit) >>> bits.low)];
-      // A flag that was up at all counts as up, and one that should be up counts as down: the worst of the pixel is shown.
+      const [set, always] = [(or[g & mask]! & bit) >>> bits.low, (and[g & mask]! & bit) >>> bits.low];
+      // the worst state of the pixel is shown: a flag set at any time counts as set, one that should be set and was cleared as cleared
       state = set === always ? set : bits.width > 1 ? MIXED : bits.normal_set ? 0 : 1;
-    } else if (from >= end && from >= ring.end) state = NOTHING; // after the newest sample nothing is known
+    } else if (from >= end && from >= ring.end)
+      state = NOTHING; // unknown after the newest sample
     else if (ring.breaks[b] === from && from > ring.first) state = NOTHING; // inside a gap
     while (b < ring.breaks.length && ring.breaks[b]! < to) b++;
     const last = runs.at(-1);
@@ -186,16 +200,22 @@ interface Bar {
   readonly a: number;
   readonly b: number;
   readonly state: number;
-  /** In a state that is to be seen. */
+  /** In a highlighted state. */
   readonly hot: boolean;
 }
 
-function drawBar(x: CanvasRenderingContext2D, { a, b, state, hot }: Bar, bits: BitsInfo, y: number, look: Palette): void {
+function drawBar(
+  x: CanvasRenderingContext2D,
+  { a, b, state, hot }: Bar,
+  bits: BitsInfo,
+  y: number,
+  look: Palette,
+): void {
   const height = LANE_PX - 4;
-  // A pulse of a plain flag is a tick, not a bar: it has no inside to be read.
+  // a pulse of a plain flag is a tick, not a bar: it has no room for text
   const pulse = bits.width === 1 && b - a < PULSE_PX;
   const quiet = state === MIXED ? "bg-active" : pulse ? "ink-3" : "bg-hover";
-  x.fillStyle = look.colour[hot ? (bits.severity === "fault" ? "status-bad" : "status-warn") : quiet];
+  x.fillStyle = look.colour[hot ? (bits.severity === "error" ? "status-bad" : "status-warn") : quiet];
   x.fillRect(a, y + 1.5, b - a, height);
   if (state !== MIXED) return;
   x.fillStyle = hatch(x, look.colour.edge, 5);
@@ -208,7 +228,7 @@ function drawBar(x: CanvasRenderingContext2D, { a, b, state, hot }: Bar, bits: B
 export class Lanes {
   readonly #columns = new Map<Ring, PixelColumns>();
 
-  draw(sheet: Sheet, lanes: readonly Lane[], losses: readonly Loss[], w: TimeWindow, look: Palette): void {
+  draw(sheet: CanvasLayer, lanes: readonly Lane[], losses: readonly Loss[], w: TimeWindow, look: Palette): void {
     const x = sheet.begin();
     setFont(x, look, 11);
     x.textBaseline = "middle";
@@ -256,18 +276,19 @@ export class Lanes {
       return { a: px(from), b: Math.max(px(to) - 1, px(from) + (hot ? LEAST_PX : 1)), state, hot };
     });
     for (const bar of bars) if (bar.state !== 0 || bar.hot || bits.width > 1) drawBar(x, bar, bits, y, look);
-    // Names stand on the data where the gutter is narrow: words begin after them.
+    // names are on the data if the gutter is narrow: words start after them
     let free = look.narrow ? w.left + NAME_PX : w.left;
     bars.forEach(({ a, b, state, hot }, k) => {
       const text = state === MIXED || (state === 0 && !hot && bits.width === 1) ? "" : stateWords(bits, state);
       const width = x.measureText(text).width;
-      // What is wrong is said on its own colour where there is room, else behind it; never on the next one's colour.
+      // the text of a fault is on its own colour if there is room, else after it; never on the next one's colour
       const inside = b - Math.max(a + 7, free) >= width + 5;
       const from = Math.max(inside || !hot ? a + 7 : b + 7, free);
       const next = bars[k + 1];
       const room = inside || (hot && !(next?.hot && next.a < from + width + 4));
       if (text === "" || !room) return;
-      x.fillStyle = look.colour[!inside || !hot ? "ink-2" : bits.severity === "fault" ? "status-bad-ink" : "status-warn-ink"];
+      x.fillStyle =
+        look.colour[!inside || !hot ? "ink-2" : bits.severity === "error" ? "status-bad-ink" : "status-warn-ink"];
       x.fillText(text, from, y + LANE_PX / 2 + 0.5);
       free = from + width + 8;
     });
@@ -283,15 +304,16 @@ export class Lanes {
     return columns;
   }
 
-  /** Forget channels that are no more. */
+  /** Drop channels that no longer exist. */
   keep(channels: readonly Channel[]): void {
-    for (const ring of this.#columns.keys()) if (!channels.some((channel) => channel.ring === ring)) this.#columns.delete(ring);
+    for (const ring of this.#columns.keys())
+      if (!channels.some((channel) => channel.ring === ring)) this.#columns.delete(ring);
   }
 }
 
 /** "72 samples, 180 ms". */
 export function lossWords({ samples, t0, t1, by }: Loss): string {
-  const count = samples > 0 ? `${number(samples, 0)} ${samples === 1 ? "sample" : "samples"}, ` : "";
+  const count = samples > 0 ? TEXT.samplesThen(samples) : "";
   const { value, unit } = t1 - t0 < 10 && t1 - t0 >= 1 ? { value: number(t1 - t0, 2), unit: "s" } : age(t1 - t0);
-  return `${count}${value} ${unit}${{ device: "", browser: ", this browser", server: ", server restarted" }[by]}`;
+  return `${count}${value} ${unit}${{ device: "", browser: TEXT.thisBrowser, server: TEXT.serverRestarted }[by]}`;
 }

@@ -1,30 +1,104 @@
 /**
- * A device that does not exist, for measuring and looking without a server: seeded motion, encoded as the wire carries it and read by
- * the page's own codec. Not part of the page.
+ * A synthetic device, for measuring and viewing without a server: seeded motion, encoded as on the wire and read by the page's own
+ * codec. Not part of the page.
  */
 import { decode, type SampleFrame } from "../wire/codec";
-import { HEADER, HEADER_SIZE, OPCODE_SAMPLES, type BitsInfo, type ChannelInfo, type ColumnInfo, type DeviceInfo, type Dtype } from "../wire/types";
+import {
+  HEADER,
+  HEADER_SIZE,
+  OPCODE_SAMPLES,
+  type BitsInfo,
+  type ChannelInfo,
+  type ColumnInfo,
+  type DeviceInfo,
+  type Dtype,
+} from "../wire/types";
 
-const column = (name: string, dtype: Dtype, unit: string, axis: ColumnInfo["axis"] = "", more: Partial<ColumnInfo> = {}): ColumnInfo => ({
-  name, dtype, unit, label: "", axis, choices: {}, bits: [], decimals: -1, period: 0, doc: "", ...more,
+const column = (
+  name: string,
+  dtype: Dtype,
+  unit: string,
+  axis: ColumnInfo["axis"] = "",
+  more: Partial<ColumnInfo> = {},
+): ColumnInfo => ({
+  name,
+  dtype,
+  unit,
+  label: "",
+  axis,
+  choices: {},
+  bits: [],
+  decimals: -1,
+  period: 0,
+  doc: "",
+  ...more,
 });
 const bit = (name: string, low: number, more: Partial<BitsInfo> = {}): BitsInfo => ({
-  name, low, width: 1, choices: {}, severity: "", normal_set: false, doc: `${name}: what this bit means in one sentence.`, ...more,
+  name,
+  low,
+  width: 1,
+  choices: {},
+  severity: "",
+  normal_set: false,
+  doc: `${name}: what this bit means in one sentence.`,
+  ...more,
 });
-const channel = (id: number, name: string, title: string, kind: ChannelInfo["kind"], unit: string, frame: string, columns: ColumnInfo[]): ChannelInfo => ({
-  id, device: "1", message: "Synthetic", name, title, kind, unit, frame, columns, doc: "", source: "", group: "", verified: true,
+const channel = (
+  id: number,
+  name: string,
+  title: string,
+  kind: ChannelInfo["kind"],
+  unit: string,
+  frame: string,
+  columns: ColumnInfo[],
+): ChannelInfo => ({
+  id,
+  device: "1",
+  message: "Synthetic",
+  name,
+  title,
+  kind,
+  unit,
+  frame,
+  columns,
+  doc: "",
+  source: "",
+  group: "",
+  verified: true,
 });
 const xyz = (unit: string): ColumnInfo[] => (["x", "y", "z"] as const).map((axis) => column(axis, "f4", unit, axis));
 
 export const DEVICE: DeviceInfo = {
-  id: "1", name: "Synthetic", source: "synthetic", link: "twin", status: "live", protocol: "", product: "", serial_number: "", firmware: "", protection: "", is_open: true, absent: [], baud: null,
-  message: "", hint: "", tries: [], next_try: null, last_arrival: null, notices: [], rearm: [], wants: "", time_unit: "", rotation: "", parent: "",
+  id: "1",
+  name: "Synthetic",
+  source: "synthetic",
+  link: "simulator",
+  status: "live",
+  protocol: "",
+  product: "",
+  serial_number: "",
+  firmware: "",
+  protection: "",
+  is_open: true,
+  absent: [],
+  baud: null,
+  message: "",
+  hint: "",
+  attempts: [],
+  next_attempt: null,
+  last_arrival: null,
+  notices: [],
+  rearm: [],
+  wants: "",
+  time_unit: "",
+  rotation: "",
+  parent: "",
 };
 
 export const STATUS_BITS: readonly BitsInfo[] = [
-  bit("FilterValid", 1, { severity: "fault", normal_set: true }),
+  bit("FilterValid", 1, { severity: "error", normal_set: true }),
   bit("NoRotationUpdate", 3, { width: 2, choices: { 0: "not running", 2: "waiting", 3: "running" } }),
-  bit("ClipAccZ", 10, { severity: "caution" }),
+  bit("ClipAccZ", 10, { severity: "warning" }),
   bit("SyncIn", 21),
   bit("RtkStatus", 27, { width: 2, choices: { 0: "no RTK", 1: "floating", 2: "fixed" } }),
 ];
@@ -33,7 +107,15 @@ export const CHANNELS: readonly ChannelInfo[] = [
   channel(1, "Acceleration", "Acceleration", "vector", "m/s²", "", xyz("m/s²")),
   channel(2, "RateOfTurn", "Rate of turn", "vector", "°/s", "", xyz("°/s")),
   channel(3, "MagneticField", "Magnetic field", "vector", "a.u.", "", xyz("a.u.")),
-  channel(4, "Quaternion", "Quaternion", "quaternion", "", "ENU from body", ["q0", "q1", "q2", "q3"].map((name, k) => column(name, "f4", "", (["w", "x", "y", "z"] as const)[k]!))),
+  channel(
+    4,
+    "Quaternion",
+    "Quaternion",
+    "quaternion",
+    "",
+    "ENU from body",
+    ["q0", "q1", "q2", "q3"].map((name, k) => column(name, "f4", "", (["w", "x", "y", "z"] as const)[k]!)),
+  ),
   channel(5, "StatusWord", "Status word", "status", "", "", [column("value", "u4", "", "", { bits: STATUS_BITS })]),
   channel(6, "VelocityXYZ", "Velocity", "vector", "m/s", "ENU", xyz("m/s")),
   channel(7, "FreeAcceleration", "Free acceleration", "vector", "m/s²", "ENU", xyz("m/s²")),
@@ -59,16 +141,45 @@ export function valuesAt(id: number, time: number): number[] {
   const yaw = ((t * 18 + 180) % 360) - 180 + 8 * Math.sin(t * 0.9);
   const wave = (k: number): number => Math.sin(t * (1.1 + 0.7 * k) + k);
   switch (id) {
-    case 1: case 7: return [wave(0) + noise() * rough, wave(1) * 0.7 + noise() * rough * 0.8, 9.81 + noise() * rough + 7 * kerb];
-    case 2: return [10 * wave(1) + noise() * 4 * rough, 6 * wave(2) + noise() * 4 * rough - 40 * kerb, 18 + 12 * wave(0) + noise()];
-    case 3: return [0.43 * Math.cos(yaw * D) + noise() * 0.003, 0.43 * Math.sin(yaw * D) + noise() * 0.003, -0.88 + noise() * 0.003];
+    case 1:
+    case 7:
+      return [wave(0) + noise() * rough, wave(1) * 0.7 + noise() * rough * 0.8, 9.81 + noise() * rough + 7 * kerb];
+    case 2:
+      return [
+        10 * wave(1) + noise() * 4 * rough,
+        6 * wave(2) + noise() * 4 * rough - 40 * kerb,
+        18 + 12 * wave(0) + noise(),
+      ];
+    case 3:
+      return [
+        0.43 * Math.cos(yaw * D) + noise() * 0.003,
+        0.43 * Math.sin(yaw * D) + noise() * 0.003,
+        -0.88 + noise() * 0.003,
+      ];
     case 4: {
-      const [cr, sr, cp, sp, cy, sy] = [roll, pitch, yaw].flatMap((a) => [Math.cos((a * D) / 2), Math.sin((a * D) / 2)]) as [number, number, number, number, number, number];
-      return [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy];
+      const [cr, sr, cp, sp, cy, sy] = [roll, pitch, yaw].flatMap((a) => [
+        Math.cos((a * D) / 2),
+        Math.sin((a * D) / 2),
+      ]) as [number, number, number, number, number, number];
+      return [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+      ];
     }
-    case 5: return [2 | ((t < 8 ? 3 : 0) << 3) | (kerb > 0.5 ? 1 << 10 : 0) | (t % 1 < 0.01 ? 1 << 21 : 0) | ((t > 22 && t < 25 ? 1 : 2) << 27)];
-    case 9: return [101_325 + 30 * wave(0) + noise()];
-    default: return [wave(0) * 1.5 + noise() * 0.02, wave(1) + noise() * 0.02, 0.2 * wave(2) + noise() * 0.02];
+    case 5:
+      return [
+        2 |
+          ((t < 8 ? 3 : 0) << 3) |
+          (kerb > 0.5 ? 1 << 10 : 0) |
+          (t % 1 < 0.01 ? 1 << 21 : 0) |
+          ((t > 22 && t < 25 ? 1 : 2) << 27),
+      ];
+    case 9:
+      return [101_325 + 30 * wave(0) + noise()];
+    default:
+      return [wave(0) * 1.5 + noise() * 0.02, wave(1) + noise() * 0.02, 0.2 * wave(2) + noise() * 0.02];
   }
 }
 

@@ -1,10 +1,10 @@
 /**
- * Which stretch of time is on screen, and where does a moment stand in it? One answer per frame, shared by plots, lanes, axis and
- * cursor, so that everything moves together.
+ * The time window on screen and the mapping of times to pixels. Computed once per frame and shared by plots, lanes, axis and cursor, so
+ * that everything moves together.
  *
- * The window moves in whole device pixels: its right edge is a multiple of `dt`, the time that one pixel covers. Pixel `g`
- * always holds the moments g·dt … (g+1)·dt, whichever frame draws it. So the extremes of a pixel are worked out once and kept
- * while it crosses the screen, and a live trace does not shimmer as its samples change pixels.
+ * The window moves in whole device pixels: its right edge is a multiple of `dt`, the time covered by one pixel. Pixel `g` always holds
+ * the times g·dt … (g+1)·dt, whichever frame draws it. So the extremes of a pixel are computed once and kept while it crosses the
+ * screen, and a live trace does not shimmer as its samples change pixels.
  */
 import type { TimeBase, View } from "../data/view-state";
 
@@ -21,7 +21,7 @@ export interface TimeWindow {
   readonly dt: number;
   readonly g0: number;
   readonly g1: number;
-  /** Where the plot area begins and how wide it is, CSS px. */
+  /** Left edge and width of the plot area, CSS px. */
   readonly left: number;
   readonly width: number;
   readonly ratio: number;
@@ -37,7 +37,7 @@ export function timeWindow(view: View, now: number, left: number, width: number,
   return { t0: g0 * dt, t1: g1 * dt, span, base, live, now, dt, g0, g1, left, width, ratio };
 }
 
-/** Where time t stands, CSS px from the left of the stack. */
+/** Position of time t, CSS px from the left of the stack. */
 export function xOf(w: TimeWindow, t: number): number {
   return w.left + ((t - w.t0) / w.span) * w.width;
 }

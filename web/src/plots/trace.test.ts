@@ -23,7 +23,17 @@ class Pen {
 function saw(ring: Ring, n: number): void {
   const at = Float64Array.from({ length: n }, (_, i) => 1000 + i * 0.01);
   const values = Float64Array.from({ length: n }, (_, i) => i % 100);
-  ring.take({ channel: 1, sequence: 0, n, dropped: 0, history: false, now: 0, arrival: at, time: at, columns: [values] });
+  ring.take({
+    channel: 1,
+    sequence: 0,
+    n,
+    dropped: 0,
+    history: false,
+    now: 0,
+    arrival: at,
+    time: at,
+    columns: [values],
+  });
   for (let i = 100; i < n; i += 100) ring.cut(at[i]!);
 }
 

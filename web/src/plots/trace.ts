@@ -1,6 +1,6 @@
 /**
- * How is one series drawn? As a line through its samples while they are further apart than pixels, else as one stroke per pixel from
- * the smallest to the largest value in it. In both cases nothing is joined over a gap, a missing value or a wrap:
+ * Drawing of one series: as a line through its samples while they are further apart than pixels, else as one stroke per pixel from the
+ * smallest to the largest value in it. In both cases nothing is connected across a gap, a missing value or a wrap:
  *
  *     samples      ╱╲   ╱╲ ░░ ╱╲        columns      │╷│╵││ ░░ │╷││
  *                    break ▲  ▲ break                    ▲ the pen is lifted where a break lies
@@ -13,9 +13,9 @@ import { xOf, type TimeWindow } from "./time-window";
 
 /** Samples per pixel from which extremes are drawn instead of samples. */
 const DENSE = 1.5;
-/** Samples at least this far apart, px, are marked with dots: here one sees that they are samples. */
+/** Samples at least this far apart, px, are marked with dots. */
 const DOTS_FROM = 9;
-/** Wraps and breaks in one pixel drawn apart; with more the quantity spins faster than the screen can show, and fills its range. */
+/** Wraps and breaks in one pixel drawn separately; with more the quantity spins faster than the screen can show, and fills its range. */
 const JOINTS_APART = 3;
 
 /** Vertical scale: y = top + (hi − v) · k, CSS px. */
@@ -25,17 +25,32 @@ export interface Vertical {
   readonly k: number;
 }
 
-/** Are there so many samples in the window that extremes are drawn? */
+/** Whether the window has so many samples that extremes are drawn. */
 export function isDense(columns: PixelColumns, w: TimeWindow): boolean {
   const rows = columns.rows[w.g1 & columns.mask]! - columns.rows[w.g0 & columns.mask]!;
   return rows > DENSE * (w.g1 - w.g0);
 }
 
-/** Put the series of column `k` of `columns` into the context's path. Returns samples' spacing in px, for dots. */
-export function traceSeries(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w: TimeWindow, v: Vertical): void {
+/** Add the series of column `k` of `columns` to the context's path. Returns samples' spacing in px, for dots. */
+export function traceSeries(
+  x: CanvasRenderingContext2D,
+  columns: PixelColumns,
+  k: number,
+  w: TimeWindow,
+  v: Vertical,
+): void {
   x.beginPath();
   if (isDense(columns, w)) dense(x, columns, k, w, v);
-  else sparse(x, columns.ring, columns.columns[k]!, columns.rows[w.g0 & columns.mask]!, columns.rows[w.g1 & columns.mask]!, w, v);
+  else
+    sparse(
+      x,
+      columns.ring,
+      columns.columns[k]!,
+      columns.rows[w.g0 & columns.mask]!,
+      columns.rows[w.g1 & columns.mask]!,
+      w,
+      v,
+    );
   x.stroke();
 }
 
@@ -68,7 +83,17 @@ function dense(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w:
       const joints: number[] = [];
       while (breaks[b]! < to) joints.push(breaks[b++]!);
       while (wraps[wrap]! < to) joints.push(wraps[wrap++]!);
-      y = apart(x, columns, k, rows[slot]!, to, joints.sort((p, q) => p - q), px, v, pen ? y : NaN);
+      y = apart(
+        x,
+        columns,
+        k,
+        rows[slot]!,
+        to,
+        joints.sort((p, q) => p - q),
+        px,
+        v,
+        pen ? y : NaN,
+      );
       pen = true;
       continue;
     }
@@ -79,7 +104,7 @@ function dense(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w:
       x.lineTo(px, bottom);
       y = bottom;
     } else if (Math.abs(y - top) < Math.abs(y - bottom)) {
-      // Enter the column at its nearer end: the joint is as short as it can be.
+      // enter the column at its nearer end, so that the joint is as short as possible
       x.lineTo(px, top);
       if (bottom - top > 0.2) x.lineTo(px, bottom);
       y = bottom;
@@ -94,9 +119,17 @@ function dense(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w:
 
 const part: Extent = { lo: 0, hi: 0 };
 
-/** A pixel in which the quantity wrapped or the line breaks: each stretch by itself, the pen lifted in between. Returns where it ended. */
+/** Draw a pixel in which the quantity wrapped or the line breaks: each part separately. Returns where it ended. */
 function apart(
-  x: CanvasRenderingContext2D, columns: PixelColumns, k: number, from: number, to: number, joints: readonly number[], px: number, v: Vertical, y: number,
+  x: CanvasRenderingContext2D,
+  columns: PixelColumns,
+  k: number,
+  from: number,
+  to: number,
+  joints: readonly number[],
+  px: number,
+  v: Vertical,
+  y: number,
 ): number {
   const pyramid = columns.ring.pyramids[columns.columns[k]!]!;
   const cuts = joints.length > JOINTS_APART ? [from, to] : [from, ...joints, to];
@@ -106,7 +139,8 @@ function apart(
     pyramid.query(cuts[c]!, cuts[c + 1]!, part);
     if (!(part.lo <= part.hi)) continue;
     const [top, bottom] = [v.top + (v.hi - part.hi) * v.k, v.top + (v.hi - part.lo) * v.k];
-    if (c === 0 && y === y && joints.length <= JOINTS_APART) x.lineTo(px, Math.abs(y - top) < Math.abs(y - bottom) ? top : bottom);
+    if (c === 0 && y === y && joints.length <= JOINTS_APART)
+      x.lineTo(px, Math.abs(y - top) < Math.abs(y - bottom) ? top : bottom);
     x.moveTo(px, top);
     x.lineTo(px, bottom);
     end = (top + bottom) / 2;
@@ -114,8 +148,16 @@ function apart(
   return end;
 }
 
-function sparse(x: CanvasRenderingContext2D, ring: Ring, c: number, from: number, to: number, w: TimeWindow, v: Vertical): void {
-  // One sample beyond either edge, so that the line reaches the edge.
+function sparse(
+  x: CanvasRenderingContext2D,
+  ring: Ring,
+  c: number,
+  from: number,
+  to: number,
+  w: TimeWindow,
+  v: Vertical,
+): void {
+  // one sample beyond either edge, so that the line reaches the edge
   const a = Math.max(ring.first, from - 1);
   const b = Math.min(ring.end, to + 1);
   const times = w.base === "device" ? ring.times : ring.arrivals;
@@ -141,13 +183,19 @@ function sparse(x: CanvasRenderingContext2D, ring: Ring, c: number, from: number
     const px = xOf(w, times[row & ring.mask]!);
     const py = v.top + (v.hi - value) * v.k;
     if (!pen) x.moveTo(px, py);
-    x.lineTo(px, py); // after a moveTo a line of no length: with round caps a lone sample is a dot
+    x.lineTo(px, py); // after a moveTo a line of zero length: with round caps a lone sample is a dot
     pen = true;
   }
 }
 
-/** Dots on the samples themselves, where they stand far enough apart. */
-export function traceDots(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w: TimeWindow, v: Vertical): void {
+/** Dots on the samples, if they are far enough apart. */
+export function traceDots(
+  x: CanvasRenderingContext2D,
+  columns: PixelColumns,
+  k: number,
+  w: TimeWindow,
+  v: Vertical,
+): void {
   const { ring, rows, mask } = columns;
   const [from, to] = [rows[w.g0 & mask]!, rows[w.g1 & mask]!];
   if (to - from < 1 || w.width / (to - from) < DOTS_FROM) return;

@@ -1,121 +1,145 @@
-/** The routes of server/library/api_models.py, one function each. */
-import { type Outcome, type Problem, request } from "../ui/http";
-import type { ExportJob, RecorderState } from "../wire/types";
-import type { Fared } from "./health-history";
-import type { Asked, ColumnStatistics } from "./statistics-feed";
-import type { Edit, Export, ExportPart, ExportSizes, Mark, Marker, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "./types";
+/** The routes of the library and of a recording, a function each. */
+import { addressOf, type Outcome, type Problem, problemOf, request, respond } from "../ui/http";
+import type { ColumnStatistics, HealthHistory } from "../wire/routes";
+import type { Asked } from "./statistics-feed";
+import type {
+  Edit,
+  Export,
+  ExportPart,
+  Mark,
+  OpeningState,
+  Play,
+  RecordingDetail,
+  RecordingInfo,
+  Start,
+} from "./types";
+import { TEXT } from "../texts/recordings";
 
-const ROOT = "/api/recordings";
-const of = (id: string, more = ""): string => `${ROOT}/${encodeURIComponent(id)}${more}`;
-
-/** What is asked of a stretch of time. */
+/** Query for a time range. */
 export interface WindowQuery {
   readonly t0: number;
   readonly t1: number;
-  /** How many stretches rows may be summarised to; 0: rows as they are. */
+  /** Most intervals that rows may be summarised to; 0: rows as stored. */
   readonly width: number;
   readonly base: "device" | "arrival";
   readonly channels: readonly number[];
 }
 
 export const server = {
-  list: (query = "") => request<readonly RecordingInfo[]>("GET", `${ROOT}${query ? `?q=${encodeURIComponent(query)}` : ""}`),
-  start: (body: Start) => request<RecorderState>("POST", `${ROOT}/start`, body),
-  /** What is being recorded; changes are told over the WebSocket. */
-  recorder: () => request<RecorderState>("GET", "/api/recorder"),
-  stop: () => request<RecorderState>("POST", `${ROOT}/stop`, {}),
-  mark: (body: Mark) => request<unknown>("POST", `${ROOT}/mark`, body),
-  /** Opens it: until something of it is there the answer is how far that is; `progress` tells how much is there. */
-  detail: (id: string) => request<RecordingDetail | OpeningState>("GET", of(id, "?partial=1")),
-  edit: (id: string, edit: Partial<Edit>) => send<RecordingInfo>("PATCH", of(id), { title: null, tags: null, notes: null, pinned: null, file: null, ...edit }),
-  remove: (id: string) => request<RecordingInfo>("DELETE", of(id)),
-  undelete: (id: string) => request<RecordingInfo>("POST", of(id, "/undelete"), {}),
-  markLater: (id: string, body: Mark) => request<Marker>("POST", of(id, "/markers"), body),
-  /** What a device was set to when it was recorded, in the words of Configure. */
-  settings: (id: string, device: string) => request<RecordedSettings>("GET", of(id, `/settings?device=${encodeURIComponent(device)}`)),
-  export: (id: string, body: Export) => request<ExportJob>("POST", of(id, "/exports"), body),
-  /** Measured on samples, which takes a second or some. */
-  exportSizes: (id: string, body: ExportPart) => request<ExportSizes>("POST", of(id, "/export-sizes"), body),
-  exports: () => request<readonly ExportJob[]>("GET", `${ROOT}/exports`),
-  cancelExport: (job: number) => request<unknown>("DELETE", `${ROOT}/exports/${job}`),
-  play: (id: string, body: Play) => request<readonly { readonly id: string }[]>("POST", of(id, "/play"), body),
-  downloadUrl: (id: string) => of(id, "/download"),
-  originalUrl: (id: string, device: string) => of(id, `/original?device=${encodeURIComponent(device)}`),
-  exportUrl: (job: number) => `${ROOT}/exports/${job}/file`,
+  list: (q = "") => request("GET /api/recordings", { query: q ? { q } : {} }),
+  start: (body: Start) => request("POST /api/recordings/start", { body }),
+  /** State of the recorder; changes come over the WebSocket. */
+  recorder: () => request("GET /api/recorder"),
+  stop: () => request("POST /api/recordings/stop"),
+  mark: (body: Mark) => request("POST /api/recordings/mark", { body }),
+  /** Opens it: the answer is the progress until part of it is available; `progress` gives the available part. */
+  detail: (recording: string) =>
+    request("GET /api/recordings/{recording}", { path: { recording }, query: { partial: true } }),
+  edit: (recording: string, body: Partial<Edit>) =>
+    request("PATCH /api/recordings/{recording}", { path: { recording }, body }),
+  remove: (recording: string) => request("DELETE /api/recordings/{recording}", { path: { recording } }),
+  undelete: (recording: string) => request("POST /api/recordings/{recording}/undelete", { path: { recording } }),
+  markLater: (recording: string, body: Mark) =>
+    request("POST /api/recordings/{recording}/markers", { path: { recording }, body }),
+  /** Settings of a device at the time of recording, in the words of Configure. */
+  settings: (recording: string, device: string) =>
+    request("GET /api/recordings/{recording}/settings", { path: { recording }, query: { device } }),
+  export: (recording: string, body: Export) =>
+    request("POST /api/recordings/{recording}/exports", { path: { recording }, body }),
+  /** Measured on samples, which takes about a second. */
+  exportSizes: (recording: string, body: ExportPart) =>
+    request("POST /api/recordings/{recording}/export-sizes", { path: { recording }, body }),
+  exports: () => request("GET /api/recordings/exports"),
+  cancelExport: (job: number) => request("DELETE /api/recordings/exports/{job}", { path: { job } }),
+  play: (recording: string, body: Play) =>
+    request("POST /api/recordings/{recording}/play", { path: { recording }, body }),
+  downloadUrl: (recording: string) => addressOf("GET /api/recordings/{recording}/download", { path: { recording } }),
+  originalUrl: (recording: string, device: string) =>
+    addressOf("GET /api/recordings/{recording}/original", { path: { recording }, query: { device } }),
+  exportUrl: (job: number) => addressOf("GET /api/recordings/exports/{job}/file", { path: { job } }),
 };
-
-/** PATCH is a method that `request` has no need of elsewhere. */
-function send<T>(method: "PATCH", path: string, body: unknown): Promise<Outcome<T>> {
-  return request<T>(method as "PUT", path, body);
-}
 
 export function isOpening(answer: RecordingDetail | OpeningState): answer is OpeningState {
   return !("channels" in answer);
 }
 
-/** Samples of a stretch of time: the body as the wire has it, and whether its rows are as they came. */
+/** Samples of a time range: the body as on the wire, and whether its rows are unsummarised. */
 export interface WindowAnswer {
   readonly buffer: ArrayBuffer;
   readonly exact: boolean;
 }
 
-export async function fetchWindow(id: string, query: WindowQuery, signal: AbortSignal): Promise<WindowAnswer | Problem> {
-  const given = new URLSearchParams({ t0: String(query.t0), t1: String(query.t1), width: String(query.width), base: query.base });
-  given.set("channels", query.channels.join(","));
-  given.set("partial", "1");
-  const answer = await fetch(of(id, `/window?${given}`), { credentials: "same-origin", signal });
-  if (answer.ok) return { buffer: await answer.arrayBuffer(), exact: answer.headers.get("x-exact") !== "0" };
-  const told = (await answer.json().catch(() => ({}))) as Partial<Problem>;
-  return { kind: told.kind ?? "http", message: told.message ?? `The server answered ${answer.status}.`, hint: told.hint ?? "", status: answer.status };
+export async function fetchWindow(
+  recording: string,
+  { t0, t1, width, base, channels }: WindowQuery,
+  signal: AbortSignal,
+): Promise<WindowAnswer | Problem> {
+  const query = { t0, t1, width, base, channels: channels.join(","), partial: true };
+  const answer = await respond("GET /api/recordings/{recording}/window", { path: { recording }, query, signal });
+  if (!(answer instanceof Response)) return answer;
+  return { buffer: await answer.arrayBuffer(), exact: answer.headers.get("x-exact") !== "0" };
 }
 
-/** What a window amounts to, channel by channel; undefined where that cannot be had. */
-export async function fetchStatistics(id: string, { channels, from, to, base }: Asked, signal: AbortSignal): Promise<Readonly<Record<string, readonly ColumnStatistics[]>> | undefined> {
-  const given = new URLSearchParams({ t0: String(from), t1: String(to), base, channels: channels.join(","), partial: "1" });
-  try {
-    const answer = await fetch(of(id, `/statistics?${given}`), { credentials: "same-origin", signal });
-    return answer.ok ? ((await answer.json()) as Readonly<Record<string, readonly ColumnStatistics[]>>) : undefined;
-  } catch {
-    return undefined;
-  }
+/** Statistics of a window, channel by channel; undefined if unavailable. */
+export async function fetchStatistics(
+  recording: string,
+  { channels, from, to, base }: Asked,
+  signal: AbortSignal,
+): Promise<Readonly<Record<string, readonly ColumnStatistics[]>> | undefined> {
+  const query = { t0: from, t1: to, base, channels: channels.join(","), partial: true };
+  return valueOf(await request("GET /api/recordings/{recording}/statistics", { path: { recording }, query, signal }));
 }
 
-/** How a device fared, second by second; undefined where that cannot be had. */
-export async function fetchFared(id: string, device: string, t0: number, t1: number, signal: AbortSignal): Promise<Fared | undefined> {
-  const given = new URLSearchParams({ device, t0: String(t0), t1: String(t1), partial: "1" });
-  try {
-    const answer = await fetch(of(id, `/fared?${given}`), { credentials: "same-origin", signal });
-    return answer.ok ? ((await answer.json()) as Fared) : undefined;
-  } catch {
-    return undefined;
-  }
+/** Per-second figures of a device; undefined if unavailable. */
+export async function fetchFared(
+  recording: string,
+  device: string,
+  t0: number,
+  t1: number,
+  signal: AbortSignal,
+): Promise<HealthHistory | undefined> {
+  return valueOf(
+    await request("GET /api/recordings/{recording}/health", {
+      path: { recording },
+      query: { device, t0, t1, partial: true },
+      signal,
+    }),
+  );
 }
 
-/** Hands a file over, telling how much of it has gone (0..1). */
-export function upload(file: File, progress: (share: number) => void): { readonly done: Promise<Outcome<RecordingInfo>>; readonly cancel: () => void } {
-  // fetch tells nothing of what has been sent; this does.
+function valueOf<T>(outcome: Outcome<T>): T | undefined {
+  return outcome.ok ? outcome.value : undefined;
+}
+
+/** Uploads a file, reporting the fraction sent (0..1). */
+export function upload(
+  file: File,
+  progress: (share: number) => void,
+): { readonly done: Promise<Outcome<RecordingInfo>>; readonly cancel: () => void } {
+  // fetch does not report upload progress, XMLHttpRequest does
   const going = new XMLHttpRequest();
   const done = new Promise<Outcome<RecordingInfo>>((resolve) => {
-    const failed = (message: string, hint: string): void => resolve({ ok: false, problem: { kind: "upload", message, hint, status: going.status } });
+    const failed = (message: string, hint: string): void =>
+      resolve({ ok: false, problem: { kind: "upload", message, hint, status: going.status } });
     going.upload.onprogress = (event) => event.lengthComputable && progress(event.loaded / event.total);
     going.onload = () => {
       const told = parsed(going.responseText);
-      if (going.status < 300) resolve({ ok: true, value: told as unknown as RecordingInfo });
-      else failed(String(told["message"] ?? `The server answered ${going.status}.`), String(told["hint"] ?? ""));
+      if (going.status < 300) resolve({ ok: true, value: told as RecordingInfo });
+      else resolve({ ok: false, problem: { ...problemOf(told, going.status), kind: "upload" } });
     };
-    going.onerror = () => failed(`${file.name} could not be handed over.`, "Is the server still running? Try again.");
-    going.onabort = () => failed(`${file.name} was not added.`, "");
+    going.onerror = () => failed(TEXT.uploadFailed(file.name), TEXT.checkServer);
+    going.onabort = () => failed(TEXT.fileNotAdded(file.name), "");
   });
-  going.open("PUT", `${ROOT}/upload?name=${encodeURIComponent(file.name)}`);
+  going.open("PUT", addressOf("PUT /api/recordings/upload", { query: { name: file.name }, body: file }));
   going.setRequestHeader("content-type", "application/octet-stream");
   going.send(file);
   return { done, cancel: () => going.abort() };
 }
 
-function parsed(text: string): Record<string, unknown> {
+function parsed(text: string): unknown {
   try {
-    return JSON.parse(text) as Record<string, unknown>;
+    return JSON.parse(text);
   } catch {
-    return {};
+    return undefined;
   }
 }

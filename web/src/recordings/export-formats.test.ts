@@ -1,28 +1,48 @@
 import { expect, it } from "vitest";
-import { FORMATS, formatsOf, sizeOf } from "./export-formats";
-import type { ExportFormat } from "./types";
+import type { ExportCapability } from "../wire/capability-types";
+import { formatsOf, sizeOf } from "./export-formats";
 
-const device = (protocol: string) => ({ id: "1", name: "", protocol, product: "", serial_number: "", messages: 0, lost: 0, rejects: 0 });
+const format = (part: Partial<ExportCapability> & { readonly name: string }): ExportCapability => ({
+  title: part.name,
+  words: "",
+  suffix: ".out",
+  single: false,
+  protocol: "",
+  per_byte: 1,
+  ...part,
+});
+const CSV = format({ name: "csv", per_byte: 1.4 });
+const PARQUET = format({ name: "parquet", per_byte: 1.3 });
+const BYTES = format({ name: "bytes", single: true });
+const LOG = format({ name: "log", single: true, protocol: "one" });
 
-it("offers a vendor's format where its devices are", () => {
-  const names = (protocol: string): readonly string[] => formatsOf({ devices: [device(protocol)] }).map(({ name }) => name);
-  expect(names("xbus")).toContain("mtb");
-  expect(names("isb")).toContain("raw");
-  expect(names("idtp")).not.toContain("mtb");
-  expect(names("idtp")).toContain("bytes");
+const device = (protocol: string) => ({
+  id: "1",
+  name: "",
+  protocol,
+  product: "",
+  serial_number: "",
+  messages: 0,
+  lost: 0,
+  rejects: 0,
 });
 
-it("offers every format that the server writes", () => {
-  const all: Readonly<Record<ExportFormat, true>> = { csv: true, "csv-aligned": true, parquet: true, mcap: true, rrd: true, mtb: true, raw: true, bytes: true };
-  expect(FORMATS.map(({ name }) => name).sort()).toEqual(Object.keys(all).sort());
+it("offers a vendor's format where its devices are", () => {
+  const names = (protocol: string): readonly string[] =>
+    formatsOf([CSV, LOG, BYTES], { devices: [device(protocol)] }).map(({ name }) => name);
+  expect(names("one")).toEqual(["csv", "log", "bytes"]);
+  expect(names("other")).toEqual(["csv", "bytes"]);
 });
 
 it("says the size that was measured, and before that a rough one", () => {
-  const [info, measured] = [{ size: 1000, duration: 100 }, { sizes: { csv: 420, parquet: 300 }, devices: { 1: 700, 2: 90 } }];
-  const of = (name: ExportFormat, from: typeof measured | undefined) => sizeOf(FORMATS.find((format) => format.name === name)!, info, 50, "2", from);
-  expect(of("csv", measured)).toEqual({ bytes: 420, measured: true });
-  expect(of("bytes", measured)).toEqual({ bytes: 90, measured: true });
-  expect(of("rrd", measured).measured).toBe(false);
-  expect(of("bytes", undefined)).toEqual({ bytes: 500, measured: false });
-  expect(of("csv", undefined).bytes).toBeGreaterThan(of("parquet", undefined).bytes);
+  const [info, measured] = [
+    { size: 1000, duration: 100 },
+    { sizes: { csv: 420, parquet: 300 }, devices: { 1: 700, 2: 90 } },
+  ];
+  const of = (one: ExportCapability, from: typeof measured | undefined) => sizeOf(one, info, 50, "2", from);
+  expect(of(CSV, measured)).toEqual({ bytes: 420, measured: true });
+  expect(of(BYTES, measured)).toEqual({ bytes: 90, measured: true });
+  expect(of(format({ name: "unmeasured" }), measured).measured).toBe(false);
+  expect(of(BYTES, undefined)).toEqual({ bytes: 500, measured: false });
+  expect(of(CSV, undefined).bytes).toBeGreaterThan(of(PARQUET, undefined).bytes);
 });

@@ -1,15 +1,21 @@
 /**
- * How did a device fare up to a moment of a recording? The health panel's figures: what was lost, counted from the events that were found
- * when the recording was opened; rates, delays and the clock from its seconds (health-history.ts). What neither tells is not made up.
+ * Health figures of a device up to a moment of a recording: losses, counted from the events found when the recording was opened;
+ * rates, delays and the clock from its seconds (health-history.ts). Unknown figures stay unknown.
  */
 import type { DeviceHealth, EventInfo } from "../wire/types";
-import { type Fared, figuresAt } from "./health-history";
+import type { HealthHistory } from "../wire/routes";
+import { figuresAt } from "./health-history";
 import type { RecordingDetail } from "./types";
 
 /** Bits on a serial line for each byte: start, eight, stop. */
 const BITS = 10;
 
-export function healthAt(detail: Pick<RecordingDetail, "t0" | "devices" | "channels" | "events" | "longest_s">, device: string, t: number, fared?: Fared): DeviceHealth {
+export function healthAt(
+  detail: Pick<RecordingDetail, "t0" | "devices" | "channels" | "events" | "longest_s">,
+  device: string,
+  t: number,
+  history?: HealthHistory,
+): DeviceHealth {
   let [gaps, lost, rejects] = [0, 0, 0];
   const by: Record<string, number> = {};
   for (const event of until(detail.events, t)) {
@@ -32,9 +38,26 @@ export function healthAt(detail: Pick<RecordingDetail, "t0" | "devices" | "chann
   const about = detail.devices.find(({ id }) => id === device);
   const capacity = about?.link === "serial" && about.baud !== null ? about.baud / BITS : null;
   return {
-    device, time: t, rate: Math.max(0, ...rates.values()), messages, gaps, lost, rejects, bytes: NaN, bytes_per_s: NaN, capacity,
-    jitter_ms: null, last_arrival: null, drift_ppm: null, uncertainty_ms: null, rejects_by: by, verified: null, unverified: null, dropped: 0, time_cause: null,
-    ...(fared ? figuresAt(fared, t) : {}),
+    device,
+    time: t,
+    rate: Math.max(0, ...rates.values()),
+    messages,
+    gaps,
+    lost,
+    rejects,
+    bytes: NaN,
+    bytes_per_s: NaN,
+    capacity,
+    jitter_ms: null,
+    last_arrival: null,
+    drift_ppm: null,
+    uncertainty_ms: null,
+    rejects_by: by,
+    verified: null,
+    unverified: null,
+    dropped: 0,
+    jitter_cause: null,
+    ...(history ? figuresAt(history, t) : {}),
   };
 }
 
@@ -42,13 +65,16 @@ function numberOf(value: unknown, other: number): number {
   return typeof value === "number" ? value : other;
 }
 
-/** Of events in their order, those that had happened by `t`. */
+/** The events, in order, that had happened by `t`. */
 export function until(events: readonly EventInfo[], t: number): readonly EventInfo[] {
   const end = events.findIndex(({ time }) => time > t);
   return end < 0 ? events : events.slice(0, end);
 }
 
-/** Samples of a device that gaps after `t` lost. */
+/** Samples of a device lost in gaps after `t`. */
 export function lostAfter(events: readonly EventInfo[], device: string, t: number): number {
-  return events.reduce((sum, event) => (event.kind === "gap" && event.device === device && event.time > t ? sum + event.samples : sum), 0);
+  return events.reduce(
+    (sum, event) => (event.kind === "gap" && event.device === device && event.time > t ? sum + event.samples : sum),
+    0,
+  );
 }

@@ -1,9 +1,11 @@
 import { expect, it } from "vitest";
 import type { EventInfo } from "../wire/types";
-import { type Fared, figuresAt, minuteAt } from "./health-history";
+import type { HealthHistory } from "../wire/routes";
+import { figuresAt, minuteAt } from "./health-history";
 
-const fared: Fared = {
-  first: 1000, before: 0,
+const history: HealthHistory = {
+  first: 1000,
+  before: 0,
   bytes: [0, 400, 1000, 1000, 0, 1000],
   jitter_ms: [null, 1, 2, 3, null, 4],
   drift_ppm: [null, null, 7, 7, 7, 7],
@@ -14,25 +16,30 @@ const fared: Fared = {
 const gap = { device: "1", kind: "gap", time: 1004.5, samples: 100, data: {} } as unknown as EventInfo;
 
 it("tells the rates of the whole seconds before, and counts up to there", () => {
-  const told = figuresAt(fared, 1004.2);
+  const told = figuresAt(history, 1004.2);
   expect(told.bytes).toBe(2400);
   expect(told.bytes_per_s).toBe(1000); // the first second, in which it began, says nothing
-  expect(told.messages).toEqual([{ name: "Fast", rate: 100, count: 240 }, { name: "Slow", rate: 0.5, count: 1 }]);
+  expect(told.messages).toEqual([
+    { name: "Fast", rate: 100, count: 240 },
+    { name: "Slow", rate: 0.5, count: 1 },
+  ]);
   expect(told.rate).toBe(100);
   expect(told.last_arrival).toBe(1004);
   expect([told.jitter_ms, told.drift_ppm]).toEqual([3, 7]);
 });
 
 it("tells nothing where nothing is known", () => {
-  expect(figuresAt(fared, 999)).toEqual({});
-  expect(figuresAt(fared, 1006)).toEqual({});
-  expect(figuresAt(fared, 1001.5)).toMatchObject({ bytes: 400 });
-  expect(figuresAt(fared, 1001.5).rate).toBeUndefined();
+  expect(figuresAt(history, 999)).toEqual({});
+  expect(figuresAt(history, 1006)).toEqual({});
+  expect(figuresAt(history, 1001.5)).toMatchObject({ bytes: 400 });
+  expect(figuresAt(history, 1001.5).rate).toBeUndefined();
 });
 
 it("makes the minute that the little pictures show, with what was lost in it", () => {
-  const minute = minuteAt(fared, [gap], "1", 1005.5);
-  expect(minute.map(({ time }) => time)).toEqual([1001.49, 1001.99, 1002.49, 1002.99, 1003.49, 1003.99, 1004.49, 1004.99, 1005.49]);
+  const minute = minuteAt(history, [gap], "1", 1005.5);
+  expect(minute.map(({ time }) => time)).toEqual([
+    1001.49, 1001.99, 1002.49, 1002.99, 1003.49, 1003.99, 1004.49, 1004.99, 1005.49,
+  ]);
   expect(minute.map(({ rate }) => rate)).toEqual([40, 40, 100, 100, 100, 100, 0, 0, 0]);
   expect(minute.map(({ lost }) => lost)).toEqual([0, 0, 0, 0, 0, 0, 100, 100, 100]);
 });

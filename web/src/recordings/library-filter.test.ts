@@ -1,16 +1,57 @@
 import { expect, it } from "vitest";
-import { bytes, chosen, daysLeft, deviceName, flaw, heardIn, heardOf, length, matches, messagesOf, tally, titleOf } from "./library-filter";
+import {
+  bytes,
+  chosen,
+  daysLeft,
+  deviceName,
+  flaw,
+  heardIn,
+  heardOf,
+  length,
+  matches,
+  messagesOf,
+  tally,
+  titleOf,
+} from "./library-filter";
 import type { RecordingDetail, RecordingInfo } from "./types";
 
 const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
-  id: "a", title: "Yard loop", file: "a.mcap", format: "mcap", size: 1e6, started: 1_763_732_640, duration: 60,
-  devices: [{ id: "1", name: "MTi-630", protocol: "xbus", product: "MTi-630 AHRS", serial_number: "04F9", messages: 10, lost: 0, rejects: 0 }],
-  tags: ["yard"], notes: "three laps", pinned: false, recording: false, opened: true, damaged: "", markers: 0, thumbnail: [], losses: [], deleted: null, ...part,
+  id: "a",
+  title: "Yard loop",
+  file: "a.mcap",
+  format: "mcap",
+  size: 1e6,
+  started: 1_763_732_640,
+  duration: 60,
+  devices: [
+    {
+      id: "1",
+      name: "MTi-630",
+      protocol: "xbus",
+      product: "MTi-630 AHRS",
+      serial_number: "04F9",
+      messages: 10,
+      lost: 0,
+      rejects: 0,
+    },
+  ],
+  tags: ["yard"],
+  notes: "three laps",
+  pinned: false,
+  recording: false,
+  opened: true,
+  damaged: "",
+  markers: 0,
+  thumbnail: [],
+  losses: [],
+  deleted: null,
+  ...part,
 });
 const all = { category: "all", device: "", tag: "", query: "" } as const;
 
 it("finds by any words of title, notes, tags, devices and date", () => {
-  for (const query of ["yard", "LAPS three", "04f9", "mti-630 yard", "21 nov", "2025-11-21", ""]) expect(matches(one(), query), query).toBe(true);
+  for (const query of ["yard", "LAPS three", "04f9", "mti-630 yard", "21 nov", "2025-11-21", ""])
+    expect(matches(one(), query), query).toBe(true);
   expect(matches(one(), "yard crane")).toBe(false);
 });
 
@@ -32,13 +73,26 @@ it("says the worst first", () => {
 });
 
 it("writes lengths and sizes", () => {
-  expect([length(2832), length(36_004), length(1312.3149, 3), length(null), length(59.9999, 3)]).toEqual(["47:12", "10:00:04", "21:52.314", "—", "00:59.999"]);
+  expect([length(2832), length(36_004), length(1312.3149, 3), length(null), length(59.9999, 3)]).toEqual([
+    "47:12",
+    "10:00:04",
+    "21:52.314",
+    "—",
+    "00:59.999",
+  ]);
   expect(bytes(154.3e6)).toEqual({ value: "154.3", unit: "MB" });
-  expect(tally(["a", "b", "b"])).toEqual([["b", 2], ["a", 1]]);
+  expect(tally(["a", "b", "b"])).toEqual([
+    ["b", 2],
+    ["a", 1],
+  ]);
 });
 
 it("calls what nobody named by its devices", () => {
-  expect([titleOf(one()), titleOf(one({ title: "" })), titleOf(one({ title: "a", devices: [] }))]).toEqual(["Yard loop", "MTi-630", "a"]);
+  expect([titleOf(one()), titleOf(one({ title: "" })), titleOf(one({ title: "a", devices: [] }))]).toEqual([
+    "Yard loop",
+    "MTi-630",
+    "a",
+  ]);
 });
 
 it("tells no count of messages before they are counted", () => {
@@ -48,17 +102,39 @@ it("tells no count of messages before they are counted", () => {
 });
 
 it("a device that never sent anything names no recording, and stands in no filter", () => {
-  const silent = { id: "2", name: "ttyUSB9", protocol: "", product: "", serial_number: "", messages: 0, lost: 0, rejects: 0 };
+  const silent = {
+    id: "2",
+    name: "ttyUSB9",
+    protocol: "",
+    product: "",
+    serial_number: "",
+    messages: 0,
+    lost: 0,
+    rejects: 0,
+  };
   const info = one({ title: "", devices: [...one().devices, silent] });
   expect(titleOf(heardOf(info))).toBe("MTi-630");
   expect(heardOf(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
   expect(heardOf(one({ devices: [silent] })).devices).toHaveLength(1); // of a recording of nothing it is all there is
-  const detail = { info, devices: [{ id: "1" }, { id: "2" }], channels: [{ device: "1" }] } as unknown as RecordingDetail;
+  const detail = {
+    info,
+    devices: [{ id: "1" }, { id: "2" }],
+    channels: [{ device: "1" }],
+  } as unknown as RecordingDetail;
   expect(heardIn(detail).devices.map(({ id }) => id)).toEqual(["1"]);
 });
 
 it("says the serial number of a device once", () => {
-  const device = { id: "1", name: "IDTP device 102", protocol: "idtp", product: "", serial_number: "102", messages: 0, lost: 0, rejects: 0 };
+  const device = {
+    id: "1",
+    name: "IDTP device 102",
+    protocol: "idtp",
+    product: "",
+    serial_number: "102",
+    messages: 0,
+    lost: 0,
+    rejects: 0,
+  };
   expect(deviceName(device)).toBe("IDTP device 102");
   expect(deviceName({ ...device, name: "IMX-5" })).toBe("IMX-5 102");
   expect(deviceName({ ...device, name: "IMX-5", serial_number: "5" })).toBe("IMX-5 5"); // the 5 of its name is its product's

@@ -1,24 +1,26 @@
-/** What the library says of a recording, and which ones it shows: search, categories, lengths and sizes in words. Pure. */
+/** Words and filters of the library: search, categories, lengths and sizes. Pure. */
 import { number, type Quantity } from "../ui/format";
 import type { RecordingDetail, RecordingInfo } from "./types";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/recordings";
 
 export type Category = "all" | "pinned" | "lossy" | "damaged" | "deleted";
 
 export const CATEGORIES: readonly { readonly name: Category; readonly title: string }[] = [
-  { name: "all", title: "All" },
-  { name: "pinned", title: "Pinned" },
-  { name: "lossy", title: "With loss" },
-  { name: "damaged", title: "Damaged" },
-  { name: "deleted", title: "Deleted, 7 days" },
+  { name: "all", title: COMMON.all },
+  { name: "pinned", title: TEXT.pinned },
+  { name: "lossy", title: TEXT.withLoss },
+  { name: "damaged", title: TEXT.damagedFilter },
+  { name: "deleted", title: TEXT.deleted7Days },
 ];
 
-/** Of devices those that sent anything: one that was asked for in vain has nothing to show. All of them where none did. */
+/** The recording with only the devices that sent anything; with all of them if none did. */
 export function heardOf(info: RecordingInfo): RecordingInfo {
   const heard = info.devices.filter(({ messages }) => messages !== 0);
   return heard.length === 0 || heard.length === info.devices.length ? info : { ...info, devices: heard };
 }
 
-/** The same of an opened recording: those that have a quantity. */
+/** The same for an opened recording: devices with a quantity. */
 export function heardIn(detail: RecordingDetail): RecordingDetail {
   const heard = detail.devices.filter(({ id }) => detail.channels.some(({ device }) => device === id));
   return { ...detail, info: heardOf(detail.info), devices: heard.length === 0 ? detail.devices : heard };
@@ -33,7 +35,7 @@ export const messagesOf = (info: RecordingInfo): number | undefined =>
     0,
   );
 
-/** Was it opened? What nobody has opened may have lost anything. */
+/** Whether it was opened; losses of an unopened one are unknown. */
 export const isKnown = ({ opened, thumbnail }: RecordingInfo): boolean => opened || thumbnail.length > 0;
 
 export function inCategory(info: RecordingInfo, category: Category): boolean {
@@ -51,7 +53,7 @@ export function inCategory(info: RecordingInfo, category: Category): boolean {
   }
 }
 
-/** What is chosen on the left and typed above. */
+/** Selected filters and the search text. */
 export interface Choice {
   readonly category: Category;
   /** A name of `deviceName`, or "" for any. */
@@ -60,28 +62,41 @@ export interface Choice {
   readonly query: string;
 }
 
-/** With its serial number, which some are named by already. */
+/** Name with serial number, unless the name contains it. */
 export function deviceName({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string {
   const called = name || product;
   return ` ${called}`.endsWith(` ${serial}`) ? called : `${called} ${serial}`.trim();
 }
 
-/** What a recording is called: one that nobody named, by its devices; when it was made stands beside it. */
+/** Title of a recording; an untitled one is named by its devices, with its date beside it. */
 export function titleOf({ title, id, devices }: Pick<RecordingInfo, "title" | "id" | "devices">): string {
   if (title !== "" && title !== id) return title;
   return [...new Set(devices.map(({ name, product }) => name || product))].join(" + ") || id;
 }
 
-/** Every word that was typed stands somewhere in what is known of it. */
+/** Whether every typed word occurs in its metadata. */
 export function matches(info: RecordingInfo, query: string): boolean {
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);
   if (words.length === 0) return true;
   const devices = info.devices.flatMap((one) => [one.name, one.product, one.serial_number, one.protocol]);
-  const text = [info.title, info.file, info.notes, dateWords(info.started), isoDay(info.started), ...info.tags, ...devices].join("\n").toLowerCase();
+  const text = [
+    info.title,
+    info.file,
+    info.notes,
+    dateWords(info.started),
+    isoDay(info.started),
+    ...info.tags,
+    ...devices,
+  ]
+    .join("\n")
+    .toLowerCase();
   return words.every((word) => text.includes(word));
 }
 
-export function chosen(all: readonly RecordingInfo[], { category, device, tag, query }: Choice): readonly RecordingInfo[] {
+export function chosen(
+  all: readonly RecordingInfo[],
+  { category, device, tag, query }: Choice,
+): readonly RecordingInfo[] {
   return all.filter(
     (info) =>
       inCategory(info, category) &&
@@ -98,18 +113,18 @@ export function tally(values: readonly string[]): readonly (readonly [string, nu
   return [...counts].sort(([a, m], [b, n]) => n - m || a.localeCompare(b));
 }
 
-/** What went wrong, in one tag: the worst of it. */
+/** The most serious problem, in one tag. */
 export function flaw(info: RecordingInfo): { readonly tone: "" | "warn" | "bad"; readonly words: string } {
-  if (info.damaged !== "") return { tone: "bad", words: "damaged" };
+  if (info.damaged !== "") return { tone: "bad", words: TEXT.damagedTag };
   const [lost, rejects] = [lostOf(info), rejectsOf(info)];
-  if (lost > 0) return { tone: "warn", words: `${number(lost, 0)} lost` };
-  if (rejects > 0) return { tone: "warn", words: `${number(rejects, 0)} ${rejects === 1 ? "reject" : "rejects"}` };
-  return { tone: "", words: isKnown(info) ? "none" : "—" };
+  if (lost > 0) return { tone: "warn", words: TEXT.lostCount(number(lost, 0)) };
+  if (rejects > 0) return { tone: "warn", words: TEXT.rejectCount(rejects) };
+  return { tone: "", words: isKnown(info) ? COMMON.none : "—" };
 }
 
 const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");
 
-/** A length or a place in a recording: "47:12", "10:00:04"; with digits of a second "21:52.314". */
+/** A length or position in a recording: "47:12", "10:00:04"; with digits of a second "21:52.314". */
 export function length(seconds: number | null | undefined, decimals = 0): string {
   if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "—";
   if (decimals === 0 && seconds > 0 && seconds < 1) return `${number(seconds, 2)} s`;
@@ -129,13 +144,11 @@ export function bytes(n: number | null | undefined): Quantity {
   return { value: number(n / 1e9, 2), unit: "GB" };
 }
 
-const MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
-
-/** "21 Nov, 13:44" in UTC, as every time of the page; with the year where it is another one. */
+/** "21 Nov, 13:44" in UTC, as all times of the page; with the year if not the current one. */
 export function dateWords(unix: number | null, year = false): string {
   if (unix === null) return "";
   const d = new Date(unix * 1000);
-  const day = `${d.getUTCDate()} ${MONTHS[d.getUTCMonth()]}${year ? ` ${d.getUTCFullYear()}` : ""}`;
+  const day = `${d.getUTCDate()} ${COMMON.months[d.getUTCMonth()]}${year ? ` ${d.getUTCFullYear()}` : ""}`;
   return `${day}, ${pad(d.getUTCHours())}:${pad(d.getUTCMinutes())}`;
 }
 
@@ -143,7 +156,7 @@ function isoDay(unix: number | null): string {
   return unix === null ? "" : new Date(unix * 1000).toISOString().slice(0, 10);
 }
 
-/** Days until what is in the bin is gone. */
+/** Days until a recording in the bin is deleted. */
 export function daysLeft(deleted: number, now: number): number {
   return Math.max(0, Math.ceil(7 - (now - deleted) / 86_400));
 }

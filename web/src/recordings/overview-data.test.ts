@@ -4,8 +4,15 @@ import type { ChannelInfo } from "../wire/types";
 import { motionOf, worstOf } from "./overview-data";
 
 const frame = (time: readonly number[], ...columns: readonly (readonly number[])[]): SampleFrame => ({
-  channel: 1, n: time.length, dropped: 0, sequence: 0, history: true, now: 0,
-  arrival: Float64Array.from(time), time: Float64Array.from(time), columns: columns.map((values) => Float64Array.from(values)),
+  channel: 1,
+  n: time.length,
+  dropped: 0,
+  sequence: 0,
+  history: true,
+  now: 0,
+  arrival: Float64Array.from(time),
+  time: Float64Array.from(time),
+  columns: columns.map((values) => Float64Array.from(values)),
 });
 
 it("says how much the liveliest column varied in every part", () => {
@@ -15,8 +22,8 @@ it("says how much the liveliest column varied in every part", () => {
 
 it("keeps a fault of one sample, and a flag that should be up and is not", () => {
   const bits = [
-    { name: "clip", low: 0, width: 1, severity: "caution", normal_set: false },
-    { name: "self_test", low: 1, width: 1, severity: "fault", normal_set: true },
+    { name: "clip", low: 0, width: 1, severity: "warning", normal_set: false },
+    { name: "self_test", low: 1, width: 1, severity: "error", normal_set: true },
   ];
   const info = { columns: [{ bits }] } as unknown as ChannelInfo;
   const worst = new Uint8Array(4);

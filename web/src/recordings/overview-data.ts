@@ -1,21 +1,21 @@
 /**
- * What does a whole recording look like in a strip? How much a quantity varied in every part of it, and the worst that its status words
- * said there. Pure: frames of the wire in, one value a part out. Rows may be samples or bounds of stretches: the extremes are the same.
+ * Overview of a whole recording: the variation of a quantity in every part of it, and the worst state of its status words there. Pure:
+ * frames of the wire in, one value a part out. Rows may be samples or bounds of intervals: the extremes are the same.
  */
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo } from "../wire/types";
 
-/** Nothing, a caution, a fault. */
+/** Nothing, a warning, an error. */
 export type Worst = 0 | 1 | 2;
 
-/** Part of the bars that may reach over the strip's scale: one jolt must not flatten an hour. */
+/** Fraction of the bars that may exceed the strip's scale: one jolt must not flatten an hour. */
 const OUTLIERS = 0.02;
 
 function slotOf(t: number, t0: number, t1: number, n: number): number {
   return Math.min(n - 1, Math.max(0, Math.floor(((t - t0) / (t1 - t0)) * n)));
 }
 
-/** How much the columns varied in each of `n` parts of t0…t1, 0..1; NaN where there is no sample. */
+/** Variation of the columns in each of `n` parts of t0…t1, 0..1; NaN without samples. */
 export function motionOf(frame: SampleFrame, t0: number, t1: number, n: number): Float64Array {
   const out = new Float64Array(n).fill(NaN);
   for (const column of frame.columns) {
@@ -39,15 +39,22 @@ export function motionOf(frame: SampleFrame, t0: number, t1: number, n: number):
   return out.map((v) => Math.min(1, v / most));
 }
 
-/** The worst that any flag of a status channel said in each of `n` parts. */
-export function worstOf(info: ChannelInfo, frame: SampleFrame, t0: number, t1: number, n: number, into: Uint8Array): void {
+/** The worst state of any flag of a status channel in each of `n` parts. */
+export function worstOf(
+  info: ChannelInfo,
+  frame: SampleFrame,
+  t0: number,
+  t1: number,
+  n: number,
+  into: Uint8Array,
+): void {
   info.columns.forEach(({ bits }, c) => {
     const column = frame.columns[c];
     if (column === undefined || column instanceof BigInt64Array || column instanceof BigUint64Array) return;
     for (const { low, width, severity, normal_set: normal } of bits) {
       if (severity === "" || low > 31) continue;
       const mask = (width >= 32 ? -1 : (1 << width) - 1) << low;
-      const level = severity === "fault" ? 2 : 1;
+      const level = severity === "error" ? 2 : 1;
       for (let i = 0; i < frame.n; i++) {
         const set = (column[i]! & mask) !== 0;
         if (set === normal) continue;

@@ -1,6 +1,6 @@
 /**
- * What a link to a recording, or to Live, carries: the range on screen, both cursors, the device, the clock, the frame, the series
- * hidden and shown, and the further plots asked for. Times are unix seconds to 0.1 ms; nothing of it is kept on the server.
+ * Content of a link to a recording, or to Live: the range on screen, both cursors, the device, the clock, the frame, the series hidden
+ * and shown, and the further plots. Times are unix seconds to 0.1 ms; nothing of it is stored on the server.
  *
  *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…
  */
@@ -18,13 +18,13 @@ export interface Place {
   readonly device?: string;
   readonly base?: "device" | "arrival";
   readonly frame?: WorldFrame;
-  /** Keys of series that are hidden, of norms that are shown (by themselves they are not), and of further plots. */
+  /** Keys of hidden series, of shown norms (hidden by default), and of further plots. */
   readonly hide: readonly string[];
   readonly show: readonly string[];
   readonly panels: readonly string[];
 }
 
-/** Digits after the point of a second: finer than any sensor's sampling. */
+/** Decimals of a second: finer than any sensor's sampling. */
 const DIGITS = 4;
 const FRAMES: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 
@@ -34,8 +34,16 @@ export function readPlace(query: string): Place {
     const value = Number(given.get(name) ?? NaN);
     return Number.isFinite(value) ? value : undefined;
   };
-  const list = (name: string): readonly string[] => given.get(name)?.split(",").filter(Boolean).map(decodeURIComponent) ?? [];
-  const [t0, t1, cursor, measure, device, base] = [time("t0"), time("t1"), time("cursor"), time("measure"), given.get("device") ?? "", given.get("base")];
+  const list = (name: string): readonly string[] =>
+    given.get(name)?.split(",").filter(Boolean).map(decodeURIComponent) ?? [];
+  const [t0, t1, cursor, measure, device, base] = [
+    time("t0"),
+    time("t1"),
+    time("cursor"),
+    time("measure"),
+    given.get("device") ?? "",
+    given.get("base"),
+  ];
   const span = Number(given.get("span") ?? NaN);
   const frame = FRAMES.find((name) => name === given.get("frame"));
   const loop = (given.get("loop") ?? "").split(",").map(Number);
@@ -55,7 +63,7 @@ export function readPlace(query: string): Place {
   };
 }
 
-/** A list in a link that was cut or typed. */
+/** A list in a link that may be cut or mistyped. */
 function safely(read: () => readonly string[]): readonly string[] {
   try {
     return read();
@@ -64,7 +72,7 @@ function safely(read: () => readonly string[]): readonly string[] {
   }
 }
 
-/** What follows "?" in a link to a place. */
+/** The query part of a link to a place. */
 export function placeQuery(place: Place): string {
   const given = new URLSearchParams();
   const time = (name: string, value: number | undefined): void => {
@@ -91,12 +99,12 @@ export function placeHref(id: string, place: Place): string {
   return href("recordings", id) + (query ? `?${query}` : "");
 }
 
-/** What of the hidden series a link says: norms are hidden by themselves, so of them it says which are shown. */
+/** The part of the hidden series stored in a link: norms are hidden by default, so their shown ones are listed. */
 export function seriesOf(hidden: ReadonlySet<string>, norms: ReadonlySet<string>): Pick<Place, "hide" | "show"> {
   return { hide: [...hidden].filter((key) => !norms.has(key)), show: [...norms].filter((key) => !hidden.has(key)) };
 }
 
-/** The hidden series that a link means. Norms that it shows are known from here on, and not hidden when they are first seen. */
+/** The hidden series of a link. Norms that it shows count as known, so that they are not hidden when first seen. */
 export function takeSeries({ hide, show }: Pick<Place, "hide" | "show">, norms: Set<string>): ReadonlySet<string> {
   for (const key of show) norms.add(key);
   return new Set([...hide, ...[...norms].filter((key) => !show.includes(key))]);

@@ -2,7 +2,14 @@ import { expect, it } from "vitest";
 import { advance, begin, followed, nextSpeed, type Playing } from "./playback";
 
 const bounds = { first: 100, last: 200 };
-const at = (part: Partial<Playing> = {}): Playing => ({ head: 110, playing: true, speed: 2, loop: undefined, looping: false, ...part });
+const at = (part: Partial<Playing> = {}): Playing => ({
+  head: 110,
+  playing: true,
+  speed: 2,
+  loop: undefined,
+  looping: false,
+  ...part,
+});
 
 it("moves by the speed and stops at the end", () => {
   expect(advance(at(), 0.5, bounds).head).toBe(111);
@@ -25,5 +32,7 @@ it("keeps the head's place on screen", () => {
 });
 
 it("steps through the speeds", () => {
-  expect([nextSpeed(1, true), nextSpeed(50, true), nextSpeed(0.1, false), nextSpeed(1, false)]).toEqual([2, 50, 0.1, 0.5]);
+  expect([nextSpeed(1, true), nextSpeed(50, true), nextSpeed(0.1, false), nextSpeed(1, false)]).toEqual([
+    2, 50, 0.1, 0.5,
+  ]);
 });

@@ -3,11 +3,41 @@ import { pass, prepare, take } from "./prefetch";
 import type { RecordingInfo } from "./types";
 
 const info = (part: Partial<RecordingInfo> = {}): RecordingInfo =>
-  ({ id: "yard", title: "Yard", started: 1000, opened: true, recording: false, deleted: null, devices: [], ...part }) as RecordingInfo;
+  ({
+    id: "yard",
+    title: "Yard",
+    started: 1000,
+    opened: true,
+    recording: false,
+    deleted: null,
+    devices: [],
+    ...part,
+  }) as RecordingInfo;
 
 const column = { name: "x", dtype: "f4", unit: "m/s²", label: "x", axis: "x", decimals: 3, bits: [] };
-const channel = { id: 1, device: "1", message: "m", name: "Acceleration", title: "Acceleration", kind: "vector", unit: "m/s²", frame: "", columns: [column] };
-const detail = { info: info(), t0: 1000, t1: 1060, devices: [{ id: "1", name: "one" }], channels: [channel], events: [], markers: [], snapshots: {}, longest_s: { "1": 0.01 }, progress: 1 };
+const channel = {
+  id: 1,
+  device: "1",
+  message: "m",
+  name: "Acceleration",
+  title: "Acceleration",
+  kind: "vector",
+  unit: "m/s²",
+  frame: "",
+  columns: [column],
+};
+const detail = {
+  info: info(),
+  t0: 1000,
+  t1: 1060,
+  devices: [{ id: "1", name: "one" }],
+  channels: [channel],
+  events: [],
+  markers: [],
+  snapshots: {},
+  longest_s: { "1": 0.01 },
+  progress: 1,
+};
 
 describe("a recording that somebody is about to open", () => {
   const asked: string[] = [];
@@ -17,7 +47,9 @@ describe("a recording that somebody is about to open", () => {
     vi.stubGlobal("fetch", (path: string) => {
       asked.push(path);
       const body = path.includes("/window") ? new ArrayBuffer(0) : JSON.stringify(detail);
-      return Promise.resolve(new Response(body, { status: 200, headers: { "content-type": "application/json", "x-exact": "1" } }));
+      return Promise.resolve(
+        new Response(body, { status: 200, headers: { "content-type": "application/json", "x-exact": "1" } }),
+      );
     });
   });
   afterEach(async () => {
@@ -29,7 +61,7 @@ describe("a recording that somebody is about to open", () => {
 
   it("is there, with its window, when the pointer has rested on it", async () => {
     const known = info();
-    prepare(known);
+    prepare(known, new Set());
     await settled();
     expect(asked.length).toBe(2);
     expect(asked[1]).toMatch(/window.*t0=1000&t1=1060/);
@@ -40,16 +72,16 @@ describe("a recording that somebody is about to open", () => {
   });
 
   it("is not asked for where the pointer only passes, nor before it was ever opened", async () => {
-    prepare(info());
+    prepare(info(), new Set());
     pass();
-    prepare(info({ opened: false }), true);
-    prepare(info({ recording: true }), true);
+    prepare(info({ opened: false }), new Set(), true);
+    prepare(info({ recording: true }), new Set(), true);
     await settled();
     expect(asked).toEqual([]);
   });
 
   it("is asked for anew when the library tells something else of it by then", async () => {
-    prepare(info(), true);
+    prepare(info(), new Set(), true);
     await settled();
     const { screen } = await take("yard", info({ title: "Another" }));
     expect(asked.filter((path) => !path.includes("/window")).length).toBe(2);

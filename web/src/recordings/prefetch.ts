@@ -1,28 +1,28 @@
 /**
- * Can a recording be there before it is opened? A pointer rests on its name for a moment before it presses, and a press lasts a
- * tenth of a second before it is one: what the page will ask for first is asked for then.
+ * Prefetch of a recording before it is opened. A pointer rests on its name briefly before it presses, and a press lasts a tenth of a
+ * second: the page's first requests are sent then.
  *
- *     pointer, focus on a name ──▶ prepare ──▶ GET …/<id> ──▶ Screen ──▶ GET …/window      (of one recording, the last)
+ *     pointer, focus on a name ──▶ prepare ──▶ GET …/<id> ──▶ VisibleRange ──▶ GET …/window      (of one recording, the last)
  *     the page of the recording ──▶ take ──▶ the same answers, there or under way
  *
- * Only what was opened before is prepared: the first time a recording is decoded, which nobody has asked for yet. What the library says
- * of it must still be the same when it is opened.
+ * Only recordings opened before are prefetched: the first opening decodes, which the user has not requested yet. The library's entry
+ * must be unchanged when it is opened.
  */
 import type { Outcome } from "../ui/http";
 import { heardIn } from "./library-filter";
-import { Screen } from "./visible-range";
+import { VisibleRange } from "./visible-range";
 import { isOpening, server } from "./api";
 import type { OpeningState, RecordingDetail, RecordingInfo } from "./types";
 
-/** A pointer that only passes over a list rests nowhere so long, ms. */
+/** A pointer passing over a list rests for less than this, ms. */
 const REST_MS = 40;
-/** What was prepared longer ago is asked for anew, ms. */
+/** Older prefetched data is requested again, ms. */
 const KEPT_MS = 30_000;
 
 export interface Answer {
   readonly outcome: Outcome<RecordingDetail | OpeningState>;
-  /** Its samples, there or under way; undefined where it is not decoded. */
-  readonly screen: Screen | undefined;
+  /** Its samples, loaded or on their way; undefined if it is not decoded. */
+  readonly screen: VisibleRange | undefined;
 }
 
 interface Prepared {
@@ -34,39 +34,40 @@ interface Prepared {
 let prepared: Prepared | undefined;
 let resting: ReturnType<typeof setTimeout> | undefined;
 
-/** Everything about a recording but its samples. */
+/** Everything about a recording except its samples. */
 export async function detailOf(id: string): Promise<Answer["outcome"]> {
   const outcome = await server.detail(id);
   return outcome.ok && !isOpening(outcome.value) ? { ok: true, value: heardIn(outcome.value) } : outcome;
 }
 
-/** Ask for a recording; `whole`: and as soon as it is known for all of it, which is seen first where no link says otherwise. */
-async function begin(id: string, whole: boolean): Promise<Answer> {
+/** Request a recording; with `extraPlots` also all of its samples for these further plots, the initial view unless a link
+ * gives another. */
+async function begin(id: string, extraPlots?: ReadonlySet<string>): Promise<Answer> {
   const outcome = await detailOf(id);
   if (!outcome.ok || isOpening(outcome.value)) return { outcome, screen: undefined };
-  const screen = new Screen(outcome.value);
-  if (whole) screen.want(screen.whole());
+  const screen = new VisibleRange(outcome.value);
+  if (extraPlots) screen.want(screen.whole(extraPlots));
   return { outcome, screen };
 }
 
-/** Somebody is about to open it. `now`: is pressing already. */
-export function prepare(info: RecordingInfo, now = false): void {
+/** Prefetch it. `now`: the pointer is already pressing. */
+export function prepare(info: RecordingInfo, extraPlots: ReadonlySet<string>, now = false): void {
   clearTimeout(resting);
   if (!info.opened || info.recording || isGood(prepared, info)) return;
   const start = (): void => {
     drop();
-    prepared = { info, since: performance.now(), answer: begin(info.id, true) };
+    prepared = { info, since: performance.now(), answer: begin(info.id, extraPlots) };
   };
   if (now) start();
   else resting = setTimeout(start, REST_MS);
 }
 
-/** The pointer went on. */
+/** The pointer left. */
 export function pass(): void {
   clearTimeout(resting);
 }
 
-/** What was prepared of a recording, once; `info`: as the library tells it now. */
+/** The prefetched data of a recording, once; `info`: its present library entry. */
 export function take(id: string, info: RecordingInfo | undefined): Promise<Answer> {
   clearTimeout(resting);
   const found = prepared;
@@ -75,7 +76,7 @@ export function take(id: string, info: RecordingInfo | undefined): Promise<Answe
     return found.answer;
   }
   drop();
-  return begin(id, false);
+  return begin(id);
 }
 
 function isGood(one: Prepared | undefined, info: RecordingInfo): boolean {

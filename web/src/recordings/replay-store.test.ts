@@ -3,14 +3,57 @@ import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, EventInfo } from "../wire/types";
 import { isBounds, ReplayStore } from "./replay-store";
 
-const column = (name: string) => ({ name, dtype: "f8", unit: "m/s²", label: "", axis: name, choices: {}, bits: [], decimals: -1, period: 0, doc: "" });
-const info = (id: number, kind = "vector") =>
-  ({ id, device: "1", message: "M", name: `N${id}`, title: "Acceleration", kind, unit: "m/s²", frame: "", columns: ["x", "y", "z"].map(column), doc: "", source: "", verified: true, group: "" }) as unknown as ChannelInfo;
-const frame = (channel: number, time: readonly number[], values: readonly number[]): SampleFrame => ({
-  channel, n: time.length, dropped: 0, sequence: 7, history: true, now: 0,
-  arrival: Float64Array.from(time), time: Float64Array.from(time), columns: [1, 2, 3].map(() => Float64Array.from(values)),
+const column = (name: string) => ({
+  name,
+  dtype: "f8",
+  unit: "m/s²",
+  label: "",
+  axis: name,
+  choices: {},
+  bits: [],
+  decimals: -1,
+  period: 0,
+  doc: "",
 });
-const step = { seq: 1, time: 5, device: "1", kind: "clock", level: "info", text: "", t0: null, t1: null, samples: 0, data: {} } as EventInfo;
+const info = (id: number, kind = "vector") =>
+  ({
+    id,
+    device: "1",
+    message: "M",
+    name: `N${id}`,
+    title: "Acceleration",
+    kind,
+    unit: "m/s²",
+    frame: "",
+    columns: ["x", "y", "z"].map(column),
+    doc: "",
+    source: "",
+    verified: true,
+    group: "",
+  }) as unknown as ChannelInfo;
+const frame = (channel: number, time: readonly number[], values: readonly number[]): SampleFrame => ({
+  channel,
+  n: time.length,
+  dropped: 0,
+  sequence: 7,
+  history: true,
+  now: 0,
+  arrival: Float64Array.from(time),
+  time: Float64Array.from(time),
+  columns: [1, 2, 3].map(() => Float64Array.from(values)),
+});
+const step = {
+  seq: 1,
+  time: 5,
+  device: "1",
+  kind: "clock",
+  level: "info",
+  text: "",
+  t0: null,
+  t1: null,
+  samples: 0,
+  data: {},
+} as EventInfo;
 const store = (events: readonly EventInfo[] = []): ReplayStore =>
   new ReplayStore({ devices: [], channels: [info(1), info(2)], events, longest_s: { 1: 0.1, 2: 0.1 } }, () => 42);
 
@@ -29,7 +72,7 @@ it("holds the newest stretch and no other, and leaves other channels alone", () 
 it("knows bounds from samples, joins bounds that follow each other and no others", () => {
   const times = [0, 0, 1, 1, 2, 2, 5, 5];
   expect(isBounds(frame(1, times, times), "vector")).toBe(true);
-  expect(isBounds(frame(1, times, times), "rows")).toBe(false);
+  expect(isBounds(frame(1, times, times), "table")).toBe(false);
   expect(isBounds(frame(1, [0, 1, 2, 3], times), "vector")).toBe(false);
   const replay = store();
   replay.show([1], [frame(1, times, [-3, 4, -3, 4, -3, 4, -3, 4])], { t0: 0, t1: 6, width: 6 }, false);
@@ -44,7 +87,12 @@ it("draws no line over one lost sample, nor a break where a slow channel lost no
   const gap = { ...step, kind: "gap", t0: 1.0, t1: 1.2, samples: 1 } as EventInfo;
   const replay = store([gap]);
   const times = [0.8, 0.9, 1.0, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8];
-  replay.show([1, 2], [frame(1, times, times), frame(2, [0.95, 1.05, 1.15, 1.25, 1.35], [1, 2, 3, 4, 5])], { t0: 0, t1: 2, width: 100 }, true);
+  replay.show(
+    [1, 2],
+    [frame(1, times, times), frame(2, [0.95, 1.05, 1.15, 1.25, 1.35], [1, 2, 3, 4, 5])],
+    { t0: 0, t1: 2, width: 100 },
+    true,
+  );
   const { ring } = replay.channel("1", "N1")!;
   expect(ring.breaks.map((row) => ring.time(row - ring.first))).toEqual([1.2]);
   expect(replay.channel("1", "N2")!.ring.breaks).toEqual([]);

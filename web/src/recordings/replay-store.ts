@@ -1,12 +1,11 @@
 /**
- * How does a recording stand behind panels that were made for live devices? As a store like the live one: devices, channels, events
- * and rings. Only that its rings are filled a stretch at a time, from the answer to one request, and that "now" is where the
- * recording is being read.
+ * A recording as a store like the live one, for panels made for live devices: devices, channels, events and rings. Only its rings are
+ * filled a range at a time, from the answer to one request, and "now" is the reading position.
  *
  *     GET …/window ──decode──▶ show ──clear, keep──▶ Ring of the channel ──▶ the plots and panels that are on Live
  *
- * A stretch with more samples than are asked for comes summarised: two rows at one time, the least and the greatest (of flags
- * those of any row, and of all). Rings draw that as they draw dense samples; `range_query.py` is the other end.
+ * A range with more samples than requested is summarised: two rows at one time, the least and the greatest (of flags those of any
+ * row, and of all). Rings draw them like dense samples; `range_query.py` is the other end.
  */
 import type { Channel } from "../data/channels";
 import { Store } from "../data/store";
@@ -15,19 +14,20 @@ import type { ChannelInfo, Dtype, EventInfo } from "../wire/types";
 import type { Stretch } from "./time-range";
 import type { RecordingDetail } from "./types";
 
-/** A gap of more usual spacings than this is one, among samples as they came (design, "Plots"). */
+/** A spacing of more usual spacings than this is a gap, among unsummarised samples (design, "Plots"). */
 const BREAK_FACTOR = 2.5;
-/** Where a sample is known to be missing, this many usual spacings are the hole it left. */
+/** Where a sample is known to be missing, this many usual spacings are a gap. */
 const MISSING_FACTOR = 1.5;
 
-/** Do these rows bound stretches? Samples that came never share their times two by two; tables and attitudes are not summarised. */
+/** Whether these rows bound intervals. Samples never share their times in pairs; tables and attitudes are not summarised. */
 export function isBounds(frame: SampleFrame, kind: ChannelInfo["kind"]): boolean {
-  if (frame.n === 0 || frame.n % 2 !== 0 || kind === "rows" || kind === "quaternion" || kind === "matrix") return false;
+  if (frame.n === 0 || frame.n % 2 !== 0 || kind === "table" || kind === "quaternion" || kind === "matrix")
+    return false;
   for (let i = 0; i < frame.n; i += 2) if (frame.time[i] !== frame.time[i + 1]) return false;
   return true;
 }
 
-/** The channel of the recording that a channel of the store is, or is worked out from. */
+/** The recording's channel for a channel of the store, or the source of a derived one. */
 const sourceOf = ({ id }: ChannelInfo): number => (id < 0 ? -1 - id : id);
 
 export class ReplayStore extends Store {
@@ -36,7 +36,7 @@ export class ReplayStore extends Store {
   readonly #usual: Readonly<Record<string, number>>;
   readonly #steps: readonly EventInfo[];
 
-  /** @param now where the recording is being read, unix s */
+  /** @param now reading position, unix s */
   constructor(detail: Pick<RecordingDetail, "devices" | "channels" | "events" | "longest_s">, now: () => number) {
     super();
     this.#now = now;
@@ -53,37 +53,42 @@ export class ReplayStore extends Store {
     return this.#now();
   }
 
-  /** A recording is over, but not where it is read: its rings hold a stretch of it. */
+  /** A recording has ended, but not at the reading position: its rings hold a part of it. */
   override edgeOf(): number {
     return this.#now();
   }
 
   /** The dtypes of a channel's columns, for decoding. */
-  dtypesOf = (channel: number): readonly Dtype[] | undefined => this.#infos.get(channel)?.columns.map(({ dtype }) => dtype);
+  dtypesOf = (channel: number): readonly Dtype[] | undefined =>
+    this.#infos.get(channel)?.columns.map(({ dtype }) => dtype);
 
-  /** Hold nothing of channels other than these: they are not asked for any more. */
+  /** Drop all channels other than these. */
   keepOnly(channels: readonly number[]): void {
-    for (const { info, ring } of this.channels.peek()) if (ring.length > 0 && !channels.includes(sourceOf(info))) ring.clear();
+    for (const { info, ring } of this.channels.peek())
+      if (ring.length > 0 && !channels.includes(sourceOf(info))) ring.clear();
   }
 
-  /** Hold nothing of these channels. */
+  /** Drop these channels. */
   forget(channels: readonly number[]): void {
     for (const { info, ring } of this.channels.peek()) if (channels.includes(sourceOf(info))) ring.clear();
   }
 
-  /** Of these channels hold the samples of this stretch and no others. */
+  /** Replace the samples of these channels by those of this range. */
   show(channels: readonly number[], frames: readonly SampleFrame[], stretch: Stretch, exact: boolean): void {
     const mine = this.channels.peek().filter(({ info }) => channels.includes(sourceOf(info)));
     const shown = new Map(frames.map((frame) => [frame.channel, frame]));
     const bucket = stretch.width > 0 ? (stretch.t1 - stretch.t0) / stretch.width : 0;
     for (const { info, ring } of mine) {
       const frame = shown.get(sourceOf(info));
-      // Of rows that were thinned or summarised the spacing says nothing; what the channel's usual one is, the server tells.
+      // the spacing of thinned or summarised rows is meaningless; the server gives the channel's usual one
       ring.clear(exact ? NaN : this.#longest(sourceOf(info), frame, bucket));
     }
     for (const frame of frames) {
       const kind = this.#infos.get(frame.channel)?.kind;
-      this.keep({ ...frame, sequence: 0, history: false, dropped: 0 }, !exact && kind !== undefined && isBounds(frame, kind));
+      this.appendFrame(
+        { ...frame, sequence: 0, history: false, dropped: 0 },
+        !exact && kind !== undefined && isBounds(frame, kind),
+      );
     }
     for (const channel of mine) {
       for (const { device, time } of this.#steps) if (device === channel.info.device) channel.ring.cut(time);
@@ -91,7 +96,7 @@ export class ReplayStore extends Store {
     }
   }
 
-  /** One lost sample leaves a spacing that could be jitter: where the device's counter says that one is missing, no line goes on. */
+  /** Break lines at losses. One lost sample leaves a spacing that could be jitter; the device's counter decides. */
   #cutLosses({ info, ring }: Channel, { t0, t1 }: Stretch): void {
     const usual = this.#usual[String(sourceOf(info))] ?? 0;
     if (usual <= 0) return;
@@ -103,10 +108,11 @@ export class ReplayStore extends Store {
     }
   }
 
-  /** Summaries of neighbouring stretches begin up to one and a half of them apart; thinned rows somewhat more than evenly. */
+  /** Summaries of neighbouring intervals start up to one and a half of them apart; thinned rows somewhat more than evenly. */
   #longest(id: number, frame: SampleFrame | undefined, bucket: number): number {
     const usual = this.#usual[String(id)] ?? 0;
-    const thinned = frame === undefined || frame.n < 2 ? 0 : (frame.time[frame.n - 1]! - frame.time[0]!) / (frame.n - 1);
+    const thinned =
+      frame === undefined || frame.n < 2 ? 0 : (frame.time[frame.n - 1]! - frame.time[0]!) / (frame.n - 1);
     return 1.5 * Math.max(bucket, thinned === thinned ? thinned : 0) + BREAK_FACTOR * usual;
   }
 }

@@ -1,22 +1,14 @@
 /**
- * What do the samples of a window amount to, when the page holds a summary of them? The server counts them all (recordings/statistics.py);
- * one answer is held, for all channels of the device that is looked at, and is good for windows that hardly differ from its own.
+ * Statistics of a window whose samples the page holds only summarised. The server counts them all (recordings/statistics.py); one
+ * answer is held, for all channels of the selected device, and is valid for windows that hardly differ from its own.
  */
 import { type Row, valueOf } from "../data/frames";
 import type { Stats } from "../data/statistics";
 import type { TimeBase } from "../data/view-state";
+import type { ColumnStatistics } from "../wire/routes";
 import { fetchStatistics } from "./api";
 
-/** Of one column; null where there is no number. */
-export interface ColumnStatistics {
-  readonly n: number;
-  readonly mean: number | null;
-  readonly sigma: number | null;
-  readonly min: number | null;
-  readonly max: number | null;
-}
-
-/** Of which channels, over which stretch. */
+/** Channels and range of a request. */
 export interface Asked {
   readonly channels: readonly number[];
   readonly from: number;
@@ -24,13 +16,13 @@ export interface Asked {
   readonly base: TimeBase;
 }
 
-/** A window that moved or grew by no more than these parts of its length: is not asked about again; has the same statistics, to a reader. */
+/** A window that moved or grew by no more than this fraction of its length is not requested again: its statistics look the same. */
 const UNMOVED = 0.002;
 const ALIKE = 0.05;
-/** A window is asked about when it has stood still for so long, ms; one that moves on and on, so often. */
+/** A window is requested after it has stood still for this long, ms; a moving one, this often. */
 const REST_MS = 120;
 const MOVING_MS = 500;
-/** Counting hours takes the server a moment: it is asked again after so many times what the last answer took. */
+/** Counting hours takes the server a moment: the next request waits this many times the last answer's duration. */
 const PAUSES = 3;
 const PATIENCE_MS = 3000;
 
@@ -51,14 +43,14 @@ export class StatisticsFeed {
   #busy = false;
   #notBefore = -Infinity;
 
-  /** @param fetch asks the server; another one in tests */
+  /** @param fetch requests from the server; another one in tests */
   constructor(
     readonly recording: string,
     readonly fetch: typeof fetchStatistics = fetchStatistics,
     readonly clock: () => number = () => performance.now(),
   ) {}
 
-  /** Want the statistics of a window; to be called again and again. */
+  /** Request the statistics of a window; call it repeatedly. */
   want(wish: Asked): void {
     const now = this.clock();
     if (this.#wish === undefined || !same(this.#wish, wish, UNMOVED)) this.#since = now;
@@ -68,14 +60,23 @@ export class StatisticsFeed {
     if (!this.#busy && now >= this.#notBefore && isDue) void this.#ask(wish);
   }
 
-  /** Those of a column, as far as they are here for the window that is wanted. */
+  /** Statistics of a column, if loaded for the requested window. */
   of(channel: number, column: number): Stats | undefined {
-    if (this.#held === undefined || this.#wish === undefined || !same(this.#held.of, this.#wish, ALIKE)) return undefined;
+    if (this.#held === undefined || this.#wish === undefined || !same(this.#held.of, this.#wish, ALIKE))
+      return undefined;
     const found = this.#held.columns[String(channel)]?.[column];
-    return found && { n: found.n, mean: finite(found.mean), sigma: finite(found.sigma), min: finite(found.min), max: finite(found.max) };
+    return (
+      found && {
+        n: found.n,
+        mean: finite(found.mean),
+        sigma: finite(found.sigma),
+        min: finite(found.min),
+        max: finite(found.max),
+      }
+    );
   }
 
-  /** There is more of the recording by now. */
+  /** Call it when more of the recording is decoded. */
   refresh(): void {
     this.#held = undefined;
   }
@@ -99,10 +100,15 @@ export class StatisticsFeed {
 }
 
 /**
- * Those of a column as it is shown: in another frame it is made of others. A mean follows any linear change, a spread and extremes only
- * where the column is one of the others, perhaps with another sign or counted from another direction.
+ * Statistics of a column as displayed: in another frame it is computed from others. A mean follows any linear change, a spread and
+ * extremes only if the column is one of the others, possibly with another sign or reference direction.
  */
-export function changedStats(row: Row | undefined, column: number, period: number, of: (column: number) => Stats | undefined): Stats | undefined {
+export function changedStats(
+  row: Row | undefined,
+  column: number,
+  period: number,
+  of: (column: number) => Stats | undefined,
+): Stats | undefined {
   if (row === undefined) return of(column);
   const parts = row.terms.map(([from]) => of(from));
   if (!parts.every((part) => part !== undefined)) return undefined;

@@ -13,7 +13,8 @@ it("asks for room on both sides, not beyond the ends, as finely as the screen", 
 
 it("asks again only when what is here does not do", () => {
   const held = { t0: 90, t1: 130, width: 2000 };
-  const enough = (t0: number, t1: number, exact = false, speed = 0): boolean => isEnough(held, exact, t0, t1, 1000, speed, bounds);
+  const enough = (t0: number, t1: number, exact = false, speed = 0): boolean =>
+    isEnough(held, exact, t0, t1, 1000, speed, bounds);
   expect(enough(100, 120)).toBe(true);
   expect(enough(109, 129)).toBe(true);
   expect(enough(115, 135)).toBe(false);

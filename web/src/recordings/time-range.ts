@@ -1,11 +1,11 @@
 /**
- * Which stretch of a recording is asked for, and does the one that is here still do? Pure. What is on screen is asked for with
- * room on both sides, so that panning and playing find samples there; zooming in is answered from coarser rows at once, and by
- * finer ones as soon as they come.
+ * The range of a recording to request, and whether the loaded one suffices. Pure. The range on screen is requested with a margin on
+ * both sides, so that panning and playing find samples there; zooming in is answered from coarser rows at once, and by finer ones
+ * as soon as they come.
  */
 import type { ChannelInfo } from "../wire/types";
 
-/** A stretch of time, summarised to at most `width` parts. */
+/** A time range, summarised to at most `width` intervals. */
 export interface Stretch {
   readonly t0: number;
   readonly t1: number;
@@ -17,16 +17,16 @@ export interface Bounds {
   readonly last: number;
 }
 
-/** Asked for on either side of the window, in windows. */
+/** Margin on either side of the window, in windows. */
 const ROOM = 0.5;
-/** Rows this much coarser than the screen are not seen to be. */
+/** Rows this much coarser than the screen look the same. */
 const COARSER = 1.3;
-/** Seconds of playing that are fetched ahead. */
+/** Seconds of playback fetched ahead. */
 const AHEAD_S = 0.8;
 /** The server's most. */
 const MOST_WIDTH = 8000;
 
-/** What to ask for: the window t0…t1, `pixels` wide, played `speed` times as fast (0: it stands still). */
+/** The request for the window t0…t1, `pixels` wide, played `speed` times as fast (0: it stands still). */
 export function stretchFor(t0: number, t1: number, pixels: number, speed: number, { first, last }: Bounds): Stretch {
   const span = t1 - t0;
   const ahead = Math.max(ROOM * span, 2 * AHEAD_S * speed);
@@ -35,32 +35,42 @@ export function stretchFor(t0: number, t1: number, pixels: number, speed: number
   return { t0: from, t1: to, width: Math.min(MOST_WIDTH, Math.max(1, Math.ceil((pixels * (to - from)) / span))) };
 }
 
-/** Does `held` show t0…t1 as finely as the screen can, for a while yet? */
-export function isEnough(held: Stretch | undefined, exact: boolean, t0: number, t1: number, pixels: number, speed: number, { first, last }: Bounds): boolean {
+/** Whether `held` shows t0…t1 at screen resolution, for a while. */
+export function isEnough(
+  held: Stretch | undefined,
+  exact: boolean,
+  t0: number,
+  t1: number,
+  pixels: number,
+  speed: number,
+  { first, last }: Bounds,
+): boolean {
   if (held === undefined) return false;
   const [from, to] = [Math.max(t0, first), Math.min(t1 + AHEAD_S * speed, last)];
   if (held.t0 > from || held.t1 < to) return from >= last || to <= first; // beyond the ends there is nothing to show
   return exact || ((held.t1 - held.t0) / held.width) * pixels <= COARSER * (t1 - t0);
 }
 
-/** Samples around a moment, of one group of channels that come about equally often. */
+/** Samples around a moment, of one group of channels with similar rates. */
 export interface Near {
   readonly channels: readonly number[];
   readonly before: number;
   readonly after: number;
 }
 
-/** Spacings up to these, s, belong together; slower channels are looked for further back. */
+/** Spacings up to these, s, form a group; slower channels are searched further back. */
 const PACES: readonly number[] = [0.02, 0.25, 2, Infinity];
-/** Of each group this much is asked for: fast ones a moment, slow ones until one is found. */
+/** Range requested for each group: a moment for fast ones, until one is found for slow ones. */
 const REACH_S: readonly number[] = [1.5, 10, 120, 7200];
 
-/** What to ask for so that every channel can be read at a moment: a request for each pace. */
+/** The requests needed to read every channel at a moment: one for each group. */
 export function nearOf(channels: readonly ChannelInfo[], usual: Readonly<Record<string, number>>): readonly Near[] {
   const groups = PACES.map((): number[] => []);
   for (const { id } of channels) {
     const spacing = usual[String(id)] ?? 0;
     groups[spacing > 0 ? PACES.findIndex((pace) => spacing <= pace) : PACES.length - 1]?.push(id);
   }
-  return groups.flatMap((ids, k) => (ids.length > 0 ? [{ channels: ids, before: REACH_S[k]!, after: REACH_S[k]! }] : []));
+  return groups.flatMap((ids, k) =>
+    ids.length > 0 ? [{ channels: ids, before: REACH_S[k]!, after: REACH_S[k]! }] : [],
+  );
 }

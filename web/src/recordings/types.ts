@@ -2,22 +2,20 @@
 
 import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
 
-export type ExportFormat = "csv" | "csv-aligned" | "parquet" | "mcap" | "rrd" | "mtb" | "raw" | "bytes";
-
-/** One device in a recording, as the list tells it. */
+/** One device in a recording, in the list. */
 export interface RecordedDevice {
   readonly id: string;
   readonly name: string;
   readonly protocol: string;
   readonly product: string;
   readonly serial_number: string;
-  /** frames; 0 where it sent nothing, null until they have been counted */
+  /** frames; null until they are counted */
   readonly messages: number | null;
   readonly lost: number;
   readonly rejects: number;
 }
 
-/** One recording, as the list tells it. */
+/** One recording in the list. */
 export interface RecordingInfo {
   /** the file's name without suffix */
   readonly id: string;
@@ -29,28 +27,28 @@ export interface RecordingInfo {
   /** bytes */
   readonly size: number;
   readonly started: number | null;
-  /** s; null while it is not known */
+  /** s; null if unknown */
   readonly duration: number | null;
   readonly devices: readonly RecordedDevice[];
   readonly tags: readonly string[];
   readonly notes: string;
   readonly pinned: boolean;
-  /** it is being recorded now */
+  /** still being recorded */
   readonly recording: boolean;
-  /** its columns are there: it opens at once */
+  /** already decoded, so it opens at once */
   readonly opened: boolean;
-  /** one sentence; "" when it is whole */
+  /** one sentence; "" if undamaged */
   readonly damaged: string;
   readonly markers: number;
-  /** least and greatest of |rate of turn| or such, 0..1 */
+  /** min and max of |rate of turn| or similar, 0..1 */
   readonly thumbnail: readonly (readonly number[])[];
-  /** where samples were lost, 0..1 of the duration */
+  /** positions of lost samples, 0..1 of the duration */
   readonly losses: readonly number[];
-  /** when, while it is in the bin */
+  /** time of deletion, while it is in the bin */
   readonly deleted: number | null;
 }
 
-export interface Marker {
+export interface MarkerInfo {
   readonly time: number;
   readonly kind: "marker" | "note";
   readonly text: string;
@@ -66,7 +64,7 @@ export interface OpeningState {
   readonly message: string;
 }
 
-/** Everything about an opened recording but its samples. */
+/** Details of an opened recording, without its samples. */
 export interface RecordingDetail {
   readonly info: RecordingInfo;
   readonly t0: number;
@@ -74,23 +72,23 @@ export interface RecordingDetail {
   readonly devices: readonly DeviceInfo[];
   readonly channels: readonly ChannelInfo[];
   readonly events: readonly EventInfo[];
-  readonly markers: readonly Marker[];
+  readonly markers: readonly MarkerInfo[];
   /** device → configuration */
   readonly snapshots: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
   /** channel id → usual time between samples */
   readonly longest_s: Readonly<Record<string, number>>;
-  /** less while it is decoded for the first time: as much of it is there */
+  /** below 1 while it is decoded for the first time: the decoded share */
   readonly progress: number;
 }
 
 export interface SettingRow {
-  /** of the field; "" where a setting has but one */
+  /** of the field; "" if the setting has only one */
   readonly title: string;
   /** "400 Hz", "ENU" */
   readonly words: string;
 }
 
-/** What one setting of a device was when it was recorded. */
+/** A setting of a device at the time of recording. */
 export interface RecordedSetting {
   readonly name: string;
   readonly title: string;
@@ -119,17 +117,17 @@ export interface Mark {
   readonly device: string;
 }
 
-/** What is null stays. */
+/** Changes to a recording; null leaves a value unchanged. */
 export interface Edit {
   readonly title: string | null;
   readonly tags: readonly string[] | null;
   readonly notes: string | null;
   readonly pinned: boolean | null;
-  /** another name for its file, and so another id; the suffix stays */
+  /** new name of the file, which changes the id; the suffix stays */
   readonly file: string | null;
 }
 
-/** Which part of a recording is exported, or measured. */
+/** Part of a recording to export or measure. */
 export interface ExportPart {
   /** null: from the beginning */
   readonly t0: number | null;
@@ -140,16 +138,17 @@ export interface ExportPart {
 }
 
 export interface Export extends ExportPart {
-  readonly format: ExportFormat;
-  /** for formats that hold one device */
+  /** a name of ExportCapability */
+  readonly format: string;
+  /** for formats of one device */
   readonly device: string;
 }
 
-/** About how large exports would be, bytes; what could not be measured is left out. */
+/** Estimated sizes of exports, bytes, without those that could not be measured. */
 export interface ExportSizes {
   /** format → size */
   readonly sizes: Readonly<Record<string, number>>;
-  /** device → its bytes as they came */
+  /** device → its received bytes */
   readonly devices: Readonly<Record<string, number>>;
 }
 

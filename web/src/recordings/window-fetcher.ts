@@ -1,30 +1,39 @@
 /**
- * How do samples of a recording get into a store? One request at a time: while it is under way the wish may change, and when it is
- * answered the newest wish is asked for. What is on screen is always the newest answer.
+ * Fetches samples of a recording into a store, one request at a time: while it is running the wanted range may change, and after its
+ * answer the newest one is requested. The screen always shows the newest answer.
  */
 import { decode } from "../wire/codec";
 import type { Problem } from "../ui/http";
 import type { ReplayStore } from "./replay-store";
 import { fetchWindow } from "./api";
 import type { Stretch } from "./time-range";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/recordings";
 
-/** After a refusal the same is not asked for again at once, ms. */
+/** Wait after a refusal before the same is requested again, ms. */
 const PATIENCE_MS = 1500;
 
-/** What is asked for: a stretch of these channels, by one of the clocks. */
-export interface Wish {
+const OFFLINE: Problem = {
+  kind: "offline",
+  message: COMMON.serverSilent,
+  hint: TEXT.showingEarlier,
+  status: 0,
+};
+
+/** A request: a range of these channels, by one of the clocks. */
+export interface FetchRequest {
   readonly stretch: Stretch;
   readonly channels: readonly number[];
   readonly base: "device" | "arrival";
 }
 
-export interface Held extends Wish {
+export interface Held extends FetchRequest {
   readonly exact: boolean;
 }
 
-export class Feed {
+export class WindowFetcher {
   held: Held | undefined;
-  /** The last answer's way, from the request to samples in their rings, ms. */
+  /** Duration of the last request until its samples were in their rings, ms. */
   took = NaN;
   readonly #stop = new AbortController();
   #busy = false;
@@ -33,18 +42,23 @@ export class Feed {
   constructor(
     readonly recording: string,
     readonly store: ReplayStore,
-    /** Told of every answer: what was wrong, or undefined. */
+    /** Called after every answer with its problem, or undefined. */
     readonly told: (problem: Problem | undefined) => void,
   ) {}
 
-  /** Is this what is held, but for the stretch? */
-  holds(channels: readonly number[], base: Wish["base"]): boolean {
+  /** Whether this matches the held data, apart from the range. */
+  holds(channels: readonly number[], base: FetchRequest["base"]): boolean {
     const held = this.held;
-    return held !== undefined && held.base === base && held.channels.length === channels.length && channels.every((id, k) => id === held.channels[k]);
+    return (
+      held !== undefined &&
+      held.base === base &&
+      held.channels.length === channels.length &&
+      channels.every((id, k) => id === held.channels[k])
+    );
   }
 
-  /** Ask, unless something is being asked already: who wishes does so every frame. */
-  ask(wish: Wish): void {
+  /** Send the request, unless one is running; called every frame. */
+  ask(wish: FetchRequest): void {
     if (this.#busy || performance.now() < this.#notBefore || wish.channels.length === 0) return;
     this.#busy = true;
     void this.#fetch(wish).finally(() => (this.#busy = false));
@@ -54,21 +68,27 @@ export class Feed {
     this.#stop.abort();
   }
 
-  async #fetch(wish: Wish): Promise<void> {
+  async #fetch(wish: FetchRequest): Promise<void> {
     const began = performance.now();
     try {
       const answer = await fetchWindow(this.recording, { ...wish.stretch, ...wish }, this.#stop.signal);
       if (this.#stop.signal.aborted) return;
-      if ("message" in answer) return this.#refused(answer);
+      if ("message" in answer) return this.#refused(answer.kind === OFFLINE.kind ? OFFLINE : answer);
       const { frames, problem } = decode(answer.buffer, this.store.dtypesOf);
-      if (problem !== undefined) return this.#refused({ kind: "wire", message: problem, hint: "Reload the page: it may be older than the server.", status: 0 });
+      if (problem !== undefined)
+        return this.#refused({
+          kind: "wire",
+          message: problem,
+          hint: TEXT.reloadPage,
+          status: 0,
+        });
       this.store.show(wish.channels, frames, wish.stretch, answer.exact);
       this.held = { ...wish, exact: answer.exact };
       this.took = performance.now() - began;
       this.told(undefined);
     } catch {
       if (this.#stop.signal.aborted) return;
-      this.#refused({ kind: "offline", message: "The imuscope server does not answer.", hint: "What is on screen came before; it is tried again.", status: 0 });
+      this.#refused(OFFLINE);
     }
   }
 

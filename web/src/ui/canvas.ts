@@ -1,4 +1,4 @@
-/** How is a canvas kept sharp, and how does it follow the theme? Shared by the instruments and sparklines. */
+/** Sharp canvases that follow the theme; shared by the instruments and sparklines. */
 
 export interface Surface {
   readonly canvas: HTMLCanvasElement;
@@ -12,8 +12,8 @@ export interface Surface {
 }
 
 /**
- * Clears a canvas of this size, in the units of its context, so that it is seen to be: where a graphics processor draws, some browsers
- * do not show a frame whose only operation is `clearRect`, and what was cleared stays on screen. A dot that nobody sees is one more.
+ * Clears a canvas of this size, in the units of its context, visibly: with a graphics processor some browsers do not show a frame whose
+ * only operation is `clearRect`, so the old picture stays on screen. An invisible dot is a second operation.
  */
 export function clear(context: CanvasRenderingContext2D, width: number, height: number): void {
   context.globalAlpha = 1;

@@ -2,6 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Icon } from "./icons";
+import { COMMON } from "../texts/common";
 
 interface Props {
   readonly title: string;
@@ -23,7 +24,11 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
     const dialog = ref.current;
     if (!dialog || event.target !== dialog) return;
     const box = dialog.getBoundingClientRect();
-    const inside = event.clientX >= box.left && event.clientX <= box.right && event.clientY >= box.top && event.clientY <= box.bottom;
+    const inside =
+      event.clientX >= box.left &&
+      event.clientX <= box.right &&
+      event.clientY >= box.top &&
+      event.clientY <= box.bottom;
     if (!inside) onClose();
   };
   return (
@@ -31,11 +36,11 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
       <div class="top">
         <h2 id="dialog-title">{title}</h2>
         <span class="grow" />
-        <button type="button" class="btn icon" aria-label="Close" title="Close (Esc)" onClick={onClose}>
+        <button type="button" class="btn icon" aria-label={COMMON.close} title={COMMON.closeEsc} onClick={onClose}>
           <Icon name="close" />
         </button>
       </div>
-      <div class="in">{children}</div>
+      <div class="inside">{children}</div>
     </dialog>
   );
 }

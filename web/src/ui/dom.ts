@@ -1,4 +1,4 @@
-/** Small hands for panels that write the DOM themselves: an element in one line, a text node written only when it changes. */
+/** Helpers for panels that write the DOM themselves: an element in one line, a text node written only when it changes. */
 import { messageParts } from "./message-parts";
 
 type Attributes = Readonly<Record<string, string>>;
@@ -16,11 +16,11 @@ export function el<K extends keyof HTMLElementTagNameMap>(
 
 /** The unit that follows a number. */
 export function unit(text: string): HTMLSpanElement {
-  return el("span", { class: "u" }, text);
+  return el("span", { class: "unit" }, text);
 }
 
 /** A piece of text that changes often. */
-export class Live {
+export class LiveText {
   readonly node = document.createTextNode("");
   #text = "";
 
@@ -31,12 +31,12 @@ export class Live {
   }
 }
 
-/** What an element holds that shows a message: words, and commands as code. */
+/** Content of an element with a message: words, and commands as code. */
 export function messageNodes(message: string): (Node | string)[] {
   return messageParts(message).map(({ text, isCode }) => (isCode ? el("code", {}, text) : text));
 }
 
-/** An element that shows a message which changes often. */
+/** An element with a message that changes often. */
 export class LiveMessage<E extends HTMLElement = HTMLElement> {
   readonly node: E;
   #text = "";
@@ -57,7 +57,7 @@ export class LiveMessage<E extends HTMLElement = HTMLElement> {
 }
 
 /** True at most `perSecond` times a second, by the clock of the frame loop (ms). */
-export function every(perSecond: number): (now: number) => boolean {
+export function throttle(perSecond: number): (now: number) => boolean {
   let next = Number.NEGATIVE_INFINITY;
   return (now) => {
     if (now < next) return false;
@@ -67,7 +67,7 @@ export function every(perSecond: number): (now: number) => boolean {
   };
 }
 
-/** What every panel gives back to the page that mounted it. */
+/** Interface of every panel for the page that mounted it. */
 export interface Panel {
   /** Draw what has changed; called every frame with the frame's time in ms. */
   update(now: number): void;

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { age, byteRate, clock, count, decimalsOf, geographic, NONE, number, rate, signed, span } from "./format";
+import { age, byteRate, clock, decimalsOf, geographic, NONE, number, rate, signed, span } from "./format";
+import { count } from "../texts/plural";
 
 describe("number", () => {
   it("has fixed decimals, a true minus and thin spaces", () => {

@@ -1,15 +1,15 @@
 /**
- * How are numbers written? One answer for the whole page: fixed decimals per field, a true minus, a thin space between
- * groups of three, and a dash where there is no number. Strings only, no DOM.
+ * Number formats of the whole page: fixed decimals per field, a true minus, a thin space between groups of three, and a dash for a
+ * missing number. Strings only, no DOM.
  */
 import type { ColumnInfo } from "../wire/types";
 
-/** What stands in place of a number that is not there. */
+/** Placeholder for a missing number. */
 export const NONE = "—";
 const MINUS = "\u2212";
 const THIN = "\u2009";
 
-/** Digits after the point where the device's table leaves the choice to the page, by unit. */
+/** Decimals where the device's table leaves the choice to the page, by unit. */
 const DECIMALS: Readonly<Record<string, number>> = {
   "m/s²": 3,
   "°/s": 2,
@@ -33,7 +33,7 @@ const DECIMALS: Readonly<Record<string, number>> = {
   "%": 1,
 };
 
-/** Digits after the point for a column: what the table says; none for whole numbers; else by unit, else three. */
+/** Decimals of a column: from the table; none for whole numbers; else by unit, else three. */
 export function decimalsOf(column: Pick<ColumnInfo, "decimals" | "dtype" | "unit">, unit = column.unit): number {
   if (column.decimals >= 0) return column.decimals;
   return column.dtype.startsWith("f") ? (DECIMALS[unit] ?? 3) : 0;
@@ -43,7 +43,7 @@ function grouped(digits: string): string {
   return digits.length < 4 ? digits : digits.replace(/\B(?=(\d{3})+$)/g, THIN);
 }
 
-/** `value` with `decimals` digits after the point: "−1 234.50"; NONE when it is not finite or missing. */
+/** `value` with `decimals` decimals: "−1 234.50"; NONE if it is not finite or missing. */
 export function number(value: number | undefined, decimals: number): string {
   if (value === undefined || !Number.isFinite(value)) return NONE;
   const size = Math.abs(value);
@@ -67,13 +67,13 @@ export function geographic(value: number | undefined): string {
   return fraction === undefined ? text : `${whole}.${fraction.replace(/(\d{3})(?=\d)/g, `$1${THIN}`)}`;
 }
 
-/** A number and its unit, apart, because the unit is set smaller. */
+/** A number and its unit, separate, because the unit is set smaller. */
 export interface Quantity {
   readonly value: string;
   readonly unit: string;
 }
 
-/** How long ago, with the unit that reads best: 4 ms, 2.5 s, 3 min, 5 h. */
+/** An age, with the most readable unit: 4 ms, 2.5 s, 3 min, 5 h. */
 export function age(seconds: number | undefined): Quantity {
   if (seconds === undefined || !Number.isFinite(seconds)) return { value: NONE, unit: "" };
   const s = Math.max(0, seconds);
@@ -84,7 +84,7 @@ export function age(seconds: number | undefined): Quantity {
   return { value: number(Math.floor(s / 3600), 0), unit: "h" };
 }
 
-/** A length of time chosen by a person: 500 ms, 20 s, 5 min. */
+/** A length of time chosen by the user: 500 ms, 20 s, 5 min. */
 export function span(seconds: number): Quantity {
   const trimmed = (value: number): string => number(value, Number.isInteger(Math.round(value * 100) / 100) ? 0 : 1);
   if (seconds < 1) return { value: trimmed(seconds * 1000), unit: "ms" };
@@ -117,9 +117,4 @@ export function clock(unixSeconds: number, decimals = 0): string {
   if (decimals === 0) return iso.slice(11, 19);
   const fraction = String(((ticks % scale) + scale) % scale).padStart(decimals, "0");
   return `${iso.slice(11, 19)}.${fraction}`;
-}
-
-/** "1 gap", "3 gaps", "1 204 samples". */
-export function count(n: number, one: string, many = `${one}s`): string {
-  return `${number(n, 0)} ${n === 1 ? one : many}`;
 }

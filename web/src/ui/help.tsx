@@ -1,26 +1,35 @@
-/** The `?` overlay: every key, printed from the table that the page listens by. */
+/** The `?` overlay: every key, printed from the table that handles them. */
+import { Fragment } from "preact";
 import { Dialog } from "./dialog";
 import { KEY_LINES } from "./keys";
+import { COMMON } from "../texts/common";
 
 export function Help({ onClose }: { readonly onClose: () => void }) {
   return (
-    <Dialog title="Keys" onClose={onClose}>
+    <Dialog title={COMMON.keyboard} onClose={onClose}>
       <dl class="keys">
         {KEY_LINES.map((line) => (
-          <>
+          <Fragment key={line.what}>
             <dt>
               {line.keys.map((key) => (
-                <kbd>{key}</kbd>
+                <kbd key={key}>{key}</kbd>
               ))}
             </dt>
             <dd>{line.what}</dd>
-          </>
+          </Fragment>
         ))}
       </dl>
       <p class="hint" style={{ marginTop: "16px" }}>
-        On the plots: wheel zooms about the pointer, drag pans, Shift-drag selects a range, double click fits. A click pins the cursor, Shift-click
-        pins a second one and measures between them. With fingers: drag pans, two fingers zoom, a tap pins, and a finger that rests half a
-        second pins the second cursor.
+        {COMMON.plotHelp}
+      </p>
+      <p class="hint">
+        <a href="/docs" target="_blank" rel="noopener">
+          {COMMON.apiReference}
+        </a>
+        {" · "}
+        <a href="/licenses.txt" target="_blank" rel="noopener">
+          {COMMON.licences}
+        </a>
       </p>
     </Dialog>
   );

@@ -1,37 +1,98 @@
-/** The server's HTTP side, as far as this page uses it. Every failure is a Problem with words for a person. */
+/**
+ * Requests to the server, typed by its OpenAPI document (wire/routes.ts). Every failure is a Problem with words for a person.
+ */
+import type { DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
+import { COMMON } from "../texts/common";
 
-/** The one shape of errors: what went wrong, and what to do next. */
-export interface Problem {
-  readonly kind: string;
-  readonly message: string;
-  readonly hint: string;
-  /** The HTTP status; 0 when nobody answered. */
+/** The only shape of errors: what went wrong, and what to do next. */
+export interface Problem extends ProblemBody {
+  /** The HTTP status; 0 without an answer. */
   readonly status: number;
 }
 
-/** The server is there and does not let this page in. */
+/** Whether the server is reachable but refuses this page. */
 export function isRefusal(problem: Problem): boolean {
   return problem.status === 401 || problem.status === 403;
 }
 
 export type Outcome<T> = { readonly ok: true; readonly value: T } | { readonly ok: false; readonly problem: Problem };
 
-/** One request; `path` is below this server. An answer that is no JSON is given as text. */
-export async function request<T>(method: "GET" | "POST" | "PUT" | "DELETE", path: string, body?: unknown): Promise<Outcome<T>> {
+/** A method and a path as the server's OpenAPI document writes them: "POST /api/devices/{device}/retry". */
+export type Route = keyof Routes;
+export type Answer<R extends Route> = Routes[R]["answer"];
+
+/** Input of a route: path, query and body, as far as it has them. */
+type Input<R extends Route> = Omit<Routes[R], "answer">;
+type Cancel = { readonly signal?: AbortSignal };
+type Arguments<R extends Route, More> =
+  Record<never, never> extends Input<R> ? [input?: Input<R> & More] : [input: Input<R> & More];
+
+interface Parts extends Cancel {
+  readonly path?: Readonly<Record<string, string | number>>;
+  readonly query?: Readonly<Record<string, string | number | boolean | null | undefined>>;
+  readonly body?: unknown;
+}
+
+/** The address of a route, for a link or a download. */
+export function addressOf<R extends Route>(route: R, ...[input]: Arguments<R, unknown>): string {
+  return address(route, (input ?? {}) as Parts);
+}
+
+function address(route: Route, { path = {}, query = {} }: Parts): string {
+  const place = route
+    .slice(route.indexOf(" ") + 1)
+    .replace(/\{(\w+)\}/g, (_, name: string) => encodeURIComponent(path[name] ?? ""));
+  const given = Object.entries(query).flatMap(([name, value]) =>
+    value === undefined || value === null ? [] : [[name, String(value)]],
+  );
+  return given.length > 0 ? `${place}?${new URLSearchParams(given)}` : place;
+}
+
+/** One request whose answer is JSON, text, or nothing. */
+export async function request<R extends Route>(route: R, ...input: Arguments<R, Cancel>): Promise<Outcome<Answer<R>>> {
+  const answer = await respond(route, ...input);
+  if (!(answer instanceof Response)) return { ok: false, problem: answer };
+  let text: string;
+  try {
+    text = await answer.text();
+  } catch {
+    return { ok: false, problem: UNREACHED }; // cancelled, or cut off in the middle of the answer
+  }
+  const isJson = (answer.headers.get("content-type") ?? "").includes("json");
+  return { ok: true, value: (isJson ? parse(text) : text === "" ? undefined : text) as Answer<R> };
+}
+
+const UNREACHED: Problem = {
+  kind: "offline",
+  message: COMMON.serverSilent,
+  hint: COMMON.serverSilentHint,
+  status: 0,
+};
+
+/** The same, for any other kind of answer: its response, once it is known not to be a problem. */
+export async function respond<R extends Route>(
+  route: R,
+  ...[input]: Arguments<R, Cancel>
+): Promise<Response | Problem> {
+  const parts = (input ?? {}) as Parts;
+  const method = route.slice(0, route.indexOf(" "));
+  // the server requires JSON for every change, so that no form of another page can make one
+  const headers: Record<string, string> = method === "GET" ? {} : { "content-type": "application/json" };
+  const body = parts.body === undefined && method === "POST" ? {} : parts.body;
+  const content = body === undefined ? {} : { body: JSON.stringify(body) };
   let answer: Response;
   try {
-    // The server takes JSON only for whatever changes something, so that no form of another page can do it.
-    const headers: Record<string, string> = method === "GET" ? {} : { "content-type": "application/json" };
-    const content = body === undefined ? {} : { body: JSON.stringify(body) };
-    answer = await fetch(path, { method, credentials: "same-origin", headers, ...content });
+    answer = await fetch(address(route, parts), {
+      method,
+      credentials: "same-origin",
+      headers,
+      ...content,
+      ...(parts.signal ? { signal: parts.signal } : {}),
+    });
   } catch {
-    const message = "The imuscope server does not answer.";
-    return { ok: false, problem: { kind: "offline", message, hint: "Is it still running, and is this machine still on its network?", status: 0 } };
+    return UNREACHED;
   }
-  const text = await answer.text();
-  const value = parse(text);
-  if (answer.ok) return { ok: true, value: (value ?? text) as T };
-  return { ok: false, problem: problemOf(value, answer.status) };
+  return answer.ok ? answer : problemOf(parse(await answer.text().catch(() => "")), answer.status);
 }
 
 function parse(text: string): unknown {
@@ -42,57 +103,40 @@ function parse(text: string): unknown {
   }
 }
 
-function problemOf(value: unknown, status: number): Problem {
+/** The problem in an answer. */
+export function problemOf(value: unknown, status: number): Problem {
   const given = (value ?? {}) as Partial<Record<keyof Problem, unknown>>;
   const words = (key: "kind" | "message" | "hint", other: string): string => {
     const text = given[key];
     return typeof text === "string" && text !== "" ? text : other;
   };
-  return { kind: words("kind", `http-${status}`), message: words("message", `The server answered ${status}.`), hint: words("hint", ""), status };
+  return {
+    kind: words("kind", `http-${status}`),
+    message: words("message", COMMON.serverAnswered(status)),
+    hint: words("hint", ""),
+    status,
+  };
 }
 
-/** One attempt to hear something on a port, in words. */
-export interface PortTry {
-  readonly what: string;
-  readonly outcome: string;
-}
-
-/** A serial port of the host. */
-export interface Port {
-  readonly device: string;
-  readonly description: string;
-  readonly busy: string;
-  readonly denied: string;
-  readonly heard: readonly PortTry[];
-}
-
-/** How a source is to be read, as far as a person says so. */
-export interface HowToRead {
-  /** "xbus", "isb", "idtp"; absent: recognised. */
-  readonly protocol?: string;
-  /** For Secure frames, hex. Goes to the server and is kept nowhere else. */
-  readonly key?: string;
-  /** Of the timestamps of IDTP; "" for microseconds, unless their arrival says otherwise. */
-  readonly time_unit?: string;
-  /** Which way the quaternion of an IDTP device turns; "" for body to ENU. */
-  readonly rotation?: string;
-  /** TOML that describes a vendor's own payload types. */
-  readonly schema?: string;
-}
+/** Decoding options of a source given by the user. A key goes to the server and is stored nowhere else. */
+export type HowToRead = DecodeOptionsBody;
+export type Port = PortInfo;
 
 export const api = {
-  addDevice: (source: string, how: HowToRead = {}) => request<{ readonly id: string }>("POST", "/api/devices", { source, ...how }),
-  /** What is given changes from here on; the device, its history and whatever else was said of it stay. */
-  readDevice: (id: string, how: HowToRead) => request<{ readonly id: string }>("POST", `/api/devices/${encodeURIComponent(id)}/reading`, how),
-  removeDevice: (id: string) => request<unknown>("DELETE", `/api/devices/${encodeURIComponent(id)}`),
-  retryDevice: (id: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/retry`, {}),
-  /** Accept whatever sequence number a Secure device of this link sends next. */
-  rearmDevice: (id: string, sender: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/rearm`, { sender }),
-  /** A cheap request that tells why the WebSocket does not open: refused, or nobody there. */
-  probe: () => request<unknown>("GET", "/api/devices"),
-  /** Whether a tile server is configured, and whom its tiles are owed to. */
-  map: () => request<{ readonly tiles: boolean; readonly attribution: string }>("GET", "/api/map"),
-  ports: () => request<readonly Port[]>("GET", "/api/ports"),
+  addDevice: (source: string, how: HowToRead = {}) => request("POST /api/devices", { body: { source, ...how } }),
+  /** Given options change from now on; the device, its history and its other options stay. */
+  readDevice: (device: string, how: HowToRead) =>
+    request("POST /api/devices/{device}/decode-options", { path: { device }, body: how }),
+  removeDevice: (device: string) => request("DELETE /api/devices/{device}", { path: { device } }),
+  retryDevice: (device: string) => request("POST /api/devices/{device}/retry", { path: { device } }),
+  /** Accept any sequence number next from a Secure device of this link. */
+  rearmDevice: (device: string, sender: string) =>
+    request("POST /api/devices/{device}/rearm", { path: { device }, body: { sender } }),
+  /** A cheap request that shows why the WebSocket does not open: refused, or unreachable. */
+  probe: () => request("GET /api/devices"),
+  /** Whether a tile server is configured, and its attribution. */
+  map: () => request("GET /api/map"),
+  ports: () => request("GET /api/ports"),
   /** Listens on every free port; takes some seconds. */
-  scanPorts: () => request<readonly Port[]>("POST", "/api/ports/scan", {}),
+  scanPorts: () => request("POST /api/ports/scan"),
 };

@@ -1,20 +1,35 @@
 /**
- * Which key does what? One table: the page listens by it, the `?` overlay prints it, the tooltips name keys from it.
+ * Keyboard shortcuts in one table: the page handles them by it, the `?` overlay prints it, the tooltips name keys from it.
  *
  * Letters are compared by the character typed (`event.key`), so the map follows the keyboard's layout; digits by the key's
  * place (`event.code`), because with Shift they type something else on every layout. A key with Ctrl, Alt or Meta belongs to
  * the browser and is left alone.
  */
+import { COMMON } from "../texts/common";
 
 export type KeyAction =
-  | { readonly do: "record" | "askRecord" | "link" | "mark" | "note" | "playPause" | "fit" | "start" | "now" | "timeBase" | "help" | "close" }
+  | {
+      readonly do:
+        | "record"
+        | "askRecord"
+        | "link"
+        | "mark"
+        | "note"
+        | "playPause"
+        | "fit"
+        | "start"
+        | "now"
+        | "timeBase"
+        | "help"
+        | "close";
+    }
   | { readonly do: "pan"; readonly windows: number }
   | { readonly do: "step"; readonly samples: number }
   | { readonly do: "span"; readonly longer: boolean }
   | { readonly do: "zoom"; readonly factor: number }
   | { readonly do: "series"; readonly index: number; readonly alone: boolean };
 
-/** What `actionFor` reads of a KeyboardEvent. */
+/** Properties of a KeyboardEvent used by `actionFor`. */
 export interface KeyPress {
   readonly key: string;
   readonly code: string;
@@ -27,32 +42,32 @@ export interface KeyPress {
 /** How much one press of `+` or `-` changes the window. */
 export const ZOOM_STEP = 1.5;
 
-/** One line of the overlay: the keys as printed, and what they do. */
+/** One line of the overlay: the keys as printed, and their effect. */
 export interface KeyLine {
   readonly keys: readonly string[];
   readonly what: string;
 }
 
 export const KEY_LINES: readonly KeyLine[] = [
-  { keys: ["Space"], what: "Live or pause" },
-  { keys: ["←", "→"], what: "Back, forward a tenth of the window" },
-  { keys: ["Shift ←", "Shift →"], what: "Back, forward a whole window" },
-  { keys: [",", "."], what: "Back, forward one sample" },
-  { keys: ["[", "]"], what: "Shorter, longer window" },
-  { keys: ["+", "−"], what: "Zoom in, out" },
-  { keys: ["F"], what: "Fit all that is in memory" },
-  { keys: ["Home", "End"], what: "To the start, to now" },
-  { keys: ["T"], what: "Device time or arrival time" },
-  { keys: ["1 … 9"], what: "Hide or show a series" },
-  { keys: ["Shift 1 … 9"], what: "Show that series alone" },
-  { keys: ["Shift R"], what: "Record, or end the recording" },
-  { keys: ["M", "Shift M"], what: "Drop a marker, a note into the recording" },
-  { keys: ["L"], what: "Loop what is on screen, in a recording" },
-  { keys: ["C"], what: "Copy the link to what is on screen" },
-  { keys: ["G L", "G C", "G R"], what: "Live, Configure, Recordings" },
-  { keys: ["/"], what: "Search, on Configure" },
-  { keys: ["?"], what: "This list" },
-  { keys: ["Esc"], what: "Close, or unpin the cursor" },
+  { keys: ["Space"], what: COMMON.keyLiveOrPause },
+  { keys: ["←", "→"], what: COMMON.keyPanTenth },
+  { keys: ["Shift ←", "Shift →"], what: COMMON.keyPanWindow },
+  { keys: [",", "."], what: COMMON.keyStep },
+  { keys: ["[", "]"], what: COMMON.keySpan },
+  { keys: ["+", "−"], what: COMMON.keyZoom },
+  { keys: ["F"], what: COMMON.keyFit },
+  { keys: ["Home", "End"], what: COMMON.keyStartNow },
+  { keys: ["T"], what: COMMON.keyTimeBase },
+  { keys: ["1 … 9"], what: COMMON.keySeries },
+  { keys: ["Shift 1 … 9"], what: COMMON.keySeriesAlone },
+  { keys: ["Shift R"], what: COMMON.keyRecord },
+  { keys: ["M", "Shift M"], what: COMMON.keyMarker },
+  { keys: ["L"], what: COMMON.keyLoop },
+  { keys: ["C"], what: COMMON.keyLink },
+  { keys: ["G L", "G C", "G R"], what: COMMON.keyPages },
+  { keys: ["/"], what: COMMON.keySearch },
+  { keys: ["?"], what: COMMON.keyboard },
+  { keys: ["Esc"], what: COMMON.keyClose },
 ];
 
 const SIMPLE: Readonly<Record<string, KeyAction>> = {
@@ -74,7 +89,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   escape: { do: "close" },
 };
 
-/** The action of a key press, or undefined when the key is not ours. */
+/** The action of a key press, or undefined for other keys. */
 export function actionFor(press: KeyPress): KeyAction | undefined {
   if (press.ctrlKey || press.altKey || press.metaKey) return undefined;
   const key = press.key.toLowerCase();
@@ -98,7 +113,7 @@ export function nextSpan(current: number, longer: boolean): number {
   return found ?? (longer ? Math.max(current, SPANS.at(-1) ?? current) : Math.min(current, SPANS[0] ?? current));
 }
 
-/** Where typing belongs to a control and not to the page. Space and Enter also belong to a focused button or link. */
+/** Whether typing belongs to a control and not to the page. Space and Enter also belong to a focused button or link. */
 export function belongsToControl(tag: string, type: string, editable: boolean, press: KeyPress): boolean {
   if (editable || tag === "TEXTAREA" || tag === "SELECT") return true;
   if (tag === "INPUT" && !["checkbox", "radio", "button", "range"].includes(type)) return true;

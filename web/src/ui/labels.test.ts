@@ -4,15 +4,43 @@ import { choiceWords, titlesOf, words } from "./labels";
 
 describe("words", () => {
   it("reads names as documents write them", () => {
-    const names = ["ClipAccX", "HDG_ALIGN_FINE", "FLAGS_FIX_OK", "SOLUTION", "RTK_ERR_BASE", "FLAGS_GPS1_RTK_POSITION_VALID", "X"];
-    const said = ["Clip acc X", "Heading align fine", "Fix OK", "Solution", "RTK error base", "RTK position valid", "X"];
+    const names = [
+      "ClipAccX",
+      "HDG_ALIGN_FINE",
+      "FLAGS_FIX_OK",
+      "SOLUTION",
+      "RTK_ERR_BASE",
+      "FLAGS_GPS1_RTK_POSITION_VALID",
+      "X",
+    ];
+    const said = [
+      "Clip acc X",
+      "Heading align fine",
+      "Fix OK",
+      "Solution",
+      "RTK error base",
+      "RTK position valid",
+      "X",
+    ];
     expect(names.map(words).map((text) => text.toLowerCase())).toEqual(said.map((text) => text.toLowerCase()));
   });
   it("spells abbreviations as everybody does", () => {
-    expect(["RtkStatus", "GnssFix", "Selftest", "insStatus"].map(words)).toEqual(["RTK status", "GNSS fix", "Self-test", "INS status"]);
+    expect(["RtkStatus", "GnssFix", "Selftest", "insStatus"].map(words)).toEqual([
+      "RTK status",
+      "GNSS fix",
+      "Self-test",
+      "INS status",
+    ]);
   });
   it("names satellite systems as everybody does", () => {
-    expect(["GPS", "QZS", "GAL", "BDS", "GLO", "SBS"].map(words)).toEqual(["GPS", "QZSS", "Galileo", "BeiDou", "GLONASS", "SBAS"]);
+    expect(["GPS", "QZS", "GAL", "BDS", "GLO", "SBS"].map(words)).toEqual([
+      "GPS",
+      "QZSS",
+      "Galileo",
+      "BeiDou",
+      "GLONASS",
+      "SBAS",
+    ]);
   });
   it("reads choices in the middle of a sentence", () => {
     expect(["RTK_FIX", "NONE", "3D", "no RTK"].map(choiceWords)).toEqual(["RTK fix", "none", "3D", "no RTK"]);
@@ -21,7 +49,8 @@ describe("words", () => {
 
 describe("titlesOf", () => {
   it("names the message only where it is needed", () => {
-    const info = (title: string, group: string): ChannelInfo => ({ title, group, name: `${group}.x` }) as unknown as ChannelInfo;
+    const info = (title: string, group: string): ChannelInfo =>
+      ({ title, group, name: `${group}.x` }) as unknown as ChannelInfo;
     const all = [info("Velocity", "INS 1"), info("Velocity", "GPS1 VEL"), info("Position", "INS 1")];
     expect(all.map(titlesOf(all))).toEqual(["Velocity · INS 1", "Velocity · GPS1 VEL", "Position"]);
   });

@@ -2,13 +2,21 @@ import { expect, it } from "vitest";
 import { messageParts } from "./message-parts";
 
 /** As it is shown, code in brackets. */
-const shown = (message: string): string => messageParts(message).map(({ text, isCode }) => (isCode ? `[${text}]` : text)).join("");
+const shown = (message: string): string =>
+  messageParts(message)
+    .map(({ text, isCode }) => (isCode ? `[${text}]` : text))
+    .join("");
 
 it("tells commands from words, wherever they stand", () => {
   expect(shown("The port is taken.")).toBe("The port is taken.");
-  expect(shown("Run `sudo usermod -aG dialout $USER`, then log out and in again.")).toBe("Run [sudo usermod -aG dialout $USER], then log out and in again.");
+  expect(shown("Run `sudo usermod -aG dialout $USER`, then log out and in again.")).toBe(
+    "Run [sudo usermod -aG dialout $USER], then log out and in again.",
+  );
   expect(shown("`lsusb` or `dmesg | tail`")).toBe("[lsusb] or [dmesg | tail]");
-  expect(messageParts("`a``b`")).toEqual([{ text: "a", isCode: true }, { text: "b", isCode: true }]);
+  expect(messageParts("`a``b`")).toEqual([
+    { text: "a", isCode: true },
+    { text: "b", isCode: true },
+  ]);
   expect(messageParts("")).toEqual([]);
 });
 

@@ -1,11 +1,11 @@
-/** What of a message is a command to type: the server puts it between backticks, "Run `imuscope doctor`." Pure. */
+/** Commands in a message: the server puts them between backticks, "Run `imuscope doctor`." Pure. */
 
 export interface MessagePart {
   readonly text: string;
   readonly isCode: boolean;
 }
 
-/** The parts of a message in their order, without the backticks; one that stands alone is a character like others. */
+/** The parts of a message in order, without the backticks; a single backtick is an ordinary character. */
 export function messageParts(message: string): readonly MessagePart[] {
   return message
     .split(/`([^`]+)`/)

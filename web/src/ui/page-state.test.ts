@@ -5,20 +5,27 @@ import { isHeld, markOf, pageState, shortSource, showsPlots } from "./page-state
 const device = (status: DeviceStatus): DeviceInfo => ({
   id: "1",
   name: "MTi",
-  source: "twin:xbus",
-  link: "twin",
+  source: "sim:xbus",
+  link: "simulator",
   status,
   protocol: "xbus",
   product: "",
   serial_number: "",
-  firmware: "", protection: "", is_open: true, absent: [],
+  firmware: "",
+  protection: "",
+  is_open: true,
+  absent: [],
   baud: null,
   message: "",
   hint: "",
-  tries: [],
-  next_try: null,
+  attempts: [],
+  next_attempt: null,
   last_arrival: null,
-  notices: [], rearm: [], wants: "", time_unit: "", rotation: "",
+  notices: [],
+  rearm: [],
+  wants: "",
+  time_unit: "",
+  rotation: "",
   parent: "",
 });
 
@@ -51,7 +58,7 @@ describe("the rail's words", () => {
     expect(shortSource("serial:///dev/ttyUSB0?baud=921600")).toBe("ttyUSB0");
     expect(shortSource("/dev/pts/4")).toBe("pts/4");
     expect(shortSource("tcp://10.0.7.21:2000")).toBe("tcp 10.0.7.21:2000");
-    expect(shortSource("twin:xbus?rate=400")).toBe("twin:xbus");
+    expect(shortSource("sim:xbus?rate=400")).toBe("sim:xbus");
     expect(shortSource("udp://:34555")).toBe("udp :34555");
   });
 });

@@ -1,5 +1,6 @@
-/** Which state is the page in? One pure answer from what the server said; what each state shows is in pages/empty-states.tsx. */
+/** State of the page, computed from the server's messages; pages/empty-states.tsx shows each. Pure. */
 import type { DeviceInfo, DeviceStatus } from "../wire/types";
+import { COMMON } from "../texts/common";
 
 export type PageState =
   | "starting" // the server has not been heard yet
@@ -42,26 +43,29 @@ export function showsPlots(state: PageState): boolean {
   return state === "live" || state === "idle" || state === "lost" || state === "ended";
 }
 
-/** States in which the newest value is old, and is shown grey. */
+/** States in which the newest value is old, and shown grey. */
 export function isHeld(state: PageState): boolean {
   return state === "lost" || state === "idle" || state === "ended";
 }
 
 /** The mark of a device in the rail: shape and word (normal has no colour). `gaps`: lost samples within the last minute. */
-export function markOf(status: DeviceStatus, gaps: number): { readonly dot: "live" | "warn" | "bad" | "off"; readonly word: string } {
+export function markOf(
+  status: DeviceStatus,
+  gaps: number,
+): { readonly dot: "live" | "warn" | "bad" | "off"; readonly word: string } {
   switch (status) {
     case "live":
-      return gaps > 0 ? { dot: "warn", word: "live, with gaps" } : { dot: "live", word: "live" };
+      return gaps > 0 ? { dot: "warn", word: COMMON.status.liveWithGaps } : { dot: "live", word: COMMON.status.live };
     case "connecting":
-      return { dot: "off", word: "connecting" };
+      return { dot: "off", word: COMMON.status.connecting };
     case "idle":
-      return { dot: "off", word: "idle" };
+      return { dot: "off", word: COMMON.status.idle };
     case "ended":
-      return { dot: "off", word: "ended" };
+      return { dot: "off", word: COMMON.status.ended };
     case "denied":
-      return { dot: "bad", word: "not permitted" };
+      return { dot: "bad", word: COMMON.status.denied };
     case "lost":
-      return { dot: "bad", word: "lost" };
+      return { dot: "bad", word: COMMON.status.lost };
   }
 }
 

@@ -1,4 +1,4 @@
-/** Where a panel that writes the DOM itself stands in the tree of components: mounted once, updated by the one frame loop. */
+/** Host of a panel that writes the DOM itself, in the tree of components: mounted once, updated by the frame loop. */
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { onFrame } from "../data/render-loop";
 import type { Panel } from "./dom";
@@ -13,9 +13,10 @@ interface Props {
 }
 
 /** `mount` is called once; a changed function is not noticed (give the component a key instead). */
-export function Mounted(props: Props) {
+export function PanelHost(props: Props) {
   const host = useRef<HTMLDivElement>(null);
-  // Before the first paint: nobody sees it empty, and what it shows comes a frame sooner.
+  // before the first paint: it is never empty on screen, and its content comes a frame sooner
+  // biome-ignore lint/correctness/useExhaustiveDependencies: mounted once: another panel has another key
   useLayoutEffect(() => {
     if (!host.current) return undefined;
     const panel = props.mount(host.current);
@@ -26,5 +27,12 @@ export function Mounted(props: Props) {
     };
   }, []);
   const named = props.label === undefined ? {} : { role: props.role ?? "region", "aria-label": props.label };
-  return <div ref={host} {...(props.class === undefined ? {} : { class: props.class })} {...named} {...(props.scrolls ? { tabIndex: 0 } : {})} />;
+  return (
+    <div
+      ref={host}
+      {...(props.class === undefined ? {} : { class: props.class })}
+      {...named}
+      {...(props.scrolls ? { tabIndex: 0 } : {})}
+    />
+  );
 }

@@ -1,9 +1,9 @@
-/** Dark or light? The system decides until a person does; the choice is remembered. The first paint is set by /theme.js. */
+/** Dark or light theme. The system decides until the user does; the choice is stored. The first paint is set by /theme.js. */
 import { signal } from "@preact/signals";
 
 export type Theme = "dark" | "light";
 
-/** Where the choice is kept; also read by public/theme.js. */
+/** Storage key of the choice; also read by public/theme.js. */
 const KEY = "imuscope.theme";
 const system = matchMedia("(prefers-color-scheme: light)");
 
@@ -23,7 +23,7 @@ function show(next: Theme): void {
   document.documentElement.dataset["theme"] = next;
 }
 
-/** Applies the theme and follows the system from here on, while nothing was chosen. */
+/** Applies the theme and follows the system while nothing was chosen. */
 export function startTheme(): void {
   show(theme.value);
   system.addEventListener("change", () => {
@@ -31,13 +31,13 @@ export function startTheme(): void {
   });
 }
 
-/** To the other theme, and remember it. */
+/** Switches to the other theme and stores it. */
 export function toggleTheme(): void {
   const next = theme.value === "dark" ? "light" : "dark";
   try {
     localStorage.setItem(KEY, next);
   } catch {
-    // Not remembered then; it still applies now.
+    // not stored then; it still applies now
   }
   show(next);
 }

@@ -1,28 +1,29 @@
 /**
- * A recording in Rerun's viewer, in a frame over the player: one click, and gone when it is closed. What it opens is the loop range
- * where one is set, else the whole recording; the frame's own address is a link that opens straight into it.
+ * A recording in Rerun's viewer, in a frame over the player: opened by one click, removed when closed. It opens the loop range if set,
+ * else the whole recording; the frame's own address is a link that opens the same.
  */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import type { Replay } from "../recordings/replay-controller";
+import type { ReplayController } from "../recordings/replay-controller";
 import { Icon } from "../ui/icons";
 import { theme } from "../ui/theme";
 import { viewerHref } from "./viewer-href";
+import { TEXT } from "../texts/viewers";
 import "./rerun.css";
 
-/** The address that the frame shows; undefined while it is closed. */
+/** The address shown in the frame; undefined while closed. */
 const shown = signal<string>();
 
-/** Opens what is chosen of a recording. */
-export function RerunButton({ replay }: { readonly replay: Replay }) {
+/** Opens the selected range of a recording. */
+export function RerunButton({ replay }: { readonly replay: ReplayController }) {
   const open = (): void => {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
     shown.value = viewerHref(replay.detail.info.id, loop, theme.peek());
   };
   return (
-    <button type="button" class="btn edge" title="Look at it in the Rerun viewer, here: the loop range, or all of it" onClick={open}>
+    <button type="button" class="btn edge" title={TEXT.openInRerunHint} onClick={open}>
       <Icon name="cube" />
-      Open in Rerun
+      {TEXT.openInRerun}
     </button>
   );
 }
@@ -38,23 +39,35 @@ export function RerunPanel() {
     else void whole.current?.requestFullscreen?.().catch(() => undefined);
   };
   return (
-    <section class="rerun" ref={whole} aria-label="Rerun viewer">
+    <section class="rerun" ref={whole} aria-label={TEXT.rerunViewer}>
       <div class="head">
-        <h2>Rerun</h2>
+        <h2>{TEXT.rerun}</h2>
         <span class="grow" />
-        <a class="btn small" href={address} target="_blank" rel="noopener" title="Open it in a tab of its own; its address can be shared">
-          Own tab
+        <a class="btn small" href={address} target="_blank" rel="noopener" title={TEXT.newTabHint}>
+          {TEXT.newTab}
         </a>
         {document.fullscreenEnabled && (
-          <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.fullScreen}
+            title={TEXT.fullScreenHint}
+            onClick={enlarge}
+          >
             <Icon name="fit" />
           </button>
         )}
-        <button type="button" class="btn icon" aria-label="Close Rerun" title="Close Rerun" onClick={() => (shown.value = undefined)}>
+        <button
+          type="button"
+          class="btn icon"
+          aria-label={TEXT.closeRerun}
+          title={TEXT.closeRerun}
+          onClick={() => (shown.value = undefined)}
+        >
           <Icon name="close" />
         </button>
       </div>
-      <iframe src={address} title="Rerun viewer" allow="fullscreen" />
+      <iframe src={address} title={TEXT.rerunViewer} allow="fullscreen" />
     </section>
   );
 }

@@ -6,7 +6,9 @@ test("a whole recording is named and nothing else", () => {
 });
 
 test("a stretch keeps its microseconds", () => {
-  expect(viewerHref("a", [1760000000.123456, 1760000001.5], "light")).toBe("/rerun/?recording=a&t0=1760000000.123456&t1=1760000001.5&theme=light");
+  expect(viewerHref("a", [1760000000.123456, 1760000001.5], "light")).toBe(
+    "/rerun/?recording=a&t0=1760000000.123456&t1=1760000001.5&theme=light",
+  );
 });
 
 test("what is live is that of a device, or of all", () => {

@@ -1,7 +1,11 @@
-/** Where does Rerun's viewer show this? Pure. */
+/** Addresses of recordings and devices in Rerun's viewer. Pure. */
 
-/** The address of a recording in the viewer, or of a stretch of it (unix s). */
-export function viewerHref(recording: string, range: readonly [number, number] | undefined, theme: "dark" | "light"): string {
+/** The address of a recording, or of a range of it (unix s), in the viewer. */
+export function viewerHref(
+  recording: string,
+  range: readonly [number, number] | undefined,
+  theme: "dark" | "light",
+): string {
   const query = new URLSearchParams({ recording });
   if (range) {
     query.set("t0", String(range[0]));
@@ -11,7 +15,7 @@ export function viewerHref(recording: string, range: readonly [number, number] |
   return `/rerun/?${query}`;
 }
 
-/** The address of what devices send now in the viewer: of one device, or of all without one. */
+/** The address of live data in the viewer: of one device, or of all. */
 export function liveHref(device: string | undefined, theme: "dark" | "light"): string {
   return `/rerun/?${new URLSearchParams({ live: device ?? "", theme })}`;
 }

@@ -1,20 +1,20 @@
-/** When does a viewer that follows a player have to be told where it reads? Pure. */
+/** Position updates for a viewer that follows a player. Pure. */
 
-/** Where it is read (unix s), how fast that moves on (recorded seconds in a second), and when that was so (s, any clock). */
+/** Reading position (unix s), its speed (recorded seconds per second), and the time of this state (s, any clock). */
 export interface Told {
   readonly t: number;
   readonly rate: number;
   readonly at: number;
 }
 
-/** Said again after so long although nothing is new, s: two clocks do not run alike. */
+/** Repeated after this long without changes, s: two clocks drift. */
 const AGAIN_S = 1;
-/** Not more often than that while a person drags, s. */
+/** Least interval while the user drags, s. */
 const PACE_S = 1 / 30;
-/** Further from where it would have moved by itself than this, in a person's time, is news, s. */
+/** Deviation from the expected position that is sent at once, in real time, s. */
 const OFF_S = 0.05;
 
-/** What to say now, undefined when the viewer knows as much. */
+/** The update to send now; undefined if the viewer is up to date. */
 export function headNews(told: Told | undefined, now: Told): Told | undefined {
   if (!told) return now;
   const since = now.at - told.at;

@@ -1,14 +1,14 @@
 /**
- * The 3D scene beside our own panels: viser's page in a frame, begun when a person asks for it and gone when it is closed. Live the
- * same place holds Rerun's viewer, for who prefers that.
+ * The 3D scene beside our own panels: viser's page in a frame, started on request and removed when closed. Live the same place holds
+ * Rerun's viewer as an alternative.
  *
- * Live it shows one device or all side by side. Of a recording it follows the player: the page says where it reads whenever that
- * changes otherwise than by playing on, and once a second, so that both stay together.
+ * Live it shows one device or all side by side. For a recording it follows the player: the page sends the reading position whenever
+ * it changes otherwise than by playback, and once a second, so that both stay in step.
  */
 import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { onFrame } from "../data/render-loop";
-import type { Replay } from "../recordings/replay-controller";
+import type { ReplayController } from "../recordings/replay-controller";
 import { overlay } from "../pages/app-state";
 import { type Problem, request } from "../ui/http";
 import { Icon } from "../ui/icons";
@@ -17,13 +17,15 @@ import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
 import { headNews, type Told } from "./viewer-sync";
 import { liveHref } from "./viewer-href";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/viewers";
 import "./viser.css";
 
-/** Is the panel open? The same on every page. */
+/** Whether the panel is open, on every page. */
 export const sceneOpen = signal(false);
 /** All devices side by side instead of the selected one. */
 const together = signal(false);
-/** Whose viewer stands in the panel on Live. */
+/** The viewer in the panel on Live. */
 const viewer = signal<"viser" | "rerun">("viser");
 
 /** Opens and closes the panel. */
@@ -33,8 +35,8 @@ export function SceneButton() {
     <button
       type="button"
       class="btn icon desk"
-      aria-label="3D scene"
-      title={open ? "Close the 3D scene" : "Show it in a 3D scene, or in Rerun"}
+      aria-label={TEXT.scene3d}
+      title={open ? TEXT.closeScene : TEXT.openScene}
       aria-pressed={open}
       onClick={() => (sceneOpen.value = !open)}
     >
@@ -43,14 +45,14 @@ export function SceneButton() {
   );
 }
 
-/** The same on a phone, whose bar has no room for it: a line of its own, gone while the panel is open. */
+/** The same on a phone, whose bar has no room for it: a line of its own, hidden while the panel is open. */
 export function SceneLine({ children }: { readonly children?: preact.ComponentChildren }) {
   return (
-    <div class="sceneline" role="group" aria-label="Other views">
+    <div class="scene-actions" role="group" aria-label={TEXT.otherViews}>
       {!sceneOpen.value && (
         <button type="button" class="btn edge" onClick={() => (sceneOpen.value = true)}>
           <Icon name="cube" />
-          3D scene
+          {TEXT.scene3d}
         </button>
       )}
       {children}
@@ -69,11 +71,11 @@ export function LiveViews() {
     <SceneLine>
       <button type="button" class="btn edge" onClick={rerun}>
         <Icon name="wave" />
-        Rerun
+        {TEXT.rerun}
       </button>
-      <button type="button" class="btn edge" title="Gestures and keys" onClick={() => (overlay.value = "help")}>
+      <button type="button" class="btn edge" title={TEXT.gesturesAndKeys} onClick={() => (overlay.value = "help")}>
         <Icon name="help" />
-        Help
+        {TEXT.help}
       </button>
     </SceneLine>
   );
@@ -87,34 +89,44 @@ export function LiveScene({ device, several }: { readonly device: DeviceInfo; re
   const isRerun = viewer.value === "rerun";
   const choices = (
     <>
-      <span class="seg small" role="group" aria-label="Viewer">
-        <button type="button" aria-pressed={!isRerun} title="Body, axes, track: drawn by viser" onClick={() => (viewer.value = "viser")}>
-          Scene
+      <span class="segmented small" role="group" aria-label={TEXT.viewer}>
+        <button type="button" aria-pressed={!isRerun} title={TEXT.sceneHint} onClick={() => (viewer.value = "viser")}>
+          {TEXT.scene}
         </button>
-        <button type="button" aria-pressed={isRerun} title="Body and curves as they come, in the Rerun viewer" onClick={() => (viewer.value = "rerun")}>
-          Rerun
+        <button type="button" aria-pressed={isRerun} title={TEXT.rerunHint} onClick={() => (viewer.value = "rerun")}>
+          {TEXT.rerun}
         </button>
       </span>
       {several && (
-        <button type="button" class="btn small" aria-pressed={all} title={isRerun ? "All devices" : "All devices, side by side"} onClick={() => (together.value = !all)}>
-          All
+        <button
+          type="button"
+          class="btn small"
+          aria-pressed={all}
+          title={isRerun ? TEXT.allDevices : TEXT.allDevicesSideBySide}
+          onClick={() => (together.value = !all)}
+        >
+          {COMMON.all}
         </button>
       )}
     </>
   );
   const address = isRerun ? liveHref(all ? undefined : device.id, theme.value) : key ? `/viser/${key}/` : "/viser/";
   return (
-    <Panel title={`${isRerun ? "Rerun" : "3D scene"} of ${all ? "all devices" : device.name}`} extra={choices} address={address}>
-      {isRerun ? <Frame key={address} address={address} title="Rerun viewer" /> : <Begun key={key} device={key} />}
+    <Panel
+      title={TEXT.viewOf(isRerun ? TEXT.rerun : TEXT.scene3d, all ? TEXT.allDevicesInTitle : device.name)}
+      extra={choices}
+      address={address}
+    >
+      {isRerun ? <Frame key={address} address={address} title={TEXT.rerunViewer} /> : <Begun key={key} device={key} />}
     </Panel>
   );
 }
 
 /** The panel of a recording that is open. */
-export function ReplayScene({ replay }: { readonly replay: Replay }) {
+export function ReplayScene({ replay }: { readonly replay: ReplayController }) {
   if (!sceneOpen.value) return null;
   return (
-    <Panel title="3D scene of the recording">
+    <Panel title={TEXT.sceneOfRecording}>
       <Following replay={replay} />
     </Panel>
   );
@@ -123,7 +135,7 @@ export function ReplayScene({ replay }: { readonly replay: Replay }) {
 interface PanelProps {
   readonly title: string;
   readonly extra?: preact.ComponentChildren;
-  /** Where the same is seen in a tab of its own. */
+  /** Address of the same in a tab of its own. */
   readonly address?: string;
   readonly children: preact.ComponentChildren;
 }
@@ -141,16 +153,34 @@ function Panel({ title, extra, address, children }: PanelProps) {
         <span class="grow" />
         {extra}
         {address && (
-          <a class={document.fullscreenEnabled ? "btn small desk" : "btn small"} href={address} target="_blank" rel="noopener" title="Open it in a tab of its own; its address can be shared">
-            Own tab
+          <a
+            class={document.fullscreenEnabled ? "btn small desk" : "btn small"}
+            href={address}
+            target="_blank"
+            rel="noopener"
+            title={TEXT.newTabHint}
+          >
+            {TEXT.newTab}
           </a>
         )}
         {document.fullscreenEnabled && (
-          <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.fullScreen}
+            title={TEXT.fullScreenHint}
+            onClick={enlarge}
+          >
             <Icon name="fit" />
           </button>
         )}
-        <button type="button" class="btn icon" aria-label="Close the 3D scene" title="Close the 3D scene" onClick={() => (sceneOpen.value = false)}>
+        <button
+          type="button"
+          class="btn icon"
+          aria-label={TEXT.closeScene}
+          title={TEXT.closeScene}
+          onClick={() => (sceneOpen.value = false)}
+        >
           <Icon name="close" />
         </button>
       </div>
@@ -165,25 +195,34 @@ function Frame({ address, title }: { readonly address: string; readonly title: s
 
 function Scene({ address }: { readonly address: string }) {
   const dark = theme.value === "dark" ? "?darkMode" : "";
-  return <Frame address={address + dark} title="3D scene, by viser" />;
+  return <Frame address={address + dark} title={TEXT.sceneByViser} />;
 }
 
 function Waiting({ problem }: { readonly problem: Problem | undefined }) {
-  if (!problem) return <p class="wait" role="status">Starting the 3D scene…</p>;
+  if (!problem)
+    return (
+      <p class="wait" role="status">
+        {TEXT.startingScene}
+      </p>
+    );
   return (
     <p class="wait" role="alert">
-      <b><Message text={problem.message} /></b> <Message text={problem.hint} />
+      <b>
+        <Message text={problem.message} />
+      </b>{" "}
+      <Message text={problem.hint} />
     </p>
   );
 }
 
-/** A scene of what lives: asked for first, so that a refusal is told in words of ours. */
+/** A live scene: requested first, so that a refusal is reported in our words. */
 function Begun({ device }: { readonly device: string }) {
   const [address, setAddress] = useState<string>();
   const [problem, setProblem] = useState<Problem>();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
   useEffect(() => {
     let wanted = true;
-    void request<{ readonly address: string }>("GET", `/api/views/scene?device=${encodeURIComponent(device)}`).then((outcome) => {
+    void request("GET /api/views/scene", { query: { device } }).then((outcome) => {
       if (!wanted) return;
       if (outcome.ok) setAddress(outcome.value.address);
       else setProblem(outcome.problem);
@@ -196,9 +235,10 @@ function Begun({ device }: { readonly device: string }) {
 }
 
 /** A scene that follows a player. */
-function Following({ replay }: { readonly replay: Replay }) {
+function Following({ replay }: { readonly replay: ReplayController }) {
   const [address, setAddress] = useState<string>();
   const [problem, setProblem] = useState<Problem>();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
   useEffect(() => {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/ws/scene/${encodeURIComponent(replay.detail.info.id)}`);
@@ -206,7 +246,12 @@ function Following({ replay }: { readonly replay: Replay }) {
     socket.onmessage = ({ data }) => setAddress((JSON.parse(String(data)) as { readonly address: string }).address);
     socket.onclose = ({ reason }) => {
       setAddress(undefined);
-      setProblem({ kind: "closed", message: reason || "The 3D scene has ended.", hint: "Close it and open it again.", status: 0 });
+      setProblem({
+        kind: "closed",
+        message: reason || TEXT.sceneEnded,
+        hint: TEXT.reopenScene,
+        status: 0,
+      });
     };
     const stop = onFrame((now) => {
       if (socket.readyState !== WebSocket.OPEN) return;

@@ -1,5 +1,5 @@
 /**
- * What is in a binary WebSocket message? (The specification is the docstring of server/wire.py.)
+ * Decoder of binary WebSocket messages. (The specification is the docstring of server/wire.py.)
  *
  *     | sample frame | sample frame | …            a message is frames back to back
  *
@@ -7,14 +7,15 @@
  *     16  u64 sequence            24  u32 size      28  u32 –         32  f64 now
  *     40  arrival f8[n] · time f8[n] · the channel's columns, each padded to a multiple of 8 bytes
  *
- * A column comes out as a typed-array view of the message itself: nothing is copied, and when the message's buffer is
- * transferred to another thread the views travel with it. Typed arrays read in the machine's byte order; every machine
- * that runs a browser today is little-endian, which `decode` checks once rather than assumes.
+ * A column is a typed-array view of the message itself: nothing is copied, and when the message's buffer is transferred to another
+ * thread the views travel with it. Typed arrays read in the machine's byte order; every machine that runs a browser today is
+ * little-endian, which `decode` checks once.
  *
- * Every length is checked before it is believed. A message that does not hold together gives the frames before the fault
- * and one sentence about it: the page shows the sentence and goes on, because the next message starts afresh.
+ * Every length is checked before use. An inconsistent message gives the frames before the fault and one sentence about it: the page
+ * shows the sentence and continues, because the next message is independent.
  */
 import { DTYPE_SIZE, FLAG_HISTORY, HEADER, HEADER_SIZE, OPCODE_SAMPLES, type Dtype } from "./types";
+import { TEXT } from "../texts/wire";
 
 export type Column =
   | Float32Array
@@ -36,7 +37,7 @@ export interface SampleFrame {
   readonly dropped: number;
   /** Number of the first sample since the channel exists. */
   readonly sequence: number;
-  /** Sent because of a subscribe: older than what is live, to be put before it. */
+  /** Sent because of a subscribe: older than live samples, to be put before them. */
   readonly history: boolean;
   /** Server clock when sent, unix seconds. */
   readonly now: number;
@@ -50,23 +51,33 @@ export interface SampleFrame {
 
 export interface Decoded {
   readonly frames: readonly SampleFrame[];
-  /** What was wrong with the rest of the message, or undefined. */
+  /** The fault in the rest of the message, or undefined. */
   readonly problem: string | undefined;
 }
 
-/** A view of `n` values at byte `at`: no copy. `at` must be a multiple of the value's size (the wire's padding sees to it). */
+/** A view of `n` values at byte `at`, without a copy. `at` must be a multiple of the value's size (ensured by the wire's padding). */
 function view(dtype: Dtype, buffer: ArrayBuffer, at: number, n: number): Column {
   switch (dtype) {
-    case "f4": return new Float32Array(buffer, at, n);
-    case "f8": return new Float64Array(buffer, at, n);
-    case "i1": return new Int8Array(buffer, at, n);
-    case "u1": return new Uint8Array(buffer, at, n);
-    case "i2": return new Int16Array(buffer, at, n);
-    case "u2": return new Uint16Array(buffer, at, n);
-    case "i4": return new Int32Array(buffer, at, n);
-    case "u4": return new Uint32Array(buffer, at, n);
-    case "i8": return new BigInt64Array(buffer, at, n);
-    case "u8": return new BigUint64Array(buffer, at, n);
+    case "f4":
+      return new Float32Array(buffer, at, n);
+    case "f8":
+      return new Float64Array(buffer, at, n);
+    case "i1":
+      return new Int8Array(buffer, at, n);
+    case "u1":
+      return new Uint8Array(buffer, at, n);
+    case "i2":
+      return new Int16Array(buffer, at, n);
+    case "u2":
+      return new Uint16Array(buffer, at, n);
+    case "i4":
+      return new Int32Array(buffer, at, n);
+    case "u4":
+      return new Uint32Array(buffer, at, n);
+    case "i8":
+      return new BigInt64Array(buffer, at, n);
+    case "u8":
+      return new BigUint64Array(buffer, at, n);
   }
 }
 
@@ -77,7 +88,7 @@ function padded(dtype: Dtype, n: number): number {
   return (n * DTYPE_SIZE[dtype] + 7) & ~7;
 }
 
-/** One frame at byte `at`, or a sentence saying why there is none. */
+/** One frame at byte `at`, or a sentence about its fault. */
 function frame(
   buffer: ArrayBuffer,
   data: DataView,
@@ -85,22 +96,22 @@ function frame(
   dtypesOf: (channel: number) => readonly Dtype[] | undefined,
 ): { readonly frame: SampleFrame; readonly size: number } | string {
   const left = buffer.byteLength - at;
-  if (left < HEADER_SIZE) return `${left} B are left, a header has ${HEADER_SIZE} B`;
+  if (left < HEADER_SIZE) return TEXT.headerCut(left, HEADER_SIZE);
   const opcode = data.getUint8(at + HEADER.opcode);
-  if (opcode !== OPCODE_SAMPLES) return `opcode ${opcode} is not known`;
+  if (opcode !== OPCODE_SAMPLES) return TEXT.unknownOpcode(opcode);
   const size = data.getUint32(at + HEADER.size, true);
-  if (size < HEADER_SIZE || size % 8 !== 0) return `a frame cannot be ${size} B long`;
-  if (size > left) return `a frame of ${size} B does not fit into the ${left} B left`;
+  if (size < HEADER_SIZE || size % 8 !== 0) return TEXT.invalidLength(size);
+  if (size > left) return TEXT.frameCut(size, left);
   const channel = data.getUint32(at + HEADER.channel, true);
   const dtypes = dtypesOf(channel);
-  if (dtypes === undefined) return `channel ${channel} was never advertised`;
+  if (dtypes === undefined) return TEXT.unknownChannel(channel);
   const count = data.getUint16(at + HEADER.columns, true);
-  if (count !== dtypes.length + 2) return `channel ${channel} has ${dtypes.length + 2} columns, the frame ${count}`;
+  if (count !== dtypes.length + 2) return TEXT.wrongColumnCount(channel, dtypes.length + 2, count);
   const n = data.getUint32(at + HEADER.n, true);
   let need = HEADER_SIZE + 2 * padded("f8", n);
   for (const dtype of dtypes) need += padded(dtype, n);
-  // n is checked by what it would need before any view is made: 2³² − 1 rows of garbage must not allocate or throw.
-  if (n > size || need !== size) return `${n} samples of channel ${channel} need ${need} B, the frame has ${size} B`;
+  // n is checked against its size before any view is made: 2³² − 1 rows of garbage must not allocate or throw
+  if (n > size || need !== size) return TEXT.samplesCut(n, channel, need, size);
 
   let place = at + HEADER_SIZE;
   const arrival = new Float64Array(buffer, place, n);
@@ -137,12 +148,12 @@ function frame(
  */
 export function decode(buffer: ArrayBuffer, dtypesOf: (channel: number) => readonly Dtype[] | undefined): Decoded {
   const frames: SampleFrame[] = [];
-  if (!LITTLE_ENDIAN) return { frames, problem: "this machine is big-endian, the wire is little-endian" };
+  if (!LITTLE_ENDIAN) return { frames, problem: TEXT.bigEndian };
   const data = new DataView(buffer);
   let at = 0;
   while (at < buffer.byteLength) {
     const found = frame(buffer, data, at, dtypesOf);
-    if (typeof found === "string") return { frames, problem: `Samples could not be read: at byte ${at}, ${found}.` };
+    if (typeof found === "string") return { frames, problem: TEXT.unreadableSamples(at, found) };
     frames.push(found.frame);
     at += found.size;
   }

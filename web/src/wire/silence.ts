@@ -1,14 +1,14 @@
 /**
- * Is the server still heard? It tells its health twice a second whatever else there is to tell, so a connection over which nothing
- * comes for a little longer is dead, although no socket says so for a long time: a cable that was pulled out, a network that is
- * congested. Pure: who listens says when it heard something, and asks from time to time.
+ * Detection of a dead connection. The server sends its health twice a second in any case, so a connection silent for a little longer is
+ * dead, although the socket reports it only much later: a cable was pulled out, a network is congested. Pure: the caller reports
+ * received messages, and polls.
  */
 
-/** Nothing was heard for this long, s: three reports are missing. */
+/** Silence after this long, s: three reports are missing. */
 export const SILENT_S = 1.5;
-/** Asked this often, s. */
+/** Polling interval, s. */
 export const ASK_S = 0.25;
-/** Who was not even asked for this long slept itself, and hears first what waits, s. */
+/** A longer pause between polls means that the page slept: waiting messages are processed first, s. */
 const SLEPT_S = 1;
 
 export class Silence {
@@ -16,14 +16,14 @@ export class Silence {
   #asked = NaN;
   #since: number | undefined;
 
-  /** Something came; true when that ends a silence. */
+  /** Report a message; true if it ends a silence. */
   hear(now: number): boolean {
     const ended = this.#since !== undefined;
     [this.#heard, this.#since] = [now, undefined];
     return ended;
   }
 
-  /** Since when nothing was heard, when that begins to matter now; undefined otherwise. */
+  /** Start of the silence when it becomes relevant; undefined otherwise. */
   ask(now: number): number | undefined {
     const slept = !(now - this.#asked < SLEPT_S);
     this.#asked = now;

@@ -1,30 +1,30 @@
 /// <reference lib="webworker" />
 /**
- * Who keeps the connection to the server? This worker: it owns the WebSocket, reads frames off it as they come, also while
- * the page is busy, and hands typed arrays over without a copy.
+ * The worker that keeps the connection to the server: it owns the WebSocket, decodes frames as they come, even while the page is
+ * busy, and transfers typed arrays without a copy.
  *
  *     server ──WebSocket──▶ worker ──decode──▶ postMessage(frames, [buffer]) ──▶ page: Store ──▶ Ring
  *
- * Lost connections are tried again after 0.25, 0.5, 1, 2, 4, 4 … s. After one, the page keeps what it holds and asks only for
- * the seconds it missed: sample numbers tell exactly which samples it lacks. A server that was restarted says so by
- * another `run`; then everything is forgotten.
+ * Lost connections are retried after 0.25, 0.5, 1, 2, 4, 4 … s. After one, the page keeps its data and requests only the missed
+ * seconds: sample numbers show exactly which samples it lacks. A restarted server has another `run`; then everything is dropped.
  */
+import { TEXT } from "../texts/wire";
 import { localNow, ServerClock } from "./clock";
 import { decode } from "./codec";
 import { ASK_S, Silence } from "./silence";
 import type { FromWorker, ToWorker } from "./worker-messages";
 import { SUBPROTOCOL, type BrowserText, type Dtype, type ServerText } from "./types";
 
-/** First and longest wait between tries, s. Four seconds: a rebooted robot is on screen as soon as it listens. */
+/** First and longest wait between attempts, s. Four seconds: a rebooted robot is on screen as soon as it listens. */
 const FIRST_WAIT = 0.25;
 const LONGEST_WAIT = 4;
-/** Pings: quickly at first so that ages are right at once, then seldom. */
+/** Pings: frequent at first so that ages are right at once, then rare. */
 const PING_FAST_S = 0.5;
 const PING_SLOW_S = 5;
 const FAST_PINGS = 6;
-/** A server that has not answered for this long is given up: a cable pulled out closes no socket by itself. */
+/** A server that has not answered for this long is given up: a pulled cable closes no socket by itself. */
 const SILENCE_S = 15;
-/** Asked for beyond the time missed: the newest sample we hold may be older than the newest the server had sent. */
+/** Requested beyond the missed time: our newest sample may be older than the newest sent by the server. */
 const MARGIN_S = 2;
 
 const post = (message: FromWorker, transfer: Transferable[] = []): void => self.postMessage(message, { transfer });
@@ -40,7 +40,7 @@ let pings = 0;
 let heard = 0;
 let run: string | undefined;
 let newest = -Infinity;
-let backfilled = false;
+let historyComplete = false;
 let stopped = true;
 const clock = new ServerClock();
 const silence = new Silence();
@@ -92,14 +92,14 @@ function listen(): void {
   const since = silence.ask(localNow());
   if (since === undefined) return;
   post({ kind: "silence", since });
-  send({ op: "ping", t: localNow() }); // the answer tells that it is over, and a socket without a way fails the sooner
+  send({ op: "ping", t: localNow() }); // the answer ends the silence, and a socket without a route fails sooner
 }
 
 function ping(): void {
   if (localNow() - heard > SILENCE_S) {
     const dead = socket;
     dead?.close();
-    dead?.onclose?.(new CloseEvent("close")); // close() waits for the other end, which is what is missing
+    dead?.onclose?.(new CloseEvent("close")); // close() waits for the other end, which does not answer
     return;
   }
   send({ op: "ping", t: localNow() });
@@ -116,8 +116,8 @@ function subscribe(hello: Extract<ServerText, { op: "hello" }>): void {
     newest = -Infinity;
   }
   const most = Math.min(wanted, hello.history);
-  const missed = newest === -Infinity || !backfilled ? most : hello.server_time - newest + MARGIN_S;
-  backfilled = false;
+  const missed = newest === -Infinity || !historyComplete ? most : hello.server_time - newest + MARGIN_S;
+  historyComplete = false;
   post({ kind: "subscribed", fresh });
   if (interval > 0) send({ op: "interval", s: interval });
   send({ op: "subscribe", history: Math.max(0, Math.min(most, missed)), channels: null });
@@ -128,7 +128,7 @@ function onText(data: string): void {
   try {
     text = JSON.parse(data) as ServerText;
   } catch {
-    return post({ kind: "problem", message: "The server sent text that is not JSON." });
+    return post({ kind: "problem", message: TEXT.invalidJson });
   }
   switch (text.op) {
     case "hello":
@@ -137,7 +137,11 @@ function onText(data: string): void {
       post({ kind: "text", text });
       return subscribe(text);
     case "channels":
-      for (const channel of text.channels) dtypes.set(channel.id, channel.columns.map((column) => column.dtype));
+      for (const channel of text.channels)
+        dtypes.set(
+          channel.id,
+          channel.columns.map((column) => column.dtype),
+        );
       break;
     case "pong": {
       clock.add(text.t, text.server_time, localNow());
@@ -145,8 +149,8 @@ function onText(data: string): void {
       if (estimate !== undefined) post({ kind: "clock", ...estimate });
       return;
     }
-    case "backfilled":
-      backfilled = true;
+    case "history_end":
+      historyComplete = true;
       break;
     default:
   }
@@ -160,7 +164,8 @@ function onBinary(buffer: ArrayBuffer): void {
     if (last !== undefined && last > newest) newest = last;
   }
   if (problem !== undefined) post({ kind: "problem", message: problem });
-  if (frames.length > 0) post({ kind: "frames", frames, received: localNow() + (clock.estimate?.offset ?? NaN) }, [buffer]);
+  if (frames.length > 0)
+    post({ kind: "frames", frames, received: localNow() + (clock.estimate?.offset ?? NaN) }, [buffer]);
 }
 
 function stop(): void {

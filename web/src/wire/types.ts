@@ -2,11 +2,11 @@
 
 export const SUBPROTOCOL = "imuscope.v1";
 export const OPCODE_SAMPLES = 1;
-/** Bit of `flags`: history. Prepend it; the newest block comes first, live frames may come between. */
+/** Bit of `flags`: history. Prepend it; the newest block is sent first, live frames may come between. */
 export const FLAG_HISTORY = 1;
 /** Size of a sample frame's header in bytes; the columns follow. */
 export const HEADER_SIZE = 40;
-/** Where each header field stands in a frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */
+/** Offset of each header field in a frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */
 export const HEADER = {
   opcode: 0,
   flags: 1,
@@ -32,9 +32,11 @@ export const DTYPE_SIZE = {
   u8: 8,
 } as const;
 
+import type { Capabilities } from "./capability-types";
+
 export type Dtype = "f4" | "f8" | "i1" | "u1" | "i2" | "u2" | "i4" | "u4" | "i8" | "u8";
 
-export type Severity = "" | "caution" | "fault";
+export type Severity = "" | "warning" | "error";
 
 export type DeviceStatus = "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
 
@@ -42,7 +44,7 @@ export type Wants = "" | "key" | "rearm";
 
 export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device" | "command";
 
-export type Level = "info" | "caution" | "fault";
+export type Level = "info" | "warning" | "error";
 
 /** One flag (width 1) or bit group of a status column; drawn as a lane. */
 export interface BitsInfo {
@@ -64,11 +66,11 @@ export interface ColumnInfo {
   readonly unit: string;
   /** short label on the plot; "" means name */
   readonly label: string;
-  /** which axis colour it has */
+  /** determines its colour */
   readonly axis: "" | "x" | "y" | "z" | "w";
   readonly choices: Readonly<Record<string, string>>;
   readonly bits: readonly BitsInfo[];
-  /** digits after the point; -1: the page chooses */
+  /** digits after the decimal point; -1: chosen by the page */
   readonly decimals: number;
   /** wraps at this value; 0: never */
   readonly period: number;
@@ -80,27 +82,27 @@ export interface ChannelInfo {
   readonly id: number;
   /** DeviceInfo.id */
   readonly device: string;
-  /** the document's message name: "MTData2" */
+  /** message name in the protocol document: "MTData2" */
   readonly message: string;
-  /** the document's quantity name: "Acceleration" */
+  /** quantity name in the protocol document: "Acceleration" */
   readonly name: string;
-  /** for a person: "Acceleration"; where a device sends several of one title, `group` tells them apart */
+  /** displayed: "Acceleration"; if a device sends several with one title, `group` distinguishes them */
   readonly title: string;
-  readonly kind: "vector" | "quaternion" | "matrix" | "euler" | "status" | "scalar" | "record" | "rows" | "counter";
+  readonly kind: "vector" | "quaternion" | "matrix" | "euler" | "status" | "scalar" | "record" | "table" | "counter";
   readonly unit: string;
   /** "ENU", "NED", "NWU", "ECEF", "ENU from body" or "" */
   readonly frame: string;
   readonly columns: readonly ColumnInfo[];
   readonly doc: string;
   readonly source: string;
-  /** false: its samples are shown although nobody could check who sent them */
+  /** false: its samples are shown although their sender could not be verified */
   readonly verified: boolean;
-  /** the message it came in, for a person: "INS 1"; "" where a quantity stands for itself */
+  /** displayed name of its message: "INS 1"; "" if the title is sufficient */
   readonly group: string;
 }
 
-/** One attempt to reach a device, in words. */
-export interface Try {
+/** One attempt to connect to a device, as text. */
+export interface Attempt {
   /** "921 600 Bd" */
   readonly what: string;
   /** "2 304 B, no frame in them" */
@@ -112,11 +114,12 @@ export interface Try {
 export interface DeviceInfo {
   /** stable for this server run: "1"; of a further device on the link of "1": "1.102" */
   readonly id: string;
-  /** what the rail shows: "MTi-630" */
+  /** displayed name: "MTi-630" */
   readonly name: string;
-  /** as given: "/dev/ttyUSB0", "twin:xbus" */
+  /** as given: "/dev/ttyUSB0", "sim:xbus" */
   readonly source: string;
-  readonly link: "serial" | "tcp" | "tcp-listen" | "udp" | "file" | "twin";
+  /** a name of LinkCapability: "serial", "tcp", "file" */
+  readonly link: string;
   readonly status: DeviceStatus;
   /** "xbus", "" while unknown */
   readonly protocol: string;
@@ -124,30 +127,30 @@ export interface DeviceInfo {
   readonly product: string;
   readonly serial_number: string;
   readonly firmware: string;
-  /** of its frames, where they differ: "Safety, CRC-32", "Secure, unverified: no key" */
+  /** of its frames, if the protocol has several: "Safety, CRC-32", "Secure, unverified: no key" */
   readonly protection: string;
   readonly baud: number | null;
   /** one sentence about the state: "/dev/ttyUSB0 is gone." */
   readonly message: string;
-  /** what to do next */
+  /** next step for the user */
   readonly hint: string;
-  readonly tries: readonly Try[];
+  readonly attempts: readonly Attempt[];
   /** unix seconds of the next attempt */
-  readonly next_try: number | null;
+  readonly next_attempt: number | null;
   readonly last_arrival: number | null;
-  /** standing remarks: a high USB latency timer and its fix */
+  /** permanent notices: a high USB latency timer and its fix */
   readonly notices: readonly string[];
   /** senders whose sequence restarted: an operator may re-arm them */
   readonly rearm: readonly string[];
-  /** what it waits for while nothing of it can be shown */
+  /** required user action, while no data can be shown */
   readonly wants: Wants;
-  /** as which its timestamps are read, where that is a setting: "ms"; "" for the usual one */
+  /** unit of its timestamps, if it is a setting: "ms"; "" for the default */
   readonly time_unit: string;
-  /** which way its quaternion turns, where that is a setting: "body_from_enu"; "" for the usual one */
+  /** direction of its quaternion, if it is a setting: "body_from_enu"; "" for the default */
   readonly rotation: string;
-  /** the first device on the same link, where that has several; link, retry and removal are its own */
+  /** first device on the same link, if there are several; link, retry and removal belong to it */
   readonly parent: string;
-  /** its link: a device that is silent on an open one may still answer */
+  /** state of its link: a silent device on an open link may still answer */
   readonly is_open: boolean;
   /** flags of its status words that this product does not have */
   readonly absent: readonly string[];
@@ -162,8 +165,8 @@ export interface MessageHealth {
   readonly count: number;
 }
 
-/** What makes the arrival times of a device uneven, and what helps. */
-export interface TimeCause {
+/** Cause of uneven arrival times, and its remedy. */
+export interface JitterCause {
   readonly kind: "bursts" | "resets" | "stalls" | "network";
   /** one sentence or two */
   readonly text: string;
@@ -171,8 +174,8 @@ export interface TimeCause {
 }
 
 /**
- * Figures of one device; rates over the last second, counts since the session began. What was refused, verified
- * or not is counted since its bytes are read in this way: a key that is given later begins anew.
+ * Figures of one device; rates over the last second, counts since the session began. Rejected, verified and
+ * unverified frames are counted since the decode options were set: a new key restarts these counts.
  */
 export interface DeviceHealth {
   readonly device: string;
@@ -181,12 +184,12 @@ export interface DeviceHealth {
   readonly rate: number;
   readonly messages: readonly MessageHealth[];
   readonly gaps: number;
-  /** samples that counters say are missing */
+  /** missing samples, according to counters */
   readonly lost: number;
   readonly rejects: number;
   readonly bytes: number;
   readonly bytes_per_s: number;
-  /** bytes/s the link can carry, where known */
+  /** bytes/s the link can carry, if known */
   readonly capacity: number | null;
   /** p99 of arrival minus expected arrival over the last seconds */
   readonly jitter_ms: number | null;
@@ -197,24 +200,24 @@ export interface DeviceHealth {
   readonly uncertainty_ms: number | null;
   /** reason → how many of `rejects`: "bad_checksum", "no_key" */
   readonly rejects_by: Readonly<Record<string, number>>;
-  /** samples whose frames passed every check; null where a protocol does not tell */
+  /** samples whose frames passed all checks; null if the protocol has no such check */
   readonly verified: number | null;
   /** samples shown although their frames could not be checked */
   readonly unverified: number | null;
   /** samples dropped for this browser */
   readonly dropped: number;
-  /** why arrival times are uneven; null while they are not */
-  readonly time_cause: TimeCause | null;
+  /** cause of uneven arrival times; null while they are even */
+  readonly jitter_cause: JitterCause | null;
 }
 
-/** The newest payload of a kind that nobody has described: a vendor's own type, a number newer than the tables. */
-export interface RawPayload {
+/** Newest payload of a type without a description: a vendor-specific type, or one newer than the tables. */
+export interface UnknownPayload {
   readonly device: string;
   /** "0x80", "0x4FF0", "DID_RTK_DEBUG_2" */
   readonly name: string;
-  /** its number in the protocol */
+  /** type number in the protocol */
   readonly id: number;
-  /** the message it came in, for a person */
+  /** displayed name of its message */
   readonly message: string;
   /** since the session began */
   readonly count: number;
@@ -222,7 +225,7 @@ export interface RawPayload {
   readonly rate: number;
   /** bytes of the payload */
   readonly size: number;
-  /** its bytes, at most the first 1024 */
+  /** at most its first 1024 bytes */
   readonly hex: string;
   /** of this one, unix seconds */
   readonly arrival: number;
@@ -230,7 +233,7 @@ export interface RawPayload {
   readonly verified: boolean;
 }
 
-/** Something that happened. `t0`..`t1` (host time) is the span it concerns: a gap is hatched there. */
+/** An event. `t0`..`t1` (host time) is the time span concerned, for example hatched as a gap. */
 export interface EventInfo {
   readonly seq: number;
   readonly time: number;
@@ -249,10 +252,11 @@ export interface Hello {
   readonly version: string;
   readonly server_time: number;
   readonly host: string;
-  /** changes when the server restarts: a page then forgets its channels */
+  /** changes when the server restarts; the page then discards its channels */
   readonly run: string;
   /** seconds kept in memory */
   readonly history: number;
+  readonly capabilities: Capabilities;
   readonly op: "hello";
 }
 
@@ -271,9 +275,9 @@ export interface HealthReport {
   readonly op: "health";
 }
 
-export interface Raws {
-  readonly payloads: readonly RawPayload[];
-  readonly op: "raws";
+export interface UnknownPayloads {
+  readonly payloads: readonly UnknownPayload[];
+  readonly op: "unknown_payloads";
 }
 
 export interface Events {
@@ -281,8 +285,8 @@ export interface Events {
   readonly op: "events";
 }
 
-/** One frame of a command exchange, or a note between them. */
-export interface ExchangeEntry {
+/** One frame of a transaction, or a note between frames. */
+export interface TrafficEntry {
   readonly seq: number;
   readonly time: number;
   readonly device: string;
@@ -290,37 +294,37 @@ export interface ExchangeEntry {
   /** of the frame: "SetOutputConfiguration"; "" for a note */
   readonly name: string;
   readonly hex: string;
-  /** what it says, or what was made of it: "12 of 12 entries as asked" */
+  /** decoded content or result: "12 of 12 entries as requested" */
   readonly text: string;
-  /** an answer: time since the request */
+  /** for an answer: time since the request */
   readonly ms: number | null;
   readonly level: Level;
 }
 
-/** A field that the device did not take as asked. */
+/** A field whose requested value the device did not accept. */
 export interface FieldOutcome {
   readonly setting: string;
   readonly path: string;
   readonly title: string;
   readonly asked: string;
-  /** "" where it was refused */
+  /** "" if it was rejected */
   readonly got: string;
   readonly why: string;
 }
 
-/** One thing that is done, or waits to be done, to a device. */
+/** One task of a device, queued, running or finished. */
 export interface Job {
   readonly id: number;
   readonly device: string;
   /** "Write Output configuration" */
   readonly title: string;
   readonly state: "waiting" | "running" | "done" | "failed" | "stopped";
-  /** what it is at: "GoToConfig, second try" */
+  /** current step: "GoToConfig, second try" */
   readonly step: string;
-  /** of a finished one: one sentence */
+  /** result of a finished job, one sentence */
   readonly message: string;
   readonly hint: string;
-  /** the one taken before, or by it */
+  /** name of the snapshot taken before or by the job */
   readonly snapshot: string;
   /** the answer of a command */
   readonly values: Readonly<Record<string, unknown>>;
@@ -329,51 +333,51 @@ export interface Job {
   readonly ended: number | null;
 }
 
-/** Settings that go back unless a person keeps them. */
-export interface Trial {
+/** Settings that are rolled back unless the user confirms them. */
+export interface PendingRollback {
   readonly device: string;
-  readonly state: "applying" | "asking" | "reverting" | "kept" | "reverted" | "unreachable";
-  /** in words: "Baud rate 115 200 → 921 600" */
+  readonly state: "applying" | "pending" | "rolling-back" | "confirmed" | "rolled-back" | "unreachable";
+  /** as text: "Baud rate 115 200 → 921 600" */
   readonly changes: readonly string[];
-  /** "The device answers at 921 600 Bd. If you say nothing, it goes back to 115 200 Bd." */
+  /** "The device answers at 921 600 Bd. Unless confirmed, it goes back to 115 200 Bd." */
   readonly words: string;
-  /** unix seconds, while it asks */
+  /** unix seconds, while pending */
   readonly deadline: number | null;
   readonly seconds: number;
 }
 
-/** What is done to one device. */
-export interface ControlState {
+/** Queue and state of one device. */
+export interface DeviceJobs {
   readonly device: string;
-  /** "Measurement", "Config", "" where the protocol has none */
+  /** "Measurement", "Config", "" if the protocol has no states */
   readonly state: string;
   readonly running: Job | null;
   readonly queue: readonly Job[];
   /** the last five, newest first */
   readonly done: readonly Job[];
-  readonly trial: Trial | null;
-  /** what a command left open that a change of state discards: a reset that is not stored */
+  readonly pending_rollback: PendingRollback | null;
+  /** unfinished work of a command, lost on a change of state: a reset that is not stored */
   readonly unfinished: string;
 }
 
-/** What is being recorded. */
+/** State of the recorder. */
 export interface RecorderState {
   readonly running: boolean;
-  /** RecordingInfo.id of the file that is written now */
+  /** RecordingInfo.id of the file being written */
   readonly id: string;
   readonly title: string;
   readonly devices: readonly string[];
   /** unix seconds */
   readonly started: number | null;
-  /** of this recording, over all its parts */
+  /** size of this recording, all parts */
   readonly bytes: number;
-  /** age of the oldest byte that is not on its way to the disk */
+  /** age of the oldest byte not yet passed to the disk */
   readonly behind_s: number;
-  /** bytes left on the disk */
+  /** free bytes on the disk */
   readonly free: number | null;
-  /** until it is full at this rate */
+  /** until the disk is full, at the present rate */
   readonly seconds_left: number | null;
-  /** why it stopped by itself; "" otherwise */
+  /** why it stopped unexpectedly; "" otherwise */
   readonly message: string;
   readonly hint: string;
   readonly op: "recorder";
@@ -388,7 +392,7 @@ export interface ExportJob {
   readonly id: number;
   readonly recording: string;
   readonly format: string;
-  /** what it is, in words: "CSV, 12.5 s, 3 channels" */
+  /** description: "CSV, 12.5 s, 3 channels" */
   readonly title: string;
   readonly state: "waiting" | "running" | "done" | "failed" | "cancelled";
   /** 0..1 */
@@ -404,18 +408,18 @@ export interface Exports {
   readonly op: "exports";
 }
 
-export interface Control {
-  readonly devices: readonly ControlState[];
-  readonly op: "control";
+export interface JobsReport {
+  readonly devices: readonly DeviceJobs[];
+  readonly op: "jobs";
 }
 
-export interface Exchange {
-  readonly entries: readonly ExchangeEntry[];
-  readonly op: "exchange";
+export interface Traffic {
+  readonly entries: readonly TrafficEntry[];
+  readonly op: "traffic";
 }
 
-export interface Backfilled {
-  readonly op: "backfilled";
+export interface HistoryEnd {
+  readonly op: "history_end";
 }
 
 export interface Pong {
@@ -424,7 +428,7 @@ export interface Pong {
   readonly op: "pong";
 }
 
-/** The one shape of errors, here and in every HTTP answer. */
+/** The shape of every error, here and in HTTP responses. */
 export interface Problem {
   readonly kind: string;
   readonly message: string;
@@ -433,20 +437,20 @@ export interface Problem {
 }
 
 /**
- * Starts afresh: the page forgets its samples, appends live frames and prepends history frames (newest block first,
- * each ending where the one before it began; flags bit 0).
+ * The page discards its samples, appends live frames and prepends history frames (newest block first, each
+ * ending where the previous one began; flags bit 0).
  */
 export interface Subscribe {
   /** seconds of history wanted */
   readonly history: number;
-  /** None: all, also those that appear later */
+  /** None: all, also future ones */
   readonly channels: readonly number[] | null;
   readonly op: "subscribe";
 }
 
-/** How often the page draws: a slow display costs its server, its network and itself less. */
+/** Drawing interval of the page: a longer one reduces the load of server, network and page. */
 export interface Interval {
-  /** between two frames of samples, at least; 0: as often as the server sends */
+  /** minimum time between sample frames; 0: as often as the server sends */
   readonly s: number;
   readonly op: "interval";
 }
@@ -456,6 +460,6 @@ export interface Ping {
   readonly op: "ping";
 }
 
-export type ServerText = Hello | Devices | Channels | HealthReport | Raws | Events | Control | Exchange | RecorderState | LibraryChanged | Exports | Backfilled | Pong | Problem;
+export type ServerText = Hello | Devices | Channels | HealthReport | UnknownPayloads | Events | JobsReport | Traffic | RecorderState | LibraryChanged | Exports | HistoryEnd | Pong | Problem;
 
 export type BrowserText = Subscribe | Interval | Ping;

@@ -1,6 +1,5 @@
-/** The bar at the foot: what will be written, why it cannot be, how it goes, what came of it. */
+/** The bar at the foot: pending changes, why they cannot be written, progress and result. */
 import { useEffect, useRef } from "preact/hooks";
-import { count } from "../../ui/format";
 import type { Job } from "../../wire/types";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
@@ -8,20 +7,22 @@ import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { type Model, viewOnly } from "./model";
 import { server } from "./api";
 import { question } from "./view-state";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 
 export function ApplyBar({ model }: { readonly model: Model }) {
   const changes = model.changes.value;
   const names = Object.keys(changes);
   const last = model.applied.value;
   const job = last === undefined ? undefined : jobOf(model, last);
-  const running = model.control.value?.running;
-  // What the device did not take is read first; the changes are still there behind it.
+  const running = model.jobs.value?.running;
+  // rejected values are shown first; the changes are still there behind them
   if (job && (!isOver(job) || names.length === 0 || !tookAll(job))) return <Progress model={model} id={job.id} />;
   if (names.length === 0) {
     return running ? (
-      <div class="applybar" role="region" aria-label="What is being done">
+      <div class="apply-bar" role="region" aria-label={TEXT.progress}>
         <span class="dot off" />
-        <span class="grow ell" role="status">
+        <span class="grow ellipsis" role="status">
           <b>{running.title}</b> <span class="mid">{running.step}</span>
         </span>
         <StopJob model={model} job={running} />
@@ -35,29 +36,50 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
   const total = names.reduce((sum, name) => sum + (model.counts.value.get(name) ?? 1), 0);
   const titles = names.map((name) => model.setting(name)?.title ?? name);
   const blocked = model.blocked.value;
-  const onTrial = names.some((name) => model.previews.value[name]?.line);
+  const temporary = names.some((name) => model.previews.value[name]?.line);
   return (
-    <div class="applybar" role="region" aria-label="Changes to write">
+    <div class="apply-bar" role="region" aria-label={TEXT.changesToWrite}>
       <div class="grow">
         <p>
-          <b class="yourswords">{count(total, "change")}</b> <span class="mid">in {titles.slice(0, 3).join(", ")}{titles.length > 3 ? ` and ${titles.length - 3} more` : ""}</span>
+          <b class="edited-words">{TEXT.changeCount(total)}</b>{" "}
+          <span class="mid">
+            {TEXT.inTitles(titles.slice(0, 3).join(", "))}
+            {titles.length > 3 ? TEXT.andMore(titles.length - 3) : ""}
+          </span>
         </p>
         <p class={blocked ? "why-not" : "dim"} id="apply-why">
-          <Message text={blocked || (onTrial ? "On trial: it goes back by itself unless you keep it." : "A snapshot is kept first; what is written is read back.")} />
+          <Message text={blocked || (temporary ? TEXT.temporaryChange : TEXT.snapshotBeforeWrite)} />
         </p>
       </div>
       <label class="field reason">
-        <span class="vh">Reason, kept with the snapshot</span>
-        <input type="text" placeholder="Reason, if you like" value={model.reason.value} onInput={(event) => (model.reason.value = event.currentTarget.value)} />
+        <span class="visually-hidden">{TEXT.reasonLabel}</span>
+        <input
+          type="text"
+          placeholder={TEXT.reasonPlaceholder}
+          value={model.reason.value}
+          onInput={(event) => (model.reason.value = event.currentTarget.value)}
+        />
       </label>
-      <button type="button" class="btn icon" aria-label="Undo the last edit" title="Undo (Ctrl Z)" onClick={() => model.undo()}>
+      <button
+        type="button"
+        class="btn icon"
+        aria-label={TEXT.undoLastEdit}
+        title={TEXT.undoHint}
+        onClick={() => model.undo()}
+      >
         <Icon name="undo" />
       </button>
       <button type="button" class="btn edge" onClick={() => model.discard()}>
-        Discard all
+        {TEXT.discardAll}
       </button>
-      <button type="button" class="btn main" disabled={blocked !== ""} aria-describedby="apply-why" onClick={() => void apply(model, names)}>
-        Apply
+      <button
+        type="button"
+        class="btn main"
+        disabled={blocked !== ""}
+        aria-describedby="apply-why"
+        onClick={() => void apply(model, names)}
+      >
+        {COMMON.apply}
       </button>
     </div>
   );
@@ -75,13 +97,13 @@ function Progress({ model, id }: { readonly model: Model; readonly id: number })
     document.getElementById("form")?.focus();
   };
   return (
-    <div class="applybar" role="region" aria-label="What was written" tabIndex={-1} ref={bar}>
+    <div class="apply-bar" role="region" aria-label={TEXT.writeResult} tabIndex={-1} ref={bar}>
       <div class="grow">
         <JobLine model={model} id={id} />
       </div>
       {job && isOver(job) && (
         <button type="button" class="btn edge" onClick={dismiss}>
-          {tookAll(job) ? "OK" : "Edit again"}
+          {tookAll(job) ? TEXT.ok : TEXT.editAgain}
         </button>
       )}
     </div>
@@ -93,17 +115,24 @@ const tookAll = (job: Job): boolean => job.state === "done" && job.outcomes.leng
 /** Writes what was changed; what could harm is asked once more, in the words of the server, which knows it for every way to write. */
 async function apply(model: Model, names: readonly string[], confirmed = false): Promise<void> {
   if (viewOnly.value) return;
-  const body = { changes: model.changes.value, reason: model.reason.value, confirmed, devices: [], product: "", base: model.basesOf(names) };
+  const body = {
+    changes: model.changes.value,
+    reason: model.reason.value,
+    confirmed,
+    devices: [],
+    product: "",
+    base: model.basesOf(names),
+  };
   const outcome = await server.apply(model.id, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
-    await model.previewNow(names); // who is quick applies before the preview has said that it goes on trial
-    const onTrial = names.some((name) => model.previews.value[name]?.line);
+    await model.previewNow(names); // who is quick applies before the preview has said that the change is temporary
+    const temporary = names.some((name) => model.previews.value[name]?.line);
     const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
     question.value = {
-      title: "Write this?",
-      words: [outcome.problem.message, ...(onTrial ? ["It is applied on trial: unless you keep it within 20 s of the device's answer, it goes back."] : [])],
-      caution: caution ?? (onTrial ? "cuts-line" : "restarts"),
-      go: onTrial ? "Write on trial" : "Write",
+      title: TEXT.confirmWrite,
+      words: [outcome.problem.message, ...(temporary ? [TEXT.rollbackNotice] : [])],
+      caution: caution ?? (temporary ? "cuts-line" : "restarts"),
+      go: temporary ? TEXT.writeThenConfirm : TEXT.write,
       act: () => void apply(model, names, true),
     };
     return;

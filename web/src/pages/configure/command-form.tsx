@@ -1,8 +1,8 @@
-/** One command as a form: what it does, its arguments, its bytes, Send, and what came of it. */
+/** One command as a form: its description, arguments, bytes, Send, and result. */
 import { useEffect } from "preact/hooks";
 import { BytesView } from "../../forms/frame-view";
 import { Fields } from "../../forms/field";
-import type { Sheet } from "../../forms/form-context";
+import type { FormContext } from "../../forms/form-context";
 import type { CommandForm } from "../../forms/types";
 import type { Path } from "../../forms/values";
 import { Icon } from "../../ui/icons";
@@ -11,17 +11,19 @@ import { type Model, viewOnly } from "./model";
 import { server } from "./api";
 import { Words } from "./setting-form";
 import { JobLine } from "./jobs";
-import { all, here, question, unfinishedOf } from "./view-state";
+import { all, currentPlace, question, unfinishedOf } from "./view-state";
+import { TEXT } from "../../texts/configure";
 
 export function Command({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
   const key = `!${form.name}`;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: a preview belongs to the values, which are listed
   useEffect(() => {
     model.preview(key, 0);
     return () => model.forget(key);
   }, [form]);
   const preview = model.previews.value[key];
   const problems = preview?.problems ?? [];
-  const sheet: Sheet = {
+  const sheet: FormContext = {
     id: `cmd-${form.name}`,
     values: model.argumentsOf(form),
     before: undefined,
@@ -32,37 +34,60 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     wrong: (path: Path, why: string | undefined) => model.setWrong(key, path, why),
     hover: (path: string) => (model.hot.value = path),
     options: {},
-    sought: here.value.place === form.name ? (here.value.more ?? "") : "",
+    sought: currentPlace.value.place === form.name ? (currentPlace.value.more ?? "") : "",
     epoch: 0,
   };
   const isWrong = [...model.wrong.value.keys()].some((at) => at.startsWith(`${key}/`));
   const unread = form.writes !== "" && model.present.value[form.writes] === undefined;
-  const blocked = viewOnly.value ? "View only: open this page with a control token to send." : isWrong || problems.length > 0 ? "Some of the values cannot be sent." : unread ? "Read the settings first: this form opens with what the device has." : "";
+  const blocked = viewOnly.value
+    ? TEXT.viewOnlyCommand
+    : isWrong || problems.length > 0
+      ? TEXT.invalidValues
+      : unread
+        ? TEXT.readBeforeCommand
+        : "";
   const job = model.sent.value[form.name];
-  const loose = problems.filter(({ path }) => !form.arguments.some(({ name }) => path === name || path.startsWith(`${name}.`)));
+  const loose = problems.filter(
+    ({ path }) => !form.arguments.some(({ name }) => path === name || path.startsWith(`${name}.`)),
+  );
   return (
     <section class="setting" aria-label={form.title} data-command={form.name}>
       <Words form={form} />
       {form.arguments.length > 0 && <Fields sheet={sheet} fields={form.arguments} />}
       {loose.map(({ path, message, hint }) => (
         <p class="problem inset" role="alert" key={path}>
-          <b><Message text={message} /></b> <Message text={hint} />
+          <b>
+            <Message text={message} />
+          </b>{" "}
+          <Message text={hint} />
         </p>
       ))}
-      <div class="sendrow">
-        <button type="button" class={`btn ${form.caution ? "edge" : "main"}`} disabled={blocked !== ""} onClick={() => void send(model, form)}>
+      <div class="send-row">
+        <button
+          type="button"
+          class={`btn ${form.caution ? "edge" : "main"}`}
+          disabled={blocked !== ""}
+          onClick={() => void send(model, form)}
+        >
           <Icon name="right" />
-          {form.kind === "ask" ? "Ask" : "Send"}
+          {form.kind === "ask" ? TEXT.request : TEXT.send}
         </button>
-        <span class="dim">{blocked || (form.reply ? `Answered by ${form.reply}.` : "Nothing answers it.")}</span>
+        <span class="dim">{blocked || (form.reply ? TEXT.answeredBy(form.reply) : TEXT.noReply)}</span>
       </div>
       {job !== undefined && <JobLine model={model} id={job} />}
-      {preview && <BytesView frames={preview.frames} changed={() => false} hot={model.hot.value} hover={(path) => (model.hot.value = path)} />}
+      {preview && (
+        <BytesView
+          frames={preview.frames}
+          changed={() => false}
+          hot={model.hot.value}
+          hover={(path) => (model.hot.value = path)}
+        />
+      )}
     </section>
   );
 }
 
-/** Sends, or asks once more in words that name what is lost. What else is discarded only the server knows: it is asked. */
+/** Sends, after a confirmation that names the loss. Only the server knows what else is discarded: it is asked. */
 async function send(model: Model, form: CommandForm, confirmed = false): Promise<void> {
   const ask = (words: string): void => {
     question.value = {
@@ -74,14 +99,15 @@ async function send(model: Model, form: CommandForm, confirmed = false): Promise
     };
   };
   const values = model.argumentsOf(form);
-  const harms = form.caution !== "" && !Object.entries(form.harmless).some(([name, those]) => those.includes(Number(values[name])));
-  if (!confirmed && harms && unfinishedOf(model).length === 0) return ask(form.consequence || "This cannot be undone.");
+  const harms =
+    form.caution !== "" && !Object.entries(form.harmless).some(([name, those]) => those.includes(Number(values[name])));
+  if (!confirmed && harms && unfinishedOf(model).length === 0) return ask(form.consequence || TEXT.cannotBeUndone);
   const outcome = await server.run(model.id, form.name, values, confirmed);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") return ask(outcome.problem.message);
   const job = await model.run(Promise.resolve(outcome));
   if (job === undefined) return;
   model.sent.value = { ...model.sent.value, [form.name]: job.id };
   if (form.writes === "") return;
-  const { [form.name]: _, ...others } = model.arguments.peek(); // shows what the device has from now on
+  const { [form.name]: _, ...others } = model.arguments.peek(); // shows the device's values from now on
   model.arguments.value = others;
 }

@@ -3,7 +3,6 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference } from "../../forms/types";
-import { count } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
@@ -12,21 +11,24 @@ import { Rollout } from "./rollout";
 import { server } from "./api";
 import { refOf, type Side, titleOf } from "./sides";
 import { SnapshotActs } from "./snapshot";
-import { goTo, here } from "./view-state";
+import { goTo, currentPlace } from "./view-state";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 
 export function Compare({ model, store }: { readonly model: Model; readonly store: Store }) {
   const difference = useSignal<Difference | undefined>(undefined);
   const why = useSignal("");
   const left = model.left.value;
-  const right = here.value.more ?? model.snapshots.value[0]?.name ?? (model.forms.value?.factory ? "~factory" : "~file");
+  const right =
+    currentPlace.value.more ?? model.snapshots.value[0]?.name ?? (model.forms.value?.factory ? "~factory" : "~file");
   const file = model.file.value;
   const taken = model.body.value?.info.taken;
   useEffect(() => {
     let stale = false;
     difference.value = undefined;
     why.value = "";
-    if (right === "~file" && !file) why.value = "Choose a file: a snapshot as it was downloaded here or elsewhere.";
-    else if ((left === "device" || right === "device") && !model.isRead.value) why.value = "The device was not read yet.";
+    if (right === "~file" && !file) why.value = TEXT.chooseFile;
+    else if ((left === "device" || right === "device") && !model.isRead.value) why.value = TEXT.deviceNotRead;
     else {
       const sides = { left: refOf(left, file?.text ?? ""), right: refOf(right, file?.text ?? "") };
       void server.compare(model.id, sides).then((answer) => {
@@ -39,22 +41,49 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
       stale = true;
     };
   }, [model, left, right, taken, file]);
-  const others = store.devices.value.filter(({ id, protocol }) => id !== model.id && protocol === model.device.value?.protocol);
+  const others = store.devices.value.filter(
+    ({ id, protocol }) => id !== model.id && protocol === model.device.value?.protocol,
+  );
   return (
-    <section class="setting compare" aria-label="Compare">
+    <section class="setting compare" aria-label={TEXT.compare}>
       <div class="sides">
-        <SidePicker label="Left" model={model} others={others} side={left} choose={(side) => (model.left.value = side)} />
-        <button type="button" class="btn icon" aria-label="Swap the sides" onClick={() => swap(model, right)}>
+        <SidePicker
+          label={TEXT.left}
+          model={model}
+          others={others}
+          side={left}
+          choose={(side) => (model.left.value = side)}
+        />
+        <button type="button" class="btn icon" aria-label={TEXT.swapSides} onClick={() => swap(model, right)}>
           <Icon name="left" />
         </button>
-        <SidePicker label="Right" model={model} others={others} side={right} choose={(side) => goTo(model, "compare", side)} />
+        <SidePicker
+          label={TEXT.right}
+          model={model}
+          others={others}
+          side={right}
+          choose={(side) => goTo(model, "compare", side)}
+        />
         <FilePicker model={model} refuse={(words) => (why.value = words)} />
       </div>
       {model.snapshots.value.some(({ name }) => name === right) && <SnapshotActs model={model} name={right} />}
-      {why.value && <p class="hint inset" role="status"><Message text={why.value} /></p>}
+      {why.value && (
+        <p class="hint inset" role="status">
+          <Message text={why.value} />
+        </p>
+      )}
       {difference.value && <Problems found={difference.value} />}
       {difference.value && <Table found={difference.value} />}
-      {difference.value && <Rollout key={`${model.id} ${right} ${file?.name ?? ""}`} model={model} store={store} others={others} side={right} title={titleHere(model, right) ?? difference.value.right} />}
+      {difference.value && (
+        <Rollout
+          key={`${model.id} ${right} ${file?.name ?? ""}`}
+          model={model}
+          store={store}
+          others={others}
+          side={right}
+          title={titleHere(model, right) ?? difference.value.right}
+        />
+      )}
     </section>
   );
 }
@@ -64,14 +93,12 @@ const titleHere = (model: Model, side: Side): string | undefined => {
   return snapshot && titleOf(snapshot);
 };
 
-/** What is wrong with the right side: misspelt, out of range. Told before anything is written. */
+/** Problems of the right side: misspelt, out of range. Shown before anything is written. */
 function Problems({ found }: { readonly found: Difference }) {
   if (found.problems.length === 0) return null;
   return (
     <div class="inset problem" role="alert">
-      <b>
-        {found.right}: {count(found.problems.length, "value")} cannot be written
-      </b>
+      <b>{TEXT.valuesCannotBeWritten(found.right, found.problems.length)}</b>
       <ul>
         {found.problems.map(({ path, message, hint }) => (
           <li key={path}>
@@ -102,10 +129,10 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
   const file = model.file.value;
   return (
     <label class="select">
-      <span class="vh">{label} side</span>
-      <select aria-label={`${label} side`} value={side} onChange={(event) => choose(event.currentTarget.value)}>
-        <option value="device">Device, as last read</option>
-        {(model.forms.value?.factory || side === "~factory") && <option value="~factory">Factory default</option>}
+      <span class="visually-hidden">{TEXT.side(label)}</span>
+      <select aria-label={TEXT.side(label)} value={side} onChange={(event) => choose(event.currentTarget.value)}>
+        <option value="device">{TEXT.deviceAsLastRead}</option>
+        {(model.forms.value?.factory || side === "~factory") && <option value="~factory">{TEXT.factoryDefault}</option>}
         {model.snapshots.value.map((snapshot) => (
           <option key={snapshot.name} value={snapshot.name}>
             {titleOf(snapshot)} · {stamp(snapshot.taken)}
@@ -116,7 +143,7 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
             {device.name} {device.serial_number}
           </option>
         ))}
-        <option value="~file">{file ? `File ${file.name}` : "A file …"}</option>
+        <option value="~file">{file ? TEXT.file(file.name) : TEXT.fileChoice}</option>
       </select>
       <Icon name="down" />
     </label>
@@ -129,16 +156,20 @@ function FilePicker({ model, refuse }: { readonly model: Model; readonly refuse:
   const take = async (chosen: File | undefined): Promise<void> => {
     if (!chosen) return;
     if (chosen.size > MOST_FILE) {
-      refuse("This file is too large for a snapshot: choose one that was downloaded here.");
+      refuse(TEXT.fileTooLarge);
       return;
     }
     model.file.value = { name: chosen.name, text: await chosen.text() };
     goTo(model, "compare", "~file");
   };
   return (
-    <label class="btn edge filepick">
-      <input type="file" accept=".yaml,.yml,text/yaml" onChange={(event) => void take(event.currentTarget.files?.[0])} />
-      Open a file
+    <label class="btn edge file-picker">
+      <input
+        type="file"
+        accept=".yaml,.yml,text/yaml"
+        onChange={(event) => void take(event.currentTarget.files?.[0])}
+      />
+      {TEXT.openFile}
     </label>
   );
 }
@@ -148,14 +179,15 @@ function Table({ found }: { readonly found: Difference }) {
   return (
     <>
       <p class="mid inset" role="status">
-        <b>{found.rows.length === 0 ? "No difference" : count(found.rows.length, "difference")}</b>, {count(found.same, "value")} agree.
+        <b>{found.rows.length === 0 ? TEXT.noDifference : TEXT.differenceCount(found.rows.length)}</b>
+        {TEXT.valuesAgree(found.same)}
       </p>
       {found.rows.length > 0 && (
-        <div class="difftable">
+        <div class="difference-table">
           <table>
             <thead>
               <tr>
-                <th>What</th>
+                <th>{TEXT.setting}</th>
                 <th>{found.left}</th>
                 <th>{found.right}</th>
               </tr>
@@ -164,12 +196,12 @@ function Table({ found }: { readonly found: Difference }) {
               {found.rows.map((row) => (
                 <tr key={`${row.setting} ${row.path}`}>
                   <th scope="row">
-                    {row.title} {!row.writable && <span class="tag">read-only</span>}
+                    {row.title} {!row.writable && <span class="tag">{COMMON.readOnly}</span>}
                     <small class="dim mono">{row.setting}</small>
                   </th>
-                  <td data-side={found.left}>{row.left || <span class="dim">not there</span>}</td>
+                  <td data-side={found.left}>{row.left || <span class="dim">{TEXT.missing}</span>}</td>
                   <td data-side={found.right} class="right">
-                    {row.right || <span class="dim">not there</span>}
+                    {row.right || <span class="dim">{TEXT.missing}</span>}
                   </td>
                 </tr>
               ))}
@@ -179,7 +211,7 @@ function Table({ found }: { readonly found: Difference }) {
       )}
       {missing.length > 0 && (
         <details class="inset">
-          <summary>{count(missing.length, "setting")} could not be compared</summary>
+          <summary>{TEXT.settingsNotCompared(missing.length)}</summary>
           <ul class="dim">
             {missing.map(([name, reason]) => (
               <li key={name}>

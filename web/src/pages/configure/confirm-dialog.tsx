@@ -1,8 +1,9 @@
-/** Once more before harm: a dialog that names what is lost or cut; the button that does nothing has the focus. */
+/** Confirmation before harm: a dialog that names what is lost or cut; the safe button has the focus. */
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
 import { Message } from "../../ui/message";
 import { CAUTIONS, type Question, question } from "./view-state";
+import { TEXT } from "../../texts/configure";
 
 export function Ask({ asked }: { readonly asked: Question }) {
   const safe = useRef<HTMLButtonElement>(null);
@@ -17,18 +18,18 @@ export function Ask({ asked }: { readonly asked: Question }) {
   return (
     <Dialog title={asked.title} onClose={close}>
       {asked.caution !== "" && (
-        <p class="askwhat">
+        <p class="question-subject">
           <span class="tag warn">▲ {CAUTIONS[asked.caution]}</span>
         </p>
       )}
       {asked.words.map((words) => (
-        <p key={words} class="askwords">
+        <p key={words} class="question-words">
           <Message text={words} />
         </p>
       ))}
-      <div class="askrow">
+      <div class="question-actions">
         <button type="button" class="btn main" ref={safe} onClick={close}>
-          Leave it as it is
+          {TEXT.leaveUnchanged}
         </button>
         <button type="button" class="btn edge" onClick={act}>
           {asked.go}

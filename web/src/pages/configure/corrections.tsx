@@ -7,6 +7,8 @@ import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
 import { type Model, viewOnly } from "./model";
 import { server } from "./api";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 
 const ASK_EVERY_MS = 1000;
 
@@ -24,11 +26,13 @@ export function Corrections({ model }: { readonly model: Model }) {
     const timer = setInterval(() => void ask(), ASK_EVERY_MS);
     return () => clearInterval(timer);
   }, [model]);
-  const why = kind.value === "ntrip" ? ntripProblem(caster.value) : other.value.trim() === "" ? "The source is missing." : "";
+  const why = kind.value === "ntrip" ? ntripProblem(caster.value) : other.value.trim() === "" ? TEXT.sourceMissing : "";
   const start = async (event: Event): Promise<void> => {
     event.preventDefault();
     if (why !== "") return;
-    const found = await model.run(server.startCorrections(model.id, kind.value === "ntrip" ? sourceOf(caster.value) : other.value.trim()));
+    const found = await model.run(
+      server.startCorrections(model.id, kind.value === "ntrip" ? sourceOf(caster.value) : other.value.trim()),
+    );
     if (found) state.value = found;
   };
   const stop = async (): Promise<void> => {
@@ -36,26 +40,31 @@ export function Corrections({ model }: { readonly model: Model }) {
     if (found) state.value = found;
   };
   return (
-    <section class="setting" aria-label="Corrections">
-      <div class="setwords">
-        <p>A stream of RTCM 3 is forwarded to the device in whole messages, as it arrives. The server keeps it going, also when this page is closed.</p>
+    <section class="setting" aria-label={TEXT.corrections}>
+      <div class="setting-words">
+        <p>{TEXT.correctionsIntro}</p>
       </div>
-      <form class="form corrform inset" autocomplete="off" onSubmit={(event) => void start(event)}>
-        <div class="seg" role="group" aria-label="Kind of source">
+      <form class="form correction-form inset" autocomplete="off" onSubmit={(event) => void start(event)}>
+        <div class="segmented" role="group" aria-label={TEXT.sourceKind}>
           <button type="button" aria-pressed={kind.value === "ntrip"} onClick={() => (kind.value = "ntrip")}>
-            NTRIP caster
+            {TEXT.ntripCaster}
           </button>
           <button type="button" aria-pressed={kind.value === "other"} onClick={() => (kind.value = "other")}>
-            TCP server or file
+            {TEXT.tcpServerOrFile}
           </button>
         </div>
         {kind.value === "ntrip" ? <CasterFields caster={caster} /> : <OtherField source={other} />}
-        <div class="corrrow">
+        <div class="correction-row">
           <button type="submit" class="btn main" disabled={viewOnly.value || why !== ""} aria-describedby="rtcm-why">
-            {state.value?.running ? "Restart" : "Start"}
+            {state.value?.running ? TEXT.restart : TEXT.start}
           </button>
-          <button type="button" class="btn edge" disabled={viewOnly.value || !state.value?.source} onClick={() => void stop()}>
-            Stop
+          <button
+            type="button"
+            class="btn edge"
+            disabled={viewOnly.value || !state.value?.source}
+            onClick={() => void stop()}
+          >
+            {COMMON.stop}
           </button>
           <span class="dim" id="rtcm-why">
             {why}
@@ -74,28 +83,47 @@ function CasterFields({ caster }: { readonly caster: Signal<Ntrip> }) {
     caster.value = { ...caster.value, ...part };
   };
   const text = (id: string, label: string, key: "host" | "port" | "mount" | "user", placeholder: string) => (
-    <div class="corrfield">
+    <div class="correction-field">
       <label for={id}>{label}</label>
       <div class="field">
-        <input id={id} type="text" value={caster.value[key]} placeholder={placeholder} {...PLAIN} inputMode={key === "port" ? "numeric" : "text"} onInput={(event) => set({ [key]: event.currentTarget.value })} />
+        <input
+          id={id}
+          type="text"
+          value={caster.value[key]}
+          placeholder={placeholder}
+          {...PLAIN}
+          inputMode={key === "port" ? "numeric" : "text"}
+          onInput={(event) => set({ [key]: event.currentTarget.value })}
+        />
       </div>
     </div>
   );
   return (
-    <div class="corrgrid">
-      {text("ntrip-host", "Host", "host", "caster.example.com")}
-      {text("ntrip-port", "Port", "port", caster.value.tls ? "443" : "2101")}
-      {text("ntrip-mount", "Mount point", "mount", "MOUNT")}
-      {text("ntrip-user", "User", "user", "")}
-      <div class="corrfield">
-        <label for="ntrip-password">Password</label>
+    <div class="correction-grid">
+      {text("ntrip-host", TEXT.host, "host", "caster.example.com")}
+      {text("ntrip-port", TEXT.port, "port", caster.value.tls ? "443" : "2101")}
+      {text("ntrip-mount", TEXT.mountPoint, "mount", "MOUNT")}
+      {text("ntrip-user", TEXT.user, "user", "")}
+      <div class="correction-field">
+        <label for="ntrip-password">{TEXT.password}</label>
         <div class="field">
-          <input id="ntrip-password" type="password" value={caster.value.password} autocomplete="new-password" onInput={(event) => set({ password: event.currentTarget.value })} />
+          <input
+            id="ntrip-password"
+            type="password"
+            value={caster.value.password}
+            autocomplete="new-password"
+            onInput={(event) => set({ password: event.currentTarget.value })}
+          />
         </div>
       </div>
-      <label class="flag corrtls">
-        <input type="checkbox" class="check" checked={caster.value.tls} onChange={(event) => set({ tls: event.currentTarget.checked })} />
-        <span>TLS</span>
+      <label class="flag correction-tls">
+        <input
+          type="checkbox"
+          class="check"
+          checked={caster.value.tls}
+          onChange={(event) => set({ tls: event.currentTarget.checked })}
+        />
+        <span>{TEXT.tls}</span>
       </label>
     </div>
   );
@@ -103,13 +131,22 @@ function CasterFields({ caster }: { readonly caster: Signal<Ntrip> }) {
 
 function OtherField({ source }: { readonly source: Signal<string> }) {
   return (
-    <div class="corrfield">
-      <label for="rtcm-source">Source</label>
+    <div class="correction-field">
+      <label for="rtcm-source">{TEXT.source}</label>
       <div class="field">
-        <input id="rtcm-source" class="mono" type="text" value={source.value} placeholder="tcp://host:port" {...PLAIN} aria-describedby="rtcm-examples" onInput={(event) => (source.value = event.currentTarget.value)} />
+        <input
+          id="rtcm-source"
+          class="mono"
+          type="text"
+          value={source.value}
+          placeholder={TEXT.tcpHostPort}
+          {...PLAIN}
+          aria-describedby="rtcm-examples"
+          onInput={(event) => (source.value = event.currentTarget.value)}
+        />
       </div>
       <p class="dim" id="rtcm-examples">
-        <span class="mono">tcp://host:port</span> of a server, or the path of a file on this host.
+        <span class="mono">{TEXT.tcpHostPort}</span> {TEXT.sourceExamples}
       </p>
     </div>
   );
@@ -120,10 +157,9 @@ function Figures({ state }: { readonly state: State }) {
   const since = age(state.age_s ?? undefined);
   const flow = flowOf(state);
   return (
-    <div class="inset corrfigures">
+    <div class="inset correction-figures">
       <p role="status">
-        <span class={`dot ${flow.dot}`} /> <b>{flow.word}</b>{" "}
-        <span class="mono">{state.source}</span>
+        <span class={`dot ${flow.dot}`} /> <b>{flow.word}</b> <span class="mono">{state.source}</span>
       </p>
       {state.message && (
         <p class={state.forwarding ? "mid" : "problem"}>
@@ -132,31 +168,31 @@ function Figures({ state }: { readonly state: State }) {
       )}
       <dl class="answer">
         <div>
-          <dt>Age of the last message</dt>
+          <dt>{TEXT.ageOfTheLastMessage}</dt>
           <dd>
             {since.value}
-            <span class="u">{since.unit}</span>
+            <span class="unit">{since.unit}</span>
           </dd>
         </div>
         <div>
-          <dt>Forwarded</dt>
+          <dt>{TEXT.forwarded}</dt>
           <dd>
             {rate.value}
-            <span class="u">{rate.unit}</span>
+            <span class="unit">{rate.unit}</span>
           </dd>
         </div>
         <div>
-          <dt>Refused by the device</dt>
+          <dt>{TEXT.rejectedByDevice}</dt>
           <dd>{number(state.refused, 0)}</dd>
         </div>
         <div>
-          <dt>Bad checksums</dt>
+          <dt>{TEXT.checksumErrors}</dt>
           <dd>{number(state.rejected, 0)}</dd>
         </div>
         {Object.entries(state.messages).map(([name, times]) => (
           <div key={name}>
             <dt>
-              RTCM <span class="mono">{name}</span>
+              {TEXT.rtcm} <span class="mono">{name}</span>
             </dt>
             <dd>{number(times, 0)}</dd>
           </div>

@@ -1,27 +1,33 @@
-/** What stands in a form's place, or above it, while there is none: reading, never read, lost, not permitted, no settings at all. */
+/** Placeholders and bands of a form: reading, never read, lost, not permitted, no settings. */
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
+import { protocolOf } from "../../wire/capabilities";
 import { describe } from "../../forms/elsewhere";
 import { type Model, viewOnly } from "./model";
 import { linkTo, readAll, unfinishedOf } from "./view-state";
 import { Message } from "../../ui/message";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 
 export function NotRead({ model }: { readonly model: Model }) {
   const device = model.device.value;
-  const last = model.control.value?.done[0];
+  const last = model.jobs.value?.done[0];
+  const pause = protocolOf(device?.protocol)?.pause_hint;
   const failed = model.lastRead.value === undefined ? undefined : jobOf(model, model.lastRead.value);
   return (
     <div class="veil">
       <div class="card">
         <h2>
           <span class="dot off" />
-          Not read yet
+          {TEXT.notReadYet}
         </h2>
-        <p>What {device?.name ?? "the device"} is set to is not known here. Ask it for all of its settings; they are kept as a snapshot.</p>
-        {device?.protocol === "xbus" && <p class="hint">An MTi stops measuring while it is asked, for about a second.</p>}
-        {failed && isOver(failed) && failed.state !== "done" && last?.id === failed.id && <JobLine model={model} id={failed.id} />}
+        <p>{TEXT.settingsUnknown(device?.name ?? COMMON.theDevice)}</p>
+        {pause && <p class="hint">{pause}</p>}
+        {failed && isOver(failed) && failed.state !== "done" && last?.id === failed.id && (
+          <JobLine model={model} id={failed.id} />
+        )}
         <div class="row">
           <button type="button" class="btn main" disabled={viewOnly.value} onClick={() => readAll(model)}>
-            Read the settings
+            {TEXT.readSettings}
           </button>
         </div>
       </div>
@@ -30,7 +36,7 @@ export function NotRead({ model }: { readonly model: Model }) {
 }
 
 export function Reading({ model }: { readonly model: Model }) {
-  const job = model.control.value?.running;
+  const job = model.jobs.value?.running;
   if (!job) return null;
   return (
     <div class="veil">
@@ -39,7 +45,7 @@ export function Reading({ model }: { readonly model: Model }) {
           <span class="dot live" />
           {job.title}
         </h2>
-        <p>{job.step || "Asking the device …"}</p>
+        <p>{job.step || TEXT.readingSettings}</p>
         <div class="row">
           <StopJob model={model} job={job} />
         </div>
@@ -48,7 +54,7 @@ export function Reading({ model }: { readonly model: Model }) {
   );
 }
 
-/** There is nothing to fill in: the protocol is not known, or has no settings, or the server does not say. */
+/** No forms: the protocol is unknown, or has no settings, or the server does not provide them. */
 export function NoForms({ model }: { readonly model: Model }) {
   const device = model.device.value;
   const problem = model.problem.value;
@@ -57,13 +63,25 @@ export function NoForms({ model }: { readonly model: Model }) {
       <div class="card">
         <h2>
           <span class={`dot ${problem ? "bad" : "off"}`} />
-          {problem ? "No settings to show" : device?.protocol ? "Loading the forms" : "Not known yet"}
+          {problem ? TEXT.noSettingsToShow : device?.protocol ? TEXT.loadingForms : TEXT.protocolUnknown}
         </h2>
-        <p>{problem ? <Message text={problem.message} /> : (device?.protocol ? "The forms of this device are on their way." : "Its protocol is not known yet: the forms follow from it.")}</p>
-        {(problem?.hint || device?.message) && <p class="hint"><Message text={problem?.hint || device?.message || ""} /></p>}
+        <p>
+          {problem ? (
+            <Message text={problem.message} />
+          ) : device?.protocol ? (
+            TEXT.formsLoading
+          ) : (
+            TEXT.waitingForProtocol
+          )}
+        </p>
+        {(problem?.hint || device?.message) && (
+          <p class="hint">
+            <Message text={problem?.hint || device?.message || ""} />
+          </p>
+        )}
         <div class="row">
           <button type="button" class="btn main" onClick={() => void model.load()}>
-            Try again
+            {TEXT.tryAgain}
           </button>
         </div>
       </div>
@@ -76,8 +94,8 @@ export function ViewOnlyBand() {
   return (
     <div class="band calm" role="status">
       <span class="dot off" />
-      <b>View only</b>
-      <span class="grow">This page was opened with a view token. Open it with a control token to change something.</span>
+      <b>{TEXT.viewOnly}</b>
+      <span class="grow">{TEXT.viewTokenHint}</span>
     </div>
   );
 }
@@ -85,24 +103,30 @@ export function ViewOnlyBand() {
 export function LostBand({ model }: { readonly model: Model }) {
   const device = model.device.value;
   if (!device || device.status === "live" || device.status === "idle") return null;
-  if (model.control.value?.trial?.state === "unreachable") return null; // the deck says more
+  if (model.jobs.value?.pending_rollback?.state === "unreachable") return null; // the deck says more
   return (
     <div class={`band ${device.status === "connecting" ? "calm" : ""}`} role="status">
       <span class={`dot ${device.status === "connecting" ? "off" : "bad"}`} />
-      <b>{{ lost: "Lost", denied: "Not permitted", ended: "Ended", connecting: "Connecting" }[device.status]}</b>
+      <b>
+        {
+          { lost: COMMON.lost, denied: COMMON.notPermitted, ended: COMMON.ended, connecting: COMMON.connecting }[
+            device.status
+          ]
+        }
+      </b>
       <span class="grow">
-        <Message text={device.message} /> <Message text={device.hint} /> What is shown is as last read; edits stay until they can be written.
+        <Message text={device.message} /> <Message text={device.hint} /> {TEXT.lastReadValues}
       </span>
       {device.status === "lost" && (model.forms.value?.settings.length ?? 0) > 0 && (
         <a class="btn small edge" href={linkTo(model, "restore")}>
-          Restore communication
+          {TEXT.restoreCommunication}
         </a>
       )}
     </div>
   );
 }
 
-/** What somebody else changed in the settings that are edited here; the edits stand on top of it. */
+/** Changes by another user in the settings edited here; the edits are applied on top. */
 export function ElsewhereBand({ model }: { readonly model: Model }) {
   const found = model.elsewhere.value;
   const forms = model.forms.value;
@@ -110,33 +134,33 @@ export function ElsewhereBand({ model }: { readonly model: Model }) {
   return (
     <div class="band calm" role="status">
       <span class="dot warn" />
-      <b>Changed elsewhere</b>
+      <b>{TEXT.changedElsewhere}</b>
       <div class="grow">
         <ul>
           {found.map((one) => (
             <li key={`${one.setting} ${one.path.join(".")}`}>
               {describe(forms, one, model.present.value[one.setting])}
-              {one.conflict && <b class="yourswords"> You edited this too: your value stays in the form.</b>}
+              {one.conflict && <b class="edited-words"> {TEXT.editedHereToo}</b>}
             </li>
           ))}
         </ul>
-        <span class="dim">Your edits are kept, based on what the device has now.</span>
+        <span class="dim">{TEXT.editsRebased}</span>
       </div>
       <button type="button" class="btn small" onClick={() => (model.elsewhere.value = [])}>
-        Dismiss
+        {TEXT.dismiss}
       </button>
     </div>
   );
 }
 
-/** A command began something that must be ended before anything else is done. */
+/** A command began work that must be ended before anything else is done. */
 export function UnfinishedBand({ model }: { readonly model: Model }) {
   const [words] = unfinishedOf(model);
   if (words === undefined) return null;
   return (
     <div class="band calm" role="status" data-key="unfinished">
       <span class="dot off" />
-      <b>Not finished</b>
+      <b>{TEXT.notFinished}</b>
       <span class="grow">{words}</span>
     </div>
   );
@@ -148,10 +172,14 @@ export function ProblemLine({ model }: { readonly model: Model }) {
   return (
     <div class="band" role="alert">
       <span class="dot bad" />
-      <b><Message text={problem.message} /></b>
-      <span class="grow"><Message text={problem.hint} /></span>
+      <b>
+        <Message text={problem.message} />
+      </b>
+      <span class="grow">
+        <Message text={problem.hint} />
+      </span>
       <button type="button" class="btn small" onClick={() => (model.problem.value = undefined)}>
-        Dismiss
+        {TEXT.dismiss}
       </button>
     </div>
   );

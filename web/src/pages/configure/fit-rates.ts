@@ -1,4 +1,4 @@
-/** "Make it fit": the server lowers rates until the line can carry them; what it lowered is told, and can be undone like any edit. */
+/** "Fit to link": the server lowers rates until the line can carry them; the result is shown, and can be undone like any edit. */
 import type { SettingForm } from "../../forms/types";
 import type { Model } from "./model";
 import { server } from "./api";

@@ -3,6 +3,7 @@ import type { CommandForm } from "../../forms/types";
 import type { Model } from "./model";
 import { Setting } from "./setting-form";
 import { all, CAUTIONS, linkTo, visibleSettings } from "./view-state";
+import { TEXT } from "../../texts/configure";
 
 export function Group({ model, name }: { readonly model: Model; readonly name: string }) {
   const forms = model.forms.value;
@@ -10,18 +11,18 @@ export function Group({ model, name }: { readonly model: Model; readonly name: s
   const settings = forms.settings.filter((form) => form.group === name);
   const commands = forms.commands.filter((form) => form.group === name);
   const visible = visibleSettings(model, name);
-  // What a setting's form does is not listed again as the commands that it is made of.
-  const others = commands.filter((form) => all.value || settings.length === 0 || (form.kind === "do" && form.simple));
+  // commands behind a setting's form are not listed again
+  const others = commands.filter((form) => all.value || settings.length === 0 || (form.kind === "do" && form.basic));
   return (
     <>
       {visible.map((form) => (
         <Setting key={form.name} model={model} form={form} alone={visible.length === 1} />
       ))}
       {others.length > 0 && (
-        <section class="setting" aria-label="Commands">
+        <section class="setting" aria-label={TEXT.commands}>
           {settings.length > 0 && (
-            <div class="sethead">
-              <h2>Commands</h2>
+            <div class="setting-head">
+              <h2>{TEXT.commands}</h2>
             </div>
           )}
           <ul class="commands">
@@ -35,17 +36,21 @@ export function Group({ model, name }: { readonly model: Model; readonly name: s
   );
 }
 
-const KINDS: Readonly<Record<CommandForm["kind"], string>> = { ask: "Read", set: "Write", do: "Action" };
+const KINDS: Readonly<Record<CommandForm["kind"], string>> = { ask: TEXT.read, set: TEXT.write, do: TEXT.action };
 
 function Row({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
   return (
     <li>
       <a href={linkTo(model, form.name)}>
         <b>{form.title}</b>
-        <span class="dim mono ell">{form.name}</span>
+        <span class="dim mono ellipsis">{form.name}</span>
         <span class="grow" />
-        {form.caution ? <span class="tag">▲ {CAUTIONS[form.caution]}</span> : <span class="dim">{KINDS[form.kind]}</span>}
-        {form.doc !== "" && <span class="fdoc">{form.doc}</span>}
+        {form.caution ? (
+          <span class="tag">▲ {CAUTIONS[form.caution]}</span>
+        ) : (
+          <span class="dim">{KINDS[form.kind]}</span>
+        )}
+        {form.doc !== "" && <span class="field-help">{form.doc}</span>}
       </a>
     </li>
   );

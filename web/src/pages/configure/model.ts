@@ -1,13 +1,13 @@
 /**
- * What does the Configure page know of a device? Its forms, what it has now, what a person changed, and what the server says of that.
+ * Model of a device on the Configure page: its forms, present values, edits, and the server's answers on these.
  *
  *     forms ── GET ──┐                  ┌─ toApply ──▶ Apply
  *     present ─ GET ─┤─ drafts (edits) ─┤
  *                    │                  └─ preview, 150 ms after the last key ──▶ bytes, problems, load
- *     control, exchange come by themselves over the WebSocket
+ *     jobs, traffic arrive over the WebSocket
  *
- * A draft is dropped when the device has it, and put on top of what somebody else wrote meanwhile (forms/rebase.ts). Models outlive a
- * change of page: what was typed stays. All that belongs to one device is here; a module keeps no state of a device.
+ * A draft is dropped when the device has it, and rebased on changes by other users (forms/rebase.ts). Models outlive a change of page,
+ * so edits stay. All state of one device is here; modules keep none.
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import type { Store } from "../../data/store";
@@ -15,17 +15,26 @@ import { capacityAt, overWords, ratesOf } from "../../forms/budget";
 import { countOf, current, type Drafts, type Present, sameSetting, toApply } from "../../forms/edits";
 import { type Elsewhere, rebase } from "../../forms/rebase";
 import { indexOf } from "../../forms/search";
-import type { CommandForm, Forms, LoadInfo, PreviewAnswer, SettingForm, SnapshotBody, SnapshotInfo } from "../../forms/types";
+import type {
+  CommandForm,
+  Forms,
+  LoadInfo,
+  PreviewAnswer,
+  SettingForm,
+  SnapshotBody,
+  SnapshotInfo,
+} from "../../forms/types";
 import { initials, joined, type Path, put, type Values, whereOf } from "../../forms/values";
 import { isRefusal, type Outcome, type Problem } from "../../ui/http";
-import type { ControlState, DeviceInfo, ExchangeEntry } from "../../wire/types";
+import type { DeviceJobs, DeviceInfo, TrafficEntry } from "../../wire/types";
 import { server } from "./api";
+import { TEXT } from "../../texts/configure";
 
 const PREVIEW_AFTER_MS = 150;
 const UNDO_KEPT = 100;
 const OLDER_BY = 200;
 
-/** This token may look, not change: the server says so, or refuses a request for it. */
+/** This token is view-only: reported by the server, or by a refused request. */
 export const viewOnly = signal(false);
 const NONE: Drafts = {};
 
@@ -42,77 +51,89 @@ export class Model {
   readonly drafts: Signal<Drafts> = signal(NONE);
   /** Arguments of commands, as typed so far. */
   readonly arguments: Signal<Drafts> = signal(NONE);
-  /** What the server says of a draft ("Setting"), of what the device has ("=Setting"), of a command ("!Command"). */
+  /** The server's answers on a draft ("Setting"), on the device's values ("=Setting"), on a command ("!Command"). */
   readonly previews: Signal<Readonly<Record<string, PreviewAnswer>>> = signal({});
-  /** What cannot even be read as a value: `Setting/path` → why. */
+  /** Unreadable input: `Setting/path` → why. */
   readonly wrong: Signal<ReadonlyMap<string, string>> = signal(new Map());
   /** Why the forms cannot be shown, or the last request failed. */
   readonly problem: Signal<Problem | undefined> = signal(undefined);
-  readonly older: Signal<readonly ExchangeEntry[]> = signal([]);
+  readonly older: Signal<readonly TrafficEntry[]> = signal([]);
   readonly noOlder: Signal<boolean> = signal(false);
-  /** Edits that were discarded or undone so often, by setting: what was typed into their fields is forgotten then. */
+  /** Number of discards or undos of each setting's edits, which reset typed texts. */
   readonly epochs: Signal<Readonly<Record<string, number>>> = signal({});
-  /** What somebody else changed in settings that are being edited here. */
+  /** Changes by other users in settings being edited here. */
   readonly elsewhere: Signal<readonly Elsewhere[]> = signal([]);
-  /** The row that the pointer is on: a path of the setting that is shown. Row, bytes and share light together. */
+  /** The row under the pointer: a path of the shown setting. Row, bytes and share are highlighted together. */
   readonly hot: Signal<string> = signal("");
-  /** Why a person writes what they write; kept with the snapshot. */
+  /** The user's reason for the change; stored with the snapshot. */
   readonly reason: Signal<string> = signal("");
-  /** The job that was made of the last Apply, until it is dismissed. */
+  /** The job of the last Apply, until it is dismissed. */
   readonly applied: Signal<number | undefined> = signal(undefined);
-  /** The jobs that commands became, by name. */
+  /** The jobs of commands, by name. */
   readonly sent: Signal<Readonly<Record<string, number>>> = signal({});
   /** The job that restores communication. */
   readonly restoring: Signal<number | undefined> = signal(undefined);
-  /** What "Make it fit" lowered, and the draft that it made. */
+  /** The result of "Fit to link", and its draft. */
   readonly fitting: Signal<Fitting | undefined> = signal(undefined);
   /** The left side of the page Compare, and the file that was opened there. */
   readonly left: Signal<string> = signal("device");
   readonly file: Signal<{ readonly name: string; readonly text: string } | undefined> = signal(undefined);
-  /** The job that reads all settings, where a person asked for it. */
+  /** The job that reads all settings, if requested. */
   readonly lastRead: Signal<number | undefined> = signal(undefined);
 
   readonly present: ReadonlySignal<Present> = computed(() => this.body.value?.values ?? {});
   readonly isRead = computed(() => (this.body.value?.info.taken ?? 0) > 0);
   readonly index = computed(() => (this.forms.value ? indexOf(this.forms.value) : []));
   readonly rates = computed(() => (this.forms.value ? ratesOf(this.forms.value) : []));
-  readonly changes = computed(() => (this.forms.value ? toApply(this.forms.value, this.present.value, this.drafts.value) : {}));
+  readonly changes = computed(() =>
+    this.forms.value ? toApply(this.forms.value, this.present.value, this.drafts.value) : {},
+  );
   /** Edits of each setting, by name. */
   readonly counts = computed(() => {
     const found = new Map<string, number>();
     for (const form of this.forms.value?.settings ?? []) {
-      const count = this.drafts.value[form.name] && this.changes.value[form.name] ? countOf(form, this.present.value[form.name], this.drafts.value[form.name]) : 0;
+      const count =
+        this.drafts.value[form.name] && this.changes.value[form.name]
+          ? countOf(form, this.present.value[form.name], this.drafts.value[form.name])
+          : 0;
       if (count > 0) found.set(form.name, count);
     }
     return found;
   });
-  readonly control: ReadonlySignal<ControlState | undefined>;
+  readonly jobs: ReadonlySignal<DeviceJobs | undefined>;
   readonly device: ReadonlySignal<DeviceInfo | undefined>;
-  readonly exchange: ReadonlySignal<readonly ExchangeEntry[]>;
+  readonly traffic: ReadonlySignal<readonly TrafficEntry[]>;
 
   #timers = new Map<string, ReturnType<typeof setTimeout>>();
   #asked = new Map<string, number>();
   #undo: Drafts[] = [];
-  /** What the device had when a draft was begun, or rebased last. */
+  /** The device's values when a draft was begun, or last rebased. */
   #bases: Drafts = {};
 
   constructor(
     readonly id: string,
     store: Store,
   ) {
-    this.control = computed(() => store.control.value.get(id));
+    this.jobs = computed(() => store.jobs.value.get(id));
     this.device = computed(() => store.devices.value.find((device) => device.id === id));
-    this.exchange = computed(() => {
-      const own = store.exchange.value.filter(({ device }) => device === id);
-      const heard = new Set(own.map(({ seq }) => seq)); // what was missed while the connection was lost lies between them
+    this.traffic = computed(() => {
+      const own = store.traffic.value.filter(({ device }) => device === id);
+      const heard = new Set(own.map(({ seq }) => seq)); // entries missed while disconnected lie between them
       return [...this.older.value.filter(({ seq }) => !heard.has(seq)), ...own].sort((a, b) => a.seq - b.seq);
     });
-    const who = computed(() => [this.device.value?.protocol, this.device.value?.product, this.device.value?.serial_number, store.connection.value].join("|"));
+    const who = computed(() =>
+      [
+        this.device.value?.protocol,
+        this.device.value?.product,
+        this.device.value?.serial_number,
+        store.connection.value,
+      ].join("|"),
+    );
     effect(() => {
       void who.value;
       if (this.device.peek()?.protocol && store.connection.peek() === "open") void this.load();
     });
-    const finished = computed(() => this.control.value?.done[0]?.id ?? 0);
+    const finished = computed(() => this.jobs.value?.done[0]?.id ?? 0);
     effect(() => {
       if (finished.value > 0) void this.refresh();
     });
@@ -126,17 +147,21 @@ export class Model {
     if (!forms.ok) return;
     const build = await server.build();
     if (build.ok) viewOnly.value = build.value.role === "view";
-    this.forms.value = forms.value;
-    await Promise.all([this.refresh(), this.loadOlder(undefined)]);
+    const isFirst = this.forms.peek() === undefined;
+    if (!isFirst) this.forms.value = forms.value;
+    const older = this.loadOlder(undefined);
+    await this.refresh();
+    if (isFirst) this.forms.value = forms.value; // not before the values: nobody is told "never read" of what was read
+    await older;
   }
 
-  /** What the device has now, and which snapshots there are. Drafts that it has by now are none any more. */
+  /** Load present values and snapshots. Drafts equal to them are dropped. */
   async refresh(): Promise<void> {
     const [body, snapshots] = await Promise.all([server.values(this.id), server.snapshots(this.id)]);
     if (snapshots.ok) this.snapshots.value = snapshots.value;
     if (!body.ok) return;
     if (this.forms.peek()?.streams.length && body.value.info.taken !== this.body.peek()?.info.taken) {
-      const forms = await server.forms(this.id); // streams that are off have rates of the device, too, once it was read
+      const forms = await server.forms(this.id); // streams that are off also get rates of the device once it was read
       if (forms.ok) this.forms.value = forms.value;
     }
     this.#follow(body.value.values);
@@ -145,17 +170,18 @@ export class Model {
     for (const key of this.#asked.keys()) this.preview(key);
   }
 
-  /** Puts drafts on top of what the device has by now, and says what somebody else changed in them. */
+  /** Rebase drafts on present values, and report changes by other users in them. */
   #follow(now: Present): void {
-    const finished = this.control.peek()?.done[0]?.id;
-    const isOurs = finished !== undefined && finished === this.applied.peek(); // what came out otherwise than asked is told with the job
+    const finished = this.jobs.peek()?.done[0]?.id;
+    const isOurs = finished !== undefined && finished === this.applied.peek(); // values altered by the device are reported with the job
     const told: Elsewhere[] = [];
     const rebased = (drafts: Drafts, tell: boolean): Drafts =>
       Object.fromEntries(
         Object.entries(drafts).flatMap(([name, draft]) => {
           const [form, base, theirs] = [this.setting(name), this.#bases[name], now[name]];
           if (form === undefined || theirs === undefined) return [[name, draft]];
-          if (base === undefined || sameSetting(form, base, theirs)) return sameSetting(form, theirs, draft) ? [] : [[name, draft]];
+          if (base === undefined || sameSetting(form, base, theirs))
+            return sameSetting(form, theirs, draft) ? [] : [[name, draft]];
           const found = rebase(form, base, draft, theirs);
           if (tell && !isOurs) told.push(...found.elsewhere);
           return sameSetting(form, theirs, found.draft) ? [] : [[name, found.draft]];
@@ -164,24 +190,32 @@ export class Model {
     this.#undo = this.#undo.map((before) => rebased(before, false));
     const drafts = rebased(this.drafts.peek(), true);
     this.drafts.value = drafts;
-    this.#bases = Object.fromEntries(Object.keys({ ...this.#bases, ...drafts }).flatMap((name) => (now[name] ? [[name, now[name]]] : [])));
-    if (told.length > 0) this.elsewhere.value = [...this.elsewhere.peek().filter((one) => !told.some(({ setting }) => setting === one.setting)), ...told];
+    this.#bases = Object.fromEntries(
+      Object.keys({ ...this.#bases, ...drafts }).flatMap((name) => (now[name] ? [[name, now[name]]] : [])),
+    );
+    if (told.length > 0)
+      this.elsewhere.value = [
+        ...this.elsewhere.peek().filter((one) => !told.some(({ setting }) => setting === one.setting)),
+        ...told,
+      ];
   }
 
-  /** What the device had when these settings were edited: the server writes nothing over somebody else's change. */
+  /** The device's values when these settings were edited: the server does not overwrite another user's change. */
   basesOf(names: readonly string[]): Drafts {
     return Object.fromEntries(names.flatMap((name) => (this.#bases[name] ? [[name, this.#bases[name]]] : [])));
   }
 
-  async loadOlder(before = this.exchange.peek()[0]?.seq): Promise<void> {
-    const found = await server.exchange(this.id, before, OLDER_BY);
+  async loadOlder(before = this.traffic.peek()[0]?.seq): Promise<void> {
+    const found = await server.traffic(this.id, before, OLDER_BY);
     if (!found.ok) return;
     this.noOlder.value = found.value.length < OLDER_BY;
     const known = new Set(this.older.peek().map(({ seq }) => seq));
-    this.older.value = [...found.value.filter(({ seq }) => !known.has(seq)), ...this.older.peek()].sort((a, b) => a.seq - b.seq);
+    this.older.value = [...found.value.filter(({ seq }) => !known.has(seq)), ...this.older.peek()].sort(
+      (a, b) => a.seq - b.seq,
+    );
   }
 
-  /** Shows what went wrong, if anything did. */
+  /** Shows the problem of a request, if any. */
   async run<T>(request: Promise<Outcome<T>>): Promise<T | undefined> {
     const outcome = await request;
     this.problem.value = outcome.ok ? undefined : outcome.problem;
@@ -189,7 +223,7 @@ export class Model {
     return outcome.ok ? outcome.value : undefined;
   }
 
-  /** Ask the device for everything; `confirmed`: also where that discards what a command left unfinished. */
+  /** Read all settings; `confirmed`: even if that discards unfinished work of a command. */
   async readAll(confirmed = false): Promise<void> {
     const job = await this.run(server.read(this.id, confirmed));
     this.lastRead.value = job?.id;
@@ -205,19 +239,21 @@ export class Model {
     return this.forms.value?.commands.find((form) => form.name === name);
   }
 
-  /** A setting as it would be; of one that was never read, what the tables begin with. */
+  /** A setting after the edits; if never read, the initial values of the tables. */
   valuesOf(form: SettingForm): Values {
     return current(this.present.value, this.drafts.value, form.name) ?? (form.partial ? {} : initials(form.fields));
   }
 
-  /** Is there something to show of a setting that is the device's, or a person's? */
+  /** Whether a setting has values of the device or of the user. */
   isKnown(form: SettingForm): boolean {
     return current(this.present.value, this.drafts.value, form.name) !== undefined;
   }
 
   argumentsOf(form: CommandForm): Values {
     const held = this.present.value[form.writes] ?? {}; // a form that writes a setting opens with what the device has
-    const own = Object.fromEntries(form.arguments.flatMap(({ name }) => (held[name] === undefined ? [] : [[name, held[name]]])));
+    const own = Object.fromEntries(
+      form.arguments.flatMap(({ name }) => (held[name] === undefined ? [] : [[name, held[name]]])),
+    );
     return this.arguments.value[form.name] ?? { ...initials(form.arguments), ...own };
   }
 
@@ -236,12 +272,14 @@ export class Model {
     this.preview(`!${form.name}`);
   }
 
-  /** Take edits back: of one setting, or all. */
+  /** Discard edits: of one setting, or all. */
   discard(name?: string): void {
     this.#remember();
     const left = Object.entries(this.drafts.peek()).filter(([key]) => name !== undefined && key !== name);
     this.drafts.value = Object.fromEntries(left);
-    this.wrong.value = new Map([...this.wrong.peek()].filter(([key]) => name !== undefined && !key.startsWith(`${name}/`)));
+    this.wrong.value = new Map(
+      [...this.wrong.peek()].filter(([key]) => name !== undefined && !key.startsWith(`${name}/`)),
+    );
     this.elsewhere.value = this.elsewhere.peek().filter(({ setting }) => name !== undefined && setting !== name);
     this.#forget(name);
     for (const key of this.#asked.keys()) this.preview(key);
@@ -255,7 +293,7 @@ export class Model {
     for (const key of this.#asked.keys()) this.preview(key);
   }
 
-  /** What was typed and is no value goes with the edits; of one setting, or all. */
+  /** Discard invalid input with the edits; of one setting, or all. */
   #forget(name: string | undefined): void {
     const names = name === undefined ? (this.forms.peek()?.settings.map((form) => form.name) ?? []) : [name];
     const epochs = this.epochs.peek();
@@ -277,20 +315,23 @@ export class Model {
 
   // ---- previews
 
-  /** Ask what the server says of a draft, a moment after the last key. */
+  /** Request the server's answer on a draft, shortly after the last key. */
   preview(key: string, afterMs = PREVIEW_AFTER_MS): void {
     clearTimeout(this.#timers.get(key));
     if (!this.#asked.has(key)) this.#asked.set(key, 0);
-    this.#timers.set(key, setTimeout(() => void this.#ask(key), afterMs));
+    this.#timers.set(
+      key,
+      setTimeout(() => void this.#ask(key), afterMs),
+    );
   }
 
-  /** Have the previews of these drafts as they are now. */
+  /** Load the previews of these drafts. */
   async previewNow(keys: readonly string[]): Promise<void> {
     for (const key of keys) clearTimeout(this.#timers.get(key));
     await Promise.all(keys.map((key) => this.#ask(key)));
   }
 
-  /** What is not on screen any more is not asked about. */
+  /** Stop requesting previews that are no longer on screen. */
   forget(key: string): void {
     clearTimeout(this.#timers.get(key));
     if (!(key in this.drafts.peek())) this.#asked.delete(key);
@@ -301,7 +342,7 @@ export class Model {
     this.#asked.set(key, turn);
     const request = this.#request(key);
     const answer = request === undefined ? undefined : await request;
-    if (this.#asked.get(key) !== turn) return; // a newer one is under way
+    if (this.#asked.get(key) !== turn) return; // a newer one is running
     const { [key]: _, ...others } = this.previews.peek();
     if (answer === undefined) this.previews.value = others;
     else if (answer.ok) this.previews.value = { ...others, [key]: answer.value };
@@ -316,14 +357,18 @@ export class Model {
     const isPresent = key.startsWith("=");
     const form = this.setting(isPresent ? key.slice(1) : key);
     if (form === undefined || !form.writable) return undefined;
-    if (!isPresent && !this.isKnown(form)) return undefined; // what a form begins with is not what the device has
-    const values = isPresent ? this.present.peek()[form.name] : form.partial ? this.changes.peek()[form.name] : this.valuesOf(form);
+    if (!isPresent && !this.isKnown(form)) return undefined; // initial values are not the device's
+    const values = isPresent
+      ? this.present.peek()[form.name]
+      : form.partial
+        ? this.changes.peek()[form.name]
+        : this.valuesOf(form);
     if (values === undefined) return undefined;
     const own = form.fields.filter(({ name, read_only }) => !read_only && values[name] !== undefined);
     return server.previewSetting(this.id, form.name, Object.fromEntries(own.map(({ name }) => [name, values[name]])));
   }
 
-  /** The rate that the line will have once all edits are written; undefined while none changes it. */
+  /** The line's rate after all edits; undefined if none changes it. */
   readonly baud = computed(() => {
     const now = this.device.value?.baud ?? undefined;
     for (const name of Object.keys(this.changes.value)) {
@@ -334,15 +379,15 @@ export class Model {
     return undefined;
   });
 
-  /** The newest load of all outputs that some preview told. */
+  /** The newest load of all outputs in a preview. */
   loadOf(name: string): LoadInfo | null {
     return this.previews.value[name]?.load ?? null;
   }
 
-  /** Why nothing can be written now; "" when it can. */
+  /** Why nothing can be written now; "" if it can. */
   readonly blocked = computed(() => {
     const names = Object.keys(this.changes.value);
-    if (viewOnly.value) return "View only: open this page with a control token to change something.";
+    if (viewOnly.value) return TEXT.viewOnlyChange;
     for (const [key, why] of this.wrong.value) {
       const [owner = "", path = ""] = key.split("/");
       const form = this.setting(owner);
@@ -359,12 +404,12 @@ export class Model {
       if (why) return why;
     }
     const device = this.device.value;
-    // A device that is silent on an open link may answer all the same: one whose streams were stopped, one in the config state.
+    // a device that is silent on an open link may still answer: its streams were stopped, or it is in the config state
     const isGone = device !== undefined && (device.status === "denied" || device.status === "ended" || !device.is_open);
-    return isGone ? "The device is not reached." : "";
+    return isGone ? TEXT.deviceUnreachable : "";
   });
 
-  /** Capacity at the rate that will be in effect. */
+  /** Capacity at the rate in effect after the edits. */
   capacity(load: LoadInfo): number | null {
     return capacityAt(load, this.baud.value);
   }
@@ -372,7 +417,7 @@ export class Model {
 
 const models = new Map<string, Model>();
 
-/** The model of a device; made when it is first looked at. */
+/** The model of a device; created on first use. */
 export function modelOf(id: string, store: Store): Model {
   const known = models.get(id) ?? new Model(id, store);
   models.set(id, known);

@@ -1,6 +1,5 @@
-/** The Configure page: settings on the left, the form in the middle, the exchange on the right. Loaded when it is first opened. */
+/** The Configure page: settings on the left, the form in the middle, the traffic log on the right. Loaded when it is first opened. */
 import { useEffect } from "preact/hooks";
-import { view } from "../../data/view-state";
 import { BudgetLine } from "../../forms/budget-bar";
 import { Icon } from "../../ui/icons";
 import { type App, sheet } from "../app-state";
@@ -12,26 +11,43 @@ import { Ask } from "./confirm-dialog";
 import { Command } from "./command-form";
 import { Compare } from "./compare";
 import { Corrections } from "./corrections";
-import { Exchange } from "./traffic-log";
+import { TrafficLog } from "./traffic-log";
 import { Group } from "./group";
 import { type Model, modelOf, viewOnly } from "./model";
 import { ConfigureRail } from "./sidebar";
 import { Discard, Setting } from "./setting-form";
 import { KeepButton } from "./snapshot";
 import { Restore } from "./restore";
-import { ElsewhereBand, LostBand, NoForms, NotRead, ProblemLine, Reading, UnfinishedBand, ViewOnlyBand } from "./empty-states";
+import {
+  ElsewhereBand,
+  LostBand,
+  NoForms,
+  NotRead,
+  ProblemLine,
+  Reading,
+  UnfinishedBand,
+  ViewOnlyBand,
+} from "./empty-states";
 import { all, linkTo, type Place, placeOf, question, readAll, visibleSettings } from "./view-state";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 import "./styles";
 
 export default function ConfigurePage({ app }: { readonly app: App }) {
   const device = app.device.value;
   const model = device ? modelOf(device.id, app.store) : undefined;
   const offline = app.store.connection.value !== "open" && app.state.value !== "starting";
+  // biome-ignore lint/correctness/useExhaustiveDependencies: followAddress reads no more of the app than is listed
   useEffect(() => followAddress(app), [route.value.device, app.store.devices.value]);
   useEffect(() => {
     const onKey = (event: KeyboardEvent): void => {
       if (event.key.toLowerCase() !== "z" || !(event.ctrlKey || event.metaKey) || event.shiftKey || !model) return;
-      if (event.target instanceof HTMLElement && /^(INPUT|TEXTAREA)$/.test(event.target.tagName) && (event.target as HTMLInputElement).type !== "checkbox") return;
+      if (
+        event.target instanceof HTMLElement &&
+        /^(INPUT|TEXTAREA)$/.test(event.target.tagName) &&
+        (event.target as HTMLInputElement).type !== "checkbox"
+      )
+        return;
       event.preventDefault();
       model.undo();
     };
@@ -39,18 +55,18 @@ export default function ConfigurePage({ app }: { readonly app: App }) {
     return () => removeEventListener("keydown", onKey);
   }, [model]);
   return (
-    <div class={`app cfg ${offline ? "offline" : ""}`} data-state={app.state.value}>
+    <div class={`app configure ${offline ? "offline" : ""}`} data-state={app.state.value}>
       <a class="btn edge skip" href="#form">
-        Skip to the form
+        {TEXT.skipToTheForm}
       </a>
       <Bar app={app} />
       {offline && <OfflineBand app={app} />}
       <ConfigureRail app={app} model={model} />
-      <main class="cform" id="form" tabIndex={-1}>
+      <main class="settings-form" id="form" tabIndex={-1}>
         <ProblemBand />
         {model ? <Centre model={model} app={app} /> : app.state.value === "starting" ? <Starting /> : <Empty />}
       </main>
-      <Exchange key={model?.id} model={model} />
+      <TrafficLog key={model?.id} model={model} />
       {question.value && <Ask asked={question.value} />}
     </div>
   );
@@ -58,6 +74,7 @@ export default function ConfigurePage({ app }: { readonly app: App }) {
 
 /** The device that the address names is the selected one, here and on the other pages. */
 function followAddress(app: App): void {
+  const { view } = app.viewState;
   const wanted = route.value.device;
   if (wanted === undefined || wanted === view.peek().device) return;
   if (app.store.devices.value.some(({ id }) => id === wanted)) view.value = { ...view.peek(), device: wanted };
@@ -93,7 +110,9 @@ function useSought(model: Model, place: Place): void {
     if (!isForm || sought === undefined) return;
     const key = CSS.escape(sought);
     const hex = CSS.escape(sought.replace(/[a-f]/g, (digit) => digit.toUpperCase()));
-    const row = document.querySelector(`.places [data-field="${key}"], .places tr[data-id="${key}"], .places tr[data-id="${hex}"]`);
+    const row = document.querySelector(
+      `.places [data-field="${key}"], .places tr[data-id="${key}"], .places tr[data-id="${hex}"]`,
+    );
     if (!(row instanceof HTMLElement)) return;
     row.scrollIntoView({ block: "center" });
     row.classList.add("sought");
@@ -113,9 +132,9 @@ function Shown({ model, app, place }: { readonly model: Model; readonly app: App
       return <Corrections model={model} />;
     case "restore":
       return (
-        <section class="setting" aria-label="Restore communication">
-          <div class="setwords">
-            <p>For a device that answers at no rate any more, whatever the cause. Its port stays open meanwhile; nothing is sent before you begin.</p>
+        <section class="setting" aria-label={TEXT.restoreCommunication}>
+          <div class="setting-words">
+            <p>{TEXT.restoreIntro}</p>
           </div>
           <Restore model={model} />
         </section>
@@ -124,10 +143,12 @@ function Shown({ model, app, place }: { readonly model: Model; readonly app: App
       if (command && command.writes !== "" && !model.isRead.value) return <Unread model={model} />; // it opens with what the device has
       return command ? <Command model={model} form={command} /> : null;
     case "nothing":
-      return <p class="hint inset">This device has nothing called “{place.name}”. Another product, or an old link?</p>;
+      return <p class="hint inset">{TEXT.settingNotFound(place.name)}</p>;
     case "setting":
     case "group": {
-      const settings = setting ? 1 : (model.forms.value?.settings.filter(({ group }) => group === place.name).length ?? 0);
+      const settings = setting
+        ? 1
+        : (model.forms.value?.settings.filter(({ group }) => group === place.name).length ?? 0);
       if (settings > 0 && !model.isRead.value) return <Unread model={model} />;
       return setting ? <Setting model={model} form={setting} alone /> : <Group model={model} name={place.name} />;
     }
@@ -136,7 +157,7 @@ function Shown({ model, app, place }: { readonly model: Model; readonly app: App
 
 /** In the place of a form that shows what the device has, until that is known. */
 function Unread({ model }: { readonly model: Model }) {
-  return model.control.value?.running ? <Reading model={model} /> : <NotRead model={model} />;
+  return model.jobs.value?.running ? <Reading model={model} /> : <NotRead model={model} />;
 }
 
 /** The load of all outputs in one line: on a phone it stays in sight. */
@@ -150,7 +171,16 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
   const visible = place.kind === "group" ? visibleSettings(model, place.name) : [];
   const form = model.setting(place.name) ?? (visible.length === 1 ? visible[0] : undefined);
   const command = model.command(place.name);
-  const title = { compare: "Compare", corrections: "Corrections", restore: "Restore communication", group: place.name, nothing: "Not there", setting: form?.title, command: command?.title }[place.kind] ?? "";
+  const title =
+    {
+      compare: TEXT.compare,
+      corrections: TEXT.corrections,
+      restore: TEXT.restoreCommunication,
+      group: place.name,
+      nothing: TEXT.notFound,
+      setting: form?.title,
+      command: command?.title,
+    }[place.kind] ?? "";
   const group = (form ?? command)?.group;
   const isForm = place.kind === "setting" || place.kind === "command" || place.kind === "group";
   useEffect(() => {
@@ -160,20 +190,30 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
     <div class="title">
       <div class="names">
         <h1>{title}</h1>
-        <p class="ell">
+        <p class="ellipsis">
           {group !== undefined && group !== title && (
             <span class="desk">
               <a href={linkTo(model, group)}>{group}</a> ·{" "}
             </span>
           )}
-          {form || command ? <span class="mono">{(form ?? command)?.name}</span> : <span>{model.device.value?.name}</span>}
+          {form || command ? (
+            <span class="mono">{(form ?? command)?.name}</span>
+          ) : (
+            <span>{model.device.value?.name}</span>
+          )}
           {(form ?? command)?.source && <span>, {(form ?? command)?.source}</span>}
         </p>
       </div>
       <span class="grow" />
-      <button type="button" class="btn edge phone" aria-expanded={sheet.value === "rail"} aria-controls="rail" onClick={() => (sheet.value = "rail")}>
+      <button
+        type="button"
+        class="btn edge phone"
+        aria-expanded={sheet.value === "rail"}
+        aria-controls="rail"
+        onClick={() => (sheet.value = "rail")}
+      >
         <Icon name="search" />
-        Settings
+        {COMMON.settings}
       </button>
       {form && (
         <span class="desk">
@@ -183,12 +223,12 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
       {place.kind === "compare" && <KeepButton model={model} />}
       {isForm && model.isRead.value && <ReadAgain model={model} />}
       {isForm && (
-        <div class="seg" role="group" aria-label="How much is shown">
+        <div class="segmented" role="group" aria-label={TEXT.detailLevel}>
           <button type="button" aria-pressed={!all.value} onClick={() => (all.value = false)}>
-            Simple
+            {TEXT.basic}
           </button>
           <button type="button" aria-pressed={all.value} onClick={() => (all.value = true)}>
-            All
+            {COMMON.all}
           </button>
         </div>
       )}
@@ -198,8 +238,14 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
 
 function ReadAgain({ model }: { readonly model: Model }) {
   return (
-    <button type="button" class="btn" disabled={viewOnly.value || Boolean(model.control.value?.running)} title="Ask the device for all of its settings" onClick={() => readAll(model)}>
-      Read again
+    <button
+      type="button"
+      class="btn"
+      disabled={viewOnly.value || Boolean(model.jobs.value?.running)}
+      title={TEXT.readAllHint}
+      onClick={() => readAll(model)}
+    >
+      {TEXT.readAgain}
     </button>
   );
 }

@@ -1,7 +1,8 @@
-/** The guided procedure for a device that answers at no rate: a person switches its power while the server calls it. */
+/** The guided procedure for a device that answers at no rate: the user power-cycles it while the server calls it. */
 import { isOver, JobLine, jobOf } from "./jobs";
 import { type Model, viewOnly } from "./model";
 import { server } from "./api";
+import { TEXT } from "../../texts/configure";
 
 export function Restore({ model }: { readonly model: Model }) {
   const id = model.restoring.value;
@@ -18,18 +19,18 @@ export function Restore({ model }: { readonly model: Model }) {
     <div class="restore">
       <ol>
         <li {...step(0)}>
-          <b>Begin.</b> The server calls the device over and over, in the way its document gives for a lost line.{" "}
+          <b>{TEXT.startStep}</b> {TEXT.restoreCalls}{" "}
           {at !== 1 && (
             <button type="button" class="btn small main" disabled={viewOnly.value} onClick={() => void start()}>
-              {job ? "Begin again" : "Begin"}
+              {job ? TEXT.startAgain : TEXT.startRestore}
             </button>
           )}
         </li>
         <li {...step(1)}>
-          <b>Switch the device's power off, wait two seconds, and on again.</b> It hears the call only while it starts.
+          <b>{TEXT.powerCycleStep}</b> {TEXT.powerCycleReason}
         </li>
         <li {...step(3)}>
-          <b>It answers</b> with the communication settings of the factory, and gets its old settings back.
+          <b>{TEXT.deviceRepliesStep}</b> {TEXT.restoreResult}
         </li>
       </ol>
       {id !== undefined && <JobLine model={model} id={id} />}

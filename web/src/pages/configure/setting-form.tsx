@@ -1,4 +1,4 @@
-/** One setting as a form: its words, its fields, what the server says of it, the bytes that would be sent. */
+/** One setting as a form: its description, its fields, the server's answer, the bytes to be sent. */
 import { useEffect } from "preact/hooks";
 import { BudgetBar } from "../../forms/budget-bar";
 import { BytesView } from "../../forms/frame-view";
@@ -6,7 +6,7 @@ import { changesOf, touches } from "../../forms/edits";
 import { Fields } from "../../forms/field";
 import { OutputsTable } from "../../forms/outputs-table";
 import { optionsOf } from "../../forms/options";
-import type { Sheet } from "../../forms/form-context";
+import type { FormContext } from "../../forms/form-context";
 import { StreamsTable } from "../../forms/streams-table";
 import type { FieldForm, Forms, LoadInfo, SettingForm } from "../../forms/types";
 import type { Path, Values } from "../../forms/values";
@@ -14,7 +14,8 @@ import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { makeItFit } from "./fit-rates";
 import { type Model, viewOnly } from "./model";
-import { all, CAUTIONS, here } from "./view-state";
+import { all, CAUTIONS, currentPlace } from "./view-state";
+import { TEXT } from "../../texts/configure";
 
 interface Props {
   readonly model: Model;
@@ -25,8 +26,8 @@ interface Props {
 
 const EFFECT: Readonly<Record<SettingForm["after"], string>> = {
   "": "",
-  measurement: "Takes effect when the device measures again.",
-  reset: "Takes effect after a restart, done automatically.",
+  measurement: TEXT.effectAfterMeasurement,
+  reset: TEXT.effectAfterRestart,
 };
 
 export function Setting({ model, form, alone }: Props) {
@@ -34,6 +35,7 @@ export function Setting({ model, form, alone }: Props) {
   const lacking = model.body.value?.missing[form.name];
   const unread = model.present.value[form.name] === undefined;
   const showsBytes = alone || edits > 0 || form.editor !== "";
+  // biome-ignore lint/correctness/useExhaustiveDependencies: a preview belongs to the form, which is listed
   useEffect(() => {
     if (!showsBytes) return undefined;
     model.preview(form.name, 0);
@@ -46,41 +48,57 @@ export function Setting({ model, form, alone }: Props) {
   return (
     <section class={`setting ${edits > 0 ? "edited" : ""}`} aria-label={form.title} data-setting={form.name}>
       {!alone && (
-        <div class="sethead">
+        <div class="setting-head">
           <h2>{form.title}</h2>
-          <span class="dim mono ell">{form.name}</span>
+          <span class="dim mono ellipsis">{form.name}</span>
           <span class="grow" />
           <Discard model={model} form={form} edits={edits} />
         </div>
       )}
       <Words form={form} source={!alone} />
-      {unread && <p class="hint inset unread">{unreadWords(lacking)} “Read again” asks the device.</p>}
+      {unread && <p class="hint inset unread">{TEXT.readAgainHint(unreadWords(lacking))}</p>}
       <Body model={model} form={form} />
       {showsBytes && <Consequences model={model} form={form} />}
     </section>
   );
 }
 
-/** Why a form is not what the device has. */
+/** Why a form does not show the device's values. */
 function unreadWords(why: string | undefined): string {
-  if (why === undefined) return "Not read from this device yet.";
-  return why.startsWith("not ") ? `N${why.slice(1)}.` : `Not read from this device: ${why}.`;
+  if (why === undefined) return TEXT.notReadFromDevice;
+  return why.startsWith("not ") ? `${why.charAt(0).toUpperCase()}${why.slice(1)}.` : TEXT.notReadFromThisDevice(why);
 }
 
-export function Discard({ model, form, edits }: { readonly model: Model; readonly form: SettingForm; readonly edits: number }) {
+export function Discard({
+  model,
+  form,
+  edits,
+}: {
+  readonly model: Model;
+  readonly form: SettingForm;
+  readonly edits: number;
+}) {
   return edits > 0 ? (
     <button type="button" class="btn small" onClick={() => model.discard(form.name)}>
       <Icon name="undo" />
-      Discard {edits === 1 ? "the change" : `${edits} changes`}
+      {TEXT.discardChanges(edits)}
     </button>
   ) : null;
 }
 
-/** What it is for, where that is written, when it takes effect, what harm it can do. */
-export function Words({ form, source = false }: { readonly source?: boolean; readonly form: Pick<SettingForm, "doc" | "source" | "caution" | "consequence"> & { readonly after?: SettingForm["after"] } }) {
+/** Purpose, time of effect and possible harm. */
+export function Words({
+  form,
+  source = false,
+}: {
+  readonly source?: boolean;
+  readonly form: Pick<SettingForm, "doc" | "source" | "caution" | "consequence"> & {
+    readonly after?: SettingForm["after"];
+  };
+}) {
   const effect = EFFECT[form.after ?? ""];
   return (
-    <div class="setwords">
+    <div class="setting-words">
       {(form.doc || effect) && (
         <p>
           {form.doc} {effect} {source && form.source !== "" && <span class="dim source">{form.source}</span>}
@@ -95,7 +113,7 @@ export function Words({ form, source = false }: { readonly source?: boolean; rea
   );
 }
 
-export function sheetOf(model: Model, form: SettingForm): Sheet {
+export function sheetOf(model: Model, form: SettingForm): FormContext {
   return {
     id: `set-${form.name}`,
     values: model.valuesOf(form),
@@ -107,7 +125,7 @@ export function sheetOf(model: Model, form: SettingForm): Sheet {
     wrong: (path: Path, why: string | undefined) => model.setWrong(form.name, path, why),
     hover: (path: string) => (model.hot.value = path),
     options: optionsOf(form, model.present.value),
-    sought: here.value.place === form.name ? (here.value.more ?? "") : "",
+    sought: currentPlace.value.place === form.name ? (currentPlace.value.more ?? "") : "",
     epoch: model.epochs.value[form.name] ?? 0,
   };
 }
@@ -115,15 +133,20 @@ export function sheetOf(model: Model, form: SettingForm): Sheet {
 function Body({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
   const sheet = sheetOf(model, form);
   const forms = model.forms.value as Forms;
-  const list: FieldForm | undefined = form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
+  const list: FieldForm | undefined =
+    form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
   if (list === undefined) return <Fields sheet={sheet} fields={form.fields} />;
-  if (!model.isKnown(form)) return null; // an empty table would say that nothing is sent
+  if (!model.isKnown(form)) return null; // an empty table would suggest that nothing is sent
   const load = model.loadOf(form.name) ?? model.loadOf(`=${form.name}`);
   const rest = form.fields.filter((field) => field !== list);
   const table = { sheet, field: list, load, hot: model.hot.value };
   return (
     <>
-      {form.editor === "outputs" ? <OutputsTable {...table} choices={forms.outputs} /> : <StreamsTable {...table} choices={forms.streams} />}
+      {form.editor === "outputs" ? (
+        <OutputsTable {...table} choices={forms.outputs} />
+      ) : (
+        <StreamsTable {...table} choices={forms.streams} />
+      )}
       {rest.length > 0 && <Fields sheet={sheet} fields={rest} />}
     </>
   );
@@ -134,20 +157,41 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
   const preview = model.previews.value[form.name];
   const before: Values | undefined = model.present.value[form.name];
   const found = changesOf(form, before, model.valuesOf(form));
-  const changed = (path: string): boolean => path !== "" && before !== undefined && touches(found, path.split(".").map((part) => (/^\d+$/.test(part) ? Number(part) : part)));
+  const changed = (path: string): boolean =>
+    path !== "" &&
+    before !== undefined &&
+    touches(
+      found,
+      path.split(".").map((part) => (/^\d+$/.test(part) ? Number(part) : part)),
+    );
   const load: LoadInfo | null = model.loadOf(form.name) ?? (form.editor ? model.loadOf(`=${form.name}`) : null);
-  const loose = (preview?.problems ?? []).filter(({ path }) => !form.fields.some(({ name }) => path === name || path.startsWith(`${name}.`)));
+  const loose = (preview?.problems ?? []).filter(
+    ({ path }) => !form.fields.some(({ name }) => path === name || path.startsWith(`${name}.`)),
+  );
   const hover = (path: string): void => {
     model.hot.value = path;
   };
   return (
     <>
       {(form.editor || (preview?.line && preview.load)) && load && (
-        <BudgetBar load={load} before={model.loadOf(`=${form.name}`)} baud={model.baud.value} rates={model.rates.value} changed={changed} hot={model.hot.value} hover={hover}>
+        <BudgetBar
+          load={load}
+          before={model.loadOf(`=${form.name}`)}
+          baud={model.baud.value}
+          rates={model.rates.value}
+          changed={changed}
+          hot={model.hot.value}
+          hover={hover}
+        >
           {form.editor && (
-            <button type="button" class="btn edge small" disabled={viewOnly.value || model.capacity(load) === null} onClick={() => void makeItFit(model, form)}>
+            <button
+              type="button"
+              class="btn edge small"
+              disabled={viewOnly.value || model.capacity(load) === null}
+              onClick={() => void makeItFit(model, form)}
+            >
               <Icon name="wand" />
-              Make it fit
+              {TEXT.makeFit}
             </button>
           )}
         </BudgetBar>
@@ -155,12 +199,15 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
       {form.editor && <FitWords model={model} form={form} />}
       {preview?.line && (
         <p class="caution inset">
-          <span class="tag warn">▲ on trial</span> {preview.line}
+          <span class="tag warn">{TEXT.temporary}</span> {preview.line}
         </p>
       )}
       {loose.map(({ path, message, hint }) => (
         <p class="problem inset" role="alert" key={path}>
-          <b><Message text={message} /></b> <Message text={hint} />
+          <b>
+            <Message text={message} />
+          </b>{" "}
+          <Message text={hint} />
         </p>
       ))}
       {preview && <BytesView frames={preview.frames} changed={changed} hot={model.hot.value} hover={hover} />}
@@ -168,13 +215,13 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
   );
 }
 
-/** What "Make it fit" did, in words, until the next edit. */
+/** Result of "Fit to link" in words, until the next edit. */
 function FitWords({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
   const fit = model.fitting.value;
   if (fit === undefined || fit.setting !== form.name || fit.draft !== model.drafts.value[form.name]) return null;
   return (
-    <div class="fitwords hint inset" role="status">
-      <b>{fit.words.length === 0 ? "It fits as it is." : "Lowered to fit:"}</b>
+    <div class="fit-words hint inset" role="status">
+      <b>{fit.words.length === 0 ? TEXT.fits : TEXT.loweredToFit}</b>
       <ul>
         {fit.words.map((words) => (
           <li key={words}>{words}</li>

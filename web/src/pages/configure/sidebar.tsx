@@ -1,6 +1,5 @@
-/** The left side: which device, search, groups with their edits, and the states that one can go back to. */
+/** The left side: device, search, groups with their edits, and restorable states. */
 import { useLayoutEffect, useRef } from "preact/hooks";
-import { view } from "../../data/view-state";
 import { search } from "../../forms/search";
 import type { SnapshotInfo } from "../../forms/types";
 import { clock } from "../../ui/format";
@@ -10,19 +9,26 @@ import { type App, select, sheet } from "../app-state";
 import { go } from "../route";
 import type { Model } from "./model";
 import { listed, titleOf } from "./sides";
-import { here, linkTo, placeOf, query } from "./view-state";
+import { currentPlace, linkTo, placeOf, query } from "./view-state";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 
-/** Snapshots of writes that the rail lists, beside those with a name; the page Compare has all. */
+/** Snapshots of writes in the sidebar, beside named ones; Compare has all. */
 const LISTED = 5;
 
 export function ConfigureRail({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
   return (
-    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label="Settings">
+    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label={COMMON.settings}>
       <div class="head">
-        <h2>Device</h2>
+        <h2>{COMMON.device}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
-          <button type="button" class="btn icon" aria-label="Close the list of settings" onClick={() => (sheet.value = undefined)}>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.closeSettingsList}
+            onClick={() => (sheet.value = undefined)}
+          >
             <Icon name="close" />
           </button>
         )}
@@ -35,7 +41,7 @@ export function ConfigureRail({ app, model }: { readonly app: App; readonly mode
           <GoBack model={model} />
         </>
       )}
-      <div class="foot">A snapshot is kept before every write, by serial number.</div>
+      <div class="foot">{TEXT.snapshotNote}</div>
     </aside>
   );
 }
@@ -48,11 +54,11 @@ function DevicePicker({ app }: { readonly app: App }) {
     go("configure", id);
   };
   return (
-    <div class="railpad">
-      <label class="select devpick">
+    <div class="rail-padding">
+      <label class="select device-select">
         <span class={`dot ${mark.dot}`} />
-        <span class="vh">Device, {mark.word}</span>
-        <select value={view.value.device ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
+        <span class="visually-hidden">{TEXT.deviceState(mark.word)}</span>
+        <select value={app.viewState.view.value.device ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
           {app.store.devices.value.map(({ id, name, serial_number }) => (
             <option key={id} value={id}>
               {name}
@@ -73,7 +79,14 @@ function SearchField({ model }: { readonly model: Model }) {
   useLayoutEffect(() => {
     const onKey = (event: KeyboardEvent): void => {
       const target = event.target instanceof HTMLElement ? event.target : document.body;
-      if (event.key !== "/" || event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|TEXTAREA|SELECT)$/.test(target.tagName)) return;
+      if (
+        event.key !== "/" ||
+        event.ctrlKey ||
+        event.metaKey ||
+        event.altKey ||
+        /^(INPUT|TEXTAREA|SELECT)$/.test(target.tagName)
+      )
+        return;
       event.preventDefault();
       sheet.value = matchMedia("(max-width: 1119px)").matches ? "rail" : sheet.value;
       requestAnimationFrame(() => field.current?.focus());
@@ -92,14 +105,14 @@ function SearchField({ model }: { readonly model: Model }) {
     field.current?.blur();
   };
   return (
-    <div class="railpad">
-      <label class="field searchfield">
+    <div class="rail-padding">
+      <label class="field search-field">
         <Icon name="search" />
-        <span class="vh">Search settings and commands</span>
+        <span class="visually-hidden">{TEXT.searchSettingsAndCommands}</span>
         <input
           ref={field}
           type="search"
-          placeholder={`Search ${count} settings`}
+          placeholder={TEXT.searchSettings(count)}
           value={query.value}
           autocomplete="off"
           spellcheck={false}
@@ -118,16 +131,21 @@ const close = (): void => {
 
 function Results({ model }: { readonly model: Model }) {
   const found = search(model.index.value, query.value);
-  if (found.length === 0) return <p class="railpad dim">Nothing is called that.</p>;
+  if (found.length === 0) return <p class="rail-padding dim">{TEXT.noMatch}</p>;
   return (
-    <nav class="cats found" aria-label="Found">
+    <nav class="categories found" aria-label={TEXT.matches}>
       {found.map(({ kind, name, title, group, field, at }) => (
-        <a key={`${kind} ${name}`} href={linkTo(model, name, at || undefined)} onClick={close} {...(here.value.place === name ? { "aria-current": "true" as const } : {})}>
-          <span class="ell">
+        <a
+          key={`${kind} ${name}`}
+          href={linkTo(model, name, at || undefined)}
+          onClick={close}
+          {...(currentPlace.value.place === name ? { "aria-current": "true" as const } : {})}
+        >
+          <span class="ellipsis">
             {title}
-            <small class="dim ell">{field ? `${field} · ${name}` : `${group} · ${name}`}</small>
+            <small class="dim ellipsis">{field ? `${field} · ${name}` : `${group} · ${name}`}</small>
           </span>
-          {kind === "command" && <span class="c">command</span>}
+          {kind === "command" && <span class="count">{TEXT.command}</span>}
         </a>
       ))}
     </nav>
@@ -137,37 +155,51 @@ function Results({ model }: { readonly model: Model }) {
 function Groups({ model }: { readonly model: Model }) {
   const forms = model.forms.value;
   if (!forms) return null;
-  const place = placeOf(model, here.value.place);
-  const current = place.kind === "group" ? place.name : (model.setting(place.name)?.group ?? model.command(place.name)?.group);
+  const place = placeOf(model, currentPlace.value.place);
+  const current =
+    place.kind === "group" ? place.name : (model.setting(place.name)?.group ?? model.command(place.name)?.group);
   return (
-    <nav class="cats" aria-label="Groups of settings">
+    <nav class="categories" aria-label={TEXT.settingGroups}>
       {forms.groups.map((group) => {
         const settings = forms.settings.filter((form) => form.group === group);
         const edits = settings.reduce((sum, form) => sum + (model.counts.value.get(form.name) ?? 0), 0);
         const total = settings.length + forms.commands.filter((form) => form.group === group).length;
         return (
-          <a key={group} href={linkTo(model, group)} onClick={close} {...(group === current ? { "aria-current": "true" as const } : {})}>
-            <span class="ell">{group}</span>
+          <a
+            key={group}
+            href={linkTo(model, group)}
+            onClick={close}
+            {...(group === current ? { "aria-current": "true" as const } : {})}
+          >
+            <span class="ellipsis">{group}</span>
             {edits > 0 ? (
-              <span class="tag yours" title={`${edits} changed`}>
+              <span class="tag yours" title={TEXT.changedCount(edits)}>
                 {edits}
-                <span class="vh"> changed</span>
+                <span class="visually-hidden"> {TEXT.changed}</span>
               </span>
             ) : (
-              <span class="c">{total}</span>
+              <span class="count">{total}</span>
             )}
           </a>
         );
       })}
       {forms.corrections && (
-        <a href={linkTo(model, "corrections")} onClick={close} {...(place.kind === "corrections" ? { "aria-current": "true" as const } : {})}>
-          <span class="ell">Corrections</span>
-          <span class="c">RTCM</span>
+        <a
+          href={linkTo(model, "corrections")}
+          onClick={close}
+          {...(place.kind === "corrections" ? { "aria-current": "true" as const } : {})}
+        >
+          <span class="ellipsis">{TEXT.corrections}</span>
+          <span class="count">{TEXT.rtcm}</span>
         </a>
       )}
       {forms.settings.length > 0 && (
-        <a href={linkTo(model, "restore")} onClick={close} {...(place.kind === "restore" ? { "aria-current": "true" as const } : {})}>
-          <span class="ell">Restore communication</span>
+        <a
+          href={linkTo(model, "restore")}
+          onClick={close}
+          {...(place.kind === "restore" ? { "aria-current": "true" as const } : {})}
+        >
+          <span class="ellipsis">{TEXT.restoreCommunication}</span>
         </a>
       )}
     </nav>
@@ -176,27 +208,33 @@ function Groups({ model }: { readonly model: Model }) {
 
 function GoBack({ model }: { readonly model: Model }) {
   if ((model.forms.value?.settings.length ?? 0) === 0) return null;
-  const { place, more } = here.value;
+  const { place, more } = currentPlace.value;
   const current = (name: string) => (place === "compare" && more === name ? { "aria-current": "true" as const } : {});
   return (
     <>
-      <div class="head goback">
-        <h3>Snapshots</h3>
+      <div class="head go-back">
+        <h3>{TEXT.snapshots}</h3>
         <span class="grow" />
         <a class="btn" href={linkTo(model, "compare")} onClick={close}>
-          Compare
+          {TEXT.compare}
         </a>
       </div>
-      <nav class="cats" aria-label="Snapshots">
+      <nav class="categories" aria-label={TEXT.snapshots}>
         {listed(model.snapshots.value, LISTED).map((snapshot) => (
-          <a key={snapshot.name} href={linkTo(model, "compare", snapshot.name)} onClick={close} title={[titleOf(snapshot), snapshot.reason].join("\n")} {...current(snapshot.name)}>
-            <span class="ell">{titleOf(snapshot)}</span>
-            <span class="c">{when(snapshot)}</span>
+          <a
+            key={snapshot.name}
+            href={linkTo(model, "compare", snapshot.name)}
+            onClick={close}
+            title={[titleOf(snapshot), snapshot.reason].join("\n")}
+            {...current(snapshot.name)}
+          >
+            <span class="ellipsis">{titleOf(snapshot)}</span>
+            <span class="count">{when(snapshot)}</span>
           </a>
         ))}
         {model.forms.value?.factory && (
           <a href={linkTo(model, "compare", "~factory")} onClick={close} {...current("~factory")}>
-            Factory default
+            {TEXT.factoryDefault}
           </a>
         )}
       </nav>

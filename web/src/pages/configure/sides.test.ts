@@ -3,7 +3,18 @@ import type { SnapshotInfo } from "../../forms/types";
 import { listed, refFor, titleOf } from "./sides";
 
 const info = (title: string, taken: number, part: Partial<SnapshotInfo> = {}): SnapshotInfo => ({
-  name: `${taken}`, title, taken, reason: "", product: "", serial_number: "", firmware: "", settings: 1, missing: 0, pinned: false, readable: true, ...part,
+  name: `${taken}`,
+  title,
+  taken,
+  reason: "",
+  product: "",
+  serial_number: "",
+  firmware: "",
+  settings: 1,
+  missing: 0,
+  pinned: false,
+  readable: true,
+  ...part,
 });
 
 it("keeps the first contact and what was named in the list, however much is written", () => {
@@ -13,7 +24,9 @@ it("keeps the first contact and what was named in the list, however much is writ
 });
 
 it("tells snapshots of one title apart", () => {
-  expect(titleOf({ title: "Before this change", reason: "Before writing Output configuration." })).toBe("Before writing Output configuration");
+  expect(titleOf({ title: "Before this change", reason: "Before writing Output configuration." })).toBe(
+    "Before writing Output configuration",
+  );
   expect(titleOf({ title: "Before this change", reason: "new mast" })).toBe("Before this change: new mast");
   expect(titleOf({ title: "First contact", reason: "" })).toBe("First contact");
 });

@@ -1,12 +1,13 @@
 /** Sides of a comparison by the names that menus and addresses give them, as the server is asked for them; and which snapshots a list shows. */
 import type { SideRef, SnapshotInfo } from "../../forms/types";
+import { TEXT } from "../../texts/configure";
 
 /** "device", "~factory", "~file", "~other:<id>", or a snapshot's name. */
 export type Side = string;
 
 const BLANK = { snapshot: "", device: "", text: "" };
 
-/** A side as the device itself names it. */
+/** A side in the device's own terms. */
 export function refOf(side: Side, file: string): SideRef {
   if (side === "device" || side === "~factory") return { ...BLANK, side: side === "device" ? "device" : "factory" };
   if (side === "~file") return { ...BLANK, side: "text", text: file };
@@ -14,7 +15,7 @@ export function refOf(side: Side, file: string): SideRef {
   return { ...BLANK, side: "snapshot", snapshot: side };
 }
 
-/** A side of the page of one device, as another device names it; undefined where it would be compared with itself. */
+/** A side of one device's page in the terms of another device; undefined if it would be compared with itself. */
 export function refFor(side: Side, file: string, owner: string, target: string): SideRef | undefined {
   if (side === "device") return target === owner ? undefined : { ...BLANK, side: "other", device: owner };
   if (side === `~other:${target}`) return undefined;
@@ -22,16 +23,16 @@ export function refFor(side: Side, file: string, owner: string, target: string):
   return own.side === "snapshot" && target !== owner ? { ...own, device: owner } : own;
 }
 
-/** Titles that many snapshots have: what they are is in the reason. */
-const GENERIC = new Set(["Before this change", "Read from the device"]);
+/** Titles shared by many snapshots; their reason distinguishes them. */
+const GENERIC = new Set([TEXT.beforeThisChange, TEXT.readFromTheDevice]);
 
-/** What a snapshot is, so that two are told apart: its own name, or what was written after it was taken. */
+/** A distinguishing title of a snapshot: its own name, or the change written after it was taken. */
 export function titleOf({ title, reason }: Pick<SnapshotInfo, "title" | "reason">): string {
   if (!GENERIC.has(title) || reason === "") return title;
   return /^before /i.test(reason) ? reason.replace(/\.$/, "") : `${title}: ${reason}`;
 }
 
-/** Those that a short list has: the newest, and whatever a person named, and the first contact; newest first. */
+/** Snapshots of a short list: the newest, the named ones, and the first contact; newest first. */
 export function listed(all: readonly SnapshotInfo[], newest: number): readonly SnapshotInfo[] {
   let left = newest;
   return all.filter(({ pinned }) => pinned || left-- > 0);

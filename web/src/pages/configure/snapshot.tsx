@@ -1,18 +1,20 @@
-/** What can be done with a snapshot: look at its text, take it away as a file, keep it under a name, delete it. */
+/** Actions on a snapshot: view its text, download it, save it under a name, delete it. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
 import { type Model, viewOnly } from "./model";
 import { server } from "./api";
 import { goTo, question } from "./view-state";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 
 export function SnapshotActs({ model, name }: { readonly model: Model; readonly name: string }) {
   const info = model.snapshots.value.find((snapshot) => snapshot.name === name);
   const text = useSignal<string | undefined>(undefined);
   if (!info) return null;
   const look = async (): Promise<void> => {
-    const found = await model.run(server.snapshotText(model.id, name));
-    if (found !== undefined) text.value = found;
+    const found = await model.run(server.snapshot(model.id, name));
+    if (typeof found === "string") text.value = found;
   };
   const remove = async (): Promise<void> => {
     await model.run(server.deleteSnapshot(model.id, name));
@@ -20,21 +22,28 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
     goTo(model, "compare");
   };
   const ask = (): void => {
-    question.value = { title: `Delete “${info.title}”?`, words: ["The snapshot is gone then; the device stays as it is."], caution: "", go: "Delete it", act: () => void remove() };
+    question.value = {
+      title: TEXT.confirmDelete(info.title),
+      words: [TEXT.snapshotDeleteHint],
+      caution: "",
+      go: TEXT.deleteSnapshot,
+      act: () => void remove(),
+    };
   };
   return (
-    <div class="snapacts">
+    <div class="snapshot-actions">
       <span class="mid grow">
-        <b>{info.title}</b> {info.reason && `· ${info.reason}`} · {info.settings} settings{info.missing ? `, ${info.missing} missing` : ""}
+        <b>{info.title}</b> {info.reason && `· ${info.reason}`} {TEXT.settingCount(info.settings)}
+        {info.missing ? TEXT.missingCount(info.missing) : ""}
       </span>
       <button type="button" class="btn small edge" onClick={() => void look()}>
-        View
+        {TEXT.view}
       </button>
       <a class="btn small edge" href={server.snapshotUrl(model.id, name)} download={`${name}.yaml`}>
-        Download
+        {COMMON.download}
       </a>
       <button type="button" class="btn small" disabled={viewOnly.value} onClick={ask}>
-        Delete
+        {COMMON.delete}
       </button>
       {text.value !== undefined && (
         <Dialog title={name} onClose={() => (text.value = undefined)}>
@@ -47,13 +56,18 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
   );
 }
 
-/** Keep what the device has now, under a name. */
+/** Save the device's present values under a name. */
 export function KeepButton({ model }: { readonly model: Model }) {
   const naming = useSignal<string | undefined>(undefined);
   return (
     <>
-      <button type="button" class="btn edge" disabled={viewOnly.value || !model.isRead.value} onClick={() => (naming.value = "")}>
-        Keep as …
+      <button
+        type="button"
+        class="btn edge"
+        disabled={viewOnly.value || !model.isRead.value}
+        onClick={() => (naming.value = "")}
+      >
+        {TEXT.saveAs}
       </button>
       {naming.value !== undefined && <Naming model={model} naming={naming} />}
     </>
@@ -74,18 +88,26 @@ function Naming({ model, naming }: { readonly model: Model; readonly naming: Sig
     if (await model.run(server.keepSnapshot(model.id, title))) await model.refresh();
   };
   return (
-    <Dialog title="Keep these settings under a name" onClose={close}>
+    <Dialog title={TEXT.saveAsHint} onClose={close}>
       <form class="form" onSubmit={(event) => void keep(event)}>
-        <label for="snapshot-name">Name</label>
+        <label for="snapshot-name">{COMMON.name}</label>
         <div class="field">
-          <input id="snapshot-name" ref={field} value={naming.value} maxLength={120} placeholder="New mast fitted" autocomplete="off" onInput={(event) => (naming.value = event.currentTarget.value)} />
+          <input
+            id="snapshot-name"
+            ref={field}
+            value={naming.value}
+            maxLength={120}
+            placeholder={TEXT.namePlaceholder}
+            autocomplete="off"
+            onInput={(event) => (naming.value = event.currentTarget.value)}
+          />
         </div>
         <div class="row">
           <button type="button" class="btn" onClick={close}>
-            Cancel
+            {COMMON.cancel}
           </button>
           <button type="submit" class="btn main" disabled={naming.value?.trim() === ""}>
-            Keep
+            {COMMON.save}
           </button>
         </div>
       </form>

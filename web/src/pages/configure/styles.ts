@@ -1,4 +1,4 @@
-/** The styles of Configure in the order in which they outdo each other; whatever part is loaded first brings all of them. */
+/** The styles of Configure; whatever part is loaded first brings all of them. */
 import "../../forms/forms.css";
 import "../../forms/tables.css";
 import "./configure.css";

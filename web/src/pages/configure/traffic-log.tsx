@@ -1,42 +1,55 @@
-/** The right side: every frame to and from the device, what it says and how long it took; what waits; bytes by hand. */
+/** The right side: every frame to and from the device, its meaning and duration; the queue; bytes by hand. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/frame-chips";
 import { clock, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import type { ExchangeEntry } from "../../wire/types";
+import type { TrafficEntry } from "../../wire/types";
 import { sheet } from "../app-state";
 import { StopJob } from "./jobs";
 import { type Model, viewOnly } from "./model";
 import { server } from "./api";
 import { question } from "./view-state";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/configure";
 
 /** The newest entries on screen; older ones are loaded by hand. */
 const SHOWN = 400;
 const BYTES_SHOWN = 14;
 
-/** What is looked for in the log. */
+/** Search in the log. */
 interface Wanted {
   readonly text: Signal<string>;
   readonly way: Signal<"all" | "tx" | "rx">;
 }
 
-export function Exchange({ model }: { readonly model: Model | undefined }) {
+export function TrafficLog({ model }: { readonly model: Model | undefined }) {
   const filtering = useSignal(false);
   const byHand = useSignal(false);
   const wanted: Wanted = { text: useSignal(""), way: useSignal("all") };
   return (
-    <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label="Exchange">
+    <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label={COMMON.trafficLog}>
       <div class="head">
-        <h2>Exchange</h2>
-        <span>both directions</span>
+        <h2>{COMMON.trafficLog}</h2>
+        <span>{TEXT.bothDirections}</span>
         <span class="grow" />
-        <button type="button" class="btn" aria-pressed={filtering.value} onClick={() => (filtering.value = !filtering.value)}>
-          Filter
+        <button
+          type="button"
+          class="btn"
+          aria-pressed={filtering.value}
+          onClick={() => (filtering.value = !filtering.value)}
+        >
+          {TEXT.filter}
         </button>
-        <button type="button" class="btn" aria-pressed={byHand.value} disabled={viewOnly.value} onClick={() => (byHand.value = !byHand.value)}>
-          Send hex
+        <button
+          type="button"
+          class="btn"
+          aria-pressed={byHand.value}
+          disabled={viewOnly.value}
+          onClick={() => (byHand.value = !byHand.value)}
+        >
+          {TEXT.sendHex}
         </button>
       </div>
       {filtering.value && <Filter wanted={wanted} />}
@@ -49,15 +62,20 @@ export function Exchange({ model }: { readonly model: Model | undefined }) {
 
 function Filter({ wanted: { text, way: ways } }: { readonly wanted: Wanted }) {
   return (
-    <div class="exfilter">
+    <div class="log-filter">
       <label class="field">
-        <span class="vh">Show only entries with</span>
-        <input type="search" placeholder="Name, bytes or words" value={text.value} onInput={(event) => (text.value = event.currentTarget.value)} />
+        <span class="visually-hidden">{TEXT.filterLabel}</span>
+        <input
+          type="search"
+          placeholder={TEXT.filterPlaceholder}
+          value={text.value}
+          onInput={(event) => (text.value = event.currentTarget.value)}
+        />
       </label>
-      <span class="seg small" role="group" aria-label="Direction">
+      <span class="segmented small" role="group" aria-label={TEXT.direction}>
         {(["all", "tx", "rx"] as const).map((way) => (
           <button type="button" key={way} aria-pressed={ways.value === way} onClick={() => (ways.value = way)}>
-            {{ all: "Both", tx: "Sent", rx: "Received" }[way]}
+            {{ all: TEXT.both, tx: TEXT.sent, rx: TEXT.received }[way]}
           </button>
         ))}
       </span>
@@ -65,11 +83,15 @@ function Filter({ wanted: { text, way: ways } }: { readonly wanted: Wanted }) {
   );
 }
 
-/** Does an entry have these letters in its name, its words or its bytes? */
-export function matches(entry: ExchangeEntry, text: string): boolean {
+/** Whether an entry has this text in its name, its words or its bytes. */
+export function matches(entry: TrafficEntry, text: string): boolean {
   const wanted = text.trim().toLowerCase();
   if (wanted === "") return true;
-  return entry.name.toLowerCase().includes(wanted) || entry.text.toLowerCase().includes(wanted) || (/^[0-9a-f\s]+$/.test(wanted) && entry.hex.includes(wanted.replace(/\s/g, "")));
+  return (
+    entry.name.toLowerCase().includes(wanted) ||
+    entry.text.toLowerCase().includes(wanted) ||
+    (/^[0-9a-f\s]+$/.test(wanted) && entry.hex.includes(wanted.replace(/\s/g, "")))
+  );
 }
 
 function Log({ model, wanted: { text: filter, way: ways } }: { readonly model: Model; readonly wanted: Wanted }) {
@@ -77,26 +99,30 @@ function Log({ model, wanted: { text: filter, way: ways } }: { readonly model: M
   const box = useRef<HTMLDivElement>(null);
   const follows = useRef(true);
   const place = useRef(0);
-  const entries = model.exchange.value.filter((entry) => (ways.value === "all" || entry.way === ways.value) && matches(entry, filter.value)).slice(-SHOWN);
+  const entries = model.traffic.value
+    .filter((entry) => (ways.value === "all" || entry.way === ways.value) && matches(entry, filter.value))
+    .slice(-SHOWN);
   useLayoutEffect(() => {
     if (follows.current && box.current) box.current.scrollTop = box.current.scrollHeight;
   });
   const onScroll = (): void => {
     const at = box.current;
     if (!at) return;
-    // Only a person scrolls back; entries that come move the end, not the place.
+    // only the user scrolls back; new entries move the end, not the position
     if (at.scrollHeight - at.scrollTop - at.clientHeight < 40) follows.current = true;
     else if (at.scrollTop < place.current) follows.current = false;
     place.current = at.scrollTop;
   };
   return (
-    <div class="logbox" ref={box} onScroll={onScroll} tabIndex={0} role="region" aria-label="Log of the exchange">
-      {!model.noOlder.value && model.exchange.value.length > 0 && (
+    <div class="log-box" ref={box} onScroll={onScroll} tabIndex={0} role="region" aria-label={COMMON.trafficLog}>
+      {!model.noOlder.value && model.traffic.value.length > 0 && (
         <button type="button" class="btn small earlier" onClick={() => void model.loadOlder()}>
-          Earlier
+          {TEXT.earlier}
         </button>
       )}
-      {entries.length === 0 && <p class="dim exnone">{model.exchange.value.length > 0 ? "No entry has these letters." : "Nothing was sent to this device yet."}</p>}
+      {entries.length === 0 && (
+        <p class="dim log-empty">{model.traffic.value.length > 0 ? TEXT.noFilterMatch : TEXT.noTraffic}</p>
+      )}
       <ol class="log">
         {entries.map((entry) => (
           <Entry key={entry.seq} entry={entry} model={model} opened={opened} />
@@ -107,7 +133,7 @@ function Log({ model, wanted: { text: filter, way: ways } }: { readonly model: M
 }
 
 interface EntryProps {
-  readonly entry: ExchangeEntry;
+  readonly entry: TrafficEntry;
   readonly model: Model;
   /** The entry that is open, by its number. */
   readonly opened: Signal<number | undefined>;
@@ -115,31 +141,47 @@ interface EntryProps {
 
 function Entry({ entry, model, opened }: EntryProps) {
   const open = opened.value === entry.seq;
-  if (entry.way === "note") return <li class={`ex day ${entry.level === "info" ? "" : "alt"}`}><Message text={entry.text} /></li>;
+  if (entry.way === "note")
+    return (
+      <li class={`log-entry day ${entry.level === "info" ? "" : "alert"}`}>
+        <Message text={entry.text} />
+      </li>
+    );
   const sent = entry.way === "tx";
   const toggle = (): void => {
     opened.value = open ? undefined : entry.seq;
   };
   return (
-    <li class={`ex ${sent ? "out" : "in"} ${entry.level === "info" ? "" : "alt"}`}>
+    <li class={`log-entry ${sent ? "sent" : "received"} ${entry.level === "info" ? "" : "alert"}`}>
       <time>{clock(entry.time, 3)}</time>
       <Icon name={sent ? "right" : "left"} />
       <div>
-        <button type="button" class="exname" aria-expanded={open} onClick={toggle}>
-          <span class="vh">{sent ? "sent " : "received "}</span>
-          <b>{entry.name || "bytes"}</b>
+        <button type="button" class="log-entry-name" aria-expanded={open} onClick={toggle}>
+          <span class="visually-hidden">{sent ? TEXT.sentPrefix : TEXT.receivedPrefix}</span>
+          <b>{entry.name || TEXT.bytes}</b>
         </button>
         {entry.ms !== null && (
-          <span class="ms">
+          <span class="duration">
             {number(entry.ms, entry.ms < 10 ? 1 : 0)}
-            <span class="u">ms</span>
+            <span class="unit">ms</span>
           </span>
         )}
-        <span class={`mono ${open ? "whole" : ""}`}>{spaced(entry.hex.replace("…", ""), open ? Infinity : BYTES_SHOWN)}</span>
-        {entry.text !== "" && <span class="say"><Message text={entry.text} /></span>}
+        <span class={`mono ${open ? "whole" : ""}`}>
+          {spaced(entry.hex.replace("…", ""), open ? Infinity : BYTES_SHOWN)}
+        </span>
+        {entry.text !== "" && (
+          <span class="explanation">
+            <Message text={entry.text} />
+          </span>
+        )}
         {open && sent && (
-          <button type="button" class="btn small edge" disabled={viewOnly.value} onClick={() => sendBytes(model, entry.hex, entry.name)}>
-            Send again
+          <button
+            type="button"
+            class="btn small edge"
+            disabled={viewOnly.value}
+            onClick={() => sendBytes(model, entry.hex, entry.name)}
+          >
+            {TEXT.sendAgain}
           </button>
         )}
       </div>
@@ -147,13 +189,13 @@ function Entry({ entry, model, opened }: EntryProps) {
   );
 }
 
-/** Bytes as they are, asked once more: nobody checks them. */
+/** Send raw bytes after a confirmation: they are not checked. */
 function sendBytes(model: Model, bytes: string, name: string): void {
   question.value = {
-    title: name ? `Send ${name} again?` : "Send these bytes?",
-    words: ["Bytes sent by hand are checked by nobody; they may change anything in the device.", spaced(bytes, 48)],
+    title: name ? TEXT.confirmSendAgain(name) : TEXT.confirmSendBytes,
+    words: [TEXT.sendBytesHint, spaced(bytes, 48)],
     caution: "",
-    go: "Send",
+    go: TEXT.send,
     act: () => void model.run(server.raw(model.id, bytes)),
   };
 }
@@ -162,40 +204,57 @@ function sendBytes(model: Model, bytes: string, name: string): void {
 function ByHand({ model }: { readonly model: Model }) {
   const hex = useSignal("");
   const plain = hex.value.replace(/\s/g, "").toLowerCase();
-  const why = plain === "" ? "" : !/^[0-9a-f]*$/.test(plain) ? "Only hex digits: 0 to 9, A to F." : plain.length % 2 ? "Two hex digits for each byte." : "";
+  const why =
+    plain === ""
+      ? ""
+      : !/^[0-9a-f]*$/.test(plain)
+        ? COMMON.hexDigitsOnly
+        : plain.length % 2
+          ? COMMON.twoDigitsPerByte
+          : "";
   return (
     <form
-      class="byhand"
+      class="send-bytes"
       onSubmit={(event) => {
         event.preventDefault();
         if (plain !== "" && why === "") sendBytes(model, plain, "");
       }}
     >
       <label class="field">
-        <span class="vh">Bytes to send, hex</span>
-        <input class="mono" type="text" placeholder="FA FF 30 00 D1" value={hex.value} autocomplete="off" spellcheck={false} aria-invalid={why !== ""} aria-describedby="byhand-why" onInput={(event) => (hex.value = event.currentTarget.value)} />
+        <span class="visually-hidden">{TEXT.bytesToSend}</span>
+        <input
+          class="mono"
+          type="text"
+          placeholder={TEXT.bytesPlaceholder}
+          value={hex.value}
+          autocomplete="off"
+          spellcheck={false}
+          aria-invalid={why !== ""}
+          aria-describedby="byhand-why"
+          onInput={(event) => (hex.value = event.currentTarget.value)}
+        />
       </label>
       <button type="submit" class="btn edge" disabled={plain === "" || why !== ""}>
-        Send
+        {TEXT.send}
       </button>
       <p id="byhand-why" class={why ? "why-not" : "dim"}>
-        {why || "Sent as they are: no checksum is added, nothing is checked."}
+        {why || TEXT.sentUnchanged}
       </p>
     </form>
   );
 }
 
-/** What runs and what waits. */
+/** Running and waiting jobs. */
 function Queue({ model }: { readonly model: Model }) {
-  const control = model.control.value;
-  const waiting = control?.queue ?? [];
-  const running = control?.running;
+  const jobs = model.jobs.value;
+  const waiting = jobs?.queue ?? [];
+  const running = jobs?.running;
   return (
     <div class="queue">
       {running && (
         <p>
           <span class="dot live" />
-          <span class="grow ell">
+          <span class="grow ellipsis">
             {running.title}
             {running.step ? `: ${running.step}` : ""}
           </span>
@@ -205,14 +264,14 @@ function Queue({ model }: { readonly model: Model }) {
       {waiting.map((job) => (
         <p key={job.id}>
           <span class="dot off" />
-          <span class="grow ell">{job.title}</span>
+          <span class="grow ellipsis">{job.title}</span>
           <StopJob model={model} job={job} />
         </p>
       ))}
       {!running && waiting.length === 0 && (
         <p>
           <span class="dot off" />
-          Queue empty. One command at a time per device.
+          {TEXT.queueEmpty}
         </p>
       )}
     </div>

@@ -1,15 +1,16 @@
-/** What is on screen of the Configure page beyond the model: which place, how much of it, which question is open. */
+/** View state of the Configure page beyond the model: place, level of detail, open question. */
 import { computed, signal } from "@preact/signals";
 import { go, href, route } from "../route";
 import type { CautionKind, SettingForm } from "../../forms/types";
 import type { Model } from "./model";
+import { TEXT } from "../../texts/configure";
 
-/** Also settings and fields that most people never change. */
+/** Whether rarely used settings and fields are shown too. */
 export const all = signal(false);
 /** What is typed into the search field. */
 export const query = signal("");
 
-/** Something that could harm, until a person has read what. */
+/** A confirmation of possible harm. */
 export interface Question {
   readonly title: string;
   readonly words: readonly string[];
@@ -20,23 +21,23 @@ export interface Question {
 }
 export const question = signal<Question | undefined>(undefined);
 
-/** Ask the device for everything; where that would discard something unfinished, a person is asked first. */
+/** Read all settings; if that would discard unfinished work, the user is asked first. */
 export function readAll(model: Model): void {
   const unfinished = unfinishedOf(model);
   if (unfinished.length === 0) return void model.readAll();
   question.value = {
-    title: "Read the settings now?",
+    title: TEXT.confirmRead,
     words: unfinished,
     caution: "loses-settings",
-    go: "Read and discard it",
+    go: TEXT.readAndDiscard,
     act: () => void model.readAll(true),
   };
 }
 
-/** What a command left open that a change of the device's state discards. */
-export const unfinishedOf = (model: Model): readonly string[] => [model.control.value?.unfinished ?? ""].filter(Boolean);
+/** Unfinished work of a command that a change of the device's state discards. */
+export const unfinishedOf = (model: Model): readonly string[] => [model.jobs.value?.unfinished ?? ""].filter(Boolean);
 
-/** Sheets over the page that only this page has. */
+/** Dialogs of this page only. */
 export const sending = signal(false);
 
 export interface Place {
@@ -44,7 +45,7 @@ export interface Place {
   readonly name: string;
 }
 
-/** What an address means for a device: a setting, a command or a group of that name; without one, the first group. */
+/** The place of an address: a setting, a command or a group of that name; by default the first group. */
 export function placeOf(model: Model, place: string | undefined): Place {
   const forms = model.forms.value;
   if (place === "compare" || place === "corrections" || place === "restore") return { kind: place, name: "" };
@@ -55,25 +56,25 @@ export function placeOf(model: Model, place: string | undefined): Place {
   return { kind: forms.groups.includes(name) ? "group" : "nothing", name };
 }
 
-export const here = computed(() => ({ place: route.value.place, more: route.value.more }));
+export const currentPlace = computed(() => ({ place: route.value.place, more: route.value.more }));
 
-/** The settings of a group that are on screen: simple ones, those with edits, all where that was asked for. */
+/** The settings of a group on screen: basic ones, those with edits, all on request. */
 export function visibleSettings(model: Model, group: string): readonly SettingForm[] {
   const own = model.forms.value?.settings.filter((form) => form.group === group) ?? [];
-  const shown = own.filter((form) => all.value || form.simple || model.counts.value.has(form.name));
+  const shown = own.filter((form) => all.value || form.basic || model.counts.value.has(form.name));
   return shown.length > 0 ? shown : own;
 }
 
 export const linkTo = (model: Model, place: string, more?: string): string => href("configure", model.id, place, more);
 export const goTo = (model: Model, place: string, more?: string): void => go("configure", model.id, place, more);
 
-/** What harm a caution stands for, in a word. */
+/** The kind of harm of a caution, in a word. */
 export const CAUTIONS: Readonly<Record<CautionKind, string>> = {
   "": "",
-  restarts: "restarts the device",
-  "stops-output": "stops its output",
-  "cuts-line": "can cut the line",
-  "loses-settings": "loses settings",
-  "wears-flash": "writes flash memory",
-  "moves-frame": "changes what the numbers mean",
+  restarts: TEXT.restartsTheDevice,
+  "stops-output": TEXT.stopsItsOutput,
+  "cuts-line": TEXT.canCutLink,
+  "loses-settings": TEXT.losesSettings,
+  "wears-flash": TEXT.writesFlashMemory,
+  "moves-frame": TEXT.changesMeaning,
 };

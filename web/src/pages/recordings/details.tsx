@@ -1,29 +1,54 @@
-/** One recording of the library: what is in it, what a person says of it, and what can be done with it. */
+/** One recording of the library: its content, the user's notes, and its actions. */
 import { useSignal } from "@preact/signals";
-import { bytes, dateWords, daysLeft, deviceName, isKnown, length, lostOf, messagesOf, rejectsOf, titleOf } from "../../recordings/library-filter";
+import {
+  bytes,
+  dateWords,
+  daysLeft,
+  deviceName,
+  isKnown,
+  length,
+  lostOf,
+  messagesOf,
+  rejectsOf,
+  titleOf,
+} from "../../recordings/library-filter";
 import { server } from "../../recordings/api";
 import type { RecordingInfo } from "../../recordings/types";
-import { count, number } from "../../ui/format";
+import { number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { type App, run, select, sheet } from "../app-state";
 import { go, href } from "../route";
 import { exporting, Jobs } from "./export-dialog";
 import { aboutToOpen, edit, remove, rename, undelete } from "./library-store";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/recordings";
 
 export function Details({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
   return (
     <>
       <div class="head">
-        <h2 class="ell">{titleOf(info)}</h2>
+        <h2 class="ellipsis">{titleOf(info)}</h2>
         <span class="grow" />
         {info.deleted === null && (
-          <button type="button" class={`btn icon ${info.pinned ? "pinned" : ""}`} aria-pressed={info.pinned} aria-label="Pin: never culled by a quota" title="Pin: it is never culled by a quota" onClick={() => void edit(info.id, { pinned: !info.pinned })}>
+          <button
+            type="button"
+            class={`btn icon ${info.pinned ? "pinned" : ""}`}
+            aria-pressed={info.pinned}
+            aria-label={TEXT.pin}
+            title={TEXT.pinHint}
+            onClick={() => void edit(info.id, { pinned: !info.pinned })}
+          >
             <Icon name="pin" />
           </button>
         )}
         {sheet.value === "side" && (
-          <button type="button" class="btn icon" aria-label="Close the details" onClick={() => (sheet.value = undefined)}>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.closeDetails}
+            onClick={() => (sheet.value = undefined)}
+          >
             <Icon name="close" />
           </button>
         )}
@@ -31,10 +56,10 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
       <div class="detail">
         {info.damaged !== "" && (
           <p class="problem">
-            <b>Damaged.</b> <Message text={info.damaged} />
+            <b>{TEXT.damaged}</b> <Message text={info.damaged} />
           </p>
         )}
-        {info.deleted === null ? <Actions info={info} /> : <Deleted info={info} app={app} />}
+        {info.deleted === null ? <Actions info={info} app={app} /> : <Deleted info={info} app={app} />}
         <Facts info={info} />
         {info.deleted === null && <Words info={info} />}
         <Jobs app={app} recording={info.id} />
@@ -43,8 +68,8 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
   );
 }
 
-function Actions({ info }: { readonly info: RecordingInfo }) {
-  if (info.recording) return <p class="hint">It is being recorded now. It opens when the recording ends.</p>;
+function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
+  if (info.recording) return <p class="hint">{TEXT.recordingInProgress}</p>;
   const play = async (): Promise<void> => {
     const devices = await run(server.play(info.id, { speed: 1, loop: true, t0: null, t1: null }));
     const [first] = devices ?? [];
@@ -53,26 +78,32 @@ function Actions({ info }: { readonly info: RecordingInfo }) {
     go("live");
   };
   return (
-    <div class="acts">
-      <a class="btn main" href={href("recordings", info.id)} {...aboutToOpen(info)}>
+    <div class="actions">
+      <a class="btn main" href={href("recordings", info.id)} {...aboutToOpen(info, app)}>
         <Icon name="wave" />
-        Open
+        {COMMON.open}
       </a>
-      <a class="btn edge" href={server.downloadUrl(info.id)} download="" title="One file with everything in it; another imuscope opens it">
+      <a class="btn edge" href={server.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
         <Icon name="download" />
-        Download
+        {COMMON.download}
       </a>
-      <button type="button" class="btn edge" onClick={() => (exporting.value = { info, detail: undefined, ranges: [], first: info.started ?? 0, base: "device" })}>
+      <button
+        type="button"
+        class="btn edge"
+        onClick={() =>
+          (exporting.value = { info, detail: undefined, ranges: [], first: info.started ?? 0, base: "device" })
+        }
+      >
         <Icon name="share" />
-        Export…
+        {TEXT.export}
       </button>
-      <button type="button" class="btn edge" title="Play it again and again as a device that everybody sees" onClick={() => void play()}>
+      <button type="button" class="btn edge" title={TEXT.playLoopHint} onClick={() => void play()}>
         <Icon name="play" />
-        Play as a device
+        {TEXT.playAsDevice}
       </button>
-      <button type="button" class="btn edge" title="Can be restored for 7 days" onClick={() => void remove(info)}>
+      <button type="button" class="btn edge" title={TEXT.canBeRestoredFor7Days} onClick={() => void remove(info)}>
         <Icon name="trash" />
-        Delete
+        {COMMON.delete}
       </button>
     </div>
   );
@@ -82,11 +113,11 @@ function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
   const days = daysLeft(info.deleted ?? 0, app.store.serverNow());
   return (
     <>
-      <p class="hint">Deleted. It is kept for {count(days, "more day", "more days")}.</p>
-      <div class="acts">
+      <p class="hint">{TEXT.deletedKeptFor(days)}</p>
+      <div class="actions">
         <button type="button" class="btn main" onClick={() => void undelete(info.id)}>
           <Icon name="undo" />
-          Put it back
+          {TEXT.restore}
         </button>
       </div>
     </>
@@ -97,13 +128,13 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
   const size = bytes(info.size);
   const known = isKnown(info);
   const rows: readonly (readonly [string, string, string])[] = [
-    ["Recorded", info.started === null ? "not known" : `${dateWords(info.started, true)} UTC`, ""],
-    ["Length", length(info.duration), ""],
-    ["Size", size.value, size.unit],
-    ["Messages", number(messagesOf(info), 0), ""],
-    ["Lost", number(known ? lostOf(info) : undefined, 0), "samples"],
-    ["Rejects", number(known ? rejectsOf(info) : undefined, 0), "frames"],
-    ["Markers", number(info.markers, 0), ""],
+    [TEXT.recorded, info.started === null ? TEXT.unknown : TEXT.timeUtc(dateWords(info.started, true)), ""],
+    [TEXT.length, length(info.duration), ""],
+    [TEXT.size, size.value, size.unit],
+    [TEXT.messages, number(messagesOf(info), 0), ""],
+    [COMMON.lost, number(known ? lostOf(info) : undefined, 0), TEXT.samples],
+    [COMMON.rejects, number(known ? rejectsOf(info) : undefined, 0), TEXT.frames],
+    [COMMON.markers, number(info.markers, 0), ""],
   ];
   return (
     <>
@@ -113,21 +144,21 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
             <dt>{name}</dt>
             <dd>
               {value}
-              {unit && <span class="u">{unit}</span>}
+              {unit && <span class="unit">{unit}</span>}
             </dd>
           </div>
         ))}
       </dl>
-      <h3>Devices</h3>
-      <ul class="recdevs">
+      <h3>{COMMON.devices}</h3>
+      <ul class="recording-devices">
         {info.devices.map((device) => (
           <li key={device.id}>
             <b title={deviceName(device)}>{deviceName(device)}</b>
             <span class="mid">
               {number(device.messages ?? undefined, 0)}
-              <span class="u">messages</span>
+              <span class="unit">{TEXT.messagesUnit}</span>
             </span>
-            {device.lost > 0 && <span class="tag warn">{number(device.lost, 0)} lost</span>}
+            {device.lost > 0 && <span class="tag warn">{TEXT.lostCount(number(device.lost, 0))}</span>}
           </li>
         ))}
       </ul>
@@ -137,7 +168,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
 
 const stem = (file: string): string => file.replace(/\.[^.]*$/, "");
 
-/** What is refused is told in a band; the field says what the file is called. */
+/** Rename the file; a refusal is shown in a band, and the field shows the present name. */
 async function renamed(field: HTMLInputElement, info: RecordingInfo): Promise<void> {
   await rename(info.id, field.value);
   if (field.isConnected) field.value = stem(info.file);
@@ -154,32 +185,59 @@ function Words({ info }: { readonly info: RecordingInfo }) {
   return (
     <div class="words">
       <label>
-        <span>Name</span>
+        <span>{COMMON.name}</span>
         <span class="field">
-          <input defaultValue={info.title === info.id ? "" : info.title} placeholder={titleOf(info)} maxLength={200} onChange={(event) => void edit(info.id, { title: event.currentTarget.value })} />
+          <input
+            defaultValue={info.title === info.id ? "" : info.title}
+            placeholder={titleOf(info)}
+            maxLength={200}
+            onChange={(event) => void edit(info.id, { title: event.currentTarget.value })}
+          />
         </span>
       </label>
-      <label title="Its file in the folder. Links to the recording carry this name.">
-        <span>File</span>
+      <label title={TEXT.fileNameHint}>
+        <span>{TEXT.file}</span>
         <span class="field">
-          <input key={info.file} defaultValue={stem(info.file)} maxLength={120} onChange={(event) => void renamed(event.currentTarget, info)} />
-          <span class="u">{info.file.slice(stem(info.file).length)}</span>
+          <input
+            key={info.file}
+            defaultValue={stem(info.file)}
+            maxLength={120}
+            onChange={(event) => void renamed(event.currentTarget, info)}
+          />
+          <span class="unit">{info.file.slice(stem(info.file).length)}</span>
         </span>
       </label>
       <label>
-        <span>Notes</span>
-        <textarea rows={3} defaultValue={info.notes} maxLength={10_000} onChange={(event) => void edit(info.id, { notes: event.currentTarget.value })} />
+        <span>{TEXT.notes}</span>
+        <textarea
+          rows={3}
+          defaultValue={info.notes}
+          maxLength={10_000}
+          onChange={(event) => void edit(info.id, { notes: event.currentTarget.value })}
+        />
       </label>
       <form onSubmit={add}>
         <label>
-          <span>Tags</span>
+          <span>{TEXT.tags}</span>
           <span class="field">
-            <input value={tag.value} maxLength={40} placeholder="Add a tag, Enter" onInput={(event) => (tag.value = event.currentTarget.value)} />
+            <input
+              value={tag.value}
+              maxLength={40}
+              placeholder={TEXT.addTag}
+              onInput={(event) => (tag.value = event.currentTarget.value)}
+            />
           </span>
         </label>
         <span class="tags">
           {info.tags.map((word) => (
-            <button type="button" key={word} class="tag line" aria-label={`Take the tag ${word} away`} title="Take it away" onClick={() => void edit(info.id, { tags: info.tags.filter((one) => one !== word) })}>
+            <button
+              type="button"
+              key={word}
+              class="tag outlined"
+              aria-label={TEXT.removeTag(word)}
+              title={TEXT.removeTagHint}
+              onClick={() => void edit(info.id, { tags: info.tags.filter((one) => one !== word) })}
+            >
               {word} ×
             </button>
           ))}

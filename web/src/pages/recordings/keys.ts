@@ -1,14 +1,12 @@
-/** Keys of a recording that is open: those of Live, with playing in the place of living. */
-import * as actions from "../../data/view-actions";
-import { cursor, measure, view } from "../../data/view-state";
-import type { Replay } from "../../recordings/replay-controller";
+/** Keys of an open recording: those of Live, with playback instead of live mode. */
+import type { ReplayController } from "../../recordings/replay-controller";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../ui/keys";
 import { overlay, sheet } from "../app-state";
 import { exporting } from "./export-dialog";
 import { beginMarker } from "./markers";
 import { copyLink } from "./share-menu";
 
-export function listenForKeys(replay: Replay): () => void {
+export function listenForKeys(replay: ReplayController): () => void {
   let chord = -Infinity;
   const onKey = (event: KeyboardEvent): void => {
     if (event.defaultPrevented || overlay.peek() !== undefined || exporting.peek() !== undefined) return;
@@ -30,8 +28,9 @@ export function listenForKeys(replay: Replay): () => void {
   return () => removeEventListener("keydown", onKey);
 }
 
-/** False for what is not done here. */
-function act(replay: Replay, action: KeyAction): boolean {
+/** False for actions not handled here. */
+function act(replay: ReplayController, action: KeyAction): boolean {
+  const { view, cursor, measure, actions } = replay.viewState;
   switch (action.do) {
     case "playPause":
       replay.toggle();
@@ -83,8 +82,9 @@ function act(replay: Replay, action: KeyAction): boolean {
   }
 }
 
-/** Zoom about where it is read, when that is on screen; else about the middle. */
-export function zoomAtHead(replay: Replay, factor: number): void {
+/** Zoom about the reading position if it is on screen; else about the middle. */
+export function zoomAtHead(replay: ReplayController, factor: number): void {
+  const { view, actions } = replay.viewState;
   const { end, span } = view.peek();
   const place = (replay.head - (end - span)) / span;
   actions.zoom(factor, place >= 0 && place <= 1 ? place : 0.5);

@@ -1,4 +1,4 @@
-/** What the library holds and what is chosen of it: asked for when the server says that it has changed. */
+/** Content of the library and its selection; loaded again when the server reports a change. */
 import { computed, effect, signal } from "@preact/signals";
 import { pass, prepare } from "../../recordings/prefetch";
 import { type Choice, chosen, heardOf } from "../../recordings/library-filter";
@@ -8,17 +8,17 @@ import type { Problem } from "../../ui/http";
 import { type App, run } from "../app-state";
 
 export const all = signal<readonly RecordingInfo[] | undefined>(undefined);
-/** Why the list could not be had. */
+/** Why the list could not be loaded. */
 export const trouble = signal<Problem | undefined>(undefined);
 export const choice = signal<Choice>({ category: "all", device: "", tag: "", query: "" });
 export const selected = signal<string | undefined>(undefined);
-/** What was deleted last, until something else is done. */
+/** The last deletion, until the next action. */
 export const gone = signal<RecordingInfo | undefined>(undefined);
 
 export const shown = computed(() => chosen(all.value ?? [], choice.value));
 export const current = computed(() => all.value?.find(({ id }) => id === selected.value));
 
-/** A file on its way into the library. */
+/** A file being uploaded. */
 export interface Coming {
   readonly key: number;
   readonly name: string;
@@ -34,7 +34,7 @@ export function choose(part: Partial<Choice>): void {
 
 let asked = 0;
 
-/** An answer that was overtaken by that to a later question tells of what was. */
+/** Load the list; an answer overtaken by a later one is ignored. */
 async function load(): Promise<void> {
   const mine = ++asked;
   const outcome = await server.list();
@@ -52,13 +52,14 @@ export function follow(app: App): () => void {
   });
 }
 
-/** What a link to a recording listens to, so that it is there as soon as it is pressed. */
-export function aboutToOpen(info: RecordingInfo) {
+/** Handlers of a link to a recording that prefetch it. */
+export function aboutToOpen(info: RecordingInfo, app: App) {
+  const start = (now: boolean) => (): void => prepare(info, app.viewState.extraPlots.peek(), now);
   return {
-    onPointerEnter: () => prepare(info),
+    onPointerEnter: start(false),
     onPointerLeave: pass,
-    onFocus: () => prepare(info),
-    onPointerDown: () => prepare(info, true),
+    onFocus: start(false),
+    onPointerDown: start(true),
   };
 }
 
@@ -66,14 +67,16 @@ function replace(told: RecordingInfo | undefined): void {
   if (told === undefined) return;
   const info = heardOf(told);
   const list = all.peek() ?? [];
-  all.value = list.some(({ id }) => id === info.id) ? list.map((one) => (one.id === info.id ? info : one)) : [info, ...list];
+  all.value = list.some(({ id }) => id === info.id)
+    ? list.map((one) => (one.id === info.id ? info : one))
+    : [info, ...list];
 }
 
 export async function edit(id: string, change: Partial<Edit>): Promise<void> {
   replace(await run(server.edit(id, change)));
 }
 
-/** Give its file another name: the recording is told by another id then. */
+/** Rename its file, which changes the recording's id. */
 export async function rename(id: string, file: string): Promise<void> {
   const info = await run(server.edit(id, { file }));
   if (info === undefined) return;
@@ -100,7 +103,7 @@ export async function undelete(id: string): Promise<void> {
 
 let keys = 0;
 
-/** Hand files over, one after the other: one slow line is not made slower. */
+/** Upload files one after the other, so that they do not share a slow line. */
 export async function add(files: readonly File[]): Promise<void> {
   for (const file of files) {
     const key = ++keys;

@@ -1,8 +1,17 @@
-/** The library: every recording in the folder, newest first, with what is known of it without opening it. */
+/** The library: every recording in the folder, newest first, with its metadata. */
 import { useEffect, useRef } from "preact/hooks";
-import { bytes, CATEGORIES, dateWords, deviceName, flaw, inCategory, length, tally, titleOf } from "../../recordings/library-filter";
+import {
+  bytes,
+  CATEGORIES,
+  dateWords,
+  deviceName,
+  flaw,
+  inCategory,
+  length,
+  tally,
+  titleOf,
+} from "../../recordings/library-filter";
 import type { RecordingInfo } from "../../recordings/types";
-import { count } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { type App, sheet } from "../app-state";
@@ -11,33 +20,55 @@ import { href } from "../route";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
 import { Details } from "./details";
-import { aboutToOpen, add, all, choice, choose, coming, current, dismiss, follow, gone, selected, shown, trouble, undelete } from "./library-store";
+import {
+  aboutToOpen,
+  add,
+  all,
+  choice,
+  choose,
+  coming,
+  current,
+  dismiss,
+  follow,
+  gone,
+  selected,
+  shown,
+  trouble,
+  undelete,
+} from "./library-store";
 import { Thumb } from "./thumbnail";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/recordings";
 
 export function LibraryPage({ app }: { readonly app: App }) {
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the app never changes
   useEffect(() => follow(app), []);
   useEffect(() => {
-    document.title = "Recordings · imuscope";
+    document.title = TEXT.recordingsImuscope;
   }, []);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
   return (
-    <div class={`app lib ${offline ? "offline" : ""}`}>
+    <div class={`app library ${offline ? "offline" : ""}`}>
       <a class="btn edge skip" href="#list">
-        Skip to the list
+        {TEXT.skipToTheList}
       </a>
       <Bar app={app} />
       {offline && <OfflineBand app={app} />}
       <Filters />
-      <main class="libmid" id="list" tabIndex={-1}>
-        <h1 class="vh">Recordings</h1>
+      <main class="library-centre" id="list" tabIndex={-1}>
+        <h1 class="visually-hidden">{COMMON.recordings}</h1>
         <ProblemBand />
         <Tools />
         <Arrivals />
         <Gone />
         <List app={app} />
       </main>
-      <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label="This recording">
-        {current.value ? <Details key={current.value.id} info={current.value} app={app} /> : <p class="foot-note dim pad">Choose a recording to see what is in it.</p>}
+      <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label={TEXT.thisRecording}>
+        {current.value ? (
+          <Details key={current.value.id} info={current.value} app={app} />
+        ) : (
+          <p class="foot-note dim padded">{TEXT.selectRecording}</p>
+        )}
       </aside>
       <PageOverlays app={app} />
     </div>
@@ -51,41 +82,64 @@ function Filters() {
   const devices = tally(kept.flatMap((info) => [...new Set(info.devices.map(deviceName))]));
   const tags = tally(kept.flatMap((info) => info.tags));
   return (
-    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label="Filters">
+    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label={TEXT.filters}>
       <div class="head">
-        <h2>Library</h2>
+        <h2>{TEXT.library}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
-          <button type="button" class="btn icon" aria-label="Close the filters" onClick={() => (sheet.value = undefined)}>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.closeTheFilters}
+            onClick={() => (sheet.value = undefined)}
+          >
             <Icon name="close" />
           </button>
         )}
       </div>
-      <div class="cats" role="group" aria-label="Which recordings">
+      <div class="categories" role="group" aria-label={TEXT.recordingFilter}>
         {CATEGORIES.map(({ name, title }) => (
-          <Filter key={name} title={title} n={list.filter((info) => inCategory(info, name)).length} on={category === name} set={() => choose({ category: name })} />
+          <Filter
+            key={name}
+            title={title}
+            n={list.filter((info) => inCategory(info, name)).length}
+            on={category === name}
+            set={() => choose({ category: name })}
+          />
         ))}
       </div>
       {devices.length > 0 && (
         <>
-          <div class="head also">
-            <h3>Device</h3>
+          <div class="head further">
+            <h3>{COMMON.device}</h3>
           </div>
-          <div class="cats" role="group" aria-label="Device">
+          <div class="categories" role="group" aria-label={COMMON.device}>
             {devices.map(([name, n]) => (
-              <Filter key={name} title={name} n={n} on={device === name} set={() => choose({ device: device === name ? "" : name })} />
+              <Filter
+                key={name}
+                title={name}
+                n={n}
+                on={device === name}
+                set={() => choose({ device: device === name ? "" : name })}
+              />
             ))}
           </div>
         </>
       )}
       {tags.length > 0 && (
         <>
-          <div class="head also">
-            <h3>Tag</h3>
+          <div class="head further">
+            <h3>{TEXT.tag}</h3>
           </div>
-          <div class="tagcloud" role="group" aria-label="Tag">
+          <div class="tag-cloud" role="group" aria-label={TEXT.tag}>
             {tags.map(([name, n]) => (
-              <button type="button" key={name} class="tag line" aria-pressed={tag === name} onClick={() => choose({ tag: tag === name ? "" : name })}>
+              <button
+                type="button"
+                key={name}
+                class="tag outlined"
+                aria-pressed={tag === name}
+                onClick={() => choose({ tag: tag === name ? "" : name })}
+              >
                 {name} {n}
               </button>
             ))}
@@ -106,8 +160,8 @@ interface FilterProps {
 function Filter({ title, n, on, set }: FilterProps) {
   return (
     <button type="button" aria-pressed={on} onClick={set}>
-      <span class="ell">{title}</span>
-      <span class="c">{n}</span>
+      <span class="ellipsis">{title}</span>
+      <span class="count">{n}</span>
     </button>
   );
 }
@@ -134,23 +188,40 @@ function Tools() {
   return (
     <div class="tools">
       <label class="field">
-        <span class="vh">Search</span>
+        <span class="visually-hidden">{TEXT.search}</span>
         <Icon name="search" />
-        <input ref={field} type="search" placeholder="Name, note, tag, device, date" value={choice.value.query} onInput={(event) => choose({ query: event.currentTarget.value })} />
+        <input
+          ref={field}
+          type="search"
+          placeholder={TEXT.nameNoteTagDeviceDate}
+          value={choice.value.query}
+          onInput={(event) => choose({ query: event.currentTarget.value })}
+        />
         <kbd class="desk">/</kbd>
       </label>
-      <button type="button" class="btn edge icon phone" aria-label="Filters" onClick={() => (sheet.value = "rail")}>
+      <button
+        type="button"
+        class="btn edge icon phone"
+        aria-label={TEXT.filters}
+        onClick={() => (sheet.value = "rail")}
+      >
         <Icon name="list" />
       </button>
       <span class="grow desk" />
-      <span class="dim desk sum">
-        {count(list.length, "recording")}
-        {seconds > 0 && ` · ${length(seconds)}`} · newest first
+      <span class="dim desk total">
+        {TEXT.recordingCount(list.length)}
+        {seconds > 0 && ` · ${length(seconds)}`} {TEXT.newestFirst}
       </span>
-      <input ref={files} type="file" multiple hidden onChange={take} aria-label="Files to add" />
-      <button type="button" class="btn edge" aria-label="Add files" title="Add recordings, logs and captures of any kind; or drop them here" onClick={() => files.current?.click()}>
+      <input ref={files} type="file" multiple hidden onChange={take} aria-label={TEXT.filesToAdd} />
+      <button
+        type="button"
+        class="btn edge"
+        aria-label={TEXT.addFiles}
+        title={TEXT.addFilesHint}
+        onClick={() => files.current?.click()}
+      >
         <Icon name="upload" />
-        <span class="desk">Add files</span>
+        <span class="desk">{TEXT.addFiles}</span>
       </button>
     </div>
   );
@@ -159,10 +230,10 @@ function Tools() {
 function Arrivals() {
   if (coming.value.length === 0) return null;
   return (
-    <ul class="coming" aria-label="Files being added">
+    <ul class="incoming" aria-label={TEXT.filesBeingAdded}>
       {coming.value.map(({ key, name, share, problem, cancel }) => (
         <li key={key}>
-          <b class="ell">{name}</b>
+          <b class="ellipsis">{name}</b>
           {problem ? (
             <span class="why" role="alert">
               <span class="dot bad" /> <Message text={problem.message} /> <Message text={problem.hint} />
@@ -170,7 +241,12 @@ function Arrivals() {
           ) : (
             <progress value={share} max={1} aria-label={`${name}: ${Math.round(100 * share)} %`} />
           )}
-          <button type="button" class="btn icon" aria-label={problem ? `Forget ${name}` : `Do not add ${name}`} onClick={() => (problem ? dismiss(key) : cancel())}>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={problem ? TEXT.dismissFile(name) : TEXT.doNotAdd(name)}
+            onClick={() => (problem ? dismiss(key) : cancel())}
+          >
             <Icon name="close" />
           </button>
         </li>
@@ -184,14 +260,14 @@ function Gone() {
   if (!deleted) return null;
   return (
     <div class="band calm" role="status">
-      <b class="ell">{titleOf(deleted)} is deleted</b>
-      <span class="mid">It is kept for 7 days.</span>
+      <b class="ellipsis">{TEXT.recordingDeleted(titleOf(deleted))}</b>
+      <span class="mid">{TEXT.restorableFor7Days}</span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => void undelete(deleted.id)}>
         <Icon name="undo" />
-        Undo
+        {TEXT.undo}
       </button>
-      <button type="button" class="btn icon" aria-label="Close" onClick={() => (gone.value = undefined)}>
+      <button type="button" class="btn icon" aria-label={COMMON.close} onClick={() => (gone.value = undefined)}>
         <Icon name="close" />
       </button>
     </div>
@@ -199,16 +275,17 @@ function Gone() {
 }
 
 function List({ app }: { readonly app: App }) {
-  if (trouble.value && all.value === undefined) return <Nothing title="The list could not be loaded" words={`${trouble.value.message} ${trouble.value.hint}`} />;
-  if (all.value === undefined) return <div class="recs" aria-busy="true" />;
+  if (trouble.value && all.value === undefined)
+    return <Nothing title={TEXT.theListCouldNotBeLoaded} words={`${trouble.value.message} ${trouble.value.hint}`} />;
+  if (all.value === undefined) return <div class="recording-list" aria-busy="true" />;
   if (all.value.length === 0) {
-    return <Nothing title="No recording yet" words="Press Record in the bar, or Shift R, and everything that arrives is kept. Logs and captures made elsewhere can be dropped here." />;
+    return <Nothing title={TEXT.noRecordingYet} words={TEXT.noRecordingHint} />;
   }
-  if (shown.value.length === 0) return <Nothing title="Nothing is found" words="No recording has all of that. Take a filter or a word away." />;
+  if (shown.value.length === 0) return <Nothing title={TEXT.noMatches} words={TEXT.noMatchesHint} />;
   return (
-    <div class="recs" tabIndex={0} role="region" aria-label="Recordings">
+    <div class="recording-list" tabIndex={0} role="region" aria-label={COMMON.recordings}>
       <table>
-        <caption class="vh">Recordings, newest first</caption>
+        <caption class="visually-hidden">{TEXT.recordingsNewestFirst}</caption>
         <colgroup>
           {["motion", "name", "devices", "length", "size", "loss", "tags"].map((name) => (
             <col key={name} class={name} />
@@ -216,17 +293,17 @@ function List({ app }: { readonly app: App }) {
         </colgroup>
         <thead>
           <tr>
-            <th scope="col">Motion</th>
-            <th scope="col">Recording</th>
-            <th scope="col">Devices</th>
+            <th scope="col">{TEXT.motion}</th>
+            <th scope="col">{TEXT.recording}</th>
+            <th scope="col">{COMMON.devices}</th>
             <th scope="col" class="num">
-              Length
+              {TEXT.length}
             </th>
             <th scope="col" class="num">
-              Size
+              {TEXT.size}
             </th>
-            <th scope="col">Loss</th>
-            <th scope="col">Tags</th>
+            <th scope="col">{COMMON.loss}</th>
+            <th scope="col">{TEXT.tags}</th>
           </tr>
         </thead>
         <tbody>
@@ -244,7 +321,9 @@ function Nothing({ title, words }: { readonly title: string; readonly words: str
     <div class="veil">
       <section class="card">
         <h2>{title}</h2>
-        <p><Message text={words} /></p>
+        <p>
+          <Message text={words} />
+        </p>
       </section>
     </div>
   );
@@ -265,21 +344,27 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
         <Thumb info={info} />
       </td>
       <td>
-        <b class="ell">
-          {open ? <a href={href("recordings", info.id)} {...aboutToOpen(info)}>{titleOf(info)}</a> : titleOf(info)}
+        <b class="ellipsis">
+          {open ? (
+            <a href={href("recordings", info.id)} {...aboutToOpen(info, app)}>
+              {titleOf(info)}
+            </a>
+          ) : (
+            titleOf(info)
+          )}
           {info.pinned && <Icon name="pin" />}
         </b>
-        <small class="ell">
+        <small class="ellipsis">
           {info.recording && (
-            <span class="tag recnow">
-              <i class="recdot" /> recording now
+            <span class="tag recording-now">
+              <i class="record-dot" /> {TEXT.recordingNow}
             </span>
           )}
           {tone !== "" && <span class={`tag ${tone} phone`}>{words}</span>}
           {about}
         </small>
       </td>
-      <td class="mid devs" title={devices}>
+      <td class="mid device-list" title={devices}>
         <span>{devices}</span>
       </td>
       <td class="num">
@@ -288,21 +373,21 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
       </td>
       <td class="num">
         {size.value}
-        <span class="u">{size.unit}</span>
+        <span class="unit">{size.unit}</span>
       </td>
       <td>{tone === "" ? <span class="dim">{words}</span> : <span class={`tag ${tone}`}>{words}</span>}</td>
       <td>
         <span class="tags">
           {info.tags.map((tag) => (
-            <span class="tag line" key={tag}>
+            <span class="tag outlined" key={tag}>
               {tag}
             </span>
           ))}
         </span>
         <button
           type="button"
-          class="btn icon phone more"
-          aria-label={`Details of ${titleOf(info)}`}
+          class="btn icon phone show-details"
+          aria-label={TEXT.detailsOf(titleOf(info))}
           onClick={() => {
             pick();
             sheet.value = "side";

@@ -1,32 +1,40 @@
-/** Markers and notes of a recording: where they are, a press jumps there, and more can be put in later. */
+/** Markers and notes of a recording: a press jumps there, and more can be added. */
 import { signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { length } from "../../recordings/library-filter";
-import type { Replay } from "../../recordings/replay-controller";
+import type { ReplayController } from "../../recordings/replay-controller";
 import { server } from "../../recordings/api";
 import { Icon } from "../../ui/icons";
 import { run, sheet } from "../app-state";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/recordings";
 
-/** Where a marker is being put, unix s. */
+/** Position of a new marker, unix s. */
 export const placing = signal<number | undefined>(undefined);
 
-export function beginMarker(replay: Replay): void {
+export function beginMarker(replay: ReplayController): void {
   placing.value = replay.head;
 }
 
-export function Markers({ replay }: { readonly replay: Replay }) {
+export function Markers({ replay }: { readonly replay: ReplayController }) {
   const markers = [...replay.markers.value].sort((a, b) => a.time - b.time);
   return (
-    <section aria-label="Markers" class="markers">
-      <div class="head also">
-        <h3>Markers</h3>
+    <section aria-label={COMMON.markers} class="markers">
+      <div class="head further">
+        <h3>{COMMON.markers}</h3>
         <span>{markers.length}</span>
         <span class="grow" />
-        <button type="button" class="btn icon" aria-label="Put a marker here" title="Put a marker here (M)" onClick={() => beginMarker(replay)}>
+        <button
+          type="button"
+          class="btn icon"
+          aria-label={TEXT.addMarkerHere}
+          title={TEXT.addMarkerHereHint}
+          onClick={() => beginMarker(replay)}
+        >
           <Icon name="plus" />
         </button>
       </div>
-      {markers.length === 0 && <p class="foot-note dim">No markers yet. Press M, or +, to add one at the cursor.</p>}
+      {markers.length === 0 && <p class="foot-note dim">{TEXT.noMarkers}</p>}
       <ol>
         {markers.map(({ id, time, kind, text }) => (
           <li key={id}>
@@ -38,7 +46,7 @@ export function Markers({ replay }: { readonly replay: Replay }) {
               }}
             >
               <time>{length(time - replay.bounds.first, 1)}</time>
-              <span>{text || (kind === "note" ? "note" : "marker")}</span>
+              <span>{text || (kind === "note" ? TEXT.note : TEXT.marker)}</span>
             </button>
           </li>
         ))}
@@ -47,8 +55,8 @@ export function Markers({ replay }: { readonly replay: Replay }) {
   );
 }
 
-/** The words of a marker; none will do. Enter keeps it, Esc does not. */
-export function MarkerField({ replay }: { readonly replay: Replay }) {
+/** Text of a marker, optional. Enter saves it, Esc does not. */
+export function MarkerField({ replay }: { readonly replay: ReplayController }) {
   const field = useRef<HTMLInputElement>(null);
   const time = placing.value;
   useLayoutEffect(() => field.current?.focus(), [time]); // before the next key is pressed: it belongs to the words
@@ -68,15 +76,24 @@ export function MarkerField({ replay }: { readonly replay: Replay }) {
   };
   const at = length(time - replay.bounds.first, 3);
   return (
-    <form class="markfield" onSubmit={(event) => void send(event)} onKeyDown={(event) => event.key === "Escape" && (placing.value = undefined)}>
+    <form
+      class="marker-form"
+      onSubmit={(event) => void send(event)}
+      onKeyDown={(event) => event.key === "Escape" && (placing.value = undefined)}
+    >
       <label class="field">
-        <span class="vh">Marker at {at}</span>
-        <input ref={field} maxLength={2000} placeholder={`Marker at ${at}`} />
+        <span class="visually-hidden">{TEXT.markerAt(at)}</span>
+        <input ref={field} maxLength={2000} placeholder={TEXT.markerAt(at)} />
       </label>
       <button type="submit" class="btn main">
-        Keep
+        {COMMON.save}
       </button>
-      <button type="button" class="btn icon" aria-label="No marker" onClick={() => (placing.value = undefined)}>
+      <button
+        type="button"
+        class="btn icon"
+        aria-label={TEXT.discardMarker}
+        onClick={() => (placing.value = undefined)}
+      >
         <Icon name="close" />
       </button>
     </form>

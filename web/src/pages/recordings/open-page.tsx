@@ -1,10 +1,11 @@
-/** Opens a recording: how far its first decoding is, why it cannot be opened, and then the recording itself. */
+/** Opens a recording: progress of its first decoding, why it cannot be opened, then the recording itself. */
 import { useSignal } from "@preact/signals";
 import { useLayoutEffect } from "preact/hooks";
+import { createViewState } from "../../data/view-state";
 import { readPlace } from "../../recordings/permalink";
 import { type Answer, detailOf, take } from "../../recordings/prefetch";
-import { Replay } from "../../recordings/replay-controller";
-import type { Screen } from "../../recordings/visible-range";
+import { ReplayController } from "../../recordings/replay-controller";
+import type { VisibleRange } from "../../recordings/visible-range";
 import { isOpening } from "../../recordings/api";
 import type { OpeningState, RecordingDetail } from "../../recordings/types";
 import type { Problem } from "../../ui/http";
@@ -12,38 +13,39 @@ import { Message } from "../../ui/message";
 import type { App } from "../app-state";
 import { Bar } from "../top-bar";
 import { href, route } from "../route";
+import { showReplay } from "../test-hook";
 import { OfflineBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
 import { ReplayPage } from "./replay-page";
 import { all } from "./library-store";
+import { TEXT } from "../../texts/recordings";
 
-/** How often is asked how far it is, ms. */
+/** Polling interval of the progress, ms. */
 const ASK_MS = 120;
-/** And when some of it is on screen, whether there is more, ms. */
+/** Polling interval once part of it is on screen, ms. */
 const MORE_MS = 400;
 
-type State = { readonly kind: "opening"; readonly state: OpeningState | undefined } | { readonly kind: "failed"; readonly problem: Problem } | { readonly kind: "open"; readonly replay: Replay; readonly times: number };
-
-/** The one that is open now; for the console and the tests, beside the live store. */
-declare global {
-  interface Window {
-    imuscopeReplay?: Replay | undefined;
-  }
-}
+type State =
+  | { readonly kind: "opening"; readonly state: OpeningState | undefined }
+  | { readonly kind: "failed"; readonly problem: Problem }
+  | { readonly kind: "open"; readonly replay: ReplayController; readonly times: number };
 
 export function OpenPage({ id, app }: { readonly id: string; readonly app: App }) {
   const now = useSignal<State>({ kind: "opening", state: undefined });
-  // Before the page is painted: what was prepared is on screen with the first frame.
+  // before the page is painted: prefetched data is on screen with the first frame
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the app never changes
   useLayoutEffect(() => {
-    let replay: Replay | undefined;
+    let replay: ReplayController | undefined;
     let timer: ReturnType<typeof setTimeout> | undefined;
     let over = false;
     let times = 0;
-    const opened = (detail: RecordingDetail, screen?: Screen): void => {
+    const opened = (detail: RecordingDetail, screen?: VisibleRange): void => {
       if (detail.progress < 1) timer = setTimeout(() => void ask(), MORE_MS);
       if (replay?.grow(detail)) return;
-      replay = replay?.reopened(detail) ?? new Replay(detail, readPlace(route.peek().query ?? ""), screen);
-      window.imuscopeReplay = replay;
+      replay =
+        replay?.reopened(detail) ??
+        new ReplayController(detail, readPlace(route.peek().query ?? ""), createViewState(app.viewState), screen);
+      showReplay(replay);
       now.value = { kind: "open", replay, times: (times += 1) };
     };
     const ask = async (first?: Promise<Answer>): Promise<void> => {
@@ -52,7 +54,7 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
       if (!outcome.ok && outcome.problem.status === 0 && replay) timer = setTimeout(() => void ask(), 2000);
       else if (!outcome.ok) {
         now.value = { kind: "failed", problem: outcome.problem };
-        // A server that is away comes back; what cannot be opened stays so.
+        // a server that is away comes back; a file that cannot be opened stays so
         if (outcome.problem.status === 0) timer = setTimeout(() => void ask(), 2000);
       } else if (isOpening(outcome.value)) {
         now.value = { kind: "opening", state: outcome.value };
@@ -65,7 +67,7 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
       over = true;
       clearTimeout(timer);
       replay?.dispose();
-      window.imuscopeReplay = undefined;
+      showReplay(undefined);
     };
   }, [id]);
   const state = now.value;
@@ -74,8 +76,8 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
     <div class={`app plain ${app.store.connection.value === "closed" ? "offline" : ""}`}>
       <Bar app={app} />
       {app.store.connection.value === "closed" && <OfflineBand app={app} />}
-      <main class="centre wholecentre">
-        <h1 class="vh">Recording {id}</h1>
+      <main class="centre whole-centre">
+        <h1 class="visually-hidden">{TEXT.recordingId(id)}</h1>
         {state.kind === "failed" ? <Failed problem={state.problem} /> : <Opening id={id} state={state.state} />}
       </main>
       <PageOverlays app={app} />
@@ -88,12 +90,12 @@ function Opening({ id, state }: { readonly id: string; readonly state: OpeningSt
   return (
     <div class="veil">
       <section class="card opening">
-        <h2 class="ell">Opening {id}</h2>
-        <p>{state?.message ?? "Looking whether it was opened before."}</p>
-        <progress value={share} max={1} aria-label={`Opened ${Math.round(100 * share)} %`} />
+        <h2 class="ellipsis">{TEXT.openingId(id)}</h2>
+        <p>{state?.message ?? TEXT.checkingCache}</p>
+        <progress value={share} max={1} aria-label={TEXT.openedShare(Math.round(100 * share))} />
         <p class="num">
           {Math.round(100 * share)}
-          <span class="u">%</span>
+          <span class="unit">%</span>
         </p>
       </section>
     </div>
@@ -106,13 +108,19 @@ function Failed({ problem }: { readonly problem: Problem }) {
       <section class="card">
         <h2>
           <span class="dot bad" />
-          It cannot be opened
+          {TEXT.cannotBeOpened}
         </h2>
-        <p><Message text={problem.message} /></p>
-        {problem.hint !== "" && <p class="hint"><Message text={problem.hint} /></p>}
+        <p>
+          <Message text={problem.message} />
+        </p>
+        {problem.hint !== "" && (
+          <p class="hint">
+            <Message text={problem.hint} />
+          </p>
+        )}
         <div class="row">
           <a class="btn main" href={href("recordings")}>
-            To the library
+            {TEXT.toLibrary}
           </a>
         </div>
       </section>

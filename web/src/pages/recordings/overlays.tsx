@@ -1,4 +1,4 @@
-/** What lies over the pages of recordings: the list of keys, and what is exported. */
+/** Overlays of the pages of recordings: the list of keys, and the export dialog. */
 import { Help } from "../../ui/help";
 import { type App, overlay } from "../app-state";
 import { ExportDialog, exporting } from "./export-dialog";

@@ -1,20 +1,21 @@
 /**
- * The whole recording in a strip: how the first two quantities moved, the worst that the device's status said, what is missing, markers,
- * the loop, the window on screen, and where it is read. Pressing and dragging reads there; with Shift it chooses the loop.
+ * Overview of the whole recording: the motion of the first two quantities, the worst device status, losses, markers, the loop, the
+ * window on screen, and the reading position. Pressing and dragging moves it; with Shift it selects the loop.
  */
 import { effect } from "@preact/signals";
-import { view } from "../../data/view-state";
-import { fitting, hatch, palette, type Palette, setFont, Sheet } from "../../plots/canvas-style";
+import { fitting, hatch, palette, type Palette, setFont, CanvasLayer } from "../../plots/canvas-style";
+import { protocolAmong } from "../../wire/capabilities";
 import { plotsOf } from "../../plots/plot-selection";
 import { decode } from "../../wire/codec";
 import { length } from "../../recordings/library-filter";
 import { motionOf, worstOf } from "../../recordings/overview-data";
-import type { Replay } from "../../recordings/replay-controller";
+import type { ReplayController } from "../../recordings/replay-controller";
 import { fetchWindow } from "../../recordings/api";
 import { el, type Panel } from "../../ui/dom";
 import { span as spanOf } from "../../ui/format";
+import { TEXT } from "../../texts/recordings";
 
-/** Parts that the recording is shown in: more than a strip has pixels of bars. */
+/** Parts of the recording: more than a strip has pixels of bars. */
 const PARTS = 900;
 const LOSS_PX = 2;
 const FLAGS_PX = 18;
@@ -22,7 +23,7 @@ const AXIS_PX = 20;
 const STATUS_PX = 12;
 /** Steps between the marks of its axis, s. */
 const STEPS: readonly number[] = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400];
-/** A press that moved less than this chooses no range, px. */
+/** A press that moved less than this selects no range, px. */
 const CLICK_PX = 4;
 
 interface Row {
@@ -30,8 +31,8 @@ interface Row {
   readonly motion: Float64Array;
 }
 
-export function mountOverview(host: HTMLElement, replay: Replay): Panel {
-  const sheet = new Sheet(el("canvas", { role: "img", "aria-label": "The whole recording: motion, losses, worst status, markers and loop" }));
+export function mountOverview(host: HTMLElement, replay: ReplayController): Panel {
+  const sheet = new CanvasLayer(el("canvas", { role: "img", "aria-label": TEXT.overviewLabel }));
   host.append(sheet.canvas);
   const { first, last } = replay.bounds;
   let look = palette(host);
@@ -53,12 +54,18 @@ export function mountOverview(host: HTMLElement, replay: Replay): Panel {
   let of: string | undefined;
   const load = async (device: string): Promise<void> => {
     const own = replay.drawn.channels.value.filter(({ info }) => info.device === device && info.id >= 0);
-    const two = plotsOf(own).filter(({ primary }) => primary).slice(0, 2);
+    const two = plotsOf(own, protocolAmong(replay.drawn.devices.peek(), device)?.plots)
+      .filter(({ primary }) => primary)
+      .slice(0, 2);
     const moving = two.flatMap(({ series }) => series.slice(0, 1).map(({ channel }) => channel.info));
     const status = own.filter(({ info }) => info.kind === "status").map(({ info }) => info);
     const channels = [...new Set([...moving, ...status].map(({ id }) => id))];
     if (channels.length === 0) return;
-    const answer = await fetchWindow(replay.detail.info.id, { t0: first, t1: last, width: PARTS, base: "device", channels }, stop.signal).catch(() => undefined);
+    const answer = await fetchWindow(
+      replay.detail.info.id,
+      { t0: first, t1: last, width: PARTS, base: "device", channels },
+      stop.signal,
+    ).catch(() => undefined);
     if (answer === undefined || "message" in answer || of !== device) return;
     const { frames } = decode(answer.buffer, replay.drawn.dtypesOf);
     const frameOf = (id: number) => frames.find(({ channel }) => channel === id);
@@ -75,7 +82,7 @@ export function mountOverview(host: HTMLElement, replay: Replay): Panel {
   };
   let decoded = NaN;
   const unwatch = effect(() => {
-    const { device } = view.value;
+    const { device } = replay.viewState.view.value;
     const progress = replay.progress.value;
     if (device === undefined || (device === of && progress === decoded)) return;
     [of, decoded] = [device, progress];
@@ -84,10 +91,13 @@ export function mountOverview(host: HTMLElement, replay: Replay): Panel {
 
   const left = (): number => (look.narrow ? 14 : look.gutter);
   const width = (): number => sheet.width - left() - (look.narrow ? 14 : look.tail);
-  const timeAt = (event: PointerEvent): number => first + ((event.clientX - host.getBoundingClientRect().left - left()) / Math.max(1, width())) * (last - first);
+  const timeAt = (event: PointerEvent): number =>
+    first + ((event.clientX - host.getBoundingClientRect().left - left()) / Math.max(1, width())) * (last - first);
   let press: { readonly id: number; readonly x: number; readonly t: number; readonly shift: boolean } | undefined;
-  const on = (name: "pointerdown" | "pointermove" | "pointerup" | "pointercancel", run: (event: PointerEvent) => void): void =>
-    sheet.canvas.addEventListener(name, run, { signal: stop.signal });
+  const on = (
+    name: "pointerdown" | "pointermove" | "pointerup" | "pointercancel",
+    run: (event: PointerEvent) => void,
+  ): void => sheet.canvas.addEventListener(name, run, { signal: stop.signal });
   on("pointerdown", (event) => {
     if (event.button !== 0) return;
     sheet.canvas.setPointerCapture(event.pointerId);
@@ -110,13 +120,26 @@ export function mountOverview(host: HTMLElement, replay: Replay): Panel {
 
   return {
     update() {
-      const { end: right, span, device } = view.peek();
+      const { end: right, span, device } = replay.viewState.view.peek();
       const losses = replay.drawn.losses(device ?? "");
       const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
       const next = `${version} ${right} ${span} ${replay.head} ${loop} ${losses.length} ${replay.markers.peek().length}`;
       if (next === stamp || sheet.height < 20) return;
       stamp = next;
-      draw(sheet, look, { first, last, left: left(), width: width(), rows, worst, losses, markers: replay.markers.peek(), loop, t0: right - span, t1: right, head: replay.head });
+      draw(sheet, look, {
+        first,
+        last,
+        left: left(),
+        width: width(),
+        rows,
+        worst,
+        losses,
+        markers: replay.markers.peek(),
+        loop,
+        t0: right - span,
+        t1: right,
+        head: replay.head,
+      });
     },
     dispose() {
       stop.abort();
@@ -143,7 +166,7 @@ interface Scene {
   readonly head: number;
 }
 
-function draw(sheet: Sheet, look: Palette, scene: Scene): void {
+function draw(sheet: CanvasLayer, look: Palette, scene: Scene): void {
   const x = sheet.begin();
   const { first, last, left, width } = scene;
   const at = (t: number): number => left + ((Math.min(last, Math.max(first, t)) - first) / (last - first)) * width;
@@ -161,7 +184,14 @@ function draw(sheet: Sheet, look: Palette, scene: Scene): void {
 type X = CanvasRenderingContext2D;
 type At = (t: number) => number;
 
-function drawRows(x: X, look: Palette, { rows, left, width, first, last, t0, t1 }: Scene, top: number, bottom: number, at: At): void {
+function drawRows(
+  x: X,
+  look: Palette,
+  { rows, left, width, first, last, t0, t1 }: Scene,
+  top: number,
+  bottom: number,
+  at: At,
+): void {
   const tall = (bottom - top) / Math.max(1, rows.length);
   const step = width / PARTS;
   const [a, b] = [at(t0), at(t1)];
@@ -194,7 +224,7 @@ function drawStatus(x: X, look: Palette, { worst, left, width }: Scene, y: numbe
   if (look.narrow) return;
   setFont(x, look, 11);
   [x.textAlign, x.textBaseline, x.fillStyle] = ["left", "middle", look.colour["ink-3"]];
-  x.fillText("Worst status", 16, y + 4);
+  x.fillText(TEXT.worstStatus, 16, y + 4);
 }
 
 function drawLosses(x: X, look: Palette, { losses }: Scene, top: number, bottom: number, at: At): void {
@@ -205,7 +235,8 @@ function drawLosses(x: X, look: Palette, { losses }: Scene, top: number, bottom:
     x.fillRect((a + b - wide) / 2, top, wide, bottom - top);
   }
   x.fillStyle = look.colour.loss;
-  for (const { t0, t1 } of losses) x.fillRect((at(t0) + at(t1) - LOSS_PX) / 2, bottom - STATUS_PX - 2, LOSS_PX, STATUS_PX);
+  for (const { t0, t1 } of losses)
+    x.fillRect((at(t0) + at(t1) - LOSS_PX) / 2, bottom - STATUS_PX - 2, LOSS_PX, STATUS_PX);
 }
 
 function drawLoop(x: X, look: Palette, { loop }: Scene, top: number, bottom: number, at: At): void {
@@ -215,7 +246,10 @@ function drawLoop(x: X, look: Palette, { loop }: Scene, top: number, bottom: num
   x.globalAlpha = 0.16;
   x.fillRect(a, top, Math.max(2, b - a), bottom - top);
   x.globalAlpha = 1;
-  for (const [px, inward] of [[a, 1], [b, -1]] as const) {
+  for (const [px, inward] of [
+    [a, 1],
+    [b, -1],
+  ] as const) {
     x.fillRect(px - 1, top, 2, bottom - top);
     x.fillRect(inward > 0 ? px : px - 6, top, 6, 2);
     x.fillRect(inward > 0 ? px : px - 6, bottom - 2, 6, 2);

@@ -1,4 +1,4 @@
-/** The Recordings page: the library, or one recording that is open. Loaded when it is first wanted. */
+/** The Recordings page: the library, or an open recording. Loaded on first use. */
 import type { App } from "../app-state";
 import { route } from "../route";
 import { LibraryPage } from "./library";

@@ -1,23 +1,22 @@
-/** A recording that is open: the panels of Live over its samples, with the controls of its time under the plots. */
+/** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
 import { useEffect } from "preact/hooks";
 import { mountAttitude } from "../../attitude/panel";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
-import { view } from "../../data/view-state";
 import { mountStack } from "../../plots/plot-stack";
 import { placeHref, readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
-import type { Replay } from "../../recordings/replay-controller";
+import type { ReplayController } from "../../recordings/replay-controller";
 import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import { Mounted } from "../../ui/panel-host";
+import { PanelHost } from "../../ui/panel-host";
 import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ReplayScene, SceneLine } from "../../views/viser";
 import { type App, folded, overlay, sheet } from "../app-state";
 import { Bar } from "../top-bar";
-import { Side } from "../live";
+import { Side } from "../side-panels";
 import { href, route } from "../route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
@@ -28,12 +27,15 @@ import { PageOverlays } from "./overlays";
 import { HandOn } from "./share-menu";
 import { SettingsDialog, SettingsLine } from "./settings";
 import { Transport } from "./transport";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/recordings";
 
-/** The address follows what is on screen this often, ms: a reload finds its place. */
+/** Update interval of the address, ms: a reload restores the view. */
 const ADDRESS_MS = 1000;
 
-export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly app: App }) {
+export function ReplayPage({ replay, app }: { readonly replay: ReplayController; readonly app: App }) {
   const { info } = replay.detail;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: another recording has another key, and mounts another page
   useEffect(() => {
     document.title = `${titleOf(info)} · imuscope`;
     const stops = [onFrame((now) => replay.tick(now)), listenForKeys(replay), keepAddress(replay)];
@@ -43,27 +45,34 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
   return (
     <div class={`app replay ${offline ? "offline" : ""} ${folded.value ? "folded" : ""}`}>
       <a class="btn edge skip" href="#plots">
-        Skip to the plots
+        {COMMON.skipToThePlots}
       </a>
       <Bar app={app} />
       {offline && <OfflineBand app={app} />}
       <About replay={replay} />
       <main class="centre">
-        <h1 class="vh">{titleOf(info)}</h1>
+        <h1 class="visually-hidden">{titleOf(info)}</h1>
         <ProblemBand />
         <Trouble replay={replay} />
         <SceneLine>
           <RerunButton replay={replay} />
         </SceneLine>
         <ReplayScene replay={replay} />
-        <Panels key={view.value.device} replay={replay} />
+        <Panels key={replay.viewState.view.value.device} replay={replay} />
         <Transport replay={replay} />
-        <Mounted class="overview" label="The whole recording" mount={(host) => mountOverview(host, replay)} />
+        <PanelHost class="overview" label={TEXT.wholeRecording} mount={(host) => mountOverview(host, replay)} />
       </main>
       <Side app={replay.app} />
       {overlay.value === "track" && (
-        <Dialog title={`Track of ${replay.app.device.value?.name ?? "the device"}`} wide onClose={() => (overlay.value = undefined)}>
-          <Mounted class="largetrack" mount={(host) => mountLargeTrack(host, { ...replay.app, store: replay.drawn })} />
+        <Dialog
+          title={COMMON.trackOf(replay.app.device.value?.name ?? COMMON.theDevice)}
+          wide
+          onClose={() => (overlay.value = undefined)}
+        >
+          <PanelHost
+            class="large-track"
+            mount={(host) => mountLargeTrack(host, { ...replay.app, store: replay.drawn })}
+          />
         </Dialog>
       )}
       <RowsDialog app={replay.app} />
@@ -74,21 +83,22 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
   );
 }
 
-/** The instruments and the plots, as on Live: the plots draw what is on screen, everything else reads around the cursor. */
-function Panels({ replay }: { readonly replay: Replay }) {
+/** The instruments and the plots, as on Live: the plots draw the window, everything else reads at the cursor. */
+function Panels({ replay }: { readonly replay: ReplayController }) {
   return (
     <>
-      <Mounted class="att" label="Attitude" mount={(host) => mountAttitude(host, replay.app, () => (overlay.value = "track"))} />
+      <PanelHost class="attitude" label={COMMON.attitude} mount={(host) => mountAttitude(host, replay.app)} />
       <div class="plots" id="plots" tabIndex={-1}>
-        <Mounted class="plothost" label="Plots" mount={(host) => mountPlots(host, replay)} />
+        <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountPlots(host, replay)} />
       </div>
     </>
   );
 }
 
-function mountPlots(host: HTMLElement, replay: Replay): Panel {
+function mountPlots(host: HTMLElement, replay: ReplayController): Panel {
   const stack = mountStack(host, {
     store: replay.drawn,
+    viewState: replay.viewState,
     reads: (channel, t) => replay.reads(channel, t),
     bounds: () => replay.bounds,
     markers: () => replay.markers.peek(),
@@ -108,8 +118,8 @@ function mountPlots(host: HTMLElement, replay: Replay): Panel {
   };
 }
 
-/** While it is paused the address is that of what is on screen; a link that is opened over it moves there. */
-function keepAddress(replay: Replay): () => void {
+/** Keep the address up to date while paused; a link opened over it moves there. */
+function keepAddress(replay: ReplayController): () => void {
   const { id } = replay.detail.info;
   let ours = location.hash;
   const timer = setInterval(() => {
@@ -129,8 +139,8 @@ function keepAddress(replay: Replay): () => void {
   };
 }
 
-/** What is wrong with the samples on screen, in a band of its own. */
-function Trouble({ replay }: { readonly replay: Replay }) {
+/** Problems of the samples on screen, in a band. */
+function Trouble({ replay }: { readonly replay: ReplayController }) {
   const problem = replay.problem.value;
   const { damaged } = replay.detail.info;
   const share = replay.progress.value;
@@ -140,24 +150,30 @@ function Trouble({ replay }: { readonly replay: Replay }) {
         <div class="band calm decoding" role="status">
           <b>
             {Math.round(100 * share)}
-            <span class="u">%</span>
+            <span class="unit">%</span>
           </b>
-          <progress value={share} max={1} aria-label="Decoded so far" />
-          <span class="mid">Decoding it for the first time. What is there can be looked at already.</span>
+          <progress value={share} max={1} aria-label={TEXT.decodeProgress} />
+          <span class="mid">{TEXT.firstDecode}</span>
         </div>
       )}
       {problem && (
         <div class="band" role="alert">
           <span class="dot bad" />
-          <b><Message text={problem.message} /></b>
-          <span class="mid"><Message text={problem.hint} /></span>
+          <b>
+            <Message text={problem.message} />
+          </b>
+          <span class="mid">
+            <Message text={problem.hint} />
+          </span>
         </div>
       )}
       {damaged !== "" && (
-        <div class="band caution" role="status">
+        <div class="band warning" role="status">
           <span class="dot warn" />
-          <b>Damaged</b>
-          <span class="mid"><Message text={damaged} /></span>
+          <b>{TEXT.damagedFilter}</b>
+          <span class="mid">
+            <Message text={damaged} />
+          </span>
         </div>
       )}
     </>
@@ -165,40 +181,40 @@ function Trouble({ replay }: { readonly replay: Replay }) {
 }
 
 /** The recording, its devices and its markers. */
-function About({ replay }: { readonly replay: Replay }) {
+function About({ replay }: { readonly replay: ReplayController }) {
   const { info, devices } = replay.detail;
   const { first, last } = replay.bounds;
   const size = bytes(info.size);
   return (
-    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label="This recording">
+    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label={TEXT.thisRecording}>
       <div class="head">
-        <a class="btn icon" href={href("recordings")} aria-label="Back to the library" title="Back to the library">
+        <a class="btn icon" href={href("recordings")} aria-label={TEXT.backToTheLibrary} title={TEXT.backToTheLibrary}>
           <Icon name="left" />
         </a>
-        <h2 class="ell">{titleOf(info)}</h2>
+        <h2 class="ellipsis">{titleOf(info)}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
-          <button type="button" class="btn icon" aria-label="Close" onClick={() => (sheet.value = undefined)}>
+          <button type="button" class="btn icon" aria-label={COMMON.close} onClick={() => (sheet.value = undefined)}>
             <Icon name="close" />
           </button>
         )}
       </div>
       <p class="foot-note dim about">
-        {dateWords(info.started ?? first, true)} UTC · {length(last - first)} · {size.value} {size.unit}
+        {TEXT.recordingFacts(dateWords(info.started ?? first, true), length(last - first), size.value, size.unit)}
         {info.notes && <span class="notes">{info.notes}</span>}
       </p>
       <HandOn replay={replay} />
-      <div class="cats" role="group" aria-label="Device">
+      <div class="categories" role="group" aria-label={COMMON.device}>
         {devices.map((device) => (
           <button
             type="button"
             key={device.id}
             title={`${device.name} ${device.serial_number}`.trim()}
-            aria-pressed={view.value.device === device.id}
+            aria-pressed={replay.viewState.view.value.device === device.id}
             onClick={() => replay.choose(device.id)}
           >
-            <span class="ell">{device.name}</span>
-            <span class="c">{device.serial_number}</span>
+            <span class="ellipsis">{device.name}</span>
+            <span class="count">{device.serial_number}</span>
           </button>
         ))}
       </div>

@@ -1,12 +1,10 @@
-/** The settings that a device had while it was recorded: as they were read, and beside those that it has now. */
+/** Settings of a device at the time of recording, beside its present ones. */
 import { signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { view } from "../../data/view-state";
 import { dateWords, titleOf } from "../../recordings/library-filter";
-import type { Replay } from "../../recordings/replay-controller";
+import type { ReplayController } from "../../recordings/replay-controller";
 import { server as recordings } from "../../recordings/api";
 import type { RecordedSettings } from "../../recordings/types";
-import { count } from "../../ui/format";
 import { Dialog } from "../../ui/dialog";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
@@ -14,12 +12,14 @@ import type { DeviceInfo } from "../../wire/types";
 import { type App, run } from "../app-state";
 import { server } from "../configure/api";
 import { go } from "../route";
+import { COMMON } from "../../texts/common";
+import { TEXT } from "../../texts/recordings";
 
 const open = signal(false);
 
 type Fields = Readonly<Record<string, unknown>>;
 
-/** What server/library/recording_session.py writes of a device; of a file that says otherwise nothing is shown. */
+/** Format of server/library/recording_session.py for a device; files in another format show nothing. */
 interface Settings {
   readonly values: Readonly<Record<string, Fields>>;
   readonly missing: Readonly<Record<string, string>>;
@@ -27,43 +27,59 @@ interface Settings {
   readonly taken: number | null;
 }
 
-const isFields = (value: unknown): value is Fields => typeof value === "object" && value !== null && !Array.isArray(value);
+const isFields = (value: unknown): value is Fields =>
+  typeof value === "object" && value !== null && !Array.isArray(value);
 const words = (value: unknown): string => (typeof value === "string" ? value : "");
 
-function settingsOf(replay: Replay, device: string | undefined): Settings | undefined {
+function settingsOf(replay: ReplayController, device: string | undefined): Settings | undefined {
   const told = replay.detail.snapshots[device ?? ""];
   if (!told || !isFields(told["values"])) return undefined;
-  const values = Object.fromEntries(Object.entries(told["values"]).filter((pair): pair is [string, Fields] => isFields(pair[1])));
+  const values = Object.fromEntries(
+    Object.entries(told["values"]).filter((pair): pair is [string, Fields] => isFields(pair[1])),
+  );
   if (Object.keys(values).length === 0) return undefined;
-  const missing = isFields(told["missing"]) ? Object.fromEntries(Object.entries(told["missing"]).map(([name, why]) => [name, words(why)])) : {};
+  const missing = isFields(told["missing"])
+    ? Object.fromEntries(Object.entries(told["missing"]).map(([name, why]) => [name, words(why)]))
+    : {};
   const of = (name: string): string => words(told[name]);
-  const about = { protocol: of("protocol"), product: of("product"), serial_number: of("serial_number"), firmware: of("firmware"), reason: of("reason") };
+  const about = {
+    protocol: of("protocol"),
+    product: of("product"),
+    serial_number: of("serial_number"),
+    firmware: of("firmware"),
+    reason: of("reason"),
+  };
   return { values, missing, about, taken: typeof told["taken"] === "number" ? told["taken"] : null };
 }
 
-/** The device itself, where it is here now. */
+/** The device itself, if it is connected now. */
 function presentOf(app: App, { about }: Settings): DeviceInfo | undefined {
-  const same = app.store.devices.value.filter(({ protocol, status, link }) => protocol === about.protocol && status === "live" && link !== "file");
-  return same.find(({ serial_number: serial }) => about.serial_number !== "" && serial === about.serial_number) ?? (about.serial_number === "" ? same[0] : undefined);
+  const same = app.store.devices.value.filter(
+    ({ protocol, status, link }) => protocol === about.protocol && status === "live" && link !== "file",
+  );
+  return (
+    same.find(({ serial_number: serial }) => about.serial_number !== "" && serial === about.serial_number) ??
+    (about.serial_number === "" ? same[0] : undefined)
+  );
 }
 
-/** A line of the rail; nothing where no settings were recorded. */
-export function SettingsLine({ replay }: { readonly replay: Replay }) {
-  const settings = settingsOf(replay, view.value.device);
+/** A line of the sidebar; absent if no settings were recorded. */
+export function SettingsLine({ replay }: { readonly replay: ReplayController }) {
+  const settings = settingsOf(replay, replay.viewState.view.value.device);
   if (!settings) return null;
   return (
-    <div class="assettings">
-      <span>Settings</span>
-      <button type="button" class="btn edge" title="What the device was set to when this was recorded" onClick={() => (open.value = true)}>
+    <div class="apply-as-settings">
+      <span>{COMMON.settings}</span>
+      <button type="button" class="btn edge" title={TEXT.asRecordedHint} onClick={() => (open.value = true)}>
         <Icon name="sliders" />
-        As recorded
+        {TEXT.asRecorded}
       </button>
     </div>
   );
 }
 
-export function SettingsDialog({ replay, app }: { readonly replay: Replay; readonly app: App }) {
-  const settings = open.value ? settingsOf(replay, view.value.device) : undefined;
+export function SettingsDialog({ replay, app }: { readonly replay: ReplayController; readonly app: App }) {
+  const settings = open.value ? settingsOf(replay, replay.viewState.view.value.device) : undefined;
   if (!settings) return null;
   const present = presentOf(app, settings);
   const { about, taken } = settings;
@@ -71,31 +87,41 @@ export function SettingsDialog({ replay, app }: { readonly replay: Replay; reado
     open.value = false;
   };
   const compare = async (to: DeviceInfo): Promise<void> => {
-    const kept = await run(server.keepSnapshot(to.id, `Recording ${titleOf(replay.detail.info)}`.slice(0, 120), asText(settings)));
+    const kept = await run(
+      server.keepSnapshot(to.id, TEXT.recordingTitle(titleOf(replay.detail.info)).slice(0, 120), asText(settings)),
+    );
     close();
     if (kept) go("configure", to.id, "compare", kept.name);
   };
   return (
-    <Dialog title="Settings as recorded" onClose={close}>
-      <div class="recset">
+    <Dialog title={TEXT.settingsAsRecorded} onClose={close}>
+      <div class="recorded-settings">
         <p class="dim">
-          {[about.product, about.serial_number, about.firmware && `firmware ${about.firmware}`, about.reason, taken !== null && `${dateWords(taken, true)} UTC`].filter(Boolean).join(" · ")}
+          {[
+            about.product,
+            about.serial_number,
+            about.firmware && COMMON.firmware(about.firmware),
+            about.reason,
+            taken !== null && TEXT.timeUtc(dateWords(taken, true)),
+          ]
+            .filter(Boolean)
+            .join(" · ")}
         </p>
         {present ? (
-          <button type="button" class="btn main" title="They are kept as a snapshot of the device, and shown beside what it has now" onClick={() => void compare(present)}>
+          <button type="button" class="btn main" title={TEXT.compareHint} onClick={() => void compare(present)}>
             <Icon name="sliders" />
-            <span class="ell">Compare with {present.name} now</span>
+            <span class="ellipsis">{TEXT.compareWithNow(present.name)}</span>
           </button>
         ) : (
-          <p class="hint">The device is not connected: with it they can be compared with what it has now, and written to it again.</p>
+          <p class="hint">{TEXT.compareUnavailable}</p>
         )}
-        <Values recording={replay.detail.info.id} device={view.value.device ?? ""} />
+        <Values recording={replay.detail.info.id} device={replay.viewState.view.value.device ?? ""} />
       </div>
     </Dialog>
   );
 }
 
-/** All of them as Configure says them, group by group. */
+/** All settings in the form of Configure, group by group. */
 function Values({ recording, device }: { readonly recording: string; readonly device: string }) {
   const told = useSignal<RecordedSettings | undefined>(undefined);
   const why = useSignal("");
@@ -105,8 +131,18 @@ function Values({ recording, device }: { readonly recording: string; readonly de
       else why.value = `${outcome.problem.message} ${outcome.problem.hint}`;
     });
   }, [recording, device]);
-  if (why.value !== "") return <p class="hint"><Message text={why.value} /></p>;
-  if (told.value === undefined) return <p class="hint" aria-busy="true">Putting them into words …</p>;
+  if (why.value !== "")
+    return (
+      <p class="hint">
+        <Message text={why.value} />
+      </p>
+    );
+  if (told.value === undefined)
+    return (
+      <p class="hint" aria-busy="true">
+        {TEXT.readingRecordedSettings}
+      </p>
+    );
   const { settings, missing } = told.value;
   const without = Object.keys(missing);
   return (
@@ -115,28 +151,39 @@ function Values({ recording, device }: { readonly recording: string; readonly de
         <section key={group} aria-label={group}>
           <h3>{group}</h3>
           <dl>
-            {settings.filter((one) => one.group === group).map(({ name, title, rows }) => (
-              <div key={name}>
-                <dt>{title}</dt>
-                <dd>
-                  {rows.map((row, k) => (
-                    <span key={k}>
-                      {row.title !== "" && <small>{row.title}</small>} {row.words}
-                    </span>
-                  ))}
-                </dd>
-              </div>
-            ))}
+            {settings
+              .filter((one) => one.group === group)
+              .map(({ name, title, rows }) => (
+                <div key={name}>
+                  <dt>{title}</dt>
+                  <dd>
+                    {rows.map((row, k) => (
+                      <span key={k}>
+                        {row.title !== "" && <small>{row.title}</small>} {row.words}
+                      </span>
+                    ))}
+                  </dd>
+                </div>
+              ))}
           </dl>
         </section>
       ))}
-      {without.length > 0 && <p class="hint">{count(without.length, "setting")} could not be read: {without.join(", ")}.</p>}
+      {without.length > 0 && <p class="hint">{TEXT.settingsNotRead(without.length, without.join(", "))}</p>}
     </>
   );
 }
 
-/** As a snapshot's file (server/configuration/snapshots.py): JSON is YAML. */
+/** In the format of a snapshot file (server/configuration/snapshots.py): JSON is YAML. */
 function asText({ values, missing, about, taken }: Settings): string {
   const { reason: _, ...rest } = about;
-  return JSON.stringify({ imuscope: 1, title: "", taken: new Date(1000 * (taken ?? 0)).toISOString(), reason: "", ...rest, pinned: false, settings: values, missing });
+  return JSON.stringify({
+    imuscope: 1,
+    title: "",
+    taken: new Date(1000 * (taken ?? 0)).toISOString(),
+    reason: "",
+    ...rest,
+    pinned: false,
+    settings: values,
+    missing,
+  });
 }

@@ -1,8 +1,9 @@
-/** The motion of a recording in a strip: how much it moved over its length, with a mark wherever samples were lost. */
+/** The motion of a recording in a strip, with a mark wherever samples were lost. */
 import { useEffect, useRef } from "preact/hooks";
 import type { RecordingInfo } from "../../recordings/types";
 import { css, surface } from "../../ui/canvas";
 import { theme } from "../../ui/theme";
+import { TEXT } from "../../texts/recordings";
 
 /** A loss is never narrower than this, px. */
 const LOSS_PX = 2;
@@ -31,10 +32,10 @@ export function Thumb({ info }: { readonly info: RecordingInfo }) {
     draw();
     return () => to.dispose();
   }, [thumbnail, losses, look]);
-  const lost = losses.length === 0 ? "" : `, samples lost in ${losses.length} ${losses.length === 1 ? "place" : "places"}`;
+  const lost = losses.length === 0 ? "" : TEXT.lostInPlaces(losses.length);
   return (
-    <div class="thumb">
-      <canvas ref={canvas} role="img" aria-label={`Motion over the recording${lost}`} />
+    <div class="thumbnail">
+      <canvas ref={canvas} role="img" aria-label={TEXT.motionOverTheRecording(lost)} />
     </div>
   );
 }

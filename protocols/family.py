@@ -1,0 +1,266 @@
+"""A protocol family: everything the rest of the program knows about a protocol and its devices, as one object.
+
+A family is found through the entry-point group `imuscope.protocols` (protocols/plugins.py). Only `name`, `title`,
+`decoder`, `likeness`, `listing`, `sample` and `scan` are needed to show, record and replay a device; the other members
+are optional features. docs/add-a-protocol-family.md explains how to write one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.composer import ProtocolComposer
+from protocols.editor_choices import OutputChoice, StreamChoice
+from protocols.events import Batch, Decoder, Reply
+from protocols.framing import Bytes, Ints, Scan
+from protocols.simulator.family import SimulatorInfo
+from protocols.support import SupportTable
+from protocols.transactions import DeviceContext, DeviceDriver, Transaction, Values
+
+
+class FrameLister(Protocol):
+    """Chunks in, lines of plain values out: offset and size, then protocol, id, message and fields, or reject."""
+
+    def feed(self, data: bytes) -> None: ...
+
+    def drain(self, *, stalled: bool = False) -> list[dict[str, Any]]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFix:
+    """A place on the ellipsoid: degrees, north and east positive; height in m. None: unknown."""
+
+    latitude: float
+    longitude: float
+    height: float | None = None
+    satellites: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectionInput:
+    """Input of RTCM 3 corrections by devices of a family.
+
+    Args:
+        takes: whether this device has a receiver that accepts it.
+        wrap: the bytes for one whole message; the address is that of a device on a shared line, else None.
+        is_rejection: whether an answer right after it refuses it.
+        hint: products that accept it, for devices that do not: "an MTi-680G".
+    """
+
+    takes: Callable[[DeviceContext], bool]
+    wrap: Callable[[bytes, int | None], bytes] = lambda message, address: message
+    is_rejection: Callable[[Reply], bool] = lambda reply: False
+    hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LogHeader:
+    """Required header of a log in the vendor's own format.
+
+    Args:
+        frames: ids of its answers → their names in the metadata of a recording.
+        request: a transaction that requests them from the device.
+        title: of the job that does.
+        words: display name: "Configuration".
+        format: the name of the log format that needs them.
+    """
+
+    frames: Mapping[int, str]
+    request: Callable[[], Transaction[None]]
+    title: str
+    words: str
+    format: str
+
+
+@dataclass(frozen=True, slots=True)
+class LogName:
+    """Information from the name of a log file; a logger's clock has no zone, UTC is assumed. `stem`: of all parts."""
+
+    stem: str
+    serial_number: str
+    started_ns: int
+    part: int
+
+
+Damage = Callable[[int, str], None]
+"""Called with the offset of damage in a file, and a sentence about it."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogFormat:
+    """A file format of the vendor.
+
+    Args:
+        name: as in the list of recordings and of exports ("mtb").
+        suffix: of its files (".mtb").
+        title, words: of an export, for display.
+        device: whose bytes are exported, for display: "an Xsens device".
+        marker: the first bytes of such a file, whatever its name; b"" if there are none of its own.
+        certain: whether such a file is always of this family; otherwise its bytes decide.
+        packets: converts a file to the bytes sent by a device; None if it holds those.
+        read_name: information from the stem of a file's name; a log in parts is read as one.
+        read_index: (offsets, ms) of the companion file with the suffix `index_suffix`, ascending; None if it cannot be
+            used.
+        dated: whether the first bytes of a file contain its start.
+        exported: "" for none, "bytes" as received, "frames" alone, after those of the family's `log_header`.
+    """
+
+    name: str
+    suffix: str
+    title: str = ""
+    words: str = ""
+    device: str = ""
+    marker: bytes = b""
+    certain: bool = False
+    packets: Callable[[bytes, Damage], Iterator[bytes]] | None = None
+    read_name: Callable[[str], LogName | None] = lambda stem: None
+    read_index: Callable[[bytes], tuple[Ints, Ints] | None] | None = None
+    index_suffix: str = ""
+    dated: bool = False
+    exported: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DecodeOptionForm:
+    """Input on the page for one of the `settings` of a family.
+
+    Args:
+        name: of the setting: "key", "time_unit" or "rotation".
+        title: display name.
+        choices: (value, words) each; () for a key in hex digits.
+        default: the value in effect if none is given.
+        early: whether it is offered before the protocol is known, too.
+    """
+
+    name: Literal["key", "time_unit", "rotation"]
+    title: str
+    choices: tuple[tuple[str, str], ...] = ()
+    default: str = ""
+    early: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PanelDefaults:
+    """Initial arrangement of the page for a device.
+
+    Args:
+        plots: titles or names of the plotted quantities, in this order; () lets the page choose by title and unit.
+        panels: ids of the panels placed before the others, in this order.
+    """
+
+    plots: tuple[str, ...] = ()
+    panels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyHints:
+    """Sentences of a family for the page; "" for none.
+
+    Args:
+        attitude: what to switch on for an attitude.
+        identify: why a device has no name yet, and what helps.
+        pause: the cost of reading its settings.
+    """
+
+    attitude: str = ""
+    identify: str = ""
+    pause: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ProtocolInfo:
+    """One protocol family.
+
+    Args:
+        name: as on the command line ("xbus").
+        title: display name.
+        short: for narrow places; "" for the name in capitals.
+        decoder: makes a decoder; takes `direction` (schema.Direction), the side to read.
+        likeness: (score 0..1, words) of some bytes.
+        listing: makes a parser of a file into lines of plain values, for `imuscope inspect`.
+        sample: a few valid bytes.
+        scan: finds frames as strictly as possible without a key; for streams of mixed protocols.
+        is_certain: for a table of frames and their bytes, which are hardly chance: for a protocol whose only check is
+            one byte. None: all.
+        settings: keyword options of decoder and listing: "key" (bytes), "min_mode" (0 to 2), "replay_check",
+            "show_unverified" (bool), "schema" (rows of `parse_schema`), "time_unit", "rotation"
+            (server/devices/decode_options.py).
+        parse_schema, write_schema: descriptions of a vendor's own messages: rows of a text, and their text.
+            An invalid text is a ValueError.
+        datagrams: whether the decoder has that keyword: every chunk is a datagram.
+        identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
+        greeting: harmless request to any device of the protocol for its identity; b"" for none.
+        bauds: default rates of its devices' serial lines; a search for the rate tries them first.
+        protection: protection of the frames of a batch, in words; None if it is the same for all.
+        sender: name for senders (Batch.device) if a stream names them: its name is then its serial number, and the
+            address of commands.
+        driver: configures its devices; None if they cannot be configured.
+        composer: makes frames from words and JSON, with a key and a schema if known.
+        outputs, streams: choices of the editors of that name (schema.Setting.editor).
+        entry_words: title and value of a record of such a list, for display; None for other records.
+        utc: UTC of each sample of a batch as reported by the device, ns since the Unix epoch (UNKNOWN of dates.py if
+            not reported); None if the device never reports it.
+        dated: start of a log, by its head.
+        absent: flags of its status words, by name, which a product does not have.
+        position: the newest position in a batch; None without one.
+        corrections: how its devices accept RTCM; None if they do not.
+        log_header, log_formats: of the vendor's own files.
+        simulator: its simulated devices; None for none.
+        refusals: reasons for refusing intact frames (framing.REFUSED) → their meaning, and what to do.
+        usb_vendors, usb_products: names of USB ids.
+        hints: for the page.
+        option_forms: inputs of the page for `settings`.
+        panels: initial arrangement of the page for a device.
+        abbreviations: parts of its names of flags and choices that stay in capitals: "GPX".
+        supported: tables of products, firmware and data for the documentation.
+    """
+
+    name: str
+    title: str
+    decoder: Callable[..., Decoder]
+    likeness: Callable[[bytes], tuple[float, str]]
+    listing: Callable[..., FrameLister]
+    sample: bytes
+    scan: Scan
+    short: str = ""
+    is_certain: Callable[[Ints, Bytes], NDArray[np.bool_]] | None = None
+    settings: frozenset[str] = frozenset()
+    parse_schema: Callable[[str], Mapping[int, Any]] | None = None
+    write_schema: Callable[[Mapping[int, Any]], str] | None = None
+    datagrams: bool = False
+    identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
+    greeting: bytes = b""
+    bauds: tuple[int, ...] = ()
+    protection: Callable[[Batch], str] | None = None
+    sender: str = ""
+    driver: DeviceDriver | None = None
+    composer: Callable[[bytes | None, Mapping[int, Any] | None], ProtocolComposer] | None = None
+    outputs: Callable[[DeviceContext, Mapping[str, Values]], list[OutputChoice]] = lambda known, values: []
+    streams: Callable[[DeviceContext, Mapping[str, Values]], list[StreamChoice]] = lambda known, values: []
+    entry_words: Callable[[Mapping[str, Any]], tuple[str, str] | None] = lambda entry: None
+    utc: Callable[[Batch], Ints | None] = lambda batch: None
+    dated: Callable[[Reply], int | None] = lambda reply: None
+    absent: Callable[[str], tuple[str, ...]] = lambda product: ()
+    position: Callable[[Batch], PositionFix | None] = lambda batch: None
+    corrections: CorrectionInput | None = None
+    log_header: LogHeader | None = None
+    log_formats: tuple[LogFormat, ...] = ()
+    simulator: SimulatorInfo | None = None
+    refusals: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    usb_vendors: Mapping[int, str] = field(default_factory=dict)
+    usb_products: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    hints: FamilyHints = FamilyHints()
+    option_forms: tuple[DecodeOptionForm, ...] = ()
+    panels: PanelDefaults = PanelDefaults()
+    abbreviations: tuple[str, ...] = ()
+    supported: Callable[[], Iterable[SupportTable]] = lambda: ()
+
+    @property
+    def short_title(self) -> str:
+        """Its name for narrow places."""
+        return self.short or self.name.upper()

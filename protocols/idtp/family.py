@@ -1,0 +1,129 @@
+"""IDTP as a family: the only object of this folder that other folders use."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from protocols.composer import FrameRecord, ProtocolComposer
+from protocols.family import DecodeOptionForm, FamilyHints, ProtocolInfo
+from protocols.idtp.custom_payloads import parse, written
+from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.detect import detection_score
+from protocols.idtp.driver import IdtpDriver
+from protocols.idtp.frames import LITE, build, scanner
+from protocols.idtp.inspect import IdtpFrameLister
+from protocols.idtp.security import protection
+from protocols.idtp.supported import supported
+from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+
+MODES = ("lite", "safety", "secure")
+CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
+SECURE_BYTES = 56  # a sample's two frames are this much longer in Secure than in Safety mode
+
+
+def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+    from protocols.idtp.commands import DATA, HEADER, reading_fields
+    from protocols.idtp.json_codec import frame_from_json
+    from protocols.idtp.messages import MESSAGES
+
+    rows = {**{row.name: row for row in MESSAGES}, **{row.name: row for row in (schema or {}).values()}}
+    messages = {name: (*HEADER, *reading_fields(row)) for name, row in rows.items()}
+
+    def frame(record: FrameRecord) -> bytes:
+        return frame_from_json(record, key, schema)
+
+    return ProtocolComposer("idtp", IdtpDriver(schema), messages, frame, (*HEADER, DATA))
+
+
+def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
+    from protocols.idtp.simulator import IdtpSimulator
+
+    mode = request.options["mode"]
+    return [
+        IdtpSimulator(
+            device_id=102 + request.seed % 1000,
+            seed=request.seed,
+            start_ns=request.start_ns,
+            rate=request.rate,
+            mode=MODES.index(mode),
+            key=(request.key or secrets.token_bytes(32)) if mode == "secure" else None,
+            clock_drift_ppm=request.clock_drift_ppm,
+            clock_jump=request.clock_jump,
+            tick_ns=CLOCKS[request.options["clock"]],
+        )
+    ]
+
+
+def _bytes_per_s(rate: float, options: Mapping[str, Any]) -> float:
+    sample = 104 + (SECURE_BYTES if options["mode"] == "secure" else 0)
+    return rate * sample
+
+
+def _frame_size(head: bytes) -> int:
+    """A header of 20 bytes with SIZE at 14 and MODE at 17, payload, a trailer that depends on the mode."""
+    if len(head) < 20:
+        return 0
+    return 20 + (head[14] | head[15] << 8) + {1: 4, 2: 32}.get(head[17], 0)
+
+
+SIMULATOR = SimulatorInfo(
+    _make,
+    _bytes_per_s,
+    b"IDTP",
+    _frame_size,
+    "an IDTP device in Safety mode at 100 Hz",
+    options=(
+        SimulatorOption("mode", "choice", "safety", MODES),
+        SimulatorOption("clock", "choice", "us", tuple(CLOCKS)),
+    ),
+    usual=True,
+    device="an IDTP device",
+)
+
+FAMILY = ProtocolInfo(
+    "idtp",
+    "IDTP 2.1",
+    IdtpDecoder,
+    detection_score,
+    IdtpFrameLister,
+    build(4, bytes(36), sequence=1, mode=1) + build(6, bytes(16), sequence=3),
+    scanner(None, LITE, show_unverified=True),
+    short="IDTP",
+    settings=frozenset(("key", "min_mode", "replay_check", "show_unverified", "schema", "time_unit", "rotation")),
+    parse_schema=parse,
+    write_schema=written,
+    datagrams=True,
+    protection=protection,
+    sender="IDTP device",
+    driver=IdtpDriver(),
+    composer=_composer,
+    simulator=SIMULATOR,
+    refusals={
+        "bad_version": ("The frames have an unsupported version.", "This program reads IDTP 2."),
+        "successor": ("These bytes are INDT, the successor of IDTP.", "INDT is not supported."),
+    },
+    hints=FamilyHints(attitude="Have the device send ImuQuat payloads, and the horizon appears here."),
+    option_forms=(
+        DecodeOptionForm("key", "Key for Secure frames of IDTP (hex, optional)", early=True),
+        DecodeOptionForm(
+            "time_unit",
+            "Unit of its timestamps",
+            (
+                ("", "By arrival, usually µs"),
+                ("us", "Microseconds"),
+                ("ms", "Milliseconds"),
+                ("ns", "Nanoseconds"),
+                ("s", "Seconds"),
+            ),
+        ),
+        DecodeOptionForm(
+            "rotation",
+            "Its quaternion turns",
+            (("enu_from_body", "Body to ENU"), ("body_from_enu", "ENU to body")),
+            default="enu_from_body",
+        ),
+    ),
+    supported=supported,
+)

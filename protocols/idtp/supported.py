@@ -1,0 +1,35 @@
+"""Supported versions, modes and payload types of IDTP, for the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from protocols.idtp.messages import MESSAGES, MODE_NAMES
+from protocols.schema import Field
+from protocols.support import SupportTable
+
+CHECKS = {0: "CRC-8", 1: "CRC-32", 2: "HMAC-SHA256; needs the device's key"}
+
+
+def supported() -> Iterator[SupportTable]:
+    """Modes, then payload types."""
+    yield SupportTable(
+        "Modes",
+        "Devices of version 2.1, over any link. A key is given with `--key`, `?key=` or on the page.",
+        ("mode", "protection of a frame"),
+        tuple((name, CHECKS[number]) for number, name in MODE_NAMES.items()),
+    )
+    types = tuple((f"`0x{row.id:02X}`", row.name, row.doc.rstrip("."), _quantities(row.fields)) for row in MESSAGES)
+    own = ("`0x80` … `0xFF`", "of the vendor", "As the user defines them (`--schema`, or Define payload)", "any")
+    yield SupportTable(
+        "Payload types",
+        "A type without a definition is shown as bytes.",
+        ("type", "name", "contents", "quantities"),
+        (*types, own),
+    )
+
+
+def _quantities(fields: tuple[Field, ...]) -> str:
+    return ", ".join(
+        f"{field.title or field.name} ({field.unit})" if field.unit else field.title or field.name for field in fields
+    )

@@ -1,0 +1,157 @@
+"""Inertial Sense as a family: the only object of this folder that other folders use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from protocols.composer import ProtocolComposer
+from protocols.editor_choices import StreamChoice
+from protocols.events import Batch
+from protocols.family import CorrectionInput, FamilyHints, LogFormat, PositionFix, ProtocolInfo
+from protocols.isb import logs
+from protocols.isb.bandwidth import periods_ms
+from protocols.isb.dates import utc_of
+from protocols.isb.decoder import IsbDecoder
+from protocols.isb.detect import detection_score
+from protocols.isb.device_info import identity
+from protocols.isb.driver import IsbDriver
+from protocols.isb.frames import DATA, build, get_data, scan, stop
+from protocols.isb.inspect import IsbFrameLister
+from protocols.isb.streams import BY_GPX_BIT, OF_GPX, STREAMS
+from protocols.isb.supported import supported
+from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from protocols.transactions import DeviceContext, Values
+
+DRIVER = IsbDriver()
+POSITION_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")
+
+
+def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+    from protocols.isb.json_codec import frame_from_json
+    from protocols.isb.messages import BY_NAME, COMMANDS, set_row
+
+    messages = {name: row.fields for name, row in BY_NAME.items()}
+    messages |= {row.name: row.fields for row in map(set_row, range(256))}
+    messages |= {row.name: row.fields for row in COMMANDS.values()}
+    return ProtocolComposer("isb", DRIVER, messages, frame_from_json, numbered=False)
+
+
+def _position(batch: Batch) -> PositionFix | None:
+    """Position from lla, once the week is known."""
+    columns = batch.columns
+    if batch.message.name not in POSITION_SETS or not ("lla" in columns and "week" in columns):
+        return None
+    if columns["week"][-1] <= 0:
+        return None
+    latitude, longitude, height = columns["lla"][-1].tolist()
+    satellites = int(columns["satsUsed"][-1]) if "satsUsed" in columns else None
+    return PositionFix(latitude, longitude, height, satellites)
+
+
+def stream_choices(known: DeviceContext, values: Mapping[str, Values]) -> list[StreamChoice]:
+    """Streams available on this device."""
+    periods = periods_ms(values)
+    gpx = known.product.startswith("GPX")
+    gpx_bits = {did: bit for bit, did in BY_GPX_BIT.items()}
+    return [
+        StreamChoice(
+            did=stream.did,
+            name=stream.name,
+            title=stream.title,
+            group=stream.group,
+            size=-1 if stream.counted else stream.size,
+            rmc_bit=gpx_bits.get(stream.did, -1) if gpx else stream.rmc_bit,
+            source_ms=periods[stream.did],
+            basic=stream.basic,
+        )
+        for stream in STREAMS.values()
+        if not gpx or stream.did in OF_GPX
+    ]
+
+
+# -- simulated devices -------------------------------------------------------------------------------------------------
+
+
+def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
+    from protocols.isb.simulator.device import IsbSimulator
+    from protocols.isb.simulator.gpx import GpxSimulator
+
+    made = GpxSimulator if request.product.startswith("GPX") else IsbSimulator
+    return [
+        made(
+            product=request.product,
+            rate=request.rate,
+            seed=request.seed,
+            start_ns=request.start_ns,
+            clock_drift_ppm=request.clock_drift_ppm,
+            clock_jump=request.clock_jump,
+            imu_source=request.options["imu_source"],
+            vibration=1.0,
+            baud=request.baud,
+        )
+    ]
+
+
+def _frame_size(head: bytes) -> int:
+    """EF 49 FLAGS ID SIZE (2), payload, two sums."""
+    return 8 + (head[4] | head[5] << 8) if len(head) >= 6 else 0
+
+
+SIMULATOR = SimulatorInfo(
+    _make,
+    lambda rate, options: 132 * rate + 8_000,
+    b"\xef\x49",
+    _frame_size,
+    "an IMX-5 at 100 Hz",
+    lambda: ("IMX-5", "GPX-1"),
+    least_baud=921_600,
+    options=(SimulatorOption("imu_source", "choice", "nav", ("nav", "imu")),),
+    usual=True,
+    device="an IMX-5",
+)
+
+FAMILY = ProtocolInfo(
+    "isb",
+    "Inertial Sense IMX, GPX (ISB 2.x)",
+    IsbDecoder,
+    detection_score,
+    IsbFrameLister,
+    2 * build(DATA, 58, bytes(36)) + stop(),
+    scan,
+    short="ISB",
+    identity=identity,
+    greeting=get_data(1, period=0),  # device information, once; streams are not affected
+    bauds=(921_600,),
+    driver=DRIVER,
+    composer=_composer,
+    streams=stream_choices,
+    utc=utc_of,
+    position=_position,
+    corrections=CorrectionInput(lambda known: True, hint="any Inertial Sense device"),
+    log_formats=(
+        LogFormat(
+            "raw",
+            ".raw",
+            "Inertial Sense log",
+            "for the vendor's Inertial Sense tools",
+            "an Inertial Sense device",
+            read_name=logs.read_name,
+            read_index=logs.read_index,
+            index_suffix=".idx",
+            exported="bytes",
+        ),
+        LogFormat(
+            "dat",
+            ".dat",
+            marker=logs.MARKER,
+            certain=True,
+            packets=logs.packets,
+            read_name=logs.read_name,
+        ),
+    ),
+    simulator=SIMULATOR,
+    hints=FamilyHints(attitude="Have the device send INS 1, INS 2, INS 3 or INS 4, and the horizon appears here."),
+    abbreviations=("GPX",),
+    supported=supported,
+)

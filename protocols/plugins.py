@@ -1,0 +1,111 @@
+"""Protocol families, found through the entry-point group `imuscope.protocols`.
+
+    [project.entry-points."imuscope.protocols"]
+    name = "package.module:FAMILY"              a protocols.family.ProtocolInfo whose name is the same
+
+The families that come with imuscope are declared in its own pyproject.toml in the same way. In a checkout whose
+installation is older than that file, or that was never installed, they are read from the file.
+
+Finding them imports none of them, so that names for help and completion cost nothing.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import tomllib
+from dataclasses import dataclass
+from importlib import import_module, metadata
+from pathlib import Path
+
+GROUP = "imuscope.protocols"
+PACKAGE = "imuscope"
+ROOT = Path(__file__).parents[1]
+log = logging.getLogger("imuscope.plugins")
+
+
+@dataclass(frozen=True, slots=True)
+class ProtocolPlugin:
+    """Location of a family, or of anything else declared by a package.
+
+    Args:
+        name: of the protocol.
+        value: "module:attribute".
+        package: name and version of the distribution that declares it; "" for imuscope's own.
+    """
+
+    name: str
+    value: str
+    package: str = ""
+
+    @property
+    def module(self) -> str:
+        """The module to import."""
+        return self.value.partition(":")[0]
+
+    def problem(self, kind: str, error: Exception) -> str:
+        """A sentence about why it is unusable."""
+        words = f"{type(error).__name__}: {error}" if not isinstance(error, ValueError) else str(error)
+        return f"The {kind} {self.name!r} of {self.package} cannot be used: {words:.300}."
+
+
+@functools.cache
+def protocol_plugins() -> tuple[ProtocolPlugin, ...]:
+    """All declared families: imuscope's own in their order, then others by name."""
+    own = [ProtocolPlugin(name, value) for name, value in _own_entries().items()]
+    return (*own, *plugins_of_others(GROUP))
+
+
+def plugins_of_others(group: str) -> list[ProtocolPlugin]:
+    """Declarations of other packages in a group, by name."""
+    others: dict[tuple[str, str], ProtocolPlugin] = {}
+    for entry in metadata.entry_points(group=group):
+        if entry.dist is not None and entry.dist.name == PACKAGE:
+            continue
+        package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
+        others[entry.name, entry.value] = ProtocolPlugin(entry.name, entry.value, package)
+    return [others[key] for key in sorted(others)]
+
+
+def import_plugins(group: str, kind: str) -> list[str]:
+    """Import the modules declared by other packages in a group; each registers something on import.
+
+    Args:
+        kind: kind of registered objects, for messages: "exporter".
+
+    Returns:
+        a sentence about each that is unusable.
+    """
+    problems: list[str] = []
+    for plugin in plugins_of_others(group):
+        try:
+            import_module(plugin.module)
+        except Exception as error:  # third-party code may raise anything
+            problems.append(plugin.problem(kind, error))
+            log.debug("%s failed", plugin.value, exc_info=True)
+    return problems
+
+
+def protocol_names() -> list[str]:
+    """Names of all declared families, each once."""
+    return list(dict.fromkeys(plugin.name for plugin in protocol_plugins()))
+
+
+def _own_entries() -> dict[str, str]:
+    """Name → value of the families in this program, from pyproject.toml of the checkout, else as installed.
+
+    Raises:
+        RuntimeError: neither declares any, so nothing can be decoded.
+    """
+    project = ROOT / "pyproject.toml"
+    if project.is_file():
+        declared = tomllib.loads(project.read_text(encoding="utf-8"))["project"]
+        if declared["name"] == PACKAGE:
+            return dict(declared["entry-points"][GROUP])
+    try:
+        installed = metadata.distribution(PACKAGE).entry_points.select(group=GROUP)
+        if found := {entry.name: entry.value for entry in installed}:
+            return found
+    except metadata.PackageNotFoundError:
+        pass
+    raise RuntimeError(f"The installation declares no {GROUP}. Install imuscope again: pip install --force-reinstall.")

@@ -1,0 +1,293 @@
+"""Xbus as a family: the only object of this folder that other folders use."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.composer import FrameRecord, ProtocolComposer
+from protocols.editor_choices import OutputChoice
+from protocols.events import Batch, Reply
+from protocols.family import CorrectionInput, FamilyHints, LogFormat, LogHeader, PositionFix, ProtocolInfo
+from protocols.framing import ID, OFFSET, Bytes, Ints
+from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from protocols.transactions import DeviceContext, Values
+from protocols.xbus.data_identifiers import COORDINATES
+from protocols.xbus.dates import date_of, utc_of
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.detect import detection_score
+from protocols.xbus.device_info import identity
+from protocols.xbus.driver import XbusDriver
+from protocols.xbus.frames import MASTER, build, scan
+from protocols.xbus.inspect import XbusFrameLister
+from protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
+from protocols.xbus.messages import ROWS
+from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
+from protocols.xbus.products import absent, as_built, has, model_of
+from protocols.xbus.supported import supported
+
+DRIVER = XbusDriver()
+MESSAGES = np.array(sorted(ROWS))
+FORWARD_GNSS_DATA, ERROR = 0xE2, 0x42
+FORWARDS = "ForwardGnssData"  # a product with this command accepts RTCM
+PRECISIONS = ("Float32", "Fp12.20", "Fp16.32", "Float64")
+HOST_PORTS = ("rs232", "uart")  # of a 600-series, in the order of the words of its PortConfig
+USUAL = "MTi-630"
+
+
+def _is_certain(table: Ints, data: Bytes) -> NDArray[np.bool_]:
+    """Frames that are hardly chance. The check is one byte, so noise contains a frame every 60 kB; only frames from the
+    device itself, bus identifier FF, with a known message count: one in some 50 MB.
+    """
+    certain: NDArray[np.bool_] = (data[table[OFFSET] + 1] == MASTER) & np.isin(table[ID], MESSAGES)
+    return certain
+
+
+def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+    from protocols.xbus.data_identifiers import BY_NAME as ITEMS
+    from protocols.xbus.json_codec import frame_from_json
+    from protocols.xbus.messages import BY_NAME
+
+    messages = {name: rows[0].fields for name, rows in BY_NAME.items()}
+    forms = {name: tuple(part for row in rows for part in row.fields) for name, rows in BY_NAME.items()}
+    forms["MTData2"] = tuple(ITEMS.values())
+    return ProtocolComposer(
+        "xbus", DRIVER, messages, frame_from_json, listed=forms, strings={"tss2": None, "em1000": _em1000}
+    )
+
+
+def _em1000(record: FrameRecord) -> bytes:
+    from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
+
+    fields = record.get("fields", {})
+    angles = (round(fields[name] * 100) for name in ("roll", "pitch", "heave", "heading"))
+    return EM1000_HEAD + EM1000.pack(*angles)[len(EM1000_HEAD) :]
+
+
+def _position(batch: Batch) -> PositionFix | None:
+    """Position from LatLon, AltitudeEllipsoid."""
+    columns = batch.columns
+    if "LatLon" not in columns:
+        return None
+    latitude, longitude = columns["LatLon"][-1].tolist()
+    height = float(columns["AltitudeEllipsoid"][-1]) if "AltitudeEllipsoid" in columns else None
+    return PositionFix(latitude, longitude, height)
+
+
+def _takes_corrections(known: DeviceContext) -> bool:
+    return bool(known.product) and any(row.name == FORWARDS for row in DRIVER.commands(known))
+
+
+def _wrapped(message: bytes, address: int | None) -> bytes:
+    return build(FORWARD_GNSS_DATA, message, MASTER if address is None else address)
+
+
+def _is_rejection(reply: Reply) -> bool:
+    return reply.message.id == ERROR
+
+
+# -- forms -------------------------------------------------------------------------------------------------------------
+
+
+def output_choices(known: DeviceContext, values: Mapping[str, Values]) -> list[OutputChoice]:
+    """Outputs available in an output configuration of this product.
+
+    Args:
+        values: settings as last read.
+    """
+    model = as_built(model_of(known.product), values.get("HardwareVersion", {}))
+    offered = [output for output in OUTPUTS.values() if has(model, output.products)]
+    titles = Counter(output.field.title or output.name for output in offered)
+
+    def title_of(output: Output) -> str:
+        """Title of an output; of two with the same title the rarer gets its name: "Status", "Status byte"."""
+        title = output.field.title or output.name
+        spread = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", output.name).capitalize()
+        return title if titles[title] == 1 or output.basic else spread
+
+    return [
+        OutputChoice(
+            data_identifier=output.identifier,
+            title=title_of(output),
+            group=output.group,
+            rates=list(allowed(max_rate(output, model))),
+            formats=list(range(len(PRECISIONS))) if output.real else [],
+            frames=[at << 2 for at in range(len(COORDINATES))] if output.local else [],
+            size=output.size(output.identifier),
+            unit=output.field.unit,
+            basic=output.basic,
+            doc=output.field.doc,
+        )
+        for output in offered
+    ]
+
+
+def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Title and value of an entry of an output configuration: the quantity, and "400 Hz", with precision and frame if
+    unusual.
+    """
+    if not ("data_identifier" in entry and "output_frequency" in entry):
+        return None
+    identifier, rate = int(entry["data_identifier"]), int(entry["output_frequency"])
+    parts = ["with every message" if rate in (0, ALWAYS) else f"{rate} Hz"]
+    if identifier & 3:
+        parts.append(PRECISIONS[identifier & 3])
+    if identifier & 0xC and identifier >> 2 & 3 < len(COORDINATES):
+        parts.append(COORDINATES[identifier >> 2 & 3])
+    output = OUTPUTS.get(identifier & 0xFFF0)
+    title = (output.field.title or output.name) if output is not None else f"0x{identifier:04X}"
+    return title, ", ".join(parts)
+
+
+# -- simulated devices -------------------------------------------------------------------------------------------------
+
+
+def _products() -> tuple[str, ...]:
+    from protocols.xbus.simulator.settings import PRODUCTS
+
+    return USUAL, *(name for name in PRODUCTS if name != USUAL)
+
+
+def _bytes_per_s(rate: float, options: Mapping[str, Any]) -> float:
+    return 88 * rate * (len(options["bus_ids"]) or 1)
+
+
+def _check(product: str, given: Mapping[str, str]) -> tuple[str, str] | None:
+    if "port" in given and not product.startswith("MTi-6"):
+        return f"an {product} has one port", "Leave port out, or choose a product of the 600-series."
+    return None
+
+
+def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
+    from protocols.xbus.simulator.device import XbusSimulator
+    from protocols.xbus.simulator.faults import FaultInjection
+
+    options = request.options
+    faults = FaultInjection(
+        drop_share=options["mute"],
+        corrupt_share=options["wrong"],
+        late_ns=round(options["late_ms"] * 1e6),
+        power_cut_at=options["cut"],
+        ignores_goto_config=bool(options["stubborn"]),
+    )
+    return [
+        XbusSimulator(
+            request.product,
+            None,
+            request.seed + place,
+            request.start_ns,
+            rate=request.rate,
+            clock_drift_ppm=request.clock_drift_ppm,
+            clock_jump=request.clock_jump,
+            vibration=1.0,
+            baud=request.baud,
+            port=HOST_PORTS.index(options["port"]),
+            moods=faults,
+            bid=bid,
+        )
+        for place, bid in enumerate(options["bus_ids"] or (None,))
+    ]
+
+
+def _frame_size(head: bytes) -> int:
+    """FA BID MID LEN, payload, checksum; LEN 255 is followed by two bytes of length."""
+    if len(head) < 4 or (head[3] == 255 and len(head) < 6):
+        return 0
+    return 5 + head[3] if head[3] != 255 else 7 + (head[4] << 8 | head[5])
+
+
+SIMULATOR = SimulatorInfo(
+    _make,
+    _bytes_per_s,
+    b"\xfa",
+    _frame_size,
+    "an MTi-630 at 100 Hz",
+    _products,
+    options=(
+        SimulatorOption("port", "choice", HOST_PORTS[0], HOST_PORTS),
+        SimulatorOption("bus_ids", "list", (), low=1, high=254, most=4),
+        SimulatorOption("stubborn", "whole", 0, high=1),
+        SimulatorOption("mute", "number", 0, high=1),
+        SimulatorOption("wrong", "number", 0, high=1),
+        SimulatorOption("late_ms", "number", 0, high=60_000, unit="ms"),
+        SimulatorOption("cut", "whole", 0, high=1_000_000),
+    ),
+    check=_check,
+    usual=True,
+    device="an MTi",
+)
+
+FAMILY = ProtocolInfo(
+    "xbus",
+    "Xsens MTi (Xbus)",
+    XbusDecoder,
+    detection_score,
+    XbusFrameLister,
+    build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
+    scan,
+    short="Xbus",
+    is_certain=_is_certain,
+    identity=identity,
+    bauds=(115_200,),
+    driver=DRIVER,
+    composer=_composer,
+    outputs=output_choices,
+    entry_words=entry_words,
+    utc=utc_of,
+    dated=date_of,
+    absent=absent,
+    position=_position,
+    corrections=CorrectionInput(
+        _takes_corrections,
+        _wrapped,
+        _is_rejection,
+        "an MTi-680G",
+    ),
+    log_header=LogHeader(
+        {CONFIGURATION: "configuration", EMTS_DATA: "emts"},
+        head,
+        "Read its configuration, for the recording",
+        "Configuration",
+        "mtb",
+    ),
+    log_formats=(
+        LogFormat(
+            "mtb",
+            ".mtb",
+            "MT Manager",
+            "for the vendor's MT programs",
+            "an Xsens device",
+            certain=True,
+            dated=True,
+            exported="frames",
+        ),
+    ),
+    simulator=SIMULATOR,
+    usb_vendors={0x2639: "Xsens"},
+    usb_products={  # Source: Linux drivers/usb/serial/ftdi_sio_ids.h.
+        (0x2639, 0x0101): "Xsens Awinda station",
+        (0x2639, 0x0102): "Xsens Awinda dongle",
+        (0x2639, 0x0200): "Xsens MTw",
+        (0x2639, 0x0300): "Xsens MTi development board",
+        (0x2639, 0x0301): "Xsens USB converter",
+        (0x2639, 0xD00D): "Xsens USB converter",
+        (0x0403, 0xD388): "Xsens USB converter",
+        (0x0403, 0xD389): "Xsens wireless receiver",
+        (0x0403, 0xD38B): "Xsens USB converter",
+        (0x0403, 0xD38C): "Xsens wireless receiver",
+        (0x0403, 0xD38D): "Xsens Awinda station",
+    },
+    hints=FamilyHints(
+        attitude="Switch on Quaternion, RotationMatrix or EulerAngles among the outputs of the device, and the horizon "
+        "appears here.",
+        identify="An MTi does not say what it is while it measures: reading its settings stops it for about a second "
+        "and asks it.",
+        pause="An MTi stops measuring while it is asked, for about a second.",
+    ),
+    supported=supported,
+)

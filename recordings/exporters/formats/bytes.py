@@ -1,0 +1,35 @@
+"""Bytes of one device: unchanged, and as logs of the vendors' own formats (recordings/exporters/raw_bytes.py)."""
+
+from __future__ import annotations
+
+from protocols.registry import log_formats
+from recordings.exporters.raw_bytes import log_writer, write_bytes
+from recordings.exporters.registry import ExportFormat, register_exporter
+
+for family, log in log_formats():
+    if log.exported:
+        register_exporter(
+            ExportFormat(
+                log.name,
+                log.title,
+                log.suffix,
+                log_writer(family, log),
+                order=50,
+                label=log.name.upper(),
+                words=log.words,
+                needs_source=True,
+                protocol=family.name,
+            )
+        )
+register_exporter(
+    ExportFormat(
+        "bytes",
+        "Original bytes",
+        ".bin",
+        write_bytes,
+        order=60,
+        label="Bytes",
+        words="as received",
+        needs_source=True,
+    )
+)

@@ -1,0 +1,17 @@
+"""Parquet: a file per message, units in the fields' metadata (recordings/exporters/parquet.py)."""
+
+from __future__ import annotations
+
+from recordings.exporters.registry import ExportFormat, lazy, register_exporter
+
+register_exporter(
+    ExportFormat(
+        "parquet",
+        "Parquet",
+        ".parquet",
+        lazy("recordings.exporters.parquet"),
+        order=20,
+        words="one table per message",
+        per_byte=1.3,
+    )
+)

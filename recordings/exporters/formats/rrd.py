@@ -1,0 +1,35 @@
+"""RRD: one file for the Rerun viewer; recordings/rrd describes its contents.
+
+Rerun is imported when the first such file is written: that takes a second, which other users should not wait for.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from recordings.exporters.registry import ExportFormat, register_exporter
+from recordings.exporters.request import ExportRequest, ExportStep
+
+
+def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
+    """Write the file; returns it."""
+    from recordings.rrd.writer import write_rrd
+
+    chosen = [info["id"] for info in request.infos]
+    write_rrd(
+        request.columns,
+        out,
+        t0=request.t0,
+        t1=request.t1,
+        channels=chosen,
+        base=request.base,
+        progress=step,
+        title=request.title,
+        payloads=request.payloads,
+    )
+    return [out]
+
+
+register_exporter(
+    ExportFormat("rrd", "Rerun", ".rrd", write, order=40, label="RRD", words="for the Rerun viewer", per_byte=4.4)
+)

@@ -1,0 +1,16 @@
+"""Route of the capabilities: protocols, export formats, kinds of links."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+
+from server.api.dependencies import TheServices
+from server.capabilities import Capabilities
+
+router = APIRouter(prefix="/api/capabilities", tags=["build"])
+
+
+@router.get("")
+async def get_capabilities(services: TheServices) -> Capabilities:
+    """Everything that is registered, as sent to the page in `hello`."""
+    return services.capabilities

@@ -1,0 +1,42 @@
+"""Reference pages at /docs. They contain no device data, so like the page's own files they need no token."""
+
+from __future__ import annotations
+
+import hashlib
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+from starlette.exceptions import HTTPException
+
+from server.api.dependencies import TheServices
+from server.api.static_files import HEADERS
+from server.reference.pages import PAGES
+
+router = APIRouter(include_in_schema=False)
+
+TEMPLATE = "docs.html"  # part of the built page: its styles, and a placeholder for the content
+PLACE = "<!-- content -->"
+PLAIN = f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>Reference · imuscope</title>
+<main>{PLACE}</main></html>"""
+
+
+@router.get("/docs")
+@router.get("/docs/{name}")
+@router.head("/docs")
+@router.head("/docs/{name}")
+def get_page(request: Request, services: TheServices, name: str = "") -> Response:
+    """One page; without a name, the list of pages."""
+    if name and name not in PAGES:
+        raise HTTPException(404)
+    template = services.page_files.get(TEMPLATE)
+    around = template.data.decode() if template else PLAIN
+    title = PAGES[name].title if name else "Reference"
+    body = (
+        around.replace("<title>Reference", f"<title>{title}")
+        .replace(PLACE, services.reference.html(name, request.app.openapi))
+        .encode()
+    )
+    headers = {**HEADERS, "cache-control": "no-cache", "etag": f'"{hashlib.sha256(body).hexdigest()[:24]}"'}
+    if headers["etag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    return Response(body, media_type="text/html", headers=headers)

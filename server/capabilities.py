@@ -1,0 +1,84 @@
+"""Capabilities of this server, for the page and scripts: `Capabilities`, sent in `hello` and at /api/capabilities.
+
+The page has no built-in list of protocols, export formats or kinds of links; it offers the ones listed here.
+server/capability_list.py collects them from the registries.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+DecodeOptionName = Literal["key", "time_unit", "rotation"]
+
+
+@dataclass(slots=True)
+class DecodeOptionChoice:
+    value: str
+    words: str
+
+
+@dataclass(slots=True)
+class DecodeOptionInput:
+    """An option of how the bytes of a device are decoded, set by the user."""
+
+    name: DecodeOptionName
+    title: str
+    choices: list[DecodeOptionChoice]  # empty: a key, in hex digits
+    default: str = ""  # in effect if the option is not set
+    early: bool = False  # also offered while the protocol is not known
+
+
+@dataclass(slots=True)
+class ProtocolCapability:
+    """A protocol family."""
+
+    name: str  # "xbus"
+    title: str  # "Xsens MTi (Xbus)"
+    short: str  # short title: "Xbus"
+    simulator: bool = False  # `sim:NAME` is a simulated device
+    options: list[DecodeOptionInput] = field(default_factory=list)
+    describes_payloads: bool = False  # the user can describe a vendor's own payload types
+    attitude_hint: str = ""  # outputs to enable for an attitude
+    identify_hint: str = ""  # why a device has no name yet, and how to get it
+    pause_hint: str = ""  # effect of reading its settings
+    abbreviations: list[str] = field(default_factory=list)  # parts of its names to write in capitals
+    plots: list[str] = field(default_factory=list)  # titles or names of quantities to plot first
+    panels: list[str] = field(default_factory=list)  # ids of panels to place first
+
+
+@dataclass(slots=True)
+class ExportCapability:
+    """A format that recordings can be exported to."""
+
+    name: str  # "csv"
+    title: str  # "CSV"
+    words: str  # "full precision, units, one table per message"
+    suffix: str  # ".csv"
+    single: bool = False  # holds the bytes of one device, and no choice of channels
+    protocol: str = ""  # only for devices with this protocol; "" for any
+    per_byte: float = 1.0  # rough size, for each byte of the recording, until it is measured
+
+
+@dataclass(slots=True)
+class SourceExample:
+    source: str  # "tcp://192.168.1.20:2000"
+    words: str  # "a serial server or a device on the network"
+
+
+@dataclass(slots=True)
+class LinkCapability:
+    """A kind of link."""
+
+    name: str  # DeviceInfo.link: "tcp"
+    title: str  # as displayed: "TCP"
+    examples: list[SourceExample] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Capabilities:
+    """Everything that can be added without changing the page."""
+
+    protocols: list[ProtocolCapability] = field(default_factory=list)
+    exports: list[ExportCapability] = field(default_factory=list)
+    links: list[LinkCapability] = field(default_factory=list)

@@ -1,0 +1,47 @@
+"""Help on registered links and export formats. It imports them, so it is generated only when help is printed."""
+
+from __future__ import annotations
+
+from server.links.registry import LinkDefinition, link_kinds
+
+_COLUMN = 34
+
+
+def source_list() -> str:
+    """The forms of sources, in one line."""
+    forms = ", ".join(one.short_form or one.form for one in link_kinds())
+    return f"{forms}; `imuscope serve --help` has their options"
+
+
+def source_help() -> str:
+    """Sources with their options, a line or more for each."""
+    lines = [line for one in link_kinds() for line in _usage(one)]
+    return "\n".join(["sources, with their options after a question mark:", *lines, _ANY, ""])
+
+
+_ANY = (
+    "  any of them                     protocol=, key=, min_mode=, unverified=, time_unit=, rotation=: like the "
+    "options above"
+)
+
+
+def _usage(kind: LinkDefinition) -> list[str]:
+    lines = []
+    for form, words in kind.usage or ((kind.form, kind.title),):
+        first, *more = words.split("\n")
+        is_short = len(form) < _COLUMN - 3
+        lines += [f"  {form:<{_COLUMN - 2}}{first}"] if is_short else [f"  {form}", f"{'':{_COLUMN}}{first}"]
+        lines += [f"{'':{_COLUMN}}{line}" for line in more]
+    return lines
+
+
+def output_list() -> str:
+    """Suffixes of the export formats, in one line."""
+    from recordings.exporters import FORMATS
+
+    titles: dict[str, str] = {}
+    for one in FORMATS.values():
+        titles.setdefault(one.suffix, one.title)
+    return (
+        f"file whose suffix selects the format: {', '.join(f'{suffix} ({title})' for suffix, title in titles.items())}"
+    )

@@ -1,0 +1,29 @@
+"""Time limits and retries of configuration. Tests pass shorter ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigurationTimings:
+    """Time limits, s, and numbers of retries.
+
+    Args:
+        rollback_s: time to confirm settings that could cut the link; then they are rolled back.
+        rounds: number of alternating attempts at the new and the old rate.
+        restart_s: wait for the port of a restarting device, which answers after 2 s.
+        port_back_s: wait for a port that vanished because USB restarts with the device.
+        port_look_s: interval of attempts to open it.
+        return_s: wait for the user to cycle the power of the device.
+        reopen_s: interval of attempts to open a port during `return_s`; a device accepts the call only for a moment
+            after power-on.
+    """
+
+    rollback_s: float = 20.0
+    rounds: int = 4
+    restart_s: float = 3.0
+    port_back_s: float = 60.0
+    port_look_s: float = 1.0
+    return_s: float = 120.0
+    reopen_s: float = 0.05

@@ -1,0 +1,172 @@
+"""Decode pipeline of one link: protocol detection, then decoding to its devices' samples, a slice at a time.
+
+    chunk ──put──> stored, while the protocol is unknown ──decode──> detected ──> begin(protocol), fed all stored chunks
+                └> LinkDecoder (server/devices/device_demux.py) ──decode──> sink
+
+Each connection has a new decoder and a new clock mapping (`disconnect`, `begin`); channels, counts and the last
+sequence numbers of Secure devices continue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from protocols.events import Event
+from server.devices.decode_options import DecodeOptions
+from server.devices.device_demux import LinkDecoder, LinkDevices
+from server.devices.device_state import short_source
+from server.devices.ingest import LinkTiming
+from server.devices.protocol_detection import ProtocolDetector, ProtocolSet, unknown_hint
+from server.devices.restarts import Restarts
+from server.devices.slices import Slices
+from server.links.base import CHUNK_COST, Chunk, Link
+from server.streaming.sink import TelemetrySink
+
+
+class DecodePipeline:
+    """Decode pipeline of one session.
+
+    Args:
+        link: source of the chunks; its flow limits how much is read at once.
+        devices: the devices on it.
+        speech: the protocols.
+        options: decode options; without a protocol it is detected.
+        on_events: called with all decoded events, after the sink has them.
+        on_restart: called before a file that is played again gets a new decoder.
+
+    Attributes:
+        stream: of this connection; None while the protocol is unknown.
+        decoder: of this connection or the last one; None before the first.
+        detector: stores chunks while the protocol is unknown.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        sink: TelemetrySink,
+        devices: LinkDevices,
+        speech: ProtocolSet,
+        options: DecodeOptions,
+        restarts: Restarts,
+        *,
+        on_events: Callable[[Sequence[Event]], None],
+        on_restart: Callable[[], None],
+    ) -> None:
+        self._link, self._sink, self._devices, self._protocols = link, sink, devices, speech
+        self._state = devices.own.state
+        self._restarts = restarts
+        self._on_events, self._on_restart = on_events, on_restart
+        self.options = options
+        self.stream: LinkDecoder | None = None
+        self.decoder: object = None
+        self.detector = ProtocolDetector(speech.guess)
+        self._slices = Slices()
+        link.flow.at_once = self._slices.size
+        self._dirty = False  # there is something to decode or to detect
+
+    @property
+    def samples(self) -> int:
+        """Samples of the link's own device since it was last silent."""
+        return self.stream.samples if self.stream is not None else 0
+
+    def disconnect(self) -> None:
+        """Reset for what arrives next: on another connection, or with other options."""
+        self.stream = None
+        self.detector = ProtocolDetector(self._protocols.guess)
+
+    def begin(self, protocol: str) -> None:
+        """Start decoding with a known protocol, stored bytes first."""
+        options = self.options
+        decoder = self.decoder = self._protocols.decoder(protocol, options, self._link.kind)
+        about = self._protocols.about(protocol)
+        self._restarts.begin(decoder, options)
+        self._link.flow.keep_datagrams = about.datagrams
+        line = LinkTiming.of(self._link)
+        self.stream = LinkDecoder(self._sink, self._devices, decoder, line=line, about=about, on_events=self._on_events)
+        name = self._state.name(self._state.info.product, protocol)
+        self._state.set(protocol=protocol, name=name, time_unit=options.time_unit, rotation=options.rotation)
+        for chunk in self.detector.take():
+            self._feed(chunk)
+
+    def set_time_unit(self, unit: str) -> None:
+        """Interpret timestamps in another unit, with a new decoder."""
+        self.options = replace(self.options, time_unit=unit)
+        self.begin(self._state.info.protocol)
+
+    def put(self, chunk: Chunk) -> None:
+        """Append a chunk; cheap, as this happens thousands of times a second."""
+        self._slices.add(len(chunk.data) + CHUNK_COST)
+        if self.stream is None:
+            self.detector.add(chunk)
+        else:
+            self._feed(chunk)
+        self._dirty = True
+
+    def _feed(self, chunk: Chunk) -> None:
+        """Feed a chunk to the decoder; if a file starts again with it, to a new one.
+
+        The previous decoder would take the jump back for a reset, a clock jump or a loss.
+        """
+        if chunk.restart:
+            self._on_restart()
+            self.begin(self._state.info.protocol)
+            words = f"{short_source(self._state.info.source)} starts again."
+            self._devices.own.events.report_restart(words, chunk.arrival_ns / 1e9)
+        assert self.stream is not None
+        self.stream.feed(chunk)
+
+    def look_again(self) -> None:
+        """Let the next turn process the stored bytes even if no more arrive."""
+        self._dirty = True
+
+    @property
+    def is_due(self) -> bool:
+        """Whether there is something to decode or to detect."""
+        return self._dirty
+
+    @property
+    def has_slice(self) -> bool:
+        """Whether a whole slice was put, which must be decoded first (server/devices/slices.py)."""
+        return self._slices.is_full
+
+    async def wait_for_room(self) -> None:
+        """Wait until a whole slice that was put is decoded."""
+        await self._slices.wait_for_room()
+
+    def begin_slice(self) -> None:
+        """Begin to decode a slice."""
+        self._slices.begin()
+
+    def end_slice(self) -> None:
+        """End the slice; the size of the next one follows from the time it took."""
+        self._slices.end()
+        self._link.flow.at_once = self._slices.size
+
+    def decode(self, *, final: bool) -> None:
+        """Decode what was put. `final`: no more will arrive on this connection."""
+        self._dirty = False
+        if self.stream is None:
+            self._detect(final=final)
+        if self.stream is not None:
+            self.stream.drain(stalled=final)
+
+    def _detect(self, *, final: bool) -> None:
+        """Detect the protocol from the stored bytes."""
+        if not self.detector:
+            return
+        now = self._sink.now()
+        if not self.detector.is_due(now, final=final):
+            self._dirty = True  # look again when the time is over
+            return
+        guess, why = self.detector.look(now)
+        source = self._state.info.source
+        if guess is not None:
+            self._devices.own.events.report("device", "info", f"{source}: {why}")
+            self.begin(guess.protocol)
+            return
+        self._state.set(message=self.detector.words(source, why), hint=unknown_hint(self._link.kind))
+
+    def bytes_at(self, offset: int, size: int) -> bytes:
+        """Bytes of this connection from an offset of the decoder; b"" if they are no longer stored."""
+        return self.stream.bytes_at(offset, size) if self.stream is not None else b""

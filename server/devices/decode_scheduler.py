@@ -1,0 +1,62 @@
+"""Scheduler of decoding: soon after bytes arrive, in turns that leave time for the event loop.
+
+    bytes arrive ─> request ──interval──> turn: a slice of each session (server/devices/slices.py) ─> rows on the bus
+                                            │ more is waiting
+                                            └─ pause as long as the turn took, some passes of the loop, next turn
+
+The interval is that of the most demanding viewer: 8 ms if samples are drawn as they arrive, the page's drawing interval
+if it reports one, 0.1 s without viewers; one turn for many samples costs far less than one for each. All sessions share
+one timer, because waking the loop costs more than most slices, and because samples decoded together are sent to clients
+together. A session that waits for an answer decodes at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from server.devices.slices import Drain, Turns
+
+UNWATCHED_S = 0.1  # without viewers, decoding at longer intervals saves most of the work
+PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request
+
+
+class DecodeScheduler:
+    """Turns of the sessions of a server.
+
+    Args:
+        interval: present minimum time between two turns, s.
+    """
+
+    def __init__(self, interval: Callable[[], float] = lambda: UNWATCHED_S) -> None:
+        self._interval = interval
+        self._turns = Turns()
+        self._timer: asyncio.Handle | None = None
+        self._passes = 0  # of the loop before the next turn
+        self._last = float("-inf")  # beginning of the last turn, by the loop's clock
+        self._rest_until = 0.0  # by the loop's clock: other tasks of the loop come first
+
+    def add(self, drain: Drain) -> Callable[[], None]:
+        """Add `drain` to each turn; returns a function that removes it."""
+        return self._turns.add(drain)
+
+    def request(self) -> None:
+        """Schedule a turn for received bytes as soon as the interval allows. Call it in the event loop."""
+        if self._timer is None:
+            self._schedule(asyncio.get_running_loop(), self._last + self._interval())
+
+    def _schedule(self, loop: asyncio.AbstractEventLoop, due: float) -> None:
+        self._timer = loop.call_at(max(loop.time(), due, self._rest_until), self._run_turn, loop)
+
+    def _run_turn(self, loop: asyncio.AbstractEventLoop) -> None:
+        if self._passes:
+            self._passes -= 1
+            self._timer = loop.call_soon(self._run_turn, loop)
+            return
+        self._timer = None
+        self._last = loop.time()
+        self._turns.run()
+        self._rest_until = loop.time() + self._turns.spent
+        if self._turns.has_more:  # without an interval: bytes would arrive faster than they are decoded
+            self._passes = PASSES
+            self._schedule(loop, self._last)

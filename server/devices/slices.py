@@ -1,0 +1,166 @@
+"""Bounds on the work of one decoding step: each turn of the event loop stays short, whatever the bytes are.
+
+    waiting bytes       ████████████████████████████████████
+    a slice             ████                                    some ms of work, by the time of the last ones
+    a turn              ████ ▒▒▒▒ ░░░░ ████ ▒▒▒▒ ░░░░           a slice of each session in turn, TURN_S in all
+    then                the loop runs as long as the turn took; then the next turn
+
+The cost of decoding a byte varies a thousandfold: a good frame costs next to nothing, incomplete beginnings of frames
+cost most. So the size of a slice follows from measured time, not from its content. A slice also has a fixed cost, on
+which a very small slice would spend all of its time and fall behind a cheap stream. Both costs are the line fitted to
+sizes and times of the last slices. Under load all slices have the same size, which does not determine a line;
+therefore a shorter slice is used now and then.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+
+SLICE_S = 0.003
+LEAST, FIRST, MOST = 1 << 11, 1 << 12, 1 << 18  # bytes
+TURN_S = 0.012
+FORGETTING = 0.9  # weight of older slices, per slice
+FLATTEST = 0.05  # minimum share of the mean cost per byte that depends on size, whatever the noise
+ALIKE = 0.01  # sizes with a smaller variance, relative to their mean square, do not determine a line
+FEW = 4.0  # slices
+SHORTER = 0.6  # of a slice
+
+Drain = Callable[[], object]
+"""Does a slice of work; true if more is waiting."""
+
+
+class Costs:
+    """Measured cost of slices, newer ones weighted more: a constant and a cost per byte, by least squares."""
+
+    def __init__(self) -> None:
+        self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)  # weights, sizes, times, sizes squared, sizes by times
+
+    def add(self, size: int, spent: float) -> None:
+        """Add a slice of `size` bytes that took `spent` s."""
+        new = (1.0, float(size), spent, float(size) * size, size * spent)
+        constant, byte_s = self._line()
+        if spent > max(SLICE_S, 4 * (constant + byte_s * size)):
+            self._sums = new  # the kind of bytes has changed
+        else:
+            n, sizes, times, squares, products = (
+                FORGETTING * old + one for old, one in zip(self._sums, new, strict=True)
+            )
+            self._sums = n, sizes, times, squares, products
+
+    def fitting(self) -> int:
+        """The number of bytes that cost `SLICE_S`, or the fixed cost of a slice if that is more."""
+        constant, byte_s = self._line()
+        return int(max(SLICE_S, constant) / byte_s)
+
+    @property
+    def are_alike(self) -> bool:
+        """Whether all of the last slices had the same size, and there were enough of them."""
+        return self._sums[0] > FEW and self._spread() <= ALIKE * self._sums[3]
+
+    def _spread(self) -> float:
+        n, sizes, _, squares, _ = self._sums
+        return squares - sizes * sizes / n
+
+    def _line(self) -> tuple[float, float]:
+        """Fixed cost of a slice, and cost per byte, s."""
+        n, sizes, times, squares, products = self._sums
+        if not n:
+            return 0.0, 0.0
+        byte_s, spread = times / sizes, self._spread()
+        if spread > ALIKE * squares:
+            byte_s *= min(max((products - sizes * times / n) / spread / byte_s, FLATTEST), 1.0)
+        return (times - byte_s * sizes) / n, byte_s
+
+
+class Slices:
+    """The slices of one session.
+
+    Args:
+        clock: processor time of this thread, s, so that a busy machine does not look like costly bytes.
+
+    Attributes:
+        size: size of the next slice, bytes.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
+        self.size = FIRST
+        self._clock = clock
+        self._costs = Costs()
+        self._most = FIRST  # largest size known to fit
+        self._began = 0.0
+        self._taken = 0
+        self._has_room = asyncio.Event()
+
+    def add(self, size: int) -> None:
+        """Add bytes that are to be decoded."""
+        self._taken += size
+
+    @property
+    def is_full(self) -> bool:
+        """Whether a whole slice has been added."""
+        return self._taken >= self.size
+
+    async def wait_for_room(self) -> None:
+        """Wait until a whole slice is decoded."""
+        while self.is_full:
+            self._has_room.clear()
+            await self._has_room.wait()
+
+    def begin(self) -> None:
+        """Begin to decode a slice."""
+        self._began = self._clock()
+
+    def end(self) -> None:
+        """End a slice, and determine the size of the next one."""
+        size, self._taken = self._taken, 0
+        self._has_room.set()
+        if not size:
+            return
+        spent = max(self._clock() - self._began, 1e-6)
+        self._costs.add(size, spent)
+        fitting = self._costs.fitting()
+        if fitting < self._most and spent > SLICE_S:
+            self._most = max(LEAST, fitting)
+        elif size > self._most // 2:  # smaller ones are mostly fixed cost
+            self._most = min(MOST, 2 * self._most, max(self._most, fitting))
+        tells = self._most < MOST and self._costs.are_alike
+        self.size = int(SHORTER * self._most) if tells else self._most
+
+
+class Turns:
+    """Gives each participant slices in turn, until the time is over.
+
+    Args:
+        clock: processor time of this thread, s: waiting for the processor does not count.
+
+    Attributes:
+        spent: time spent by the last turn, s.
+        has_more: whether it left work.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
+        self._all: list[Drain] = []
+        self._clock = clock
+        self.spent = 0.0
+        self.has_more = False
+
+    def add(self, drain: Drain) -> Callable[[], None]:
+        """Add a participant; returns a function that removes it."""
+        self._all.append(drain)
+        return lambda: self._all.remove(drain)
+
+    def run(self) -> None:
+        """Run one turn. Participants without a slice, or with more work, come first in the next turn."""
+        began = self._clock()
+        waiting = deque(self._all)
+        while waiting and self._clock() - began < TURN_S:
+            drain = waiting.popleft()
+            if drain():
+                waiting.append(drain)
+        self.has_more = bool(waiting)
+        if waiting:
+            self._all.sort(key=lambda drain: waiting.index(drain) if drain in waiting else len(waiting))
+        self.spent = self._clock() - began

@@ -1,0 +1,73 @@
+"""Device information for the header of an .mtb log, queried once when recording starts and the device is received.
+
+The answers are recorded like all bytes; their frames are also passed to `on_result`, because a log in the vendor's own
+format needs them at its beginning and takes them from the recording's metadata.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from protocols.events import Event, Reply
+from protocols.family import LogHeader
+from protocols.transactions import DeviceRejectedError, NoReplyError
+from server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
+from server.links.base import LinkError
+
+
+class LogHeaderRequest:
+    """Header request of one device in one recording.
+
+    Args:
+        on_result: called with the frames, hex by name: {"configuration": "faff0d…"}, whether requested or not.
+    """
+
+    def __init__(self, controller: DeviceController, on_result: Callable[[Mapping[str, str]], None]) -> None:
+        self._controller = controller
+        self._on_result = on_result
+        self._requested = False
+        self._unsubscribe = controller.session.listen(self._on_bytes)
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._unsubscribe()
+
+    def send(self) -> None:
+        """Queue the request once, if the device has such a header."""
+        info = self._controller.session.info
+        header = self._header()
+        if self._requested or header is None or info.link == "file":
+            return
+        self._requested = True
+        try:
+            self._controller.add(header.title, lambda task: self._work(task, header))
+        except ControlError as error:
+            self._missing(error.message, header)
+
+    def _header(self) -> LogHeader | None:
+        """Header of a log in the vendor's format of this device."""
+        from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+        family = PROTOCOLS.get(self._controller.session.info.protocol)
+        return family.log_header if family is not None else None
+
+    async def _work(self, task: QueuedJob, header: LogHeader) -> None:
+        controller = self._controller
+        try:
+            await controller.run(controller.driver.within(header.request(), controller.context))
+        except (DeviceRejectedError, NoReplyError, LinkError, ControlError) as error:
+            raise JobError(self._missing(str(error), header), "The recording itself is complete.") from None
+        task.job.message = f"Its {header.words.lower()} is in the recording."
+
+    def _missing(self, why: str, header: LogHeader) -> str:
+        name = self._controller.session.info.name
+        words = f"The recording has no {header.words} of {name}, which an .{header.format} export needs: {why}"
+        self._controller.bus.event(self._controller.device, "device", "warning", words)
+        return words
+
+    def _on_bytes(self, event: Event) -> None:
+        header = self._header() if isinstance(event, Reply) else None
+        if isinstance(event, Reply) and header is not None and event.message.id in header.frames:
+            frame = self._controller.session.bytes_at(event.offset, event.size)
+            if frame:
+                self._on_result({header.frames[event.message.id]: frame.hex()})

@@ -1,0 +1,106 @@
+"""Registry of kinds of links.
+
+Each file of `server/links/` that defines a kind registers it on import, and so does each module that another package
+declares in the entry-point group `imuscope.links`. docs/add-a-link.md describes how to write one.
+"""
+
+from __future__ import annotations
+
+import functools
+import pkgutil
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from protocols.plugins import import_plugins
+from server.links.base import Link, LinkSettings
+
+if TYPE_CHECKING:
+    from server.links.source_url import SourceUrl
+
+GROUP = "imuscope.links"
+Examples = Iterable[tuple[str, str]]
+"""Sources with descriptions for display."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkDefinition:
+    """One kind of link.
+
+    Args:
+        name: unique: DeviceInfo.link and Link.kind ("tcp").
+        title: displayed title.
+        open: creates the link of a source, not connected yet, from the source as given, the settings, and the parsed
+            source. An invalid source is a LinkError "bad-source".
+        scheme: before the colon of a source; "" for the name.
+        form: form of a source, for messages: "tcp://host:port".
+        short_form: form in a list of all kinds, if different.
+        usage: forms with their options and descriptions, for `--help`.
+        examples: for the page.
+        order: position in lists, ascending.
+        network: bytes arrive over a network, which has varying delays and is reachable by others.
+    """
+
+    name: str
+    title: str
+    open: Callable[[str, LinkSettings, SourceUrl], Link]
+    form: str
+    scheme: str = ""
+    short_form: str = ""
+    usage: tuple[tuple[str, str], ...] = ()
+    examples: Callable[[], Examples] = tuple
+    order: int = 100
+    network: bool = False
+
+
+_registered: dict[str, LinkDefinition] = {}
+
+
+def register_link(definition: LinkDefinition) -> None:
+    """Register a kind; raises ValueError if the name is taken."""
+    if definition.name in _registered:
+        raise ValueError(f"link kind {definition.name!r} is already registered")
+    _registered[definition.name] = definition
+
+
+@functools.cache
+def load_links() -> list[str]:
+    """Import all modules that register kinds, on first use.
+
+    Returns:
+        One sentence for each package whose links cannot be used.
+    """
+    for found in pkgutil.iter_modules([str(Path(__file__).parent)]):
+        import_module(f"{__package__}.{found.name}")
+    return import_plugins(GROUP, "link")
+
+
+def link_kinds() -> list[LinkDefinition]:
+    """All kinds, sorted by `order`."""
+    load_links()
+    return sorted(_registered.values(), key=lambda one: one.order)
+
+
+def link_kind(name: str) -> LinkDefinition | None:
+    """The kind of that name; None if unknown."""
+    load_links()
+    return _registered.get(name)
+
+
+def link_schemes() -> Mapping[str, str]:
+    """Scheme → name of every kind."""
+    return {one.scheme or one.name: one.name for one in link_kinds()}
+
+
+def is_network(name: str) -> bool:
+    """Whether bytes of that kind of link arrive over a network."""
+    one = link_kind(name)
+    return one is not None and one.network
+
+
+def source_forms() -> str:
+    """Forms of sources, in one sentence."""
+    *most, last = [one.form for one in link_kinds()]
+    return f"Sources look like {', '.join(most)} or {last}."

@@ -1,0 +1,222 @@
+"""TypeScript types of the wire and the forms, generated from the dataclasses.
+
+    server/wire.py                      ─> web/src/wire/types.ts              messages of the WebSocket
+    server/capabilities.py              ─> web/src/wire/capability-types.ts   capabilities of the server
+    server/configuration/api_models.py  ─> web/src/forms/types.ts             HTTP API of the Configure page
+    server/library/api_models.py        ─> web/src/recordings/types.ts        HTTP API of the Recordings page
+
+Fields are added only there. This file reads their *source*, so that order, docstrings and the comments behind fields
+are copied to the TypeScript. It converts
+
+    X = Literal["a", "b"]              into   export type X = "a" | "b";
+    X = A | B                          into   export type X = A | B;
+    @dataclass class X: a: int | None  into   export interface X { readonly a: number | null }
+    @dataclass class X(Y): a: int      into   export interface X extends Y { readonly a: number }
+
+The binary header becomes constants: the offset of each field, the size of each dtype. A type without a rule here is an
+error, not a guess.
+
+    python -m server.generate_ts_types            write the files
+    python -m server.generate_ts_types --check    exit status 1 when one is stale
+"""
+
+from __future__ import annotations
+
+import ast
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+from protocols import editor_choices
+from server import capabilities, wire
+from server.configuration import api_models as forms
+from server.library import api_models as recorded
+
+PAGE = Path(__file__).resolve().parents[2] / "web" / "src"
+IMPORTED = {"server.wire": "../wire/types", "server.capabilities": "./capability-types"}
+SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """One file of types.
+
+    Args:
+        module: the source.
+        path: the file to write.
+        about: subject of the types, for the file's comment.
+        roots: names to include, with the types they consist of; (): every dataclass.
+        constants: text before the types.
+        parts: modules whose types this one imports, and which have no file of their own.
+    """
+
+    module: ModuleType
+    path: Path
+    about: str
+    roots: tuple[str, ...] = ()
+    constants: str = ""
+    parts: tuple[ModuleType, ...] = ()
+
+
+def typescript_type(node: ast.expr) -> str:
+    """The TypeScript of one annotation.
+
+    Raises:
+        ValueError: no rule for the annotation.
+    """
+    match node:
+        case ast.Constant(value=None):
+            return "null"
+        case ast.Name(id=name):
+            return SCALARS.get(name, name)
+        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+            return f"{typescript_type(left)} | {typescript_type(right)}"
+        case ast.Subscript(value=ast.Name(id="Literal"), slice=values):
+            return " | ".join(_literal(value) for value in _elements(values))
+        case ast.Subscript(value=ast.Name(id="list"), slice=item):
+            inner = typescript_type(item)
+            compound = " | " in inner or inner.startswith("readonly ")
+            return f"readonly ({inner})[]" if compound else f"readonly {inner}[]"
+        case ast.Subscript(value=ast.Name(id="dict"), slice=ast.Tuple(elts=[key, value])):
+            return f"Readonly<Record<{typescript_type(key)}, {typescript_type(value)}>>"
+    raise ValueError(f"no TypeScript for {ast.unparse(node)!r}")
+
+
+def _elements(node: ast.expr) -> list[ast.expr]:
+    return list(node.elts) if isinstance(node, ast.Tuple) else [node]
+
+
+def _literal(node: ast.expr) -> str:
+    if not isinstance(node, ast.Constant) or not isinstance(node.value, str):
+        raise ValueError(f"only strings may be literals on the wire, not {ast.unparse(node)!r}")
+    return f'"{node.value}"'
+
+
+def _doc(text: str, indent: str = "") -> str:
+    """A JSDoc comment of `text`, "" if it is empty."""
+    lines = text.strip().splitlines()
+    if not lines:
+        return ""
+    if len(lines) == 1:
+        return f"{indent}/** {lines[0]} */\n"
+    body = "".join(f"{indent} * {line.strip()}".rstrip() + "\n" for line in lines)
+    return f"{indent}/**\n{body}{indent} */\n"
+
+
+def _is_dataclass(node: ast.ClassDef) -> bool:
+    return any("dataclass" in ast.unparse(decorator) for decorator in node.decorator_list)
+
+
+def _interface(node: ast.ClassDef, lines: list[str]) -> str:
+    """One dataclass as an interface; the comment behind a field becomes its doc comment."""
+    bases = f" extends {', '.join(map(typescript_type, node.bases))}" if node.bases else ""
+    out = [_doc(ast.get_docstring(node) or "") + f"export interface {node.name}{bases} {{\n"]
+    for item, name, comment in _fields(node, lines):
+        out.append(_doc(comment, "  ") + f"  readonly {name}: {typescript_type(item.annotation)};\n")
+    out.append("}\n")
+    return "".join(out)
+
+
+def _fields(node: ast.ClassDef, lines: list[str]) -> Iterator[tuple[ast.AnnAssign, str, str]]:
+    """The fields of a dataclass: node, name, and the comment behind it."""
+    for item in node.body:
+        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name):
+            line = lines[(item.end_lineno or item.lineno) - 1]
+            _, _, comment = line.encode()[item.end_col_offset or 0 :].decode().partition("#")
+            yield item, item.target.id, comment.strip()
+
+
+def field_comments() -> dict[str, dict[str, str]]:
+    """Class name → field → the comment behind it, for every dataclass of the wire and the HTTP API."""
+    found: dict[str, dict[str, str]] = {}
+    for module in (module for target in TARGETS for module in (target.module, *target.parts)):
+        source = Path(str(module.__file__)).read_text(encoding="utf-8")
+        for node in ast.parse(source).body:
+            if isinstance(node, ast.ClassDef):
+                found[node.name] = {name: comment for _, name, comment in _fields(node, source.splitlines()) if comment}
+    return found
+
+
+def _is_alias(node: ast.Assign, known: set[str]) -> bool:
+    names = {name.id for name in ast.walk(node.value) if isinstance(name, ast.Name)}
+    return bool(names) and isinstance(node.value, ast.BinOp | ast.Subscript) and names <= known | {"Literal"}
+
+
+def _reachable(nodes: dict[str, ast.stmt], roots: tuple[str, ...]) -> set[str]:
+    """The names that `roots` refer to, directly or indirectly; the others are for Python only."""
+    found: set[str] = set()
+    todo = list(roots)
+    while todo:
+        name = todo.pop()
+        if name in nodes and name not in found:
+            found.add(name)
+            todo += [part.id for part in ast.walk(nodes[name]) if isinstance(part, ast.Name)]
+    return found
+
+
+def _imports(tree: ast.Module) -> Iterator[str]:
+    """Import lines of types from other generated files."""
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and node.module in IMPORTED:
+            names = ", ".join(alias.name for alias in node.names)
+            yield f'import type {{ {names} }} from "{IMPORTED[node.module]}";\n'
+
+
+def _declarations(source: str, roots: tuple[str, ...]) -> Iterator[str]:
+    lines = source.splitlines()
+    tree = ast.parse(source)
+    yield from _imports(tree)
+    nodes: dict[str, ast.stmt] = {}
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and _is_dataclass(node):
+            nodes[node.name] = node
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _is_alias(node, set(nodes)):
+            nodes[node.targets[0].id] = node
+    wanted = _reachable(nodes, roots or tuple(nodes))
+    for name, node in nodes.items():
+        if name in wanted and isinstance(node, ast.ClassDef):
+            yield _interface(node, lines)
+        elif name in wanted and isinstance(node, ast.Assign):
+            yield f"export type {name} = {typescript_type(node.value)};\n"
+
+
+def _constants() -> str:
+    """The binary header as numbers: offsets from the start of a frame, in bytes."""
+    codes = wire.HEADER.format.lstrip("<")
+    offsets = [struct.calcsize("<" + codes[:i]) for i in range(len(codes))]
+    fields = "".join(
+        f"  {name}: {at},\n" for name, at in zip(wire.HEADER_FIELDS, offsets, strict=True) if name != "reserved"
+    )
+    sizes = "".join(f"  {dtype}: {int(dtype[1:])},\n" for dtype in wire.Dtype.__args__)  # type: ignore[attr-defined]
+    return (
+        f'export const SUBPROTOCOL = "{wire.SUBPROTOCOL}";\n'
+        f"export const OPCODE_SAMPLES = {wire.OPCODE_SAMPLES};\n"
+        "/** Bit of `flags`: history. Prepend it; the newest block is sent first, live frames may come between. */\n"
+        f"export const FLAG_HISTORY = {wire.FLAG_HISTORY};\n"
+        "/** Size of a sample frame's header in bytes; the columns follow. */\n"
+        f"export const HEADER_SIZE = {wire.HEADER.size};\n"
+        "/** Offset of each header field in a frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */\n"
+        f"export const HEADER = {{\n{fields}}} as const;\n"
+        "/** Bytes of one value of each dtype. */\n"
+        f"export const DTYPE_SIZE = {{\n{sizes}}} as const;\n"
+    )
+
+
+TARGETS = (
+    Target(wire, PAGE / "wire" / "types.ts", "the wire", ("ServerText", "BrowserText"), _constants()),
+    Target(capabilities, PAGE / "wire" / "capability-types.ts", "what the server can do"),
+    Target(forms, PAGE / "forms" / "types.ts", "the forms", parts=(editor_choices,)),
+    Target(recorded, PAGE / "recordings" / "types.ts", "the recordings"),
+)
+
+
+def generate(target: Target) -> str:
+    """The whole of one types.ts."""
+    source, *parts = (Path(str(one.__file__)).read_text(encoding="utf-8") for one in (target.module, *target.parts))
+    name = target.module.__name__.replace(".", "/")
+    origin = f"Generated from {name}.py by `python -m server.generate_ts_types`; do not edit."
+    made = f"/** Types of {target.about}. {origin} */\n"
+    types = [*_declarations(source, target.roots), *(one for part in parts for one in _declarations(part, ()))]
+    return "\n".join([made, *([target.constants] if target.constants else []), *types])

@@ -1,0 +1,182 @@
+"""The services of one server: all long-lived objects, created, started and closed in one place.
+
+Routes receive them through one dependency (server/api/dependencies.py). Nothing is added or replaced later.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from recordings.library import Library
+from server import shutdown
+from server.auth import Access
+from server.capabilities import Capabilities
+from server.capability_list import list_capabilities
+from server.config import Config
+from server.configuration.controllers import ControllerRegistry
+from server.configuration.correction_manager import CorrectionManager
+from server.configuration.timings import ConfigurationTimings
+from server.devices import protocol_set as default_speech
+from server.devices.decode_options import DecodeOptions
+from server.devices.protocol_detection import ProtocolSet
+from server.devices.sequence_store import SequenceStore
+from server.devices.sessions import OpenLink, Sessions
+from server.integrations.foxglove import Foxglove
+from server.integrations.map_tiles import TileSource
+from server.integrations.rerun import Rerun
+from server.integrations.viser import Viser
+from server.jit_cache import BackgroundLoad
+from server.library.catalogue import Catalogue
+from server.library.cleanup import DataFolderLock
+from server.library.column_cache import ColumnCache
+from server.library.compaction_worker import CompactionWorker
+from server.library.export_jobs import ExportJobs
+from server.library.recorder import FOLDER, Recorder, plan_of
+from server.links.base import LinkSettings, steady_clock
+from server.links.simulated_device import default_sources
+from server.metrics import Metrics
+from server.page_files import Files
+from server.reference.pages import ReferencePages
+from server.streaming.event_logging import EventLogger
+from server.streaming.telemetry import Telemetry
+
+
+@dataclass(frozen=True, slots=True)
+class Services:
+    """Parts of a running server.
+
+    Args:
+        reading: default decode options of sources and recordings.
+        scan_lock: held during a port scan, because a port can be opened only once.
+        history_lock: held while history is sent to a browser, so that several pages are served one after the other.
+    """
+
+    config: Config
+    reading: DecodeOptions
+    telemetry: Telemetry
+    metrics: Metrics
+    event_logger: EventLogger
+    sessions: Sessions
+    controllers: ControllerRegistry
+    corrections: CorrectionManager
+    catalogue: Catalogue
+    columns: ColumnCache
+    recorder: Recorder
+    exports: ExportJobs
+    viser: Viser
+    rerun: Rerun
+    foxglove: Foxglove
+    tiles: TileSource
+    page_files: Files
+    reference: ReferencePages
+    capabilities: Capabilities
+    folder_lock: DataFolderLock
+    protocols: Callable[[], dict[str, str]] = default_speech.protocols
+    scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
+    history_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
+
+    @property
+    def source_folders(self) -> list[Path]:
+        """Folders whose files may be opened as sources over HTTP."""
+        return [self.config.data / FOLDER, *map(Path, self.config.source_folders)]
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Start all services; close them concurrently at the end."""
+        reading = self.reading if self.config.sources else DecodeOptions()
+        sources = self.config.sources or default_sources()
+        loop = asyncio.get_running_loop()
+
+        def report(text: str) -> None:
+            loop.call_soon_threadsafe(lambda: self.telemetry.bus.event("", "device", "info", text))
+
+        decoders = BackgroundLoad(report)
+        await asyncio.to_thread(self.folder_lock.begin)
+        self.sessions.start()
+        if self.config.record:  # before the first byte is received
+            await self.recorder.begin(sources)
+        for source in sources:
+            self.sessions.add_all(source, reading)
+        if self.folder_lock.is_alone:  # otherwise another server may be carrying them out
+            await self.controllers.resume()
+        await self.recorder.resume()
+        self.catalogue.start()
+        self.foxglove.start()
+        await self.rerun.start()
+        decoders.start()
+        yield
+        await shutdown.close_all(
+            self.recorder.close(),
+            {
+                "an export": self.exports.close(),
+                "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
+                "viser": self.viser.close(),
+                "Rerun": self.rerun.close(),
+                "Foxglove": self.foxglove.close(),
+                "the compiler": asyncio.to_thread(decoders.close),
+                "a device": shutdown.close_sequentially(self.corrections.close(), self.sessions.close()),
+            },
+        )
+        self.folder_lock.end()
+
+
+def build_services(
+    config: Config,
+    access: Access,
+    open_link: OpenLink,
+    speech: ProtocolSet | None,
+    now_ns: Callable[[], int] | None,
+    page_files: Files,
+) -> Services:
+    """Create the services without starting them. Arguments and errors as for `create_app`."""
+    wall_ns = now_ns or time.time_ns
+    now_ns = now_ns or steady_clock()
+    reading = config.reading()
+    capabilities = list_capabilities()
+    telemetry = Telemetry.create(
+        lambda: now_ns() / 1e9,
+        history_s=config.history_s,
+        budget=config.memory_mb * 1024 * 1024,
+        capabilities=capabilities,
+    )
+    bus = telemetry.bus
+    sessions = Sessions(
+        bus,
+        open_link,
+        speech or default_speech.speech(),
+        LinkSettings(now_ns=now_ns),
+        sequences=SequenceStore(config.data),
+        sample_interval=lambda: telemetry.clients.sample_interval,
+    )
+    controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
+    library = Library(config.data / FOLDER)
+    columns = ColumnCache(config.data, library.known_path, reading)
+    catalogue = Catalogue(bus, telemetry.clients, library, columns)
+    compactor = CompactionWorker(catalogue.finished)
+    return Services(
+        config=config,
+        reading=reading,
+        telemetry=telemetry,
+        metrics=Metrics(bus),
+        event_logger=EventLogger(bus),
+        sessions=sessions,
+        controllers=controllers,
+        corrections=CorrectionManager(sessions),
+        catalogue=catalogue,
+        columns=columns,
+        recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns),
+        exports=ExportJobs(bus, catalogue, columns, config.data),
+        viser=Viser(telemetry),
+        rerun=Rerun(telemetry, config.rerun_connect),
+        foxglove=Foxglove(telemetry, config.foxglove, access),
+        tiles=TileSource(config.map),
+        page_files=page_files,
+        reference=ReferencePages(),
+        capabilities=capabilities,
+        folder_lock=DataFolderLock(config.data),
+    )

@@ -1,0 +1,43 @@
+"""Assembly of the streaming part of a server: store, event log, bus, clients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from server.capabilities import Capabilities
+from server.streaming.bus import TelemetryBus
+from server.streaming.channel_store import BUDGET, HISTORY_S, ChannelStore
+from server.streaming.clients import ClientFanout
+from server.streaming.event_log import EventLog
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """Streaming part of a server. Publishers and subscribers need only the bus, senders to clients only `clients`."""
+
+    store: ChannelStore
+    log: EventLog
+    bus: TelemetryBus
+    clients: ClientFanout
+
+    @classmethod
+    def create(
+        cls,
+        now: Callable[[], float],
+        *,
+        history_s: float = HISTORY_S,
+        budget: int = BUDGET,
+        capabilities: Capabilities | None = None,
+    ) -> Telemetry:
+        """Create all parts, empty.
+
+        Args:
+            now: unix seconds that never step (server/links/base.py `steady_clock`).
+            history_s, budget: see ChannelStore.
+            capabilities: capabilities of this server, sent to clients.
+        """
+        store = ChannelStore(now, history_s, budget)
+        log = EventLog(history_s)
+        bus = TelemetryBus(now, store, log)
+        return cls(store, log, bus, ClientFanout(bus, store, log, capabilities or Capabilities()))

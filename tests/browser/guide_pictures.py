@@ -1,0 +1,313 @@
+"""Pictures for the README and the user guide: the real page with simulators, taken by a real browser.
+
+    python -m tests.browser.guide_pictures              all of them, into docs/guide/images
+    python -m tests.browser.guide_pictures live-dark    only those named
+
+A picture is reduced to a palette of 128 colours, which keeps it below `MOST_BYTES`.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from tests import chromium
+from tests.chromium import until
+from tests.conftest import READY
+from tests.server_process import ROOT, ServerProcess
+from tests.timeouts import PATIENCE_S
+
+FOLDER = ROOT / "docs" / "guide" / "images"
+WIDE, PHONE = (1440, 900), (390, 844)
+COLOURS = 128
+MOST_BYTES = 150_000
+FILLED_S = 40  # the simulators have turned by then, and the window is full
+RECORDED_S = 25
+WAIT_MS = 120_000
+DRAWN = "window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 20)"
+
+Painter = Callable[["Studio"], None]
+PAINTERS: dict[str, Painter] = {}
+
+
+def picture(name: str) -> Callable[[Painter], Painter]:
+    """Register a function that takes the picture of this name."""
+
+    def register(painter: Painter) -> Painter:
+        PAINTERS[name] = painter
+        return painter
+
+    return register
+
+
+class Studio:
+    """A browser, and one server for each list of sources."""
+
+    def __init__(self, browser: Browser, folder: Path) -> None:
+        self._browser = browser
+        self._folder = folder
+        self._servers: dict[tuple[str, ...], ServerProcess] = {}
+        self._born: dict[tuple[str, ...], float] = {}
+        self.recording = ""
+
+    def server(self, *sources: str) -> ServerProcess:
+        """The server of these sources; without any, with the simulators of a first start."""
+        if sources not in self._servers:
+            self._servers[sources] = ServerProcess(*sources, data=self._folder / str(len(self._servers)))
+            self._born[sources] = time.monotonic()
+        return self._servers[sources]
+
+    @contextmanager
+    def page(
+        self, *sources: str, at: str = "", size: tuple[int, int] = WIDE, theme: str = "dark", filled_s: float = 0
+    ) -> Iterator[Page]:
+        """A page of that server; it is opened when the server has streamed for `filled_s`."""
+        server = self.server(*sources)
+        time.sleep(max(0.0, self._born[sources] + filled_s - time.monotonic()))
+        context = self._browser.new_context(
+            viewport={"width": size[0], "height": size[1]},
+            color_scheme="light" if theme == "light" else "dark",
+            has_touch=size == PHONE,
+        )
+        page = context.new_page()
+        page.goto(f"{server.url.rstrip('/')}/{at}")
+        yield page
+        context.close()
+
+    def ask(self, method: str, path: str, body: Any = None, sources: tuple[str, ...] = ()) -> Any:
+        """One request to a server's API."""
+        content = None if body is None else json.dumps(body).encode()
+        address = self.server(*sources).url.rstrip("/") + path
+        request = urllib.request.Request(address, content, {"content-type": "application/json"}, method=method)
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            return json.loads(answer.read() or b"null")
+
+    def recorded(self) -> str:
+        """The id of a recording of all simulators, with markers and words."""
+        if not self.recording:
+            self.ask("POST", "/api/recordings/start", {})
+            for text in ("leaves the yard", "kerb"):
+                time.sleep(RECORDED_S / 3)
+                self.ask("POST", "/api/recordings/mark", {"text": text})
+            time.sleep(RECORDED_S / 3)
+            self.ask("POST", "/api/recordings/stop")
+            self.recording = self.ask("GET", "/api/recordings")[0]["id"]
+            words = {"title": "Yard loop", "tags": ["calibrated"], "notes": "New mounting plate."}
+            self.recording = self.ask("PATCH", f"/api/recordings/{self.recording}", words)["id"]
+        return self.recording
+
+    def close(self) -> None:
+        """End the servers."""
+        for server in self._servers.values():
+            server.stop()
+
+
+def keep(page: Page, name: str, of: str = "") -> None:
+    """Write what the page, or one element of it, shows."""
+    time.sleep(1)
+    data = page.locator(of).first.screenshot(timeout=WAIT_MS) if of else page.screenshot(timeout=WAIT_MS)
+    image = Image.open(io.BytesIO(data)).convert("RGB")
+    reduced = image.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = FOLDER / f"{name}.png"
+    reduced.save(path, optimize=True)
+    size = path.stat().st_size
+    print(f"{path.relative_to(ROOT)}: {size} bytes", flush=True)
+    if size > MOST_BYTES:
+        sys.exit(f"{path.name} has more than {MOST_BYTES} bytes: show less of the page, or use fewer colours")
+
+
+def configured(page: Page, shows: str) -> None:
+    """Have the settings read, where they were not yet."""
+    until(page, "document.querySelector('.settings-form h1') !== null")
+    if page.get_by_role("button", name="Read settings").count():
+        page.get_by_role("button", name="Read settings").click()
+    until(page, f"document.querySelector({shows!r}) !== null")
+
+
+# -- Live --------------------------------------------------------------------------------------------------------------
+
+
+@picture("live-dark")
+def live_dark(studio: Studio) -> None:
+    with studio.page() as page:
+        until(page, READY)
+        time.sleep(FILLED_S)
+        box = page.locator("#plots canvas").first.bounding_box()
+        if box:
+            page.mouse.move(box["x"] + 0.62 * box["width"], box["y"] + 0.5 * box["height"])
+        keep(page, "live-dark")
+
+
+@picture("live-light")
+def live_light(studio: Studio) -> None:
+    with studio.page(theme="light", filled_s=FILLED_S) as page:
+        until(page, READY)
+        time.sleep(3)
+        keep(page, "live-light")
+
+
+@picture("live-phone")
+def live_phone(studio: Studio) -> None:
+    with studio.page(size=PHONE, filled_s=FILLED_S) as page:
+        until(page, READY)
+        time.sleep(3)
+        keep(page, "live-phone")
+
+
+@picture("measure")
+def two_cursors(studio: Studio) -> None:
+    with studio.page(filled_s=FILLED_S) as page:
+        until(page, READY)
+        time.sleep(3)
+        page.keyboard.press("Space")
+        box = page.locator("#plots canvas").nth(1).bounding_box()
+        assert box
+        for share, key in ((0.35, []), (0.7, ["Shift"])):
+            position = {"x": share * box["width"], "y": 0.5 * box["height"]}
+            page.locator("#plots canvas").nth(1).click(position=position, modifiers=key, force=True)  # type: ignore[arg-type]
+        page.mouse.move(5, 5)
+        keep(page, "measure", ".centre")
+
+
+@picture("health")
+def health(studio: Studio) -> None:
+    with studio.page("sim:xbus?drop=0.01&corrupt=0.005&burst_ms=16", size=(1440, 1500), filled_s=FILLED_S) as page:
+        until(page, READY)
+        time.sleep(20)
+        keep(page, "health", "section.health")
+
+
+@picture("add-device")
+def add_device(studio: Studio) -> None:
+    with studio.page() as page:
+        until(page, READY)
+        page.locator("#rail .head button").first.click()
+        until(page, "document.querySelector('[role=dialog], dialog') !== null")
+        keep(page, "add-device", "[role=dialog], dialog")
+
+
+# -- Configure ---------------------------------------------------------------------------------------------------------
+
+
+@picture("configure")
+def configure(studio: Studio) -> None:
+    with studio.page("sim:xbus", at="#/configure/1/OutputConfiguration") as page:
+        configured(page, 'tr[data-id="0x4020"] select')
+        page.locator('tr[data-id="0x4020"] select').first.select_option("50")
+        until(page, "document.querySelector('.hex-part.changed') !== null")
+        page.hover('tr[data-id="0x4020"] td:nth-child(2)')
+        keep(page, "configure")
+
+
+@picture("temporary")
+def temporary(studio: Studio) -> None:
+    with studio.page("sim:xbus?seed=2", at="#/configure/1/PortConfig") as page:
+        configured(page, "[data-field=words] select")
+        page.locator("[data-field=words] select").first.select_option(label="921 600 Bd")
+        page.locator(".apply-bar .btn.main").click()
+        page.locator(".question-actions .btn.edge").click()
+        until(page, "document.querySelector('[role=alertdialog]') !== null")
+        time.sleep(2)
+        keep(page, "temporary")
+
+
+@picture("compare")
+def compare(studio: Studio) -> None:
+    sources = ("sim:xbus?seed=3",)
+    with studio.page(*sources, at="#/configure/1/OutputConfiguration") as page:
+        configured(page, 'tr[data-id="0x4020"] select')
+        page.locator('tr[data-id="0x4020"] select').first.select_option("50")
+        page.locator(".apply-bar .btn.main").click()
+        until(page, "document.querySelector('nav[aria-label=Snapshots] a') !== null")
+        until(page, "document.querySelector('.apply-bar progress, .apply-bar .spin') === null")
+        time.sleep(5)
+        page.locator("nav[aria-label=Snapshots] a").first.click()
+        until(page, "document.querySelector('.compare table') !== null")
+        keep(page, "compare")
+
+
+@picture("corrections")
+def corrections(studio: Studio) -> None:
+    with studio.page("sim:xbus?product=MTi-680G", at="#/configure/1") as page:
+        configured(page, "[data-setting], [data-command]")
+        page.goto(page.url.partition("#")[0] + "#/configure/1/corrections")
+        until(page, "document.querySelector('section[aria-label=Corrections] input') !== null")
+        keep(page, "corrections", "section[aria-label=Corrections]")
+
+
+# -- Recordings --------------------------------------------------------------------------------------------------------
+
+
+@picture("library")
+def library(studio: Studio) -> None:
+    with opened(studio):  # what an opened recording holds is known: its thumbnail, messages, losses
+        limit = time.monotonic() + PATIENCE_S
+        while not studio.ask("GET", "/api/recordings")[0]["opened"] and time.monotonic() < limit:
+            time.sleep(0.5)
+    with studio.page(at="#/recordings") as page:
+        until(page, "document.querySelector('.recording-list tbody tr b a') !== null")
+        page.locator(".recording-list tbody tr").first.click()
+        time.sleep(2)
+        keep(page, "library")
+
+
+@contextmanager
+def opened(studio: Studio) -> Iterator[Page]:
+    """The recording in the player."""
+    recording = studio.recorded()
+    with studio.page(at=f"#/recordings/{recording}") as page:
+        until(page, DRAWN)
+        time.sleep(3)
+        yield page
+
+
+@picture("replay")
+def replay(studio: Studio) -> None:
+    with opened(studio) as page:
+        page.locator(".markers li button").last.click()
+        time.sleep(1)
+        page.keyboard.press("+")
+        time.sleep(2)
+        keep(page, "replay")
+
+
+@picture("export")
+def export(studio: Studio) -> None:
+    with opened(studio) as page:
+        page.locator(".hand-over .btn.edge").first.click()
+        until(page, "document.querySelector('.formats') !== null")
+        time.sleep(3)
+        keep(page, "export", "[role=dialog], dialog")
+
+
+def main() -> None:
+    """The command line."""
+    path = chromium.find()
+    if path is None:
+        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    wanted = sys.argv[1:] or list(PAINTERS)
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
+        studio = Studio(browser, Path(folder))
+        try:
+            for name in wanted:
+                PAINTERS[name](studio)
+        finally:
+            studio.close()
+            browser.close()
+
+
+if __name__ == "__main__":
+    main()

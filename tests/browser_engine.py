@@ -1,0 +1,40 @@
+"""One Chromium for all the browser tests of a process.
+
+Playwright keeps an event loop running in the thread that started it, in which other tests could not run theirs. So it
+is started when the first browser test asks, and ended before the next test of another kind (tests/conftest.py).
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+from playwright.sync_api import Browser, Playwright, sync_playwright
+
+from tests import chromium
+
+_open = ExitStack()
+_playwright: list[Playwright] = []
+_browser: list[Browser] = []
+
+
+def playwright() -> Playwright:
+    """Playwright, running."""
+    if not _playwright:
+        _playwright.append(_open.enter_context(sync_playwright()))
+    return _playwright[0]
+
+
+def browser(path: str) -> Browser:
+    """The one Chromium, started if it is not there, or not any more."""
+    if not _browser or not _browser[0].is_connected():
+        _browser[:] = [playwright().chromium.launch(executable_path=path, args=chromium.ARGUMENTS)]
+    return _browser[0]
+
+
+def close() -> None:
+    """End both; nothing to do where there are none."""
+    for one in _browser:
+        one.close()
+    _browser.clear()
+    _open.close()
+    _playwright.clear()

@@ -1,0 +1,33 @@
+"""Files of recordings in the making, and what of them arrived."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from recordings.mcap_reader import McapReader
+from recordings.mcap_writer import McapWriter
+
+
+def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
+    """A recording of these bytes."""
+    writer = McapWriter(path, {"title": path.stem})
+    writer.device("1", {"protocol": "xbus", "source": "/dev/ttyUSB0"})
+    for k in range(0, len(frames_), size):
+        writer.chunk("1", "rx", frames_[k : k + size], 1_700_000_000_000_000_000 + 40_000 * k)
+    writer.close()
+
+
+def received(path: Path) -> bytes:
+    with McapReader(path) as found:
+        pieces = []
+        for block in found.blocks():
+            channel = found.topic("rx/1")
+            if channel is not None:
+                pieces.append(block.joined(block.of(channel.id))[0])
+        return b"".join(pieces)
+
+
+def hidden(folder: Path) -> list[str]:
+    """What is unfinished, or looks like it."""
+    names = [path for path in folder.rglob("*") if path.name.endswith((".making", ".packing", ".export"))]
+    return [str(path.relative_to(folder)) for path in (*names, *(folder / "exports").glob("*"))]

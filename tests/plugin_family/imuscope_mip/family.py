@@ -1,0 +1,99 @@
+"""MIP as a family of imuscope: what the entry point names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from imuscope_mip.decoder import MipDecoder, MipLister, detection_score
+from imuscope_mip.driver import GREETING, MipDriver, identity
+from imuscope_mip.json_codec import frame_from_json
+from imuscope_mip.messages import ROWS
+from imuscope_mip.packets import HEADER, SUM, SYNC, build, scan
+from protocols.composer import ProtocolComposer
+from protocols.events import Batch
+from protocols.family import FamilyHints, PanelDefaults, PositionFix, ProtocolInfo
+from protocols.schema import Field
+from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorRequest
+
+DRIVER = MipDriver()
+USB_VENDOR = 0x199B
+BYTES_A_SAMPLE = 152
+
+
+def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+    single = {row.name: row.fields for row in ROWS}
+    fields: dict[str, Field] = {field.name: field for row in ROWS for field in row.fields}
+    messages = _AnyPacket(single, tuple(fields.values()))
+    return ProtocolComposer("mip", DRIVER, messages, frame_from_json, numbered=False)
+
+
+class _AnyPacket(dict[str, tuple[Field, ...]]):
+    """Fields by the name of a packet, which is that of its fields, joined."""
+
+    def __init__(self, single: Mapping[str, tuple[Field, ...]], every: tuple[Field, ...]) -> None:
+        super().__init__(single)
+        self._every = every
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and all(super(_AnyPacket, self).__contains__(part) for part in name.split("+"))
+
+    def get(self, name: str, default: Any = None) -> Any:
+        return tuple(field for part in name.split("+") for field in self[part]) if name in self else default
+
+
+def _position(batch: Batch) -> PositionFix | None:
+    columns = batch.columns
+    if "LatLon" not in columns or not columns["position_valid"][-1] & 1:
+        return None
+    latitude, longitude = columns["LatLon"][-1].tolist()
+    return PositionFix(latitude, longitude, float(columns["Height"][-1]))
+
+
+def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
+    from imuscope_mip.simulator import MipSimulator
+
+    return [
+        MipSimulator(
+            rate=request.rate,
+            seed=request.seed,
+            start_ns=request.start_ns,
+            baud=request.baud,
+            clock_drift_ppm=request.clock_drift_ppm,
+            clock_jump=request.clock_jump,
+        )
+    ]
+
+
+def _frame_size(head: bytes) -> int:
+    return HEADER + head[3] + SUM if len(head) >= HEADER else 0
+
+
+FAMILY = ProtocolInfo(
+    "mip",
+    "MicroStrain MIP",
+    MipDecoder,
+    detection_score,
+    MipLister,
+    build(0x80, [(0x04, bytes(12))]),
+    scan,
+    short="MIP",
+    identity=identity,
+    greeting=GREETING,
+    bauds=(115_200,),
+    driver=DRIVER,
+    composer=_composer,
+    position=_position,
+    simulator=SimulatorInfo(
+        _make,
+        lambda rate, options: BYTES_A_SAMPLE * rate,
+        SYNC,
+        _frame_size,
+        "a 3DM-GX5-45 at 100 Hz",
+        lambda: ("3DM-GX5-45",),
+        device="a 3DM-GX5-45",
+    ),
+    usb_vendors={USB_VENDOR: "MicroStrain"},
+    hints=FamilyHints(attitude="Have the device send its orientation, and the horizon appears here."),
+    panels=PanelDefaults(plots=("Acceleration", "RateOfTurn", "EulerAngles", "Height")),
+)

@@ -1,0 +1,88 @@
+"""The simulated IDTP sensor: what it sends is what the drive does, in every mode, with every fault."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.events import Batch, ClockStep, RejectedFrame, SampleGap
+from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.messages import MESSAGES
+from protocols.idtp.simulator import EARTH_UT, IdtpSimulator
+from protocols.simulator import trajectory
+from tests.protocols.idtp_vectors import KEY
+
+S = 1_000_000_000
+
+
+def events_of(data: bytes, **options: Any) -> list[Any]:
+    decoder = IdtpDecoder(**options)
+    decoder.feed(data, 0)
+    return decoder.drain()
+
+
+def column(events: list[Any], message: str, name: str) -> np.ndarray[Any, Any]:
+    return np.concatenate([e.columns[name] for e in events if isinstance(e, Batch) and e.message.name == message])
+
+
+def test_it_measures_the_drive() -> None:
+    events = events_of(IdtpSimulator(rate=50).advance(20 * S - 1))
+    assert not [event for event in events if not isinstance(event, Batch)]
+    t = np.arange(1000) / 50
+    truth = trajectory.vehicle_motion(t)
+    times = next(event.time_ns for event in events if isinstance(event, Batch) and event.message.name == "Imu10")
+    assert times.tolist() == (np.arange(1000) * 20_000_000).tolist()
+    for name, wanted, tolerance in (
+        ("Acceleration", truth.force, 1.5),
+        ("RateOfTurn", truth.rate, 0.05),
+        ("MagneticField", EARTH_UT * truth.field, 0.5),
+    ):
+        error = column(events, "Imu10", name) - wanted
+        assert np.abs(error).max() < tolerance, name
+        assert np.abs(error).max() > 0, name
+    assert np.abs(column(events, "Imu10", "BaroPressure") - 101_100).max() < 200
+    q = column(events, "ImuQuat", "Quaternion").astype(float)
+    assert np.abs((q * truth.q_enu_from_body_wxyz).sum(axis=1)).min() > 0.9999
+    assert column(events, "ImuQuat", "ImuQuatStatus").tolist() == [1] * 1000
+
+
+@pytest.mark.parametrize("mode", [0, 1, 2])
+def test_every_type_in_every_mode(mode: int) -> None:
+    outputs = [(row.name, 20) for row in MESSAGES]
+    events = events_of(IdtpSimulator(outputs=outputs, mode=mode, key=KEY).advance(S), key=KEY, min_mode=mode)
+    assert {event.message.name for event in events if isinstance(event, Batch)} == {row.name for row in MESSAGES}
+    assert sum(len(event) for event in events if isinstance(event, Batch)) == 7 * 21
+
+
+def test_however_time_is_cut() -> None:
+    whole = IdtpSimulator(seed=3).advance(2 * S)
+    device = IdtpSimulator(seed=3)
+    assert b"".join(device.advance(now) for now in range(0, 2 * S + 1, 7_000_000)) + device.advance(2 * S) == whole
+    other = IdtpSimulator(seed=3, start_ns=5 * S)
+    assert other.advance(4 * S) == b""
+    assert other.receive(b"IDTP?", 7 * S) == whole
+
+
+def test_faults() -> None:
+    dropped = events_of(IdtpSimulator(drop=0.1, seed=1).advance(5 * S))
+    lost = sum(event.missing for event in dropped if isinstance(event, SampleGap))
+    assert 60 < lost < 140
+    spoiled = events_of(IdtpSimulator(corrupt=0.1, seed=1).advance(5 * S))
+    reasons = {event.reason for event in spoiled if isinstance(event, RejectedFrame)}
+    assert {"bad_crc8", "bad_crc32"} <= reasons
+    jumped = events_of(IdtpSimulator(clock_jump=(2.0, 10.0)).advance(5 * S))
+    (step,) = [event for event in jumped if isinstance(event, ClockStep)]
+    assert (step.kind, round(step.by_ns / S)) == ("jump", 10)
+    fast = events_of(IdtpSimulator(clock_drift_ppm=10_000).advance(10 * S))
+    assert column(fast, "ImuQuat", "ImuQuatStatus").shape == (1011,)
+
+
+def test_invalid_options() -> None:
+    with pytest.raises(ValueError, match="needs a key"):
+        IdtpSimulator(mode=2)
+    with pytest.raises(ValueError, match="an output is one of Imu3Acc"):
+        IdtpSimulator(outputs=[("Imu7", 10)])
+    with pytest.raises(ValueError, match="1 to 2000 Hz"):
+        IdtpSimulator(outputs=[("Imu6", 0)])

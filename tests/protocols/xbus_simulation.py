@@ -1,0 +1,61 @@
+"""A simulated MTi: what it sends and answers."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+
+from protocols.events import Event, batches
+from protocols.xbus import frames
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.simulator.device import XbusSimulator
+
+S = 10**9
+
+
+def run(device: XbusSimulator, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
+    """Everything that the device sends in some seconds."""
+    times = range(int(begin * S), int((begin + seconds) * S) + 1, tick_ns)
+    return b"".join(device.advance(now) for now in times)
+
+
+def decode(data: bytes) -> list[Event]:
+    decoder = XbusDecoder()
+    decoder.feed(data, 0)
+    return decoder.drain(stalled=True)
+
+
+def replies(data: bytes) -> list[tuple[int, bytes]]:
+    """Message number and payload of all frames but MTData2."""
+    found, at = [], 0
+    while at < len(data):
+        head = 6 if data[at + 3] == 0xFF else 4
+        size = data[at + 3] if head == 4 else struct.unpack_from(">H", data, at + 4)[0]
+        assert sum(data[at + 1 : at + head + size + 1]) & 0xFF == 0
+        if data[at + 2] != frames.MTDATA2:
+            found.append((data[at + 2], data[at + head : at + head + size]))
+        at += head + size + 1
+    return found
+
+
+def column(events: list[Event], name: str) -> np.ndarray[Any, Any]:
+    """One item of all batches, in stream order."""
+    holding = [batch for batch in batches(events) if name in batch.columns]
+    values = np.concatenate([batch.columns[name] for batch in holding])
+    return values[np.argsort(np.concatenate([batch.offset for batch in holding]), kind="stable")]
+
+
+def ask(device: XbusSimulator, mid: int, payload: bytes = b"", now: int = 2 * S) -> tuple[int, bytes]:
+    """Send one message; the one answer."""
+    answers = replies(device.receive(frames.build(mid, payload), now))
+    assert len(answers) == 1, answers
+    return answers[0]
+
+
+def in_config(product: str = "MTi-630", **options: Any) -> XbusSimulator:
+    device = XbusSimulator(product, **options)
+    run(device, 1)
+    assert ask(device, 0x30, now=1 * S) == (0x31, b"")
+    return device

@@ -1,0 +1,35 @@
+"""MCAP files, as our reader and the official one find them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mcap.reader import make_reader
+
+from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader
+
+ABOUT = {"title": "A drive", "created": "2026-11-21T04:00:00Z", "host": "rover", "version": "0.1.0"}
+
+
+Message = tuple[str, int, bytes]
+
+
+def read(path: Path) -> list[Message]:
+    with McapReader(path) as recording:
+        return messages(recording)
+
+
+def messages(recording: McapReader) -> list[Message]:
+    return [
+        (recording.topics[channel].name, time, bytes(block.data[at : at + size]))
+        for block in recording.blocks()
+        for channel, time, at, size in block.table[[CHANNEL_ID, TIME, DATA, LENGTH]].T.tolist()
+    ]
+
+
+def theirs(path: Path) -> list[Message]:
+    """What the standard reader finds."""
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        found = reader.iter_messages(log_time_order=False)
+        return [(channel.topic, message.log_time, message.data) for _, channel, message in found]

@@ -1,0 +1,31 @@
+"""Recording of a simulated drive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.mcap_writer import McapWriter
+
+START = 1_760_000_000_000_000_000
+
+
+def drive(path: Path, seconds: float = 4.0, *, named: bool = True) -> bytes:
+    """Records an MTi that streams, in chunks of 10 ms, with a hole of 50 ms; the bytes that were kept."""
+    device = XbusSimulator(start_ns=0)
+    writer = McapWriter(path, {"title": "A drive"})
+    writer.device(
+        "1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "xbus" if named else ""}
+    )
+    kept = b""
+    for n in range(1, round(seconds * 100)):
+        data = device.advance(n * 10_000_000)
+        if not 200 <= n < 205 and data:
+            writer.chunk("1", "rx", data, START + n * 10_000_000)
+            kept += data
+    writer.chunk("1", "tx", b"\xfa\xff\x30\x00\xd1", START + 1)
+    writer.write_note("marker", "bump", START + 2_000_000_000)
+    writer.event({"kind": "link", "level": "info", "text": "Opened.", "device": "1"}, START)
+    writer.event({"kind": "gap", "level": "error", "text": "told live", "device": "1"}, START)
+    writer.close()
+    return kept

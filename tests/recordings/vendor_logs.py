@@ -1,0 +1,15 @@
+"""Logs that the vendor's software wrote."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+LOGS = Path(__file__).parents[3] / "shared" / "vectors" / "isb" / "logs"
+
+
+NAME = "LOG_SN60339_20261120_120000_0001"
+
+
+needs_logs = pytest.mark.skipif(not LOGS.exists(), reason="the vendor's logs are not beside this project")

@@ -1,0 +1,60 @@
+"""A session with a device of any family, on a clock that a test moves."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from server import wire
+from server.devices.decode_options import DecodeOptions
+from server.devices.protocol_set import speech
+from server.devices.session import Session
+from server.links.base import LinkSettings
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import FakeClock, FakeLink
+
+
+class FamilyWire(FakeLink):
+    """A fake link that can be written to."""
+
+    def __init__(self, source: str, settings: LinkSettings) -> None:
+        super().__init__(source, settings)
+        self.written: list[bytes] = []
+
+    async def write(self, data: bytes) -> None:
+        self.written.append(data)
+
+
+class FamilyHarness:
+    """A device, a link and a session with the real protocols."""
+
+    def __init__(self, reading: DecodeOptions, link: type[FakeLink] = FamilyWire) -> None:
+        self.clock = FakeClock()
+        self.telemetry = Telemetry.create(self.clock)
+        self.link: Any = link("/dev/ttySIM", LinkSettings(now_ns=self.clock.now_ns))
+        self.session = Session("1", self.link, self.telemetry.bus, speech(), reading)
+        self._began = self.clock.ns
+
+    async def run(self, device: Any, seconds: float) -> None:
+        """What a device sends in some seconds, in chunks of 20 ms."""
+        for step in range(round(seconds / 0.02)):
+            self.clock.move(0.02)
+            if data := device.advance(self.clock.ns - self._began):
+                self.link.send(data)
+                await asyncio.sleep(0)
+                await asyncio.sleep(0)
+            if step % 5 == 0:
+                self.session.tick(self.clock())
+            self.session.decode()
+        await asyncio.sleep(0.001)
+
+    @property
+    def info(self) -> wire.DeviceInfo:
+        return self.telemetry.bus.devices.latest["1"]
+
+    @property
+    def health(self) -> wire.DeviceHealth:
+        return self.session.health(self.clock())
+
+    def events(self, kind: str) -> list[wire.EventInfo]:
+        return [event for event in self.telemetry.log if event.kind == kind]

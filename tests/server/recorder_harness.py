@@ -1,0 +1,117 @@
+"""A recorder with links that a test feeds, and what is in its files."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import os
+import signal
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from recordings.mcap_reader import McapReader
+from server.library.compaction_worker import CompactionWorker
+from server.library.recorder import Recorder, RecordingOptions
+from server.links.base import Link, LinkSettings
+from server.wire import RecorderState
+from tests.server.control_harness import ControlHarness, house
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import InProcessServer
+from tests.server.tcp_device import TcpDevice
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S, http_client
+
+
+def chunks(path: Path, topic: str) -> bytes:
+    """All bytes of a channel, one after the other."""
+    with McapReader(path) as recording:
+        found = []
+        for block in recording.blocks():
+            channel = recording.topic(topic)
+            if channel is not None:
+                found.append(block.joined(block.of(channel.id))[0])
+        return b"".join(found)
+
+
+def in_a_loop(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run an asynchronous test."""
+
+    @functools.wraps(test)
+    def run(*arguments: Any, **named: Any) -> None:
+        asyncio.run(test(*arguments, **named))
+
+    return run
+
+
+class Links:
+    """Fake links by source."""
+
+    def __init__(self) -> None:
+        self.made: dict[str, FakeLink] = {}
+
+    def __call__(self, source: str, settings: LinkSettings) -> Link:
+        link = self.made[source] = FakeLink(source, settings)
+        return link
+
+
+def send(running: InProcessServer, links: Links, source: str, data: bytes) -> None:
+    running.call(links.made[source].send, data)
+
+
+def settled(running: InProcessServer) -> RecorderState:
+    """The state when all that waited has been written."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        state: RecorderState = running.call(lambda: running.services.recorder.state)
+        if state.behind_s == 0 or not state.running:
+            return state
+        time.sleep(0.01)
+    raise AssertionError("the recorder does not come to an end")
+
+
+@asynccontextmanager
+async def recorder(
+    data: Path, plan: RecordingOptions | None = None, packer: CompactionWorker | None = None
+) -> AsyncIterator[tuple[ControlHarness, Recorder]]:
+    async with house(data) as made:
+        recorder = Recorder(
+            made.telemetry.bus, made.sessions, made.desks, plan or RecordingOptions(data / "recordings"), packer
+        )
+        try:
+            yield made, recorder
+        finally:
+            await recorder.close()
+
+
+def recorded(data: Path) -> Path:
+    (path,) = (data / "recordings").glob("*.mcap")
+    return path
+
+
+def flowing(server: ServerProcess, line: TcpDevice) -> None:
+    """Wait until a second of what the line sends has been recorded."""
+    end = time.monotonic() + 60
+    with http_client(base_url=server.url) as client:
+        while time.monotonic() < end:
+            state = client.get("/api/recorder").json()
+            if state["running"] and state["bytes"] > 150_000:
+                return
+            time.sleep(0.05)
+    raise AssertionError(f"nothing is recorded:\n{server.log}")
+
+
+def lost_by_kill(data: Path) -> float:
+    """Kill a server while it records 2000 frames/s: the age of the oldest byte that is not in its file, s."""
+    with TcpDevice(2000) as line, ServerProcess(line.source, data=data, arguments=("--record",)) as server:
+        flowing(server, line)
+        killed = time.monotonic()
+        os.kill(server.process.pid, signal.SIGKILL)
+        server.process.wait()
+        found = chunks(recorded(data), "rx/1")
+        sent = line.sent
+    assert len(found) > 100_000
+    assert sent.startswith(found), "what is in the file is what was sent, in order, from the beginning"
+    return max(0.0, killed - line.sent_at(len(found))) if len(found) < len(sent) else 0.0

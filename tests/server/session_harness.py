@@ -1,0 +1,65 @@
+"""One session with a link and a clock that the test moves."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from server.devices.decode_options import DecodeOptions
+from server.devices.session import Session
+from server.links.base import LinkSettings
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import SPEECH, FakeClock, FakeLink
+
+
+class SessionHarness:
+    """Telemetry, a fake link and a session that runs."""
+
+    def __init__(self, protocol: str = "fake") -> None:
+        self.clock = FakeClock()
+        self.telemetry = Telemetry.create(self.clock)
+        self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
+        self.session = Session("1", self.link, self.telemetry.bus, SPEECH, DecodeOptions(protocol))
+
+    async def settle(self, seconds: float = 0.0) -> None:
+        """Let the tasks run; then time passes in ticks of 0.1 s."""
+        await asyncio.sleep(0.001)
+        self.session.decode()
+        ticks = round(seconds / 0.1)
+        for _ in range(ticks):
+            self.clock.move(0.1)
+            self.session.tick(self.clock())
+            self.session.decode()
+        await asyncio.sleep(0.001)
+
+    async def send(self, *chunks: bytes, every: float = 0.01) -> None:
+        for chunk in chunks:
+            self.clock.move(every)
+            self.link.send(chunk)
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+            self.session.decode()
+        await self.settle()
+
+    @property
+    def status(self) -> str:
+        return self.telemetry.bus.devices.latest["1"].status
+
+    def events(self, kind: str) -> list[Any]:
+        return [event for event in self.telemetry.log if event.kind == kind]
+
+    def channel(self, name: str) -> Any:
+        return next(one for one in self.telemetry.store.all if one.info.name == name)
+
+
+def play(test: Callable[[SessionHarness], Coroutine[Any, Any, None]], protocol: str = "fake") -> None:
+    async def run() -> None:
+        stage = SessionHarness(protocol)
+        stage.session.start()
+        await stage.settle()
+        await test(stage)
+        await stage.session.close()
+        assert stage.telemetry.bus.devices.latest == {}
+
+    asyncio.run(run())

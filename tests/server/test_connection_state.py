@@ -1,0 +1,177 @@
+"""The machine of a connection: every event in every state is legal or rejected, and a session obeys it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from server.devices.connection_state import (
+    OPEN_STATES,
+    TRANSITIONS,
+    Connection,
+    ConnectionEvent,
+    ConnectionState,
+    IllegalTransitionError,
+)
+from server.devices.decode_options import DecodeOptions
+from server.devices.session import Session
+from server.links.base import LinkError, LinkSettings
+from server.streaming.telemetry import Telemetry
+from tests import virtual_time
+from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
+
+# What the table must say, written another way: the letters of the events (in their order) that a state knows.
+LEGAL = {
+    "closed": "S.......C",
+    "opening": ".O..fn.rC",
+    "waiting": "..DQfn.rC",
+    "live": "...Qfn.rC",
+    "silent": "..D.fn.rC",
+    "retrying": "......RrC",
+    "stopped": "......RrC",
+}
+LEADS_TO = {
+    "start": "opening",
+    "opened": "waiting",
+    "decoded": "live",
+    "silence": "silent",
+    "failed": "retrying",
+    "finished": "stopped",
+    "retry": "opening",
+    "reopen": "opening",
+    "close": "closed",
+}
+PATHS = {  # how to come to each state
+    ConnectionState.CLOSED: [],
+    ConnectionState.OPENING: ["start"],
+    ConnectionState.WAITING: ["start", "opened"],
+    ConnectionState.LIVE: ["start", "opened", "decoded"],
+    ConnectionState.SILENT: ["start", "opened", "decoded", "silence"],
+    ConnectionState.RETRYING: ["start", "failed"],
+    ConnectionState.STOPPED: ["start", "finished"],
+}
+
+
+def machine_in(state: ConnectionState) -> Connection:
+    connection = Connection()
+    for event in PATHS[state]:
+        connection.apply(ConnectionEvent(event))
+    assert connection.state is state
+    return connection
+
+
+@pytest.mark.parametrize("state", ConnectionState, ids=lambda state: state.value)
+@pytest.mark.parametrize("number", range(len(ConnectionEvent)), ids=[event.value for event in ConnectionEvent])
+def test_every_event_in_every_state(state: ConnectionState, number: int) -> None:
+    event = list(ConnectionEvent)[number]
+    connection = machine_in(state)
+    legal = LEGAL[state.value][number] != "."
+    assert connection.allows(event) is legal
+    if legal:
+        assert connection.apply(event) is connection.state is ConnectionState(LEADS_TO[event.value])
+    else:
+        with pytest.raises(IllegalTransitionError, match="is not legal in state") as caught:
+            connection.apply(event)
+        assert (caught.value.state, caught.value.event) == (state, event)
+        assert connection.state is state
+
+
+def test_the_table_has_a_row_for_every_state_and_leaves_none_unreachable() -> None:
+    assert set(TRANSITIONS) == set(ConnectionState)
+    assert {to for row in TRANSITIONS.values() for to in row.values()} == set(ConnectionState)
+
+
+@given(st.lists(st.sampled_from(ConnectionEvent), max_size=60))
+def test_any_sequence_keeps_the_laws(events: list[ConnectionEvent]) -> None:
+    """A rejected event changes nothing; nothing is decoded or silent on a link that was not opened since it was lost;
+    after CLOSE only START helps.
+    """
+    connection, opened = Connection(), False
+    for event in events:
+        before = connection.state
+        if not connection.allows(event):
+            with pytest.raises(IllegalTransitionError):
+                connection.apply(event)
+            assert connection.state is before
+            continue
+        connection.apply(event)
+        if event is ConnectionEvent.OPENED:
+            opened = True
+        elif event not in (ConnectionEvent.DECODED, ConnectionEvent.SILENCE):
+            opened = False
+        assert connection.is_open is opened is (connection.state in OPEN_STATES)
+        if before is ConnectionState.CLOSED:
+            assert event in (ConnectionEvent.START, ConnectionEvent.CLOSE)
+
+
+STEPS = st.lists(
+    st.sampled_from(["bytes", "die", "deny", "end", "retry", "silence", "reopen", "tick", "decode", "refuse", "rekey"]),
+    max_size=25,
+)
+SHOWN = {
+    ConnectionState.LIVE: {"live"},
+    ConnectionState.SILENT: {"lost"},
+    ConnectionState.RETRYING: {"lost", "denied", "connecting"},
+    ConnectionState.STOPPED: {"ended", "idle"},
+}
+
+
+class Simulated(FakeLink):
+    """Switched off and on when its key is changed."""
+
+    kind = "simulator"
+
+
+@given(STEPS)
+def test_whatever_happens_to_a_session_its_machine_agrees_with_what_is_shown(steps: list[str]) -> None:
+    async def run() -> None:
+        clock = FakeClock()
+        link = Simulated("sim:fake", LinkSettings(now_ns=clock.now_ns))
+        telemetry = Telemetry.create(clock)
+        session = Session("1", link, telemetry.bus, SPEECH, DecodeOptions("fake"))
+        session.start()
+        sent = 0
+        for step in steps:
+            match step:
+                case "bytes":
+                    link.send(sample(sent % 250))
+                    sent += 1
+                case "die":
+                    link.die(LinkError("gone", "gone.", "?"))
+                case "deny":
+                    link.die(LinkError("denied", "denied.", "?"))
+                case "end":
+                    link.die(LinkError("ended", "over.", "?"))
+                case "refuse":
+                    link.refuses.append(LinkError("bad-source", "no such thing.", "?"))
+                case "retry":
+                    session.retry()
+                case "reopen":
+                    with contextlib.suppress(LinkError):
+                        await session.reopen()
+                case "rekey":
+                    await session.read_as(DecodeOptions("fake", key=bytes([sent % 250])))
+                case "silence":
+                    for _ in range(40):
+                        clock.move(0.1)
+                        session.tick(clock())
+                case "tick":
+                    clock.move(0.1)
+                    session.tick(clock())
+                case "decode":
+                    session.decode()
+            await asyncio.sleep(0.2)
+            state = session._connection.state
+            assert session.info.status in SHOWN.get(state, {session.info.status}), (state, step)
+            assert session.info.is_open is session._connection.is_open, (state, step)
+            assert session._task is not None
+            assert not session._task.done(), "it is still tried"
+        await session.close()
+        assert session._connection.state is ConnectionState.CLOSED
+        assert dict(telemetry.bus.devices.latest) == {}
+
+    virtual_time.run(run())

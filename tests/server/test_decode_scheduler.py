@@ -1,0 +1,178 @@
+"""When sessions decode: as often as somebody needs samples, however many look; and at once where an answer is due."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from server.devices.decode_options import DecodeOptions
+from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
+from server.devices.session import Session
+from server.devices.sessions import Sessions
+from server.links.base import Chunk, Link, LinkSettings
+from server.streaming.clients import FLUSH_S
+from server.streaming.send_queue import SendQueue
+from server.streaming.telemetry import Telemetry
+from tests import virtual_time
+from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
+
+
+class ReadyLink(FakeLink):
+    """One whose bytes can be taken without waiting, as those of a real link."""
+
+    def read_now(self) -> list[Chunk]:
+        found = []
+        while not self._queue.empty():
+            chunk = self._queue.get_nowait()
+            assert isinstance(chunk, Chunk)
+            found.append(chunk)
+        return found
+
+
+def drains(clients: int, interval_s: float = 0.0, devices: int = 2) -> list[int]:
+    """How often each device's decoder is asked in a second in which it sends 250 samples."""
+
+    async def run() -> list[int]:
+        clock = FakeClock()
+        telemetry = Telemetry.create(clock)
+        links: list[ReadyLink] = []
+
+        def open_link(source: str, settings: LinkSettings) -> Link:
+            links.append(ReadyLink(source, settings))
+            return links[-1]
+
+        sessions = Sessions(
+            telemetry.bus,
+            open_link,
+            SPEECH,
+            LinkSettings(now_ns=clock.now_ns),
+            wall_ns=clock.now_ns,
+            sample_interval=lambda: telemetry.clients.sample_interval,
+        )
+        for _ in range(clients):
+            queue = SendQueue()
+            queue.interval_s = interval_s
+            telemetry.clients.attach(queue)
+        made = [sessions.add(f"/dev/ttyFAKE{number}", DecodeOptions("fake")) for number in range(devices)]
+        await asyncio.sleep(0.5)
+        counts = [0] * devices
+        for number, session in enumerate(made):
+            count_drains(session, counts, number)
+            session._pipeline._slices._clock = lambda: 0.0  # nor does decoding take any time
+        sessions._scheduler._turns._clock = lambda: 0.0
+        for k in range(250):
+            clock.move(0.004)
+            for link in links:
+                link.send(sample(k))
+            await asyncio.sleep(0.004)
+        found = list(counts)
+        assert [session.health(clock()).bytes for session in made] == [1000] * devices
+        await sessions.close()
+        return found
+
+    return virtual_time.run(run())
+
+
+def count_drains(session: Session, counts: list[int], number: int) -> None:
+    decoder = session._pipeline.decoder
+    drain = decoder.drain  # type: ignore[attr-defined]
+
+    def counted(**more: bool) -> object:
+        counts[number] += 1
+        return drain(**more)
+
+    decoder.drain = counted  # type: ignore[attr-defined]
+
+
+def test_decoding_costs_the_same_however_many_look() -> None:
+    one = drains(1)
+    assert one == drains(4) == drains(50)
+    assert one[0] == one[1] <= 1 / FLUSH_S + 1
+    assert one[0] >= 0.85 / FLUSH_S, "and no sample waits longer than that"
+
+
+def test_without_viewers_it_decodes_in_long_stretches() -> None:
+    assert max(drains(0)) <= 1 / UNWATCHED_S + 1
+
+
+def test_pages_that_draw_sixty_times_a_second_have_it_decoded_as_often() -> None:
+    assert drains(1, 1 / 60) == drains(7, 1 / 60)
+    assert 50 <= drains(1, 1 / 60)[0] <= 61
+
+
+def test_an_answer_is_decoded_at_once() -> None:
+    async def run() -> None:
+        clock = FakeClock()
+        link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=clock.now_ns))
+        session = Session("1", link, Telemetry.create(clock).bus, SPEECH, DecodeOptions("fake"))
+        session.start()
+        await asyncio.sleep(1.0)
+        heard: list[float] = []
+        loop = asyncio.get_running_loop()
+        session.listen(lambda event: heard.append(loop.time()))
+        for suppressed in (False, True):
+            session.suppress_timeout(suppressed)
+            await asyncio.sleep(UNWATCHED_S)
+            link.send(sample(1))  # what begins a stretch
+            await asyncio.sleep(0.01)
+            began = loop.time()
+            heard.clear()
+            link.send(sample(2))
+            await asyncio.sleep(1.0)
+            (at,) = heard
+            assert (at == began) is suppressed, "at once, and only then"
+        await session.close()
+
+    virtual_time.run(run())
+
+
+@pytest.mark.parametrize("busy", [1, 3])
+def test_what_leaves_work_rests_and_lets_the_loop_pass(busy: int) -> None:
+    async def run() -> None:
+        scheduler = DecodeScheduler(lambda: 0.008)
+        left = [5] * busy
+        passes = 0
+
+        def drain_of(number: int) -> bool:
+            left[number] -= 1
+            return left[number] > 0
+
+        for number in range(busy):
+            scheduler.add(lambda number=number: drain_of(number))
+        scheduler.request()
+        while any(one > 0 for one in left):
+            await asyncio.sleep(0)
+            passes += 1
+        assert left == [0] * busy
+
+    virtual_time.run(run())
+
+
+def test_a_backlog_is_decoded_without_waiting_for_the_interval() -> None:
+    """A turn that left work is followed by the next one after a rest as long as the turn, not after UNWATCHED_S."""
+
+    async def run() -> float:
+        scheduler = DecodeScheduler()
+        spent = 0.0
+        left = 100
+
+        def clock() -> float:
+            return spent
+
+        def drain() -> bool:
+            nonlocal spent, left
+            spent += 0.02  # more than a turn has
+            left -= 1
+            return left > 0
+
+        scheduler._turns._clock = clock
+        scheduler.add(drain)
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        scheduler.request()
+        while left:
+            await asyncio.sleep(0.001)
+        return loop.time() - began
+
+    assert 99 * 0.02 <= virtual_time.run(run()) < 99 * 0.03 < 99 * UNWATCHED_S

@@ -1,0 +1,46 @@
+"""Recorded wire frames of the component tests are those that a server of today sends.
+
+Run `python -m tests.record_wire` when this fails.
+"""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+import pytest
+from pydantic import TypeAdapter
+
+from server import wire
+from server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo
+from server.library.api_models import RecordingInfo
+from tests.record_wire import FAMILIES, recorded
+from tests.wire_scenes import SCENES
+
+KINDS: dict[str, Any] = {one.__dataclass_fields__["op"].default: one for one in get_args(wire.ServerText)}
+ANSWERS: dict[str, Any] = {
+    "forms": Forms,
+    "values": SnapshotBody,
+    "snapshots": list[SnapshotInfo],
+    "recordings": list[RecordingInfo],
+}
+
+
+def has_shape(value: Any, kind: Any) -> None:
+    """Every field is there, with its type, and no other."""
+    again = TypeAdapter(kind).dump_python(TypeAdapter(kind).validate_python(value), mode="json")
+    assert again == value
+
+
+@pytest.mark.parametrize("name", [*FAMILIES, *SCENES])
+def test_recorded_texts_are_those_of_today(name: str) -> None:
+    page = recorded(name)
+    assert {"hello", "devices", "channels", "health"} <= {text["op"] for text in page["texts"]}
+    for text in [*page["texts"], *page.get("read", [])]:
+        has_shape(text, KINDS[text["op"]])
+
+
+@pytest.mark.parametrize("name", [*FAMILIES, "library"])
+def test_recorded_answers_are_those_of_today(name: str) -> None:
+    for place, answer in recorded(name)["answers"].items():
+        if kind := ANSWERS.get(place.rpartition("/")[2]):
+            has_shape(answer, kind)

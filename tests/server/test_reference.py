@@ -1,0 +1,107 @@
+"""Reference pages: true to the program, whole, and harmless in a browser."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+
+from server import generate_docs
+from server.config import Config
+from server.reference.blocks import Code, Heading, Items, Paragraph, TableBlock, parse, to_html, to_markdown
+from server.reference.pages import PAGES, ReferencePages
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import InProcessServer
+
+
+@pytest.fixture(scope="module")
+def openapi() -> Mapping[str, Any]:
+    return generate_docs.description()
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(data=tmp_path_factory.mktemp("data"), sources=("/dev/one",)), FakeLink) as running:
+        yield running
+
+
+class Elements(HTMLParser):
+    """Ids, links and names of the elements of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: Counter[str] = Counter()
+        self.links: set[str] = set()
+        self.tags: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.tags.add(tag)
+        if name := given.get("id"):
+            self.ids[name] += 1
+        if tag == "a" and (link := given.get("href")):
+            self.links.add(link)
+
+
+def test_files_are_not_stale(openapi: Mapping[str, Any]) -> None:
+    stale = [
+        path.name
+        for path, text in generate_docs.documents(openapi)
+        if not path.exists() or path.read_text(encoding="utf-8") != text
+    ]
+    assert stale == [], "run python -m server.generate_docs"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_heading_is_addressed_once_and_every_link_leads_somewhere(name: str, openapi: Mapping[str, Any]) -> None:
+    page = Elements(ReferencePages().html(name, lambda: openapi))
+    assert [anchor for anchor, count in page.ids.items() if count > 1] == []
+    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.ids)
+    assert {link.removeprefix("/docs/") for link in page.links if link.startswith("/")} <= set(PAGES)
+
+
+def test_every_request_is_described(openapi: Mapping[str, Any]) -> None:
+    text = to_markdown(PAGES["http-api"].blocks(openapi))
+    for path, operations in openapi["paths"].items():
+        for method in operations:
+            assert f"\n### {method.upper()} {path}\n" in text
+
+
+@pytest.mark.parametrize("address", ["/docs", *(f"/docs/{name}" for name in PAGES)])
+def test_pages_are_served_and_run_no_script_of_their_own(address: str, running: InProcessServer) -> None:
+    answer = running.client.get(address)
+    assert answer.status_code == 200
+    assert answer.headers["content-type"] == "text/html; charset=utf-8"
+    assert "script-src 'self'" in answer.headers["content-security-policy"]
+    assert "<h1" in answer.text
+    assert "<!-- content -->" not in answer.text
+    assert not re.search(r"https?://|<script(?! src=\"/)|<style|\son\w+=|\sstyle=", answer.text)
+    again = running.client.get(address, headers={"if-none-match": answer.headers["etag"]})
+    assert again.status_code == 304
+
+
+def test_a_page_that_is_not_there_is_not_found(running: InProcessServer) -> None:
+    answer = running.client.get("/docs/nothing")
+    assert answer.status_code == 404
+    assert answer.json()["kind"] == "not-found"
+
+
+def test_docstrings_become_blocks() -> None:
+    text = "First line\nof two.\n\n## Title\n\n    a  b\n\n    c\n\n- one\n- two,\n  longer\n"
+    assert list(parse(text, level=1)) == [
+        Paragraph("First line of two."),
+        Heading(3, "Title"),
+        Code("a  b\n\nc"),
+        Items(("one", "two, longer")),
+    ]
+
+
+def test_text_is_escaped_for_its_format() -> None:
+    blocks = [Paragraph("<b> & `<i>`"), TableBlock(("a",), (("x | `y|z`",),)), Paragraph("[HTTP](/docs/http-api)")]
+    assert to_html(blocks[:1]) == "<p>&lt;b&gt; &amp; <code>&lt;i&gt;</code></p>"
+    assert to_markdown(blocks) == "\\<b\\> & `<i>`\n\n| a |\n| --- |\n| x \\| `y\\|z` |\n\n[HTTP](http-api.md)\n"

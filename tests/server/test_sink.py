@@ -1,0 +1,161 @@
+"""The telemetry sink interface: a live bus, the store of a recording and any other sink are given the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.events import Decoder
+from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.simulator import IdtpSimulator
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.column_store import ColumnStoreWriter
+from recordings.health_history import HealthHistoryWriter
+from server import wire
+from server.devices.device_demux import LinkDecoder, LinkDevices
+from server.devices.device_state import DeviceState
+from server.devices.ingest import LinkTiming
+from server.library.collector import MOST_EVENTS, RecordingSink
+from server.links.base import Chunk
+from server.streaming.channels import ChannelRows
+from server.streaming.sink import SampleArchive, TelemetrySink
+from server.streaming.telemetry import Telemetry
+from tests.server.fakes import FakeClock
+
+
+class ListSink:
+    """The least that a sink is: lists."""
+
+    archive: SampleArchive | None = None
+    reports_every_gap = True
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self.now = now
+        self.infos: dict[int, wire.ChannelInfo] = {}
+        self.rows: dict[int, list[ChannelRows]] = {}
+        self.events: list[wire.EventInfo] = []
+        self.devices: dict[str, wire.DeviceInfo] = {}
+
+    def advertise(self, info: wire.ChannelInfo) -> int:
+        number = len(self.infos) + 1
+        self.infos[number] = replace(info, id=number)
+        return number
+
+    def publish(self, pieces: Iterable[ChannelRows]) -> None:
+        for piece in pieces:
+            self.rows.setdefault(piece.channel, []).append(piece)
+
+    def event(
+        self,
+        device: str,
+        kind: wire.EventKind,
+        level: wire.Level,
+        text: str,
+        *,
+        time: float | None = None,
+        span: tuple[float, float] | None = None,
+        samples: int = 0,
+        data: dict[str, Any] | None = None,
+    ) -> wire.EventInfo:
+        t0, t1 = span or (None, None)
+        when = self.now() if time is None else time
+        event = wire.EventInfo(len(self.events), when, device, kind, level, text, t0, t1, samples, data or {})
+        self.events.append(event)
+        return event
+
+    def set_device(self, info: wire.DeviceInfo) -> None:
+        self.devices[info.id] = info
+
+    def remove_device(self, device: str) -> None:
+        del self.devices[device]
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Iterator[RecordingSink]:
+    writer = ColumnStoreWriter(tmp_path / "store")
+    sink = RecordingSink(writer, HealthHistoryWriter(writer.temporary))
+    yield sink
+    sink.close()
+    writer.abandon()
+
+
+def feed(sink: TelemetrySink, clock: FakeClock, chunks: list[bytes], protocol: Decoder | None = None) -> LinkDevices:
+    """Decode chunks that came 50 ms apart."""
+    info = wire.DeviceInfo("1", "simulated", "sim:xbus", "simulator", "live")
+    devices = LinkDevices(sink, DeviceState(sink, info, str), str)
+    decoder = LinkDecoder(sink, devices, protocol or XbusDecoder(), line=LinkTiming(10e9 / 921_600, "serial"))
+    for chunk in chunks:
+        clock.move(0.05)
+        if isinstance(sink, RecordingSink):
+            sink.time = clock()
+        decoder.feed(Chunk(chunk, clock.ns))
+        decoder.drain()
+    decoder.drain(stalled=True)
+    for device in devices.all:
+        device.events.tick(clock() + 60)
+    return devices
+
+
+def stream() -> list[bytes]:
+    """Two seconds of an MTi, one chunk of which is lost and one is damaged."""
+    device = XbusSimulator(start_ns=0, measuring=True)
+    chunks = [device.advance(n * 50_000_000) for n in range(1, 41)]
+    chunks[20] = b""
+    chunks[30] = bytes(byte ^ (at == 50) for at, byte in enumerate(chunks[30]))
+    return chunks
+
+
+def test_every_sink_is_given_the_same(recording: RecordingSink) -> None:
+    chunks = stream()
+    clocks = [FakeClock(), FakeClock(), FakeClock()]
+    lists, telemetry = ListSink(clocks[0]), Telemetry.create(clocks[1])
+    sinks: list[TelemetrySink] = [lists, telemetry.bus, recording]
+    for sink, clock in zip(sinks, clocks, strict=True):
+        feed(sink, clock, chunks)
+    described = [(info.name, info.columns) for info in lists.infos.values()]
+    assert described == [(channel.info.name, channel.info.columns) for channel in telemetry.store.all]
+    sent = [(info.name, info.columns) for info in recording.infos.values() if info.name != "EulerAngles"]
+    assert sent == [one for one in described if one[0] != "EulerAngles"]
+    for channel in telemetry.store.all:
+        pieces = lists.rows[channel.info.id]
+        for k, column in enumerate(channel.ring.read()):
+            np.testing.assert_array_equal(column, np.concatenate([piece.columns[k] for piece in pieces]))
+    told = [(event.kind, event.text, event.samples) for event in lists.events]
+    assert {kind for kind, _, _ in told} >= {"gap", "reject"}
+    assert [(event.kind, event.text, event.samples) for event in recording.events] == told
+    assert lists.devices["1"].name == telemetry.bus.devices.latest["1"].name
+
+
+def test_clock_readings_go_to_the_archive_alone(recording: RecordingSink) -> None:
+    """Of a sequence number, say: a live view shows none, an export has it."""
+    device = IdtpSimulator()
+    chunks = [device.advance(n * 50_000_000) for n in range(1, 21)]
+    live = Telemetry.create(FakeClock()).bus
+    feed(live, FakeClock(), chunks, IdtpDecoder())
+    assert live.archive is None
+    feed(recording, FakeClock(), chunks, IdtpDecoder())
+    assert {column.name for info in recording.clocks.values() for column in info.columns} >= {"sequence"}
+
+
+def test_a_device_that_leaves_is_forgotten_live_and_kept_in_a_recording(recording: RecordingSink) -> None:
+    clock = FakeClock()
+    lists = ListSink(clock)
+    feed(lists, clock, stream()[:3]).remove()
+    assert lists.devices == {}
+    feed(recording, FakeClock(), stream()[:3]).remove()
+    assert recording.infos
+
+
+def test_a_recording_keeps_so_many_events_and_every_gap(recording: RecordingSink) -> None:
+    for _ in range(MOST_EVENTS + 5):
+        recording.event("1", "reject", "warning", "x")
+    gap = recording.event("1", "gap", "error", "lost", span=(1.0, 2.0), samples=3)
+    assert (len(recording.events), recording.left_out) == (MOST_EVENTS + 1, 5)
+    assert recording.events[-1] is gap
+    assert (gap.t0, gap.t1, gap.samples, gap.time) == (1.0, 2.0, 3, recording.now())

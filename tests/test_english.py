@@ -1,0 +1,85 @@
+"""Checks on the English of docstrings (rules a to i of the style): first lines are noun phrases or imperatives."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from protocols.plural import counted, plural
+from tests.source_files import ROOT, documented_nodes, module_docstring, python_files
+
+SOURCES = ("protocols", "recordings", "server")
+OPENING = re.compile(
+    r"(What|How|Which|Who|Where|Whose|Does|Do|Did|Is|Are|Was|Can|Could|Has|Have|Had|Will|Would|May|Must|Nobody|Somebody"
+    r"|Whatever|Whoever|Wherever|And|So|It|They|He|To whom|From whom)\b"
+)
+PLURAL = re.compile(r"""(['"])s\1 if |else (['"])s\2|\b(['"])\w+\3 if .*== 1 else (['"])\w*s\4""")
+SENTENCE = re.compile(r"(?<=[.?!:])\s")
+
+
+def docstrings(folder: str) -> Iterator[tuple[str, str]]:
+    """Place and text of each docstring."""
+    for path in python_files(folder):
+        where = path.relative_to(ROOT)
+        for node in documented_nodes(path):
+            if text := ast.get_docstring(node):
+                yield f"{where}:{getattr(node, 'lineno', 1)}", text
+
+
+def first_sentence(text: str) -> str:
+    """The first sentence, on one line."""
+    return " ".join(SENTENCE.split(text.strip(), maxsplit=1)[0].split())
+
+
+@pytest.mark.parametrize("folder", SOURCES)
+def test_docstrings_open_with_a_noun_phrase_or_an_imperative(folder: str) -> None:
+    wrong = [
+        f"{where} {sentence}"
+        for where, text in docstrings(folder)
+        if (sentence := first_sentence(text)).endswith("?") or OPENING.match(sentence)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("folder", ["tests", "web"])
+def test_modules_open_with_a_noun_phrase_or_an_imperative(folder: str) -> None:
+    wrong = [
+        f"{where}:1 {sentence}"
+        for path in python_files(folder)
+        if not re.search(r"(golden|node_modules)/", where := str(path.relative_to(ROOT)))
+        and (text := module_docstring(path))
+        and (
+            (sentence := first_sentence(text)).endswith("?")
+            or re.match(r"(What|How|Which|Where|Does|Is|Are)\b", sentence)
+        )
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("folder", SOURCES)
+def test_plurals_come_from_one_function(folder: str) -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{number} {line.strip()}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if path != ROOT / "protocols" / "plural.py"
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if PLURAL.search(line)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_plurals() -> None:
+    assert [counted(n, "gap") for n in (0, 1, 2)] == ["0 gaps", "1 gap", "2 gaps"]
+    assert plural(2, "entry", "entries") == "entries"
+    assert PLURAL.search("f\"{n} link{'s' if n > 1 else ''}\"")
+
+
+def test_a_question_is_found() -> None:
+    assert OPENING.match("What is recorded?")
+    assert not OPENING.match("Recorder: start and stop.")
+    assert first_sentence("Ring buffer.\nMore.") == "Ring buffer."
+    assert Path(ROOT / "protocols").is_dir()

@@ -1,0 +1,204 @@
+"""A protocol family in a package of its own, installed beside imuscope, without a line of imuscope that knows it.
+
+The package is tests/plugin_family. Here it is made visible as pip would: by its folder and a .dist-info on the path.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import tomllib
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+
+from protocols.plugins import GROUP
+from protocols.registry import ProtocolInfo, load_families
+from protocols.simulator.family import SimulatorRequest
+from tests import fork_server
+from tests.fork_server import ForkServer
+from tests.server_process import ROOT, ServerProcess, imuscope
+from tests.timeouts import PATIENCE_S
+
+PACKAGE = ROOT / "tests" / "plugin_family"
+VECTORS: list[dict[str, str]] = json.loads((PACKAGE / "vectors.json").read_text())
+SETTING = "SensorToVehicleRotation"
+BROKEN = "imuscope_broken"
+Run = Callable[..., str]
+
+
+def install(folder: Path, project: Path) -> None:
+    """Write the metadata of a package as an installer does."""
+    declared = tomllib.loads(project.read_text())["project"]
+    about = folder / f"{declared['name'].replace('-', '_')}-{declared['version']}.dist-info"
+    about.mkdir(parents=True)
+    head = f"Metadata-Version: 2.1\nName: {declared['name']}\nVersion: {declared['version']}\n"
+    (about / "METADATA").write_text(head)
+    rows = "".join(f"{name} = {value}\n" for name, value in declared["entry-points"][GROUP].items())
+    (about / "entry_points.txt").write_text(f"[{GROUP}]\n{rows}")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The package on the path of this process and of those that it starts, and one beside it that cannot be loaded."""
+    folder = tmp_path_factory.mktemp("site")
+    install(folder, PACKAGE / "pyproject.toml")
+    broken = folder / "broken.toml"
+    broken.write_text(
+        f'[project]\nname = "{BROKEN}"\nversion = "9"\n[project.entry-points."{GROUP}"]\nbroken = "{BROKEN}:FAMILY"\n'
+    )
+    install(folder, broken)
+    path = os.pathsep.join([str(folder), str(PACKAGE), *filter(None, [os.environ.get("PYTHONPATH")])])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", path)
+        patch.syspath_prepend(str(PACKAGE))
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def family(installed: Path) -> ProtocolInfo:
+    """The family, in this process."""
+    import imuscope_mip.family
+
+    return imuscope_mip.family.FAMILY
+
+
+@pytest.fixture(scope="module")
+def server(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    with ServerProcess("sim:mip?rate=50", data=tmp_path_factory.mktemp("data"), fresh=True) as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def run(installed: Path) -> Run:
+    """What `imuscope WORDS` prints, by a process that has found the package when it started."""
+    own = ForkServer() if fork_server.IS_THERE else None
+
+    def run(*words: str, given: str = "") -> str:
+        done = imuscope(*words, given=given.encode(), fresh=own is None, by=own)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run
+
+
+def ask(server: ServerProcess, path: str, body: Any = None) -> Any:
+    data = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(f"{server.url.rstrip('/')}{path}", data, {"content-type": "application/json"})
+    with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+        return json.load(answer)
+
+
+def eventually(look: Callable[[], Any]) -> Any:
+    """What `look` gives, once it is true."""
+    ends = time.monotonic() + PATIENCE_S
+    while not (found := look()):
+        assert time.monotonic() < ends
+        time.sleep(0.05)
+    return found
+
+
+@pytest.mark.parametrize("vector", VECTORS, ids=lambda vector: f"{vector['of']}, {vector['from']}")
+def test_packets_of_others_are_read_and_made_again(family: ProtocolInfo, vector: dict[str, str]) -> None:
+    packet = bytes.fromhex(vector["packet"])
+    lister = family.listing()
+    lister.feed(b"\x75\x65noise" + packet[:5])
+    lister.feed(packet[5:] + b"\x75")
+    [line] = [line for line in lister.drain(stalled=True) if "reject" not in line]
+    assert line["message"] == vector["of"]
+    assert family.composer is not None
+    assert family.composer(None, None).frame_of(line) == packet
+
+
+def test_it_is_shown_live_and_identified(server: ServerProcess) -> None:
+    device = eventually(
+        lambda: next((one for one in ask(server, "/api/devices") if one["product"] and one["status"] == "live"), None)
+    )
+    assert (device["protocol"], device["product"]) == ("mip", "3DM-GX5-45")
+    assert (device["serial_number"], device["firmware"]) == ("6251.70000", "1.1.21")
+    [told] = [one for one in ask(server, "/api/capabilities")["protocols"] if one["name"] == "mip"]
+    assert (told["short"], told["simulator"], told["plots"][0]) == ("MIP", True, "Acceleration")
+    channels: set[str] = set()
+    with connect(f"{server.url.rstrip('/').replace('http', 'ws', 1)}/ws", subprotocols=["imuscope.v1"]) as connection:  # type: ignore[list-item]
+        while not channels >= {"Acceleration", "RateOfTurn", "Quaternion", "LatLon"}:
+            text = connection.recv(PATIENCE_S)
+            if isinstance(text, str) and (said := json.loads(text))["op"] == "channels":
+                channels |= {one["name"] for one in said["channels"]}
+
+
+def test_a_setting_is_written_and_read_back_on_the_page(server: ServerProcess) -> None:
+    eventually(lambda: [one for one in ask(server, "/api/devices") if one["status"] == "live"])
+    forms = ask(server, "/api/devices/1/forms")
+    assert [setting["name"] for setting in forms["settings"]] == [SETTING]
+    wanted = {"roll": 0.5, "pitch": -0.25, "yaw": 1.0}
+    ask(server, "/api/devices/1/apply", {"changes": {SETTING: wanted}, "confirmed": True})
+    eventually(lambda: ask(server, "/api/devices/1/values")["values"].get(SETTING) == wanted)
+
+
+@pytest.fixture(scope="module")
+def recording(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two seconds of the simulated device."""
+    path = tmp_path_factory.mktemp("recording") / "drive.mcap"
+    run("record", "sim:mip?rate=50", "-o", str(path), "--duration", "2")
+    return path
+
+
+def test_it_is_recorded_inspected_composed_and_exported(run: Run, recording: Path, tmp_path: Path) -> None:
+    lines = run("inspect", str(recording), "--format", "jsonl")
+    frames = bytes.fromhex("".join(run("compose", "--jsonl", "-", given=lines).split()))
+    run("decode", str(recording), "-o", str(tmp_path / "out.bin"))
+    assert frames in (tmp_path / "out.bin").read_bytes()
+    assert len(frames) > 50 * 146
+    for suffix in (".csv", ".parquet", ".mcap"):
+        run("decode", str(recording), "-o", str(tmp_path / f"decoded{suffix}"))
+    made = {path.suffix for path in tmp_path.glob("decoded*")}
+    assert made == {".csv", ".parquet", ".mcap"}
+
+
+def test_a_recording_is_played_again(run: Run, recording: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.mcap"
+    run("record", f"{recording}?speed=20", "-o", str(again))
+    first, second = (run("inspect", str(path), "--format", "jsonl") for path in (recording, again))
+    assert second == first
+    assert second.count("ScaledAccelerometer") > 50
+
+
+def test_the_simulated_device_stands_level(family: ProtocolInfo) -> None:
+    assert family.simulator is not None
+    [device] = family.simulator.make(SimulatorRequest(rate=50))
+    lister = family.listing()
+    lister.feed(device.advance(1_000_000_000))
+    lines = lister.drain(stalled=True)
+    force = [line["fields"]["Acceleration"] for line in lines if "Acceleration" in line["fields"]]
+    angles = [line["fields"]["EulerAngles"] for line in lines if "EulerAngles" in line["fields"]]
+    assert np.mean(force, axis=0) == pytest.approx([0, 0, -1], abs=0.1), "z is down, as on the vendor's devices"
+    assert np.abs(angles)[:, :2].max() < 0.1
+
+
+def test_a_setting_is_sent_from_the_command_line(run: Run) -> None:
+    _, kept = map(json.loads, run("send", "sim:mip", f"Write{SETTING}", "roll=0.5", "pitch=0", "yaw=0").splitlines())
+    assert kept == {"setting": SETTING, "fields": {"roll": 0.5, "pitch": 0.0, "yaw": 0.0}}
+
+
+def test_a_package_that_cannot_be_loaded_is_reported_and_stops_nothing(server: ServerProcess) -> None:
+    said = [line for line in server.lines if BROKEN in line]
+    assert len(said) == 1, server.lines
+    assert "cannot be used" in said[0]
+
+
+def test_duplicate_names_and_invalid_families() -> None:
+    from protocols.plugins import ProtocolPlugin
+
+    families, problems = load_families(
+        [ProtocolPlugin("xbus", "protocols.xbus.family:FAMILY"), ProtocolPlugin("xbus", "json:loads", "other 1")]
+    )
+    assert (list(families), problems) == (
+        ["xbus"],
+        ["The protocol 'xbus' of other 1 cannot be used: json:loads is not a ProtocolInfo."],
+    )

@@ -1,0 +1,40 @@
+"""Waiting for a condition, for as long as nobody would; what did not come is told."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Any
+
+from tests.timeouts import PATIENCE_S
+
+LOOK_S = 0.01
+
+
+async def until(condition: Callable[[], object], what: str) -> None:
+    """Wait in an event loop.
+
+    Raises:
+        AssertionError: it did not come true.
+    """
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, f"after {PATIENCE_S:g} s still not: {what}"
+        await asyncio.sleep(LOOK_S)
+
+
+def block_until(condition: Callable[[], Any], what: str) -> Any:
+    """Wait where there is no event loop.
+
+    Returns:
+        what the condition gave at last.
+
+    Raises:
+        AssertionError: it did not come true.
+    """
+    end = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < end, f"after {PATIENCE_S:g} s still not: {what}"
+        time.sleep(LOOK_S)
+    return found

@@ -1,0 +1,68 @@
+// @vitest-environment happy-dom
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { afterEach, expect, it, vi } from "vitest";
+import { protocol } from "../testing/capabilities";
+import { capabilities } from "../wire/capabilities";
+import { AddDevice, type Begin } from "./add-device";
+
+afterEach(cleanup);
+
+function open(begin?: Begin): unknown[] {
+  capabilities.value = {
+    exports: [],
+    links: [{ name: "post", title: "Post", examples: [{ source: "post://pigeon", words: "bytes by pigeon" }] }],
+    protocols: [
+      protocol({ name: "plain", title: "Plain talk" }),
+      protocol({
+        name: "secret",
+        title: "Secret talk",
+        options: [
+          { name: "key", title: "Key of the talk", choices: [], default: "", early: true },
+          {
+            name: "time_unit",
+            title: "Ticks",
+            choices: [
+              { value: "", words: "By itself" },
+              { value: "ms", words: "Milliseconds" },
+            ],
+            default: "",
+            early: false,
+          },
+        ],
+      }),
+    ],
+  };
+  const bodies: unknown[] = [];
+  vi.stubGlobal("fetch", (_: string, { body }: RequestInit) => {
+    bodies.push(JSON.parse(String(body)));
+    return Promise.resolve(
+      new Response(JSON.stringify({ id: "7" }), { headers: { "content-type": "application/json" } }),
+    );
+  });
+  render(<AddDevice begin={begin} onClose={() => undefined} onAdded={() => undefined} />);
+  return bodies;
+}
+
+it("offers the protocols, inputs and examples that the server has, and sends what was said", async () => {
+  const bodies = open();
+  expect(screen.queryByLabelText("Ticks")).toBeNull();
+  expect(screen.queryByLabelText("Key of the talk")).not.toBeNull(); // before the protocol is known, too
+  fireEvent.change(screen.getByLabelText("Protocol"), { target: { value: "plain" } });
+  expect(screen.queryByLabelText("Key of the talk")).toBeNull();
+  fireEvent.change(screen.getByLabelText("Protocol"), { target: { value: "secret" } });
+  fireEvent.change(screen.getByLabelText("Ticks"), { target: { value: "ms" } });
+  fireEvent.input(screen.getByLabelText("Key of the talk"), { target: { value: " 00ff " } });
+  fireEvent.click(screen.getByText("post://pigeon"));
+  fireEvent.click(screen.getByText("Add"));
+  await waitFor(() => expect(bodies).toHaveLength(1));
+  expect(bodies[0]).toEqual({ source: "post://pigeon", protocol: "secret", key: "00ff", time_unit: "ms" });
+});
+
+it("changes how a device is read, once something was changed", async () => {
+  const bodies = open({ id: "1", source: "post://pigeon", protocol: "secret", options: { time_unit: "ms" } });
+  expect(screen.getByText<HTMLButtonElement>("Use this key").disabled).toBe(true);
+  fireEvent.change(screen.getByLabelText("Ticks"), { target: { value: "" } });
+  fireEvent.click(screen.getByText("Apply"));
+  await waitFor(() => expect(bodies).toHaveLength(1));
+  expect(bodies[0]).toEqual({ protocol: "secret", time_unit: "" });
+});

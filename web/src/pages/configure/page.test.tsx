@@ -1,0 +1,221 @@
+// @vitest-environment happy-dom
+import { act, fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { type Opened, openConfigure } from "../../testing/configure-page";
+import { type Family, recorded } from "../../testing/recorded";
+
+const PATIENCE = { timeout: 20_000 };
+
+const find = (selector: string): HTMLElement => {
+  const found = document.querySelector(selector);
+  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
+  return found;
+};
+const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector), PATIENCE);
+const gone = (selector: string): Promise<void> =>
+  waitFor(() => expect(document.querySelector(selector)).toBeNull(), PATIENCE);
+const button = (name: string): HTMLButtonElement => screen.getByRole("button", { name });
+const type = (field: HTMLElement, value: string): void => void fireEvent.input(field, { target: { value } });
+const posts = ({ asked }: Opened, path: string): number =>
+  asked.filter((one) => one.method === "POST" && one.path.endsWith(path)).length;
+
+test.each<Family>(["xbus", "isb", "idtp"])(
+  "every setting and command of %s opens as a form with all of its fields",
+  async (family) => {
+    const { forms, goTo } = await openConfigure(family);
+    fireEvent.click(button("All"));
+    const wrong: string[] = [];
+    const open = (kind: string, { name, title }: { name: string; title: string }, fields: number | undefined): void => {
+      void act(() => goTo(encodeURIComponent(name)));
+      const place = `[data-${kind}="${name}"]`;
+      find(place);
+      expect(find(".settings-form h1").textContent).toBe(title);
+      const drawn = document.querySelectorAll(`${place} > .fields > .field-row`).length;
+      if (fields !== undefined && drawn !== fields) wrong.push(`${name}: ${drawn} of ${fields} fields`);
+    };
+    for (const form of forms.settings) open("setting", form, form.editor === "" ? form.fields.length : undefined);
+    for (const form of forms.commands) open("command", form, form.arguments.length);
+    expect(wrong).toEqual([]);
+  },
+  300_000, // an Inertial Sense device has some hundred forms
+);
+
+test("a wrong value is refused where it is typed", async () => {
+  await openConfigure("xbus", { place: "LatLonAlt" });
+  const latitude = (await until("[data-field=latitude] input")) as HTMLInputElement;
+  const before = latitude.value;
+  type(latitude, "95");
+  const alert = await until("[data-field=latitude] [role=alert]");
+  expect(alert.textContent).toContain("90");
+  expect(latitude.getAttribute("aria-invalid")).toBe("true");
+  type(latitude, "51.5");
+  await gone("[data-field=latitude] [role=alert]");
+  await waitFor(() => expect(button("Apply").disabled).toBe(false));
+  fireEvent.click(button("Undo the last edit"));
+  await gone(".apply-bar");
+  fireEvent.blur(latitude);
+  await waitFor(() => expect((find("[data-field=latitude] input") as HTMLInputElement).value).toBe(before));
+});
+
+test("discarding all edits takes invalid text and its marks too", async () => {
+  await openConfigure("xbus", { place: "LatLonAlt" });
+  const field = (name: string) => find(`[data-field=${name}] input`) as HTMLInputElement;
+  await until("[data-field=altitude] input");
+  const before = [field("latitude").value, field("altitude").value];
+  type(field("altitude"), "77");
+  type(field("latitude"), "95");
+  await until("[data-field=latitude] [role=alert]");
+  fireEvent.click(button("Discard all"));
+  await gone("[data-field=latitude] [role=alert]");
+  expect([field("latitude").value, field("altitude").value]).toEqual(before);
+  expect(field("latitude").getAttribute("aria-invalid")).not.toBe("true");
+  await gone(".apply-bar");
+});
+
+test("more than the line carries is not written but made to fit", async () => {
+  await openConfigure("xbus");
+  const rate = (await until('tr[data-id="0x4020"] select')) as HTMLSelectElement;
+  fireEvent.click(screen.getByRole("checkbox", { name: "Pressure" }));
+  fireEvent.change(rate, { target: { value: "400" } });
+  await until(".budget-bar .excess");
+  expect(button("Apply").disabled).toBe(true);
+  expect(find("#apply-why").textContent).toContain("% of the link");
+  fireEvent.click(button("Fit to link"));
+  await waitFor(() => expect(find(".fit-words").textContent).toContain("→"), PATIENCE);
+  await gone(".budget-bar .excess");
+  await waitFor(() => expect(button("Apply").disabled).toBe(false), PATIENCE);
+});
+
+test("a row, its bytes and its share of the line light together", async () => {
+  await openConfigure("xbus");
+  fireEvent.change(await until('tr[data-id="0x4020"] select'), { target: { value: "50" } });
+  const bytes = await until(".hex-part.changed");
+  expect(bytes.textContent?.replace(/\s+/g, " ").trim()).toMatch(/^40 20 00 32/);
+  expect(document.querySelectorAll(".hex-part.changed").length).toBe(1);
+  expect(document.querySelectorAll(".budget-bar i.changed").length).toBe(1);
+  expect(find(".previous").textContent).toBe("was 100 Hz");
+  fireEvent.pointerEnter(find('tr[data-id="0x4020"]'));
+  const lit = (): string =>
+    [...document.querySelectorAll("tr.highlighted, .hex-part.highlighted, .budget-bar i.highlighted")]
+      .map((e) => e.tagName)
+      .sort()
+      .join();
+  await waitFor(() => expect(lit()).toBe("I,SPAN,TR"), PATIENCE);
+});
+
+test("a dangerous command asks once more in words, and nothing is sent by then", async () => {
+  const page = await openConfigure("xbus", { place: "RestoreFactoryDef" });
+  fireEvent.click(await screen.findByRole("button", { name: "Send" }, PATIENCE));
+  const dialog = await until("dialog");
+  const form = page.forms.commands.find(({ name }) => name === "RestoreFactoryDef");
+  expect(form?.consequence).toBeTruthy();
+  expect(dialog.textContent).toContain(form?.consequence);
+  expect(document.activeElement?.textContent).toBe("Leave unchanged");
+  fireEvent.click(within(dialog).getByText("Leave unchanged"));
+  await gone("dialog");
+  expect(posts(page, "/run")).toBe(0);
+});
+
+test.each(["OutputConfiguration", "Output%20configuration"])(
+  "outputs that were not read are not shown as none: %s",
+  async (place) => {
+    const page = await openConfigure("xbus", { place, unread: true, answers: onlyLocation() });
+    await until(".unread");
+    await until("[data-setting=OutputConfiguration]");
+    expect(document.querySelector("[data-setting=OutputConfiguration] .budget")).toBeNull();
+    expect(document.querySelector("[data-setting=OutputConfiguration] table")).toBeNull();
+    fireEvent.click(button("Read again"));
+    await waitFor(() => expect(posts(page, "/read")).toBe(1), PATIENCE);
+    const preview = Object.entries(recorded("xbus").answers).find(([key]) => key.includes("/preview {"))?.[1];
+    expect(preview).toBeDefined();
+    await openConfigure("xbus", { place, answers: { "POST /api/devices/1/preview": preview } });
+    await until("[data-setting=OutputConfiguration] .budget");
+    expect(document.querySelector(".unread")).toBeNull();
+  },
+);
+
+/** What a device has of which only LocationID was read. */
+function onlyLocation(): Record<string, unknown> {
+  const info = { name: "x", title: "x", taken: 1_790_000_000, reason: "", settings: 1, missing: 0 };
+  return { "GET /api/devices/1/values": { info, values: { LocationID: { locationId: 0 } }, missing: {} } };
+}
+
+test("a device whose settings were read is never shown as unread", async () => {
+  let shown = false;
+  const observer = new MutationObserver(
+    () => (shown ||= document.body.textContent?.includes("Read settings") ?? false),
+  );
+  observer.observe(document, { childList: true, subtree: true });
+  await openConfigure("xbus", { slow: "/values" });
+  await until('tr[data-id="0x4020"] select');
+  observer.disconnect();
+  expect(shown).toBe(false);
+});
+
+test("restoring communication is offered without a rollback having failed", async () => {
+  const page = await openConfigure("xbus", { place: "compare" });
+  fireEvent.click(await screen.findByRole("link", { name: "Restore communication" }, PATIENCE));
+  page.goTo("restore");
+  await waitFor(
+    () => within(screen.getByLabelText("Restore communication")).getByRole("button", { name: "Start" }),
+    PATIENCE,
+  );
+});
+
+test("the command of a data set opens with what the device has, not with zeros", async () => {
+  const page = await openConfigure("isb", { place: "SET_DID_FLASH_CONFIG" });
+  const shown = (await until('[data-command="SET_DID_FLASH_CONFIG"] input[id$="startupNavDtMs"]')) as HTMLInputElement;
+  const { startupNavDtMs } = page.values["DID_FLASH_CONFIG"] as { startupNavDtMs: number };
+  expect(startupNavDtMs).toBeGreaterThan(0);
+  expect(Number(shown.value)).toBe(startupNavDtMs);
+});
+
+test("a command that needs what was not read asks to read it first", async () => {
+  await openConfigure("isb", { place: "SET_DID_FLASH_CONFIG", unread: true });
+  await screen.findByRole("button", { name: "Read settings" }, PATIENCE);
+  expect(document.querySelector('[data-command="SET_DID_FLASH_CONFIG"] input')).toBeNull();
+});
+
+test("temporary settings say that the server is gone, and their buttons wait for it", async () => {
+  const page = await openConfigure("xbus");
+  const words = "The device answers at 921 600 Bd.";
+  const deadline = Date.now() / 1000 + 20;
+  page.tell({ pending_rollback: { device: "1", state: "pending", changes: [], words, deadline, seconds: 20 } });
+  await until(".pending-rollback[role=alertdialog]");
+  const both = (): boolean[] => ["Confirm", "Roll back now"].map((name) => button(name).disabled);
+  await waitFor(() => expect(both()).toEqual([false, false]), PATIENCE);
+  await waitFor(() => expect(document.activeElement?.textContent).toContain("Roll back now"), PATIENCE);
+  page.store.receive({ kind: "connection", state: "closed", nextTry: undefined });
+  await waitFor(() => expect(find(".pending-rollback .ring b").textContent).toBe("—"), PATIENCE);
+  expect(find("#deck-words").textContent).toContain("The server is unreachable");
+  expect(both()).toEqual([true, true]);
+});
+
+test("who may only look sees everything and touches nothing", async () => {
+  const answers = { "GET /api/build": { role: "view" } };
+  await openConfigure("xbus", { answers });
+  await waitFor(() => expect(document.body.textContent).toContain("View only"), PATIENCE);
+  expect(button("Read again").disabled).toBe(true);
+  expect(button("Send hex").disabled).toBe(true);
+});
+
+test("what was typed stays while the device is gone", async () => {
+  const { store } = await openConfigure("xbus");
+  const rate = (await until('tr[data-id="0x4020"] select')) as HTMLSelectElement;
+  fireEvent.change(rate, { target: { value: "50" } });
+  await waitFor(() => expect(button("Apply").disabled).toBe(false), PATIENCE);
+  const lost = (): boolean =>
+    [...document.querySelectorAll(".band")].some(({ textContent }) => /^Lost/.test(textContent?.trim() ?? ""));
+  const devices = store.devices.value;
+  const tell = (status: "lost" | "live"): void =>
+    store.receive({
+      kind: "text",
+      text: { op: "devices", devices: devices.map((one) => ({ ...one, status, is_open: status === "live" })) },
+    });
+  tell("lost");
+  await waitFor(() => expect(lost()).toBe(true), PATIENCE);
+  expect(button("Apply").disabled).toBe(true);
+  tell("live");
+  await waitFor(() => expect(lost()).toBe(false), PATIENCE);
+  expect((find('tr[data-id="0x4020"] select') as HTMLSelectElement).value).toBe("50");
+});

@@ -1,0 +1,74 @@
+// @vitest-environment happy-dom
+/** Dialogs of Live: a device is added, a key is given, a payload is described. */
+import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { openPage } from "../testing/live-page";
+import { type Answers, recorded, type Family, type Scene } from "../testing/recorded";
+
+const PATIENCE = { timeout: 20_000 };
+const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const open = (name: Family | Scene, answers: Answers = {}) => openPage(recorded(name), { answers });
+const dialog = (name: RegExp): Promise<HTMLElement> => screen.findByRole("dialog", { name }, PATIENCE);
+const gone = (): Promise<void> => eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
+
+test("a device is added by its address, and a refusal stays in sight with what to do", async () => {
+  const { asked } = await open("xbus");
+  fireEvent.click(screen.getByRole("button", { name: "Add a device" }));
+  const form = await dialog(/Add/);
+  fireEvent.input(within(form).getByLabelText("Address"), { target: { value: "/dev/none" } });
+  fireEvent.submit(form.querySelector("form") as HTMLFormElement);
+  const alert = await within(form).findByRole("alert", {}, PATIENCE);
+  expect(alert.textContent).toContain("Nothing was recorded of"); // the words of the server that refused
+  expect(asked.find(({ method }) => method === "POST")).toMatchObject({
+    path: "/api/devices",
+    body: { source: "/dev/none" },
+  });
+  fireEvent.click(within(form).getByRole("button", { name: "Cancel" }));
+  await gone();
+});
+
+test("a key is asked for where data were not checked, and never shown", async () => {
+  const key = "00112233445566778899aabbccddeeff";
+  const { asked, store } = await open("unverified", { "POST /api/devices/1/read-as": {} });
+  const [device] = store.devices.value;
+  await eventually(() => expect(document.querySelector("[data-key=wanted]")).not.toBeNull());
+  fireEvent.click(screen.getByRole("button", { name: "Enter key…" }));
+  const field = await screen.findByLabelText<HTMLInputElement>(/^Key for Secure frames/, {}, PATIENCE);
+  expect(field.type).toBe("password");
+  const before = asked.length;
+  fireEvent.input(field, { target: { value: "not hex" } });
+  fireEvent.submit(field.form as HTMLFormElement);
+  expect((await screen.findByRole("alert", {}, PATIENCE)).textContent).toMatch(/hex/);
+  expect(asked.length).toBe(before); // nothing was sent
+  fireEvent.input(field, { target: { value: key } });
+  fireEvent.submit(field.form as HTMLFormElement);
+  await eventually(() => expect(asked.length).toBeGreaterThan(before));
+  expect(asked.at(-1)).toMatchObject({ body: { key } });
+  expect(asked.at(-1)?.path).toContain(`/${device?.id}`);
+  expect(document.body.innerHTML).not.toContain(key);
+});
+
+test("a payload of a vendor's own is described; what the server does not take is told", async () => {
+  const { store, asked } = await open("shared-link");
+  await eventually(() => expect(store.unknownPayloads.value.length).toBeGreaterThan(0));
+  const [payload] = store.unknownPayloads.value;
+  fireEvent.click(screen.getByText("IDTP device 9", { selector: ".choose-device b" }));
+  const panel = within(await screen.findByRole("region", { name: "Raw payloads" }, PATIENCE));
+  await eventually(() => expect(document.querySelector(".hex")?.textContent).toMatch(/06 FF/)); // the high byte of −250
+  fireEvent.click(panel.getByRole("button", { name: /^Define payload/ }));
+  const form = await dialog(/^Define payload/);
+  const text = within(form).getByLabelText<HTMLTextAreaElement>("Fields, in byte order");
+  await eventually(() => expect(text.value).toContain("count = 2"));
+  const meant = text.value.replace('unit = ""', 'unit = "m/s"');
+  fireEvent.input(text, { target: { value: meant } });
+  fireEvent.click(within(form).getByRole("button", { name: "Use this definition" }));
+  fireEvent.submit(form.querySelector("form") as HTMLFormElement);
+  expect((await within(form).findByRole("alert", {}, PATIENCE)).textContent).toContain("Nothing was recorded of");
+  expect(text.getAttribute("aria-invalid")).toBe("true");
+  expect(asked.filter(({ body }) => JSON.stringify(body) === JSON.stringify({ schema: meant })).length).toBeGreaterThan(
+    0,
+  );
+  expect(payload?.name).toContain("0x80");
+  fireEvent.click(within(form).getByRole("button", { name: "Cancel" }));
+  await gone();
+});

@@ -1,0 +1,155 @@
+// @vitest-environment happy-dom
+import { act, fireEvent, screen, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { type Opened, openPage } from "../testing/live-page";
+import { type Family, recorded, type Scene } from "../testing/recorded";
+
+const PATIENCE = { timeout: 20_000 };
+
+const texts = (selector: string): readonly string[] =>
+  [...document.querySelectorAll(selector)].map((element) => element.textContent?.trim() ?? "");
+const text = (selector: string): string => texts(selector)[0] ?? "";
+const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const number = (words: string): number => Number(words.replace("−", "-").replace(/[\u2009°]/g, ""));
+const numeral = (name: string): number => number(text(`[data-numeral=${name}]`));
+const open = (name: Family | Scene, options?: Parameters<typeof openPage>[1]): Promise<Opened> =>
+  openPage(recorded(name), options);
+
+test.each([
+  ["attitude-ins-1", "NED", "from INS 1", 12],
+  ["attitude-ins-2", "NED", "from INS 2", 12],
+  ["attitude-ins-4", "NED", "from INS 4", 12],
+  ["attitude-imu-quat", "ENU", "from quaternion", -12],
+] as const)("the attitude of %s is the one that was sent", async (name, frame, source, pitch) => {
+  await open(name);
+  await eventually(() => expect(Math.abs(numeral("heading") - 70)).toBeLessThan(0.06));
+  expect(Math.abs(numeral("roll") - 20)).toBeLessThan(0.06);
+  expect(Math.abs(numeral("pitch") - pitch)).toBeLessThan(0.06);
+  expect(document.querySelectorAll("[data-numeral]").length).toBe(3);
+  expect(text(".numerals .segmented [aria-pressed=true]")).toBe(frame);
+  expect(text(".numerals .from")).toBe(source);
+});
+
+/** Number, strength and use of each satellite as it was sent last. */
+function sent({ store }: Opened): readonly string[] {
+  const channel = store.channels.value.find(({ info }) => info.name.includes("GPS1_SAT"));
+  if (channel === undefined) throw new Error("no satellites were recorded");
+  const { ring, info } = channel;
+  const at = (name: string): number => info.columns.findIndex((column) => column.name === name);
+  const last = ring.length - 1;
+  const found: string[] = [];
+  for (let k = last; k >= 0 && ring.arrival(k) === ring.arrival(last); k--)
+    found.push(`${ring.value(at("svId"), k)} ${ring.value(at("cno"), k)} ${(ring.value(at("status"), k) >> 3) & 1}`);
+  return found.sort();
+}
+
+test("satellites are those that were sent", async () => {
+  const page = await open("isb");
+  const shown = (): readonly string[] =>
+    [...document.querySelectorAll(".sky tr[data-use]")]
+      .map((row) => {
+        const [id, , strength, use] = [...row.children];
+        const used = use?.textContent?.trim() === "used" ? 1 : 0;
+        return `${Number(id?.textContent?.replace(/\D/g, ""))} ${Number(strength?.firstChild?.textContent)} ${used}`;
+      })
+      .sort();
+  await eventually(() => expect(shown().length).toBeGreaterThan(5));
+  await eventually(() => expect(shown()).toEqual(sent(page)));
+  const table = screen.getByRole("table", { name: /Satellites by constellation/ });
+  expect(table.querySelectorAll("[role=rowheader]").length).toBe(shown().length);
+  expect(table.textContent).toContain("used");
+});
+
+test("a device without a receiver has no panel of satellites, and one is not left behind", async () => {
+  const page = await open("isb");
+  await eventually(() => expect(document.querySelector(".sky")).not.toBeNull());
+  const [device] = page.store.devices.value;
+  if (device === undefined) throw new Error("no device");
+  await act(() => {
+    page.store.receive({ kind: "text", text: { op: "devices", devices: [device, { ...device, id: "2" }] } });
+    page.look("2");
+  });
+  await eventually(() => expect(document.querySelector(".sky")).toBeNull());
+});
+
+test("position and status without set-up", async () => {
+  await open("isb");
+  await eventually(() => expect(text(".gnss .caption")).toMatch(/3D · \d+ sat/));
+  const lanes = (): readonly string[] => texts(".lane-names button");
+  await eventually(() => expect(lanes()).toContain("Solution"));
+  expect(lanes().some((name) => name.includes("Fix"))).toBe(true);
+  expect(lanes().length).toBeLessThan(15);
+  const before = lanes().length;
+  fireEvent.click(screen.getByRole("button", { name: /more lane/ }));
+  expect(lanes().length).toBeGreaterThan(before);
+  fireEvent.click(screen.getByRole("button", { name: "Fewer lanes" }));
+  expect(texts(".legend b").at(-1)).toContain("Velocity");
+  const group = [...document.querySelectorAll(".more-quantities details")].find((one) =>
+    one.textContent?.startsWith("GPS1 position"),
+  );
+  const button = [...(group?.querySelectorAll("button") ?? [])].find((one) =>
+    one.textContent?.startsWith("Height above sea level"),
+  );
+  if (button === undefined) throw new Error("no height is offered");
+  fireEvent.click(button);
+  await eventually(() => expect(texts(".legend b").some((name) => name.startsWith("Height above"))).toBe(true));
+});
+
+test("unverified data are marked wherever they are", async () => {
+  await open("unverified");
+  await eventually(() => expect(document.querySelector(".device .trust[data-trust=unverified]")).not.toBeNull());
+  expect(document.querySelectorAll("[data-key=wanted]").length).toBe(1);
+  await eventually(() => expect(texts(".values-table tr.group-row").length).toBeGreaterThan(0));
+  expect(texts(".legend b").length).toBeGreaterThan(0);
+  expect(texts(".legend b").filter((words) => !words.includes("▲"))).toEqual([]);
+  expect(texts(".values-table tr.group-row").filter((words) => !words.includes("▲ unverified"))).toEqual([]);
+  await eventually(() => expect(text(".numerals .trust-mark")).toBe("▲ unverified"));
+  await eventually(() => expect(text(".health-list")).toMatch(/unverified\s*▲/));
+});
+
+test("devices that share a link are looked at one by one", async () => {
+  const { store, app, asked } = await open("shared-link");
+  await eventually(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(3));
+  expect([...texts(".device-list .device b")].sort()).toEqual(["IDTP device 102", "IDTP device 7", "IDTP device 9"]);
+  expect(document.querySelectorAll(".device.sibling").length).toBe(2);
+  for (const [name, protection, rate] of [
+    ["IDTP device 7", "verified", 100],
+    ["IDTP device 102", "not protected", 50],
+  ] as const) {
+    fireEvent.click(screen.getByText(name, { selector: ".choose-device b" }));
+    await eventually(() => expect(text(".trust-mark")).toContain(protection));
+    await eventually(() => expect(text("[data-numeral=heading]")).toMatch(/\d/));
+    const { device } = app.viewState.view.value;
+    expect(Math.abs((store.health.value.get(device ?? "")?.rate ?? 0) - rate)).toBeLessThan(8);
+  }
+  const { device } = app.viewState.view.value;
+  const own = store.channels.value.filter(({ info }) => info.device === device).map(({ info }) => info.name);
+  expect(own.length).toBe(new Set(own).size);
+  expect(own.length).toBeGreaterThan(0);
+  fireEvent.click(screen.getByRole("button", { name: "Remove link" }));
+  expect(text(".actions")).toContain("all 3 devices");
+  fireEvent.click(screen.getByRole("button", { name: "Remove" }));
+  expect(asked.filter(({ method }) => method === "DELETE").map(({ path }) => path)).toEqual(["/api/devices/1"]);
+  await act(() => store.receive({ kind: "text", text: { op: "devices", devices: [] } }));
+  await eventually(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(0));
+});
+
+test("a remark about the link stands on the page", async () => {
+  await open("two-senders");
+  await eventually(() => expect(text(".notice")).toMatch(/127\.0\.0\.1:\d+ and 127\.0\.0\.1:\d+/));
+});
+
+test("without a device it says so and what to do", async () => {
+  const { store } = await open("xbus");
+  await act(() => store.receive({ kind: "text", text: { op: "devices", devices: [] } }));
+  await eventually(() => expect(text("main")).toContain("No device"));
+});
+
+test.each([
+  ["1", "connect"],
+  ["2", "ttyNOTHERE"],
+])("what a device waits for is told: %s", async (device, words) => {
+  const page = await open("waiting");
+  await act(() => page.look(device));
+  await eventually(() => expect(text("main").toLowerCase()).toContain(words.toLowerCase()));
+});

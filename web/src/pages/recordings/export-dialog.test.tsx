@@ -1,0 +1,86 @@
+// @vitest-environment happy-dom
+/** What is exported is said before it is: how long, of how many channels, in which form. */
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { afterEach, expect, test, vi } from "vitest";
+import { Store } from "../../data/store";
+import type { RecordingDetail, RecordingInfo } from "../../recordings/types";
+import { answering, type Asked, recorded } from "../../testing/recorded";
+import { capabilities } from "../../wire/capabilities";
+import type { ExportCapability } from "../../wire/capability-types";
+import type { ExportJob } from "../../wire/types";
+import type { App } from "../app-state";
+import { ExportDialog } from "./export-dialog";
+
+const FIRST = 1_760_000_000;
+const form = (name: string, title: string): ExportCapability =>
+  ({ name, title, words: "", single: false, protocol: "" }) as unknown as ExportCapability;
+const job: ExportJob = {
+  id: 1,
+  recording: "yard",
+  title: "CSV",
+  file: "yard.csv.zip",
+  state: "running",
+  progress: 0.5,
+  size: 0,
+  message: "",
+  hint: "",
+} as unknown as ExportJob;
+
+function open(): { readonly asked: readonly Asked[]; readonly store: Store } {
+  const [info] = recorded("library").answers["GET /api/recordings"] as readonly RecordingInfo[];
+  if (info === undefined) throw new Error("no recording was recorded");
+  const channel = (id: number, name: string): object => ({ id, name, title: "", unit: "m/s²", device: "1", group: "" });
+  const detail = {
+    info,
+    devices: [{ id: "1", name: "one" }],
+    channels: [channel(1, "Acceleration"), channel(2, "Velocity")],
+  } as unknown as RecordingDetail;
+  capabilities.value = { links: [], protocols: [], exports: [form("csv", "CSV"), form("mat", "MATLAB")] };
+  const asked = answering({ "POST /api/recordings/yard/exports": job });
+  const store = new Store();
+  const of = {
+    info,
+    detail,
+    ranges: [{ name: "In view", t0: FIRST + 1, t1: FIRST + 3 }],
+    first: FIRST,
+    base: "device",
+  } as const;
+  render(<ExportDialog app={{ store } as App} of={of} />);
+  return { asked, store };
+}
+afterEach(() => {
+  cleanup();
+  vi.unstubAllGlobals();
+});
+
+test("part, form and channels are chosen, said, and asked for", async () => {
+  const { asked, store } = open();
+  const words = (): string => document.querySelector("dialog p")?.textContent ?? "";
+  expect(words()).toContain("2 channels");
+  fireEvent.click(screen.getByRole("button", { name: "In view" }));
+  await waitFor(() => expect(words()).toMatch(/00:01.* to 00:03/));
+  fireEvent.click(screen.getByRole("radio", { name: /MATLAB/ }));
+  fireEvent.click(screen.getByRole("checkbox", { name: /Velocity/ }));
+  await waitFor(() => expect(words()).toContain("1 channel"));
+  fireEvent.click(screen.getByRole("button", { name: /^Export MATLAB/ }));
+  await waitFor(() => expect(store.exports.value).toEqual([job]));
+  expect(asked.find(({ path }) => path.endsWith("/exports"))?.body).toMatchObject({
+    format: "mat",
+    t0: FIRST + 1,
+    t1: FIRST + 3,
+    channels: [1],
+    base: "device",
+  });
+  await waitFor(() => expect(screen.getByRole("progressbar")).toBeTruthy());
+  store.exports.value = [{ ...job, state: "done", size: 1_234_000, progress: 1 }];
+  const link = await screen.findByRole("link", { name: "Download" });
+  expect(link.getAttribute("download")).toBe(job.file);
+});
+
+test("nothing is exported of no channel", async () => {
+  open();
+  fireEvent.click(screen.getByRole("button", { name: "None" }));
+  await waitFor(() =>
+    expect(screen.getByRole<HTMLButtonElement>("button", { name: /^Export CSV/ }).disabled).toBe(true),
+  );
+});

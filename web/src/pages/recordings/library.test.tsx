@@ -1,0 +1,54 @@
+// @vitest-environment happy-dom
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { type Opened, openPage } from "../../testing/live-page";
+import { recorded } from "../../testing/recorded";
+
+const PATIENCE = { timeout: 20_000 };
+const TITLE = "Yard loop";
+
+const find = (selector: string): HTMLElement => {
+  const found = document.querySelector(selector);
+  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
+  return found;
+};
+const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
+const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const search = (words: string): void =>
+  void fireEvent.input(screen.getByRole("searchbox"), { target: { value: words } });
+
+/** The library, with its one recording chosen. */
+async function openLibrary(): Promise<Opened> {
+  const page = await openPage(recorded("library"), { place: "#/recordings" });
+  await eventually(() => expect(rows().length).toBe(1));
+  const [row] = rows();
+  if (row) fireEvent.click(row);
+  await eventually(() => expect(find(".detail").textContent).toContain("Length"));
+  return page;
+}
+
+test("a recording is found by its words, and nothing by others", async () => {
+  const { asked } = await openLibrary();
+  fireEvent.input(find(".words form input"), { target: { value: "mast" } });
+  fireEvent.submit(find(".words form"));
+  await eventually(() => expect(find(".tag-cloud").textContent).toContain("mast"));
+  expect(asked.find(({ method }) => method === "PATCH")?.body).toEqual({ tags: ["mast"] });
+  search("mast yard");
+  await eventually(() => expect(rows().length).toBe(1));
+  expect(rows()[0]?.textContent).toContain(TITLE);
+  search("nowhere");
+  await eventually(() => expect(find(".library-centre").textContent).toContain("No matches"));
+  search("");
+  await eventually(() => expect(rows().length).toBe(1));
+});
+
+test("what was deleted is gone from the list, and is put back", async () => {
+  const { asked } = await openLibrary();
+  fireEvent.click(screen.getByRole("button", { name: "Delete" }));
+  await eventually(() => expect(find(".library-centre").textContent).toContain(`${TITLE} deleted`));
+  expect(rows().length).toBe(0);
+  fireEvent.click(screen.getByRole("button", { name: "Undo" }));
+  await eventually(() => expect(document.querySelector(".recording-list tbody tr b a")).not.toBeNull());
+  expect(asked.filter(({ path }) => path.endsWith("/yard")).map(({ method }) => method)).toEqual(["DELETE"]);
+  expect(asked.filter(({ path }) => path.endsWith("/yard/undelete")).length).toBe(1);
+});

@@ -1,0 +1,34 @@
+/**
+ * Access for the browser tests. It exists only in a browser driven by a program, as `navigator.webdriver` reports, not on a user's
+ * page.
+ */
+import type { Store } from "../data/store";
+import type { ViewState } from "../data/view-state";
+import type { ReplayController } from "../recordings/replay-controller";
+
+declare global {
+  interface Window {
+    /** The live store, and the view that is on screen. */
+    imuscope?: Pick<ViewState, "view" | "cursor"> & { readonly store: Store };
+    /** The recording that is open. */
+    imuscopeReplay?: ReplayController | undefined;
+  }
+}
+
+export function showLive(store: Store, viewState: ViewState): void {
+  if (!navigator.webdriver) return;
+  const shown = (): ViewState => window.imuscopeReplay?.viewState ?? viewState;
+  window.imuscope = {
+    store,
+    get view() {
+      return shown().view;
+    },
+    get cursor() {
+      return shown().cursor;
+    },
+  };
+}
+
+export function showReplay(replay: ReplayController | undefined): void {
+  if (navigator.webdriver) window.imuscopeReplay = replay;
+}

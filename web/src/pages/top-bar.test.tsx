@@ -1,0 +1,146 @@
+// @vitest-environment happy-dom
+/** What stands around the pages: the bar, the tabs of a phone, the keys and their overlay, the link to what is on screen. */
+import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
+import { type Opened, openPage } from "../testing/live-page";
+import { recorded } from "../testing/recorded";
+import { KEY_LINES } from "../ui/keys";
+
+const PATIENCE = { timeout: 20_000 };
+const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+
+async function open(): Promise<Opened & { readonly bar: ReturnType<typeof within> }> {
+  const page = await openPage(recorded("xbus"));
+  await eventually(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
+  return { ...page, bar: within(screen.getByRole("banner")) };
+}
+const press = (key: string, more: KeyboardEventInit = {}): void =>
+  void fireEvent.keyDown(document.body, { key, ...more });
+const pressed = (button: HTMLElement): string | null => button.getAttribute("aria-pressed");
+
+test("the controls of time do what they say, and say what is", async () => {
+  const { app, bar } = await open();
+  const view = () => app.viewState.view.value;
+  expect(pressed(bar.getByRole("button", { name: "Live" }))).toBe("true");
+  fireEvent.click(bar.getByRole("button", { name: "Pause" }));
+  await eventually(() => expect(pressed(bar.getByRole("button", { name: "Pause" }))).toBe("true"));
+  expect(view().live).toBe(false);
+  fireEvent.change(bar.getByRole("combobox", { name: "Window length" }), { target: { value: "1" } });
+  expect(view().span).toBe(1);
+  fireEvent.click(bar.getByRole("button", { name: "Arrival time" }));
+  await eventually(() => expect(pressed(bar.getByRole("button", { name: "Arrival time" }))).toBe("true"));
+  expect(view().timeBase).toBe("arrival");
+  fireEvent.click(bar.getByRole("button", { name: /^Zoom in/ }));
+  expect(view().span).toBeLessThan(1);
+  fireEvent.click(bar.getByRole("button", { name: "Live" }));
+  expect(view().live).toBe(true);
+});
+
+test("every control of the view has its key", async () => {
+  const { app } = await open();
+  const view = () => app.viewState.view.value;
+  expect(view().live).toBe(true);
+  press(" ", { code: "Space" });
+  expect(view().live).toBe(false);
+  press(" ", { code: "Space" });
+  expect(view().live).toBe(true);
+  press("ArrowLeft");
+  expect(view().live).toBe(false);
+  press("End");
+  expect(view().live).toBe(true);
+  const { span, timeBase } = view();
+  press("+");
+  expect(view().span).toBeLessThan(span);
+  press("-");
+  expect(view().span).toBeCloseTo(span);
+  press("]");
+  expect(view().span).toBeGreaterThan(span);
+  press("[");
+  expect(view().span).toBe(span);
+  press("t");
+  expect(view().timeBase).not.toBe(timeBase);
+  press("t");
+  expect(view().timeBase).toBe(timeBase);
+});
+
+test("a length made by zooming stands in the list as well", async () => {
+  const { app, bar } = await open();
+  press("+");
+  const { span } = app.viewState.view.value;
+  const list = (): HTMLElement => bar.getByRole("combobox", { name: "Window length" });
+  await eventually(() => expect(list()).toHaveProperty("value", String(span)));
+});
+
+test("the theme is turned over, and the button then offers the other", async () => {
+  const { bar } = await open();
+  const before = document.documentElement.dataset["theme"];
+  fireEvent.click(bar.getByRole("button", { name: /^Use the (dark|light) theme$/ }));
+  const after = document.documentElement.dataset["theme"];
+  expect(after).not.toBe(before);
+  await eventually(() =>
+    expect(bar.queryByRole("button", { name: `Use the ${after === "dark" ? "light" : "dark"} theme` })).not.toBeNull(),
+  );
+});
+
+test("tabs and bar lead to the same pages, and mark the one that is shown", async () => {
+  await open();
+  const [inBar, tabs] = screen.getAllByRole("navigation", { name: "Pages" });
+  if (inBar === undefined || tabs === undefined) throw new Error("no pages");
+  const links = (list: HTMLElement): readonly (readonly (string | null | undefined)[])[] =>
+    within(list)
+      .getAllByRole("link")
+      .map((link) => [link.textContent?.trim(), link.getAttribute("href"), link.getAttribute("aria-current")]);
+  expect(links(tabs)).toEqual([
+    ["Live", "#/", "page"],
+    ["Configure", "#/configure", null],
+    ["Recordings", "#/recordings", null],
+  ]);
+  expect(links(inBar)).toEqual(links(tabs));
+});
+
+test("two keys lead to another page, and the tabs follow", async () => {
+  await open();
+  press("g");
+  press("r");
+  expect(location.hash).toBe("#/recordings");
+  dispatchEvent(new HashChangeEvent("hashchange"));
+  const current = (): readonly string[] =>
+    [...document.querySelectorAll(".tabs [aria-current=page]")].map(({ textContent }) => textContent ?? "");
+  await eventually(() => expect(current()).toEqual(["Recordings"]));
+});
+
+test.each(["the key", "the button"])("%s opens every key there is, and they rest meanwhile", async (way) => {
+  const { app, bar } = await open();
+  if (way === "the key") press("?");
+  else fireEvent.click(bar.getByRole("button", { name: "Keyboard shortcuts" }));
+  const help = await screen.findByRole("dialog", { name: "Keyboard shortcuts" });
+  const shown = [...help.querySelectorAll("dt")].map((one) =>
+    [...one.querySelectorAll("kbd")].map(({ textContent }) => textContent),
+  );
+  expect(shown).toEqual(KEY_LINES.map(({ keys }) => keys));
+  expect(within(help).getAllByRole("link").length).toBe(2);
+  press(" ", { code: "Space" });
+  expect(app.viewState.view.value.live).toBe(true);
+  fireEvent.click(within(help).getByRole("button", { name: "Close" }));
+  await eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
+  press(" ", { code: "Space" });
+  expect(app.viewState.view.value.live).toBe(false);
+});
+
+test("the link to what is on screen is copied, or it is said why not", async () => {
+  const { app, bar } = await open();
+  const copied: string[] = [];
+  const clipboard = vi
+    .spyOn(navigator.clipboard, "writeText")
+    .mockImplementation(async (text) => void copied.push(text));
+  app.viewState.actions.setSpan(5);
+  fireEvent.click(bar.getByRole("button", { name: "Copy link" }));
+  await eventually(() => expect(bar.getByText("Link copied")).toBeTruthy());
+  const [link = ""] = copied;
+  expect(link).toMatch(/#\/\?.*span=5/);
+  expect(link).toContain("device=1");
+  clipboard.mockRejectedValue(new Error("not allowed"));
+  document.execCommand = () => false;
+  press("c");
+  await eventually(() => expect(bar.getByText(/blocks copying/)).toBeTruthy());
+});

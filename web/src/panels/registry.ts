@@ -1,0 +1,49 @@
+/**
+ * The panels of the page: each file of this folder that has one registers it as it is loaded, and the page shows those that
+ * apply, in their order. docs/add-a-panel.md explains how to write one.
+ */
+import type { ComponentChildren, FunctionComponent } from "preact";
+import type { Panel } from "../ui/dom";
+import { protocolAmong } from "../wire/capabilities";
+import type { Deps } from "./panel-context";
+
+/** Place of a panel: the strip over the plots of a phone, the side column, or its scrolling part. */
+export type PanelPlace = "strip" | "side" | "below";
+
+export interface PanelDefinition {
+  /** Unique. */
+  readonly id: string;
+  readonly title: string;
+  /** A word beside the title. */
+  readonly note?: ComponentChildren;
+  readonly where: PanelPlace;
+  /** Panels of one place are in ascending order. */
+  readonly order: number;
+  /** Class of the element that the panel is mounted into. */
+  readonly class?: string;
+  /** False if there is nothing to show; called again when a signal that it reads has changed. Default: always. */
+  readonly applies?: (deps: Deps) => boolean;
+  /** Mount the panel into `host`; `caption` is beside the title, for changing text. */
+  readonly mount: (host: HTMLElement, deps: Deps, caption: HTMLElement | null) => Panel;
+  /** Components under it. */
+  readonly after?: FunctionComponent<{ readonly deps: Deps }>;
+}
+
+const panels = new Map<string, PanelDefinition>();
+
+export function registerPanel(definition: PanelDefinition): void {
+  if (panels.has(definition.id)) throw new Error(`two panels have the id ${definition.id}`);
+  panels.set(definition.id, definition);
+}
+
+/**
+ * The panels of a place that apply, in order: first those named by the device's protocol. Reads signals: call it while a component is
+ * rendered.
+ */
+export function panelsAt(where: PanelPlace, deps: Deps): readonly PanelDefinition[] {
+  const first = protocolAmong(deps.store.devices.value, deps.viewState.view.value.device)?.panels ?? [];
+  const rank = ({ id }: PanelDefinition): number => (first.includes(id) ? first.indexOf(id) : first.length);
+  return [...panels.values()]
+    .filter((panel) => panel.where === where && (panel.applies?.(deps) ?? true))
+    .sort((a, b) => rank(a) - rank(b) || a.order - b.order);
+}

@@ -1,0 +1,46 @@
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { createViewState } from "../data/view-state";
+import { ReplayController } from "./replay-controller";
+import type { RecordingDetail } from "./types";
+
+const detail = (id: string, t0: number): RecordingDetail =>
+  ({
+    info: { id, title: id, started: t0 },
+    t0,
+    t1: t0 + 60,
+    devices: [{ id: "1", name: "one" }],
+    channels: [],
+    events: [],
+    markers: [],
+    snapshots: {},
+    longest_s: {},
+    progress: 1,
+  }) as unknown as RecordingDetail;
+const NOWHERE = { hide: [], show: [], panels: [] };
+
+beforeEach(() => {
+  vi.stubGlobal("fetch", () => Promise.resolve(new Response(new ArrayBuffer(0), { headers: { "x-exact": "1" } })));
+});
+afterEach(() => vi.unstubAllGlobals());
+
+it("two recordings beside each other are read, played and shown each by itself, and Live is left alone", () => {
+  const live = createViewState();
+  live.actions.pin(7);
+  const left = new ReplayController(detail("left", 1000), NOWHERE, createViewState(live));
+  const right = new ReplayController(detail("right", 5000), NOWHERE, createViewState(live));
+  left.seek(1030);
+  left.viewState.actions.select(1020, 1040);
+  left.viewState.hiddenSeries.value = new Set(["Acceleration.x"]);
+  right.toggle();
+  for (let ms = 0; ms <= 1000; ms += 100) for (const one of [left, right]) one.tick(ms);
+  expect(left.head).toBe(1030);
+  expect(right.head).toBeCloseTo(5001, 3);
+  expect(left.viewState.cursor.value).toEqual({ kind: "pinned", time: 1030 });
+  expect(left.place()).toMatchObject({ t0: 1020, t1: 1040, cursor: 1030, hide: ["Acceleration.x"] });
+  expect(right.place()).toMatchObject({ t0: 5000, t1: 5060, hide: [] });
+  left.dispose();
+  expect(right.viewState.view.value).toMatchObject({ end: 5060, span: 60 });
+  right.dispose();
+  expect(live.view.value).toMatchObject({ device: undefined, live: true, span: 20 });
+  expect(live.actions.cursorTime()).toBe(7);
+});

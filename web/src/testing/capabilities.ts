@@ -1,0 +1,19 @@
+/** For tests: a minimal protocol of a server. */
+import type { ProtocolCapability } from "../wire/capability-types";
+
+export function protocol(part: Partial<ProtocolCapability> & { readonly name: string }): ProtocolCapability {
+  return {
+    title: part.name,
+    short: part.name,
+    simulator: false,
+    options: [],
+    describes_payloads: false,
+    attitude_hint: "",
+    identify_hint: "",
+    pause_hint: "",
+    abbreviations: [],
+    plots: [],
+    panels: [],
+    ...part,
+  };
+}

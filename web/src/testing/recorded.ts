@@ -1,0 +1,109 @@
+/**
+ * Recorded messages of a real server to a newly opened page, for component tests: texts and sample frames of its WebSocket, and its
+ * HTTP answers. `python -m tests.record_wire` records them.
+ */
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { gunzipSync } from "node:zlib";
+import { vi } from "vitest";
+import type { Store } from "../data/store";
+import { decode } from "../wire/codec";
+import type { Dtype, ServerText } from "../wire/types";
+
+export type Family = "xbus" | "isb" | "idtp";
+
+/** Further recordings: tests/wire_scenes.py describes each. */
+export type Scene =
+  | "attitude-ins-1"
+  | "attitude-ins-2"
+  | "attitude-ins-4"
+  | "attitude-imu-quat"
+  | "unverified"
+  | "shared-link"
+  | "waiting"
+  | "two-senders"
+  | "library";
+
+/** "GET /api/devices/1/values", or with a body "POST /api/devices/1/preview {…}" → the answer. */
+export type Answers = Readonly<Record<string, unknown>>;
+
+export interface Recorded {
+  readonly texts: readonly ServerText[];
+  readonly samples: readonly string[];
+  /** The texts after the settings were read. */
+  readonly read?: readonly ServerText[];
+  readonly unread: Answers;
+  readonly answers: Answers;
+}
+
+const FOLDER = join(import.meta.dirname, "../../../tests/golden/wire");
+
+export function recorded(name: Family | Scene): Recorded {
+  return JSON.parse(gunzipSync(readFileSync(join(FOLDER, `page-${name}.json.gz`))).toString()) as Recorded;
+}
+
+/** Feeds a store with everything recorded, as its socket worker would. */
+export function feed(store: Store, { samples }: Pick<Recorded, "samples">, texts: readonly ServerText[]): void {
+  store.receive({ kind: "connection", state: "open", nextTry: undefined });
+  store.receive({ kind: "subscribed", fresh: true });
+  const dtypes = new Map<number, readonly Dtype[]>();
+  for (const text of texts) {
+    if (text.op === "channels")
+      for (const { id, columns } of text.channels)
+        dtypes.set(
+          id,
+          columns.map(({ dtype }) => dtype),
+        );
+    store.receive({ kind: "text", text });
+  }
+  for (const sample of samples) {
+    const bytes = Uint8Array.from(atob(sample), (letter) => letter.charCodeAt(0));
+    const { frames, problem } = decode(bytes.buffer, (channel) => dtypes.get(channel));
+    if (problem !== undefined) throw new Error(problem);
+    store.receive({ kind: "frames", frames, received: Number.NaN });
+  }
+}
+
+/** A request. */
+export interface Asked {
+  readonly method: string;
+  readonly path: string;
+  readonly body: unknown;
+}
+
+const inOrder = (value: unknown): unknown =>
+  Array.isArray(value)
+    ? value.map(inOrder)
+    : typeof value === "object" && value !== null
+      ? Object.fromEntries(
+          Object.entries(value)
+            .sort(([a], [b]) => (a < b ? -1 : 1))
+            .map(([name, part]) => [name, inOrder(part)]),
+        )
+      : value;
+
+/** Lookup key of an answer: independent of the order of a body's keys. */
+function keyOf(text: string): string {
+  const cut = text.indexOf(" {");
+  return cut < 0 ? text : text.slice(0, cut + 1) + JSON.stringify(inOrder(JSON.parse(text.slice(cut + 1))));
+}
+
+/** Time from a request to its answer: the page is drawn meanwhile. */
+const [ON_THE_WAY_MS, SLOW_MS] = [5, 200];
+
+/** Answers requests from the recording, late when the path ends with `slow`; others with 404. Returns all requests so far. */
+export function answering(answers: Answers, slow = ""): Asked[] {
+  const known = new Map(Object.entries(answers).map(([key, answer]) => [keyOf(key), answer]));
+  const asked: Asked[] = [];
+  vi.stubGlobal("fetch", (path: string, { method = "GET", body }: RequestInit = {}) => {
+    const text = typeof body === "string" ? body : "";
+    asked.push({ method, path, body: text === "" ? undefined : JSON.parse(text) });
+    const found = known.get(keyOf(`${method} ${path} ${text}`.trim())) ?? known.get(`${method} ${path}`);
+    const missing = { kind: "not-found", message: `Nothing was recorded of ${path}.`, hint: "" };
+    const headers = { "content-type": "application/json" };
+    const answer = new Response(JSON.stringify(found ?? missing), { status: found === undefined ? 404 : 200, headers });
+    const takes = slow !== "" && path.endsWith(slow) ? SLOW_MS : ON_THE_WAY_MS;
+    return new Promise((resolve) => setTimeout(() => resolve(answer), takes));
+  });
+  return asked;
+}

@@ -1,0 +1,69 @@
+/** Texts of attitude, position and track. */
+import type { Value } from "./plural";
+
+export const TEXT = {
+  // gnss
+  enlargeTrack: "Enlarge the track",
+  trackLabel: "Track in the window, north up. Enlarge the track",
+  lat: "Lat",
+  lon: "Lon",
+  mHor: "m hor.",
+  mVert: "m vert.",
+  age: "Age",
+  gnss: "GNSS",
+
+  // panel
+  payloadsUndefined: "Its payloads are not defined. See Raw payloads beside the plots.",
+  noOrientation: "No orientation data",
+  verified: "● verified",
+  forwardLeftUp: "forward, left, up",
+  forwardRightDown: "forward, right, down",
+  frameHint: "Reference frame of attitude, body, plots and values",
+  bodyAxes: (name: Value, axes: Value) => `${name}, body axes ${axes}`,
+  nativeFrame: (axes: Value) => `${axes}: as sent by the device`,
+  convertedFrame: (axes: Value, native: Value) => `${axes}: attitude, plots and values converted from ${native}`,
+  artificialHorizon: "Artificial horizon",
+  bodyLabel: "Sensor body with its x, y and z axes",
+  body: "Body ",
+  seenFromSw: "seen from SW",
+  heading: "Heading",
+  fromNorth: "from north",
+  roll: "Roll",
+  aboutX: "about x",
+  pitch: "Pitch",
+  bodyInFrame: (body: Value, frame: Value) => `${body} in ${frame}`,
+  aboutY: (sign: Value) => `about y, ${sign}`,
+
+  // position
+  noFix: "no fix",
+  rtk: (carrier: Value) => `RTK ${carrier}`,
+  satelliteCount: (satellites: Value) => `${satellites} sat`,
+
+  // projection
+  noseUp: "+ nose up",
+  noseDown: "+ nose down",
+
+  // source
+  fromQuaternion: "from quaternion",
+  fromRotationMatrix: "from rotation matrix",
+  fromEulerAngles: "from Euler angles",
+  fromGroup: (group: Value) => `from ${group}`,
+
+  // track dialog
+  trackHelp: "Track on a metric grid, north up. Arrow keys move it, plus and minus zoom, 0 fits.",
+  fixTypes: "Fix types",
+  zoomIn: "Zoom in",
+  zoomOut: "Zoom out",
+  fit: "Fit",
+  fitHint: "Fit: show the entire window and follow it",
+  noPosition: "no position",
+  mapLabel: "Map under the track",
+  map: "Map",
+  tileServerDown: "The tile server does not respond.",
+
+  // track
+  rtkFixed: "RTK fixed",
+  rtkFloating: "RTK floating",
+  fix2d: "2D or dead reckoning",
+  noPositionInWindow: "No position in this window",
+};

@@ -1,0 +1,118 @@
+/** Texts of forms: fields, tables, add a device. */
+import { count, type Value } from "./plural";
+
+export const TEXT = {
+  // add device
+  keyFormat: "The key must consist of hex digits, two per byte.",
+  keyExample: "Example: 00112233445566778899aabbccddeeff.",
+  decodeOptions: "Decoding options",
+  address: "Address",
+  addressPlaceholder: "/dev/ttyUSB0",
+  protocol: "Protocol",
+  detectAutomatically: "Detect automatically",
+  add: "Add",
+  useKey: "Use this key",
+  examples: "Examples",
+
+  // budget bar
+  linkBudget: "Link budget",
+  ofBaudRate: (rate: Value) => `% of ${rate} Bd`,
+  ofLink: "% of the link",
+  measuredRate: (measured: Value) => `measured ${measured} B/s`,
+  rateBefore: (total: Value) => `before ${total} B/s`,
+  now: ", now",
+  link: "Link",
+
+  // budget
+  outputsNeedShare: (percent: Value) => `The outputs need ${percent} % of the link.`,
+
+  // elsewhere
+  offToOn: "off → on",
+  onToOff: "on → off",
+
+  // choice table
+  on: "On",
+  load: "Load",
+  changed: "Changed",
+  offInTable: "off",
+
+  // field
+  wasValue: (field: Value) => `was ${field}`,
+
+  // frame view
+  framePreview: "Frame preview",
+  frame: "Frame",
+  frameCount: (frames: number) => (frames === 1 ? "Frame" : count(frames, "frame")),
+  bytesToTheDevice: (bytes: number) => `${count(bytes, "byte")} to the device`,
+  changedBytesUnderlined: ", changed bytes underlined",
+  copied: "Copied",
+  copyHex: "Copy hex",
+  moreFrames: (frames: number) => `… and ${count(frames, "more frame")}.`,
+
+  // inputs
+  notRead: "not read",
+  undocumentedValue: (value: Value) => `${value} (undocumented)`,
+  off: "Off",
+  numbersOfField: (title: Value, n: number) => `${title}, ${count(n, "number")}`,
+  problemOfNumber: (n: Value, problem: Value) => `Number ${n}: ${problem}`,
+  wrongNumberCount: (expected: number, given: Value) => `Enter ${count(expected, "number")}; there are ${given}.`,
+
+  // list input
+  noEntry: "No entries.",
+  entryInSentence: (place: Value) => `entry ${place}`,
+  moveEntryUp: (n: Value) => `Move entry ${n} up`,
+  moveEntryDown: (n: Value) => `Move entry ${n} down`,
+  removeEntry: (place: Value) => `Remove entry ${place}`,
+  atMostEntries: (most: number) => `At most ${count(most, "entry", "entries")}`,
+  addEntry: "Add an entry",
+  entry: (place: Value) => `Entry ${place}`,
+
+  // ntrip
+  hostMissing: "Enter the host of the caster.",
+  hostInvalid: "Enter the host as a name or IP address, without ntrip:// or a slash.",
+  portInvalid: "Enter a port from 1 to 65 535.",
+  mountPointMissing: "Enter the mount point.",
+  stopped: "Stopped",
+  retrying: "Not forwarding, retrying",
+  forwardingIdle: "Forwarding, no new data",
+  forwarding: "Forwarding",
+
+  // outputs table
+  data: "Data",
+  id: "ID",
+  rate: "Rate",
+  precision: "Precision",
+  rateOf: (title: Value) => `Rate of ${title}`,
+  fixed: "fixed",
+  precisionOf: (title: Value) => `Precision of ${title}`,
+  frameOf: (title: Value) => `Frame of ${title}`,
+
+  // outputs
+  everySample: "every sample",
+  highestRate: (most: Value) => `highest, ${most} Hz`,
+  unknownOutput: "Not in the table",
+  wasOff: "was off",
+  wasChoice: (choice: Value) => `was ${choice}`,
+  wasParts: (parts: Value) => `was ${parts}`,
+
+  // streams table
+  dataSet: "Data set",
+
+  // streams
+  nativeRate: "native rate",
+  oneIn: (period: Value) => `1 in ${period}`,
+
+  // sync
+
+  // values
+  numberRequired: "Enter a number.",
+  notANumber: "Not a number. Enter digits, with a point for decimals.",
+  wholeNumberRequired: "Enter a whole number.",
+  numberTooLarge: "The number is too large",
+  numberRange: (low: Value, high: Value, unit: Value) => `${low} to ${high}${unit}`,
+  atLeast: (low: Value, unit: Value) => `at least ${low}${unit}`,
+  atMost: (high: Value, unit: Value) => `at most ${high}${unit}`,
+  entryCount: (entries: number) => count(entries, "entry", "entries"),
+  atMostBytes: (most: number) => `At most ${count(most, "byte")}.`,
+  atMostCharacters: (most: number) => `At most ${count(most, "character")}.`,
+};

@@ -1,0 +1,152 @@
+/** Texts of the panels beside and below the plots. */
+import { count, plural, type Value } from "./plural";
+
+export const TEXT = {
+  // authenticity
+  trust: {
+    verified: "verified",
+    unverified: "unverified",
+    "partly protected": "partly protected",
+    "not protected": "not protected",
+  },
+  noKey: "no key",
+  wrongKeyOrForged: "wrong key or forged frame",
+  headerChecksumError: "header checksum error",
+  crc32Error: "CRC-32 error",
+  modeTooWeak: "security mode too low",
+  oldSequenceNumber: "old sequence number",
+  sequenceNumberFarAhead: "sequence number far ahead",
+  unknownId: "unknown identifier",
+  otherVersion: "unsupported version",
+  unknownMode: "unknown mode",
+  successorProtocol: "successor protocol",
+  invalidNmea: "invalid NMEA sentence",
+  rejectedWithoutKey: (frames: number) => `${count(frames, "Secure frame")} rejected: no key to verify them.`,
+  rejectedByKey: (frames: number) => `${count(frames, "Secure frame")} rejected: the key does not match.`,
+
+  // event groups
+  lossAndClock: "Loss and clock",
+  deviceAndLink: "Device and link",
+  commandsAndReplies: "Commands and replies",
+  thenSamplesLost: (samples: number) => `, ${count(samples, "sample")} lost`,
+  gapsBecause: (gaps: number, lost: Value, cause: Value) => `${count(gaps, "gap")}${lost}: ${cause}`,
+  framesRejected: (frames: number, times: Value, cause: Value) =>
+    `${count(frames, "frame")} rejected, ${times} times; most recent: ${cause}`,
+  repeated: (text: Value, times: Value) => `${text} (${times} times)`,
+
+  // event list
+  level: { info: "note", warning: "warning", error: "error" },
+  eventFilter: "Event filter",
+  noEvents: "No events yet.",
+  noMatchingEvents: "No events of this type.",
+  showLastOfGroup: (n: number, from: Value, to: Value) =>
+    `${count(n, "time")}, ${from} to ${to} UTC. Show the most recent on the plots.`,
+  showOnPlots: "Show on the plots",
+  events: "Events",
+  newestFirst: "newest first",
+
+  // health panel
+  samples: "Samples",
+  samplesHelp: "Rate of the fastest message over the last second",
+  gaps: "Gaps",
+  gapsHelp: "Samples missing in the last minute by the device's counter, and link downtime",
+  rejectsHelp: "Frames in the last minute that failed verification; excluded from the data",
+  bytesHelp: "All bytes received over the last second",
+  shareOfLink: "Share of link",
+  shareHelp: "Bytes per second relative to the link capacity",
+  arrivalJitter: "Arrival jitter",
+  jitterHelp: "99th percentile of arrival delay relative to the device clock",
+  lastSample: "Last sample",
+  lastSampleHelp: "Time since the newest sample arrived at the host",
+  droppedHere: "Dropped here",
+  droppedHelp: "Samples not sent to this browser because it could not keep up",
+  clockDrift: "Clock drift",
+  driftHelp: "Device clock relative to the host clock",
+  deviceTimeHelp: "Total uncertainty of device times on the host clock",
+  sinceStart: "since the start",
+  headerChecked: "header checked",
+  samplesPerSecond: "samples/s",
+  rejectsUnit: "rejects",
+  oldUnit: "old",
+  samplesUnit: "smp",
+  samplesLost: "samples lost",
+  ofLink: "% of link",
+  msJitter: "ms jitter",
+  msDeviceTime: "ms device time",
+  agoSuffix: " ago",
+  health: "Health",
+  lastMinute: "last minute",
+  linkHealth: "Link health",
+
+  // health text
+  samplesShort: (lost: Value) => `${lost} smp`,
+  framesUnit: (frames: number) => plural(frames, "frame"),
+  sinceSessionBegan: (gaps: number, lost: number, rejects: number) =>
+    `Since the session began: ${count(gaps, "gap")}, ${count(lost, "sample")} lost, ${count(rejects, "frame")} rejected.`,
+  msP99: "ms p99",
+  unitAgo: (unit: Value) => `${unit} ago`,
+  droppedVerdict: (samples: number) =>
+    `${count(samples, "sample")} not sent to this browser because it could not keep up. No other loss.`,
+  gapVerdict: (t0: Value, text: Value) => `Gap ${t0}: ${text}`,
+  rejectsVerdict: (frames: number) =>
+    `${count(frames, "frame")} failed verification and ${plural(frames, "was", "were")} discarded; no counter reports missing samples.`,
+  lostLaterVerdict: (samples: number) =>
+    `No loss up to here; ${count(samples, "sample is", "samples are")} missing later.`,
+  noLossInSession: "No loss since this session began.",
+  noLossInRecording: "No loss in this recording.",
+
+  // hex
+  bytesInAllOneMessage: (
+    size: Value,
+    id: Value,
+    id2: Value,
+    type: Value,
+    count2: Value,
+  ) => `# ${size} bytes in all; one [[message.field]] for each quantity, in the order of the bytes.
+# type: i8 u8 i16 u16 i32 u32 i64 u64 f32 f64, little-endian
+# count: how many of them; left out, one
+# unit: "m/s", "°C"; shown = sent × scale
+[[message]]
+type = 0x${id}
+name = "Vendor${id2}"
+
+[[message.field]]
+name = "Values"
+type = "${type}"
+${count2}unit = ""
+scale = 1.0
+`,
+
+  // satellite data
+  satellites: "Satellites",
+  system: (value: Value) => `System ${value}`,
+
+  // satellites
+  satellitesLabel: "Satellites by constellation, with signal strength in dB-Hz",
+  inDBHz: " in dB-Hz",
+
+  // unknown payloads
+  newestPayload: (name: Value) => `Newest payload ${name}: offset, bytes, characters`,
+  definePayload: "Define payload…",
+  payloadFacts: (rate: Value, total: Value, size: Value) => `${rate} /s · ${total} in total · ${size} B`,
+  moreBytes: (rest: Value) => `… and ${rest} B more`,
+  rawPayloads: "Raw payloads",
+  undefinedPayloads: "payloads without a definition",
+
+  // value groups
+  otherValues: "Other values",
+
+  // values
+  mean: "mean",
+  reading: { now: "now", cursor: "cursor", paused: "paused" },
+  valuesLabel: "Values of the selected device",
+  heldFor: (value: Value, unit: Value) => `held, ${value} ${unit} old`,
+  atTime: (time: Value, offScreen: Value) => `at ${time}${offScreen}`,
+  windowLength: (value: Value, unit: Value) => `${value} ${unit} window`,
+  showRowsOf: (label: Value) => `Show the rows of ${label}`,
+  show: "Show",
+  values: "Values",
+
+  // values
+  offScreen: ", off screen",
+};

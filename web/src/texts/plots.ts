@@ -1,0 +1,69 @@
+/** Texts of the plots. */
+import { count, type Value } from "./plural";
+
+export const TEXT = {
+  // derived channels
+  normDoc: "Magnitude of the vector, computed by the page.",
+  eulerAngles: "Euler angles",
+  rollDoc: "Rotation about x, third in the sequence.",
+  pitchDoc: "Rotation about y, second in the sequence.",
+  yawDoc: "Rotation about z, first in the sequence.",
+  eulerAnglesDoc: (title: Value) => `Computed by the page from ${title}; sequence yaw, pitch, roll.`,
+
+  // losses
+  droppedForBrowser: "Dropped for this browser because it could not keep up.",
+  serverRestartedGap: "The imuscope server was restarted; data sent in the meantime are missing here.",
+
+  // axis
+  minutesSeconds: (sign: Value, minutes: Value, seconds: Value) => `${sign}${minutes} min ${seconds} s`,
+  deviceTime: "device time",
+  arrivalTime: "arrival time",
+  utcDay: (day: Value, base: Value) => `UTC ${day}, ${base}`,
+  utcBase: (base: Value) => `UTC, ${base}`,
+  measured: (duration: Value) => `Δ ${duration}`,
+
+  // history strip
+  inMemory: "In memory",
+  secondsBehind: (seconds: Value) => `${seconds} s behind`,
+  minutesBehind: (minutes: Value, seconds: Value) => `${minutes} min ${seconds} s behind`,
+
+  // lane names
+  fewerLanes: "Fewer lanes",
+  moreLanes: (others: number) => count(others, "more lane"),
+  lossHere: (loss: Value) => `Loss: ${loss}`,
+  noLoss: "No loss.",
+  gapsInMemory: (losses: number) => `${count(losses, "gap")} in memory.`,
+  whenSet: (meaning: Value) => `When set: ${meaning}`,
+
+  // legend
+  unverifiedHint: "Unverified: the sender could not be verified",
+  unverified: "unverified",
+  frameOf: (frame: Value) => `Frame: ${frame}.`,
+  toggleSeries: (name: Value, label: Value) => `${name} ${label}: click to hide or show, Shift-click to show alone`,
+  change: (difference: Value) => `Δ ${difference}`,
+
+  // plot selection
+  rollPitch: "Roll, pitch",
+  yaw: "Yaw",
+
+  // plot stack
+  moreQuantities: "More quantities",
+  statusLanesLabel: "Losses and status flags over time",
+  everythingInMemory: "Everything in memory",
+  lastSeconds: (span: Value) => `last ${span} s`,
+  secondsUntil: (span: Value, end: Value) => `${span} s until ${end} UTC`,
+  timeAxisState: (range: Value, cursor: Value) => `Time axis, ${range}${cursor}`,
+
+  // plot
+  inUnit: (unit: Value) => ` in ${unit}`,
+  plotOverTime: (title: Value, unit: Value) => `${title}${unit} over time`,
+
+  // status lanes
+  notSet: "not set",
+  samplesThen: (samples: number) => `${count(samples, "sample")}, `,
+  thisBrowser: ", this browser",
+  serverRestarted: ", server restarted",
+
+  // plot stack
+  cursorAtUtc: (reading: Value) => `, cursor at ${reading} UTC`,
+};

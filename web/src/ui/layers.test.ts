@@ -1,0 +1,61 @@
+/** Which style outdoes which is said in one file, by layers, and not by which file is loaded first; no class is styled that nothing has. */
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { describe, expect, it } from "vitest";
+
+const read = (file: string): string => new TextDecoder().decode(readFileSync(join(import.meta.dirname, file)));
+/** A style sheet without comments and imports. */
+const bare = (file: string): string =>
+  read(file)
+    .replaceAll(/\/\*.*?\*\/|@import [^;]+;/gs, "")
+    .trim();
+
+const ORDER = "./layers.css";
+const FILES = Object.keys(import.meta.glob("../**/*.css")).filter((file) => file !== ORDER);
+const declared = bare(ORDER).slice("@layer ".length, -1).split(/,\s*/);
+
+/** The layer that holds all rules of a file; undefined where a rule stands outside, or in a second one. */
+function layerOf(file: string): string | undefined {
+  const [, name, rules = ""] = /^@layer ([\w-]+) \{(.*)\}$/s.exec(bare(file)) ?? [];
+  let depth = 0;
+  for (const [brace] of rules.matchAll(/[{}]/g)) if ((depth += brace === "{" ? 1 : -1) < 0) return undefined;
+  return name;
+}
+
+describe("layers of style", () => {
+  it("are declared in one statement, none twice", () => {
+    expect(bare(ORDER)).toMatch(/^@layer [^;{}]+;$/);
+    expect(new Set(declared).size).toBe(declared.length);
+  });
+
+  it("hold every rule of the page: one layer for each file", () => {
+    expect(FILES.filter((file) => layerOf(file) === undefined)).toEqual([]);
+    expect(FILES.map(layerOf).sort()).toEqual(declared.toSorted());
+  });
+
+  it.each(["index.html", "bench.html"])("are known before any style sheet of %s", (page) => {
+    const html = read(`../../${page}`);
+    const first = html.indexOf('<link rel="stylesheet"');
+    expect(html.slice(first)).toMatch(/^<link rel="stylesheet" href="\/src\/ui\/layers.css"/);
+    expect(first).toBeLessThan(html.indexOf('type="module"'));
+  });
+
+  it("are known before any style sheet of docs.html", () => {
+    expect(read("../docs/docs.css").match(/@\w+ [^;{]+/)?.[0]).toBe('@import "../ui/layers.css"');
+  });
+});
+
+describe("classes", () => {
+  const code = Object.keys(import.meta.glob(["../**/*.{ts,tsx}", "!../**/*.test.*", "!../texts/*"]));
+  const words = new Set(
+    code.flatMap((file) => read(file).match(/"[^"\n]*"|`[^`]*`/g) ?? []).flatMap((text) => text.match(/[\w-]+/g) ?? []),
+  );
+
+  it.each(FILES.filter((file) => !file.includes("docs.css")))("of %s are given to an element somewhere", (file) => {
+    const selectors = [...bare(file).matchAll(/([^{};]+)\{/g)].map(([, selector = ""]) => selector);
+    const named = selectors
+      .filter((one) => !one.trim().startsWith("@"))
+      .flatMap((one) => one.match(/(?<=\.)[A-Za-z][\w-]*/g) ?? []);
+    expect(named.filter((name) => !words.has(name))).toEqual([]);
+  });
+});

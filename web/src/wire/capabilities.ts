@@ -1,0 +1,30 @@
+/**
+ * Capabilities of the server: its protocols, export formats and kinds of links, from its greeting. Everything that the page offers
+ * of them comes from here, so that a protocol, a format or a link is added to the server alone.
+ */
+import { computed, signal } from "@preact/signals";
+import type { Capabilities, ProtocolCapability } from "./capability-types";
+import type { DeviceInfo } from "./types";
+
+/** Nothing is known before the server has greeted. */
+export const capabilities = signal<Capabilities>({ protocols: [], exports: [], links: [] });
+
+const byName = computed(() => new Map(capabilities.value.protocols.map((one) => [one.name, one])));
+
+/** The protocol of that name; undefined where the server has none. */
+export function protocolOf(name: string | undefined): ProtocolCapability | undefined {
+  return byName.value.get(name ?? "");
+}
+
+/** Parts of constants that the protocols leave in capitals. */
+export const abbreviations = computed<ReadonlySet<string>>(
+  () => new Set(capabilities.value.protocols.flatMap((one) => one.abbreviations)),
+);
+
+/** The protocol of one of these devices. */
+export function protocolAmong(
+  devices: readonly DeviceInfo[],
+  device: string | undefined,
+): ProtocolCapability | undefined {
+  return protocolOf(devices.find(({ id }) => id === device)?.protocol);
+}

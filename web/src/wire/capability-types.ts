@@ -1,0 +1,88 @@
+/** Types of what the server can do. Generated from server/capabilities.py by `python -m server.generate_ts_types`; do not edit. */
+
+export type DecodeOptionName = "key" | "time_unit" | "rotation";
+
+export interface DecodeOptionChoice {
+  readonly value: string;
+  readonly words: string;
+}
+
+/** An option of how the bytes of a device are decoded, set by the user. */
+export interface DecodeOptionInput {
+  readonly name: DecodeOptionName;
+  readonly title: string;
+  /** empty: a key, in hex digits */
+  readonly choices: readonly DecodeOptionChoice[];
+  /** in effect if the option is not set */
+  readonly default: string;
+  /** also offered while the protocol is not known */
+  readonly early: boolean;
+}
+
+/** A protocol family. */
+export interface ProtocolCapability {
+  /** "xbus" */
+  readonly name: string;
+  /** "Xsens MTi (Xbus)" */
+  readonly title: string;
+  /** short title: "Xbus" */
+  readonly short: string;
+  /** `sim:NAME` is a simulated device */
+  readonly simulator: boolean;
+  readonly options: readonly DecodeOptionInput[];
+  /** the user can describe a vendor's own payload types */
+  readonly describes_payloads: boolean;
+  /** outputs to enable for an attitude */
+  readonly attitude_hint: string;
+  /** why a device has no name yet, and how to get it */
+  readonly identify_hint: string;
+  /** effect of reading its settings */
+  readonly pause_hint: string;
+  /** parts of its names to write in capitals */
+  readonly abbreviations: readonly string[];
+  /** titles or names of quantities to plot first */
+  readonly plots: readonly string[];
+  /** ids of panels to place first */
+  readonly panels: readonly string[];
+}
+
+/** A format that recordings can be exported to. */
+export interface ExportCapability {
+  /** "csv" */
+  readonly name: string;
+  /** "CSV" */
+  readonly title: string;
+  /** "full precision, units, one table per message" */
+  readonly words: string;
+  /** ".csv" */
+  readonly suffix: string;
+  /** holds the bytes of one device, and no choice of channels */
+  readonly single: boolean;
+  /** only for devices with this protocol; "" for any */
+  readonly protocol: string;
+  /** rough size, for each byte of the recording, until it is measured */
+  readonly per_byte: number;
+}
+
+export interface SourceExample {
+  /** "tcp://192.168.1.20:2000" */
+  readonly source: string;
+  /** "a serial server or a device on the network" */
+  readonly words: string;
+}
+
+/** A kind of link. */
+export interface LinkCapability {
+  /** DeviceInfo.link: "tcp" */
+  readonly name: string;
+  /** as displayed: "TCP" */
+  readonly title: string;
+  readonly examples: readonly SourceExample[];
+}
+
+/** Everything that can be added without changing the page. */
+export interface Capabilities {
+  readonly protocols: readonly ProtocolCapability[];
+  readonly exports: readonly ExportCapability[];
+  readonly links: readonly LinkCapability[];
+}

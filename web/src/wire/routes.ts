@@ -1,0 +1,482 @@
+/** Routes of the HTTP API. Generated from its OpenAPI document by `python -m server.generate_ts_types`; do not edit. */
+
+import type { Attempt, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
+import type { Capabilities } from "./capability-types";
+import type { Apply, Compare, Corrections, Difference, Fit, FitAnswer, Forms, Keep, Preview, PreviewAnswer, Raw, ReadWish, Run, SnapshotBody, SnapshotInfo } from "../forms/types";
+import type { Edit, Export, ExportPart, ExportSizes, Mark, MarkerInfo, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "../recordings/types";
+
+/** Of `T`, the fields that the server has defaults for may be left out. */
+export type Defaulted<T, K extends keyof T> = Omit<T, K> & { readonly [P in K]?: T[P] };
+
+/** A source to open. */
+export interface AddDevice {
+  /** name of the protocol; empty to detect it */
+  readonly protocol?: string;
+  /** for Secure frames, hex; never returned */
+  readonly key?: string;
+  /** weakest frame mode that is accepted; empty: secure with a key, else lite */
+  readonly min_mode?: "" | "lite" | "safety" | "secure";
+  /** without a key, show Secure frames, marked as unverified */
+  readonly unverified?: boolean;
+  /** unit of timestamps that do not state it; empty: microseconds, unless arrival times contradict it */
+  readonly time_unit?: "" | "ns" | "us" | "ms" | "s";
+  /** direction of a quaternion where the device does not state it; empty: body to ENU */
+  readonly rotation?: "" | "enu_from_body" | "body_from_enu";
+  /** TOML that describes a vendor's own payload types */
+  readonly schema?: string;
+  /** as on the command line */
+  readonly source: string;
+}
+
+/** Version and build of this imuscope. */
+export interface Build {
+  readonly name: "imuscope";
+  readonly version: string;
+  readonly wire: string;
+  readonly python: string;
+  readonly machine: string;
+  readonly run: string;
+  readonly protocols: readonly string[];
+  readonly role: "view" | "control";
+}
+
+/** One channel as JSON, column by column; a bucket is two rows (min, max). */
+export interface ChannelTable {
+  readonly channel: string;
+  readonly device: string;
+  readonly frame: string;
+  /** true: every row; false: summarised in buckets */
+  readonly exact: boolean;
+  /** for the columns that have a unit */
+  readonly units: Readonly<Record<string, string>>;
+  /** NaN is null; integers that JavaScript cannot represent are text */
+  readonly columns: Readonly<Record<string, readonly unknown[]>>;
+}
+
+/** Statistics of a range of one column; null without numbers, and for the mean of a rotating axis. */
+export interface ColumnStatistics {
+  readonly n: number;
+  readonly mean: number | null;
+  readonly sigma: number | null;
+  readonly min: number | null;
+  readonly max: number | null;
+}
+
+/** Decode options of a source. */
+export interface DecodeOptionsBody {
+  /** name of the protocol; empty to detect it */
+  readonly protocol?: string;
+  /** for Secure frames, hex; never returned */
+  readonly key?: string;
+  /** weakest frame mode that is accepted; empty: secure with a key, else lite */
+  readonly min_mode?: "" | "lite" | "safety" | "secure";
+  /** without a key, show Secure frames, marked as unverified */
+  readonly unverified?: boolean;
+  /** unit of timestamps that do not state it; empty: microseconds, unless arrival times contradict it */
+  readonly time_unit?: "" | "ns" | "us" | "ms" | "s";
+  /** direction of a quaternion where the device does not state it; empty: body to ENU */
+  readonly rotation?: "" | "enu_from_body" | "body_from_enu";
+  /** TOML that describes a vendor's own payload types */
+  readonly schema?: string;
+}
+
+/** A range of seconds of one device: a list holds one value a second from `first` on; None: unknown. */
+export interface HealthHistory {
+  readonly first: number;
+  readonly before: number;
+  readonly bytes: readonly number[];
+  readonly jitter_ms: readonly (number | null)[];
+  readonly drift_ppm: readonly (number | null)[];
+  readonly uncertainty_ms: readonly (number | null)[];
+  readonly messages: Readonly<Record<string, readonly number[]>>;
+  readonly counted: Readonly<Record<string, number>>;
+}
+
+/** The server answers. */
+export interface HealthStatus {
+  readonly status: "ok";
+  readonly devices: number;
+  readonly browsers: number;
+}
+
+/** Availability of a map. */
+export interface MapInfo {
+  readonly tiles: boolean;
+  readonly attribution: string;
+}
+
+/** One serial port. */
+export interface PortInfo {
+  readonly device: string;
+  readonly description: string;
+  readonly busy: string;
+  readonly denied: string;
+  readonly heard: readonly Attempt[];
+}
+
+/** The shape of every error. */
+export interface ProblemBody {
+  /** one word for programs */
+  readonly kind: string;
+  /** one sentence for the user */
+  readonly message: string;
+  /** what to do next; may be empty */
+  readonly hint: string;
+}
+
+/** Device whose sequence may restart. */
+export interface Rearm {
+  /** the id of the device in the stream; empty: every device of the link */
+  readonly sender?: string;
+}
+
+/** Ports to scan. */
+export interface ScanPorts {
+  /** paths; null for every port that is present */
+  readonly ports?: readonly string[] | null;
+}
+
+/** Address of a 3D scene. */
+export interface SceneAddress {
+  /** path on this server */
+  readonly address: string;
+}
+
+/** A stream to forward. */
+export interface SetCorrections {
+  /** RTCM 3 from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file: of the library, or of a folder that source_folders names */
+  readonly source: string;
+}
+
+/** Share of a recording that a viewer in a browser gets: rows of all quantities together, in the recording and shown; `most` rows of one quantity (0: all), which is one of `every` samples of the largest; and the longest time range that opens without thinning, s. */
+export interface ViewerQuery {
+  readonly rows: number;
+  readonly shown: number;
+  readonly most: number;
+  readonly every: number;
+  readonly whole_s: number;
+}
+
+export interface Routes {
+  /** Every device with its link and state. */
+  "GET /api/devices": { readonly answer: readonly DeviceInfo[]; };
+  /** Open a source. Answers at once; the progress is sent over the WebSocket. */
+  "POST /api/devices": {
+    readonly body: AddDevice;
+    readonly answer: DeviceInfo;
+  };
+  /** Close a device and forget it. A device with a pending rollback stays until the change is confirmed or rolled back. */
+  "DELETE /api/devices/{device}": {
+    readonly path: { readonly device: string };
+    readonly answer: undefined;
+  };
+  /** Try the link now instead of at `next_attempt`; play an ended file again. */
+  "POST /api/devices/{device}/retry": {
+    readonly path: { readonly device: string };
+    readonly answer: DeviceInfo;
+  };
+  /** Decode what is received from now on with other options: the given options change, the others and the device stay. A `schema` is added to the existing descriptions. */
+  "POST /api/devices/{device}/decode-options": {
+    readonly path: { readonly device: string };
+    readonly body: DecodeOptionsBody;
+    readonly answer: DeviceInfo;
+  };
+  /** Accept any sequence number that a Secure device sends next. Use it only after restarting the device: until its next frame arrives, replayed old frames would be accepted as new. */
+  "POST /api/devices/{device}/rearm": {
+    readonly path: { readonly device: string };
+    readonly body: Rearm;
+    readonly answer: DeviceInfo;
+  };
+  /** Queue, running job, pending rollback, last results. */
+  "GET /api/devices/{device}/jobs": {
+    readonly path: { readonly device: string };
+    readonly answer: DeviceJobs;
+  };
+  /** The traffic log, newest last. */
+  "GET /api/devices/{device}/traffic": {
+    readonly path: { readonly device: string };
+    readonly query?: { readonly before?: number | null | undefined; readonly limit?: number | undefined };
+    readonly answer: readonly TrafficEntry[];
+  };
+  /** Read settings into a snapshot. The device does not measure while it is read. */
+  "POST /api/devices/{device}/read": {
+    readonly path: { readonly device: string };
+    readonly body: Defaulted<ReadWish, "settings" | "reason" | "confirmed">;
+    readonly answer: Job;
+  };
+  /** Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be lost. */
+  "POST /api/devices/{device}/apply": {
+    readonly path: { readonly device: string };
+    readonly body: Defaulted<Apply, "reason" | "confirmed" | "devices" | "product" | "base">;
+    readonly answer: Job;
+  };
+  /** Run a command. A command that writes a setting is applied like any change, with snapshot and rollback. */
+  "POST /api/devices/{device}/run": {
+    readonly path: { readonly device: string };
+    readonly body: Defaulted<Run, "values" | "confirmed">;
+    readonly answer: Job;
+  };
+  /** Send bytes unchanged. They are not checked, so they are sent only when `confirmed`. */
+  "POST /api/devices/{device}/raw": {
+    readonly path: { readonly device: string };
+    readonly body: Defaulted<Raw, "confirmed">;
+    readonly answer: Job;
+  };
+  /** Confirm the pending change: the new settings stay. */
+  "POST /api/devices/{device}/confirm": {
+    readonly path: { readonly device: string };
+    readonly answer: DeviceJobs;
+  };
+  /** Roll the pending change back now. */
+  "POST /api/devices/{device}/roll-back": {
+    readonly path: { readonly device: string };
+    readonly answer: DeviceJobs;
+  };
+  /** Guided procedure for a device that does not answer at any baud rate. */
+  "POST /api/devices/{device}/restore": {
+    readonly path: { readonly device: string };
+    readonly answer: Job;
+  };
+  /** Take a job out of the queue, or stop it; the device measures again. */
+  "DELETE /api/devices/{device}/jobs/{job}": {
+    readonly path: { readonly job: number; readonly device: string };
+    readonly answer: undefined;
+  };
+  /** Every setting and command, as forms. */
+  "GET /api/devices/{device}/forms": {
+    readonly path: { readonly device: string };
+    readonly answer: Forms;
+  };
+  /** The frames with the meaning of each byte, problems of the values, and the load of the line. */
+  "POST /api/devices/{device}/preview": {
+    readonly path: { readonly device: string };
+    readonly body: Defaulted<Preview, "setting" | "command">;
+    readonly answer: PreviewAnswer;
+  };
+  /** The same outputs with rates that the line can carry. */
+  "POST /api/devices/{device}/fit-rates": {
+    readonly path: { readonly device: string };
+    readonly body: Defaulted<Fit, "baud">;
+    readonly answer: FitAnswer;
+  };
+  /** Every command and setting of every protocol, all products together; GET …/forms has those of one device. */
+  "GET /api/commands": { readonly answer: readonly Forms[]; };
+  /** Values of the device as last read or written; `taken` 0: never read. */
+  "GET /api/devices/{device}/values": {
+    readonly path: { readonly device: string };
+    readonly answer: SnapshotBody;
+  };
+  /** Snapshots, newest first. Empty while the device's serial number is not known. */
+  "GET /api/devices/{device}/snapshots": {
+    readonly path: { readonly device: string };
+    readonly answer: readonly SnapshotInfo[];
+  };
+  /** Store a snapshot under a name: a given text, or the settings of the device as last read. */
+  "POST /api/devices/{device}/snapshots": {
+    readonly path: { readonly device: string };
+    readonly body: Defaulted<Keep, "text">;
+    readonly answer: SnapshotInfo;
+  };
+  /** A snapshot as YAML for reading, or as JSON for programs. */
+  "GET /api/devices/{device}/snapshots/{name}": {
+    readonly path: { readonly name: string; readonly device: string };
+    readonly query?: { readonly format?: "yaml" | "json" | undefined };
+    readonly answer: SnapshotBody | string;
+  };
+  /** Delete a snapshot. */
+  "DELETE /api/devices/{device}/snapshots/{name}": {
+    readonly path: { readonly name: string; readonly device: string };
+    readonly answer: undefined;
+  };
+  /** Compare two sides field by field, with the changes that would make the left side equal the right one. */
+  "POST /api/devices/{device}/compare": {
+    readonly path: { readonly device: string };
+    readonly body: Compare;
+    readonly answer: Difference;
+  };
+  /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
+  "GET /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly answer: Corrections;
+  };
+  /** Forward this stream in place of the previous one. */
+  "PUT /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly body: SetCorrections;
+    readonly answer: Corrections;
+  };
+  /** Stop forwarding; returns the final counters. */
+  "DELETE /api/devices/{device}/corrections": {
+    readonly path: { readonly device: string };
+    readonly answer: Corrections;
+  };
+  /** State of the recorder. */
+  "GET /api/recorder": { readonly answer: RecorderState; };
+  /** Record these devices, or all of them, into a new file. */
+  "POST /api/recordings/start": {
+    readonly body: Defaulted<Start, "devices" | "title">;
+    readonly answer: RecorderState;
+  };
+  /** Stop recording; the file is complete when this answers. */
+  "POST /api/recordings/stop": { readonly answer: RecorderState; };
+  /** Add a marker or a note to the running recording. */
+  "POST /api/recordings/mark": {
+    readonly body: Defaulted<Mark, "text" | "kind" | "time" | "device">;
+    readonly answer: RecorderState;
+  };
+  /** Play a recording. Each of its devices appears, ends with the file, and can be played again or removed. */
+  "POST /api/recordings/{recording}/play": {
+    readonly path: { readonly recording: string };
+    readonly body: Defaulted<Play, "speed" | "loop" | "t0" | "t1">;
+    readonly answer: readonly DeviceInfo[];
+  };
+  /** Begin an export; its progress is sent with the op `exports`. */
+  "POST /api/recordings/{recording}/exports": {
+    readonly path: { readonly recording: string };
+    readonly body: Defaulted<Export, "device" | "t0" | "t1" | "channels" | "base">;
+    readonly answer: ExportJob;
+  };
+  /** Estimated sizes of exports, from writing a sample of each. */
+  "POST /api/recordings/{recording}/export-sizes": {
+    readonly path: { readonly recording: string };
+    readonly body: Defaulted<ExportPart, "t0" | "t1" | "channels" | "base">;
+    readonly answer: ExportSizes;
+  };
+  /** Newest first. */
+  "GET /api/recordings/exports": { readonly answer: readonly ExportJob[]; };
+  /** Download the result of an export; several files come as a zip. */
+  "GET /api/recordings/exports/{job}/file": {
+    readonly path: { readonly job: number };
+    readonly answer: Blob;
+  };
+  /** Cancel an export, or delete it and its file. */
+  "DELETE /api/recordings/exports/{job}": {
+    readonly path: { readonly job: number };
+    readonly answer: undefined;
+  };
+  /** All recordings, newest first; then those in the bin, which have `deleted`. */
+  "GET /api/recordings": {
+    readonly query?: { readonly q?: string | undefined };
+    readonly answer: readonly RecordingInfo[];
+  };
+  /** Upload a file of any readable format; the body is the file (application/octet-stream). */
+  "PUT /api/recordings/upload": {
+    readonly query: { readonly name: string };
+    readonly body: Blob;
+    readonly answer: RecordingInfo;
+  };
+  /** Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id. */
+  "PATCH /api/recordings/{recording}": {
+    readonly path: { readonly recording: string };
+    readonly body: Defaulted<Edit, "title" | "tags" | "notes" | "pinned" | "file">;
+    readonly answer: RecordingInfo;
+  };
+  /** Move a recording to the bin, from where it can be restored for 7 days. */
+  "DELETE /api/recordings/{recording}": {
+    readonly path: { readonly recording: string };
+    readonly answer: RecordingInfo;
+  };
+  /** Details of a recording without its samples (RecordingDetail). 202 with an OpeningState while it is decoded for the first time; with `partial`, the RecordingDetail of the part decoded so far, with `progress` below 1. */
+  "GET /api/recordings/{recording}": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly partial?: boolean | undefined };
+    readonly answer: RecordingDetail | OpeningState;
+  };
+  /** Add a marker or a note to a finished recording. */
+  "POST /api/recordings/{recording}/markers": {
+    readonly path: { readonly recording: string };
+    readonly body: Defaulted<Mark, "text" | "kind" | "time" | "device">;
+    readonly answer: MarkerInfo;
+  };
+  /** Restore a recording from the bin. */
+  "POST /api/recordings/{recording}/undelete": {
+    readonly path: { readonly recording: string };
+    readonly answer: RecordingInfo;
+  };
+  /** One file with bytes, times, events, markers, title, tags and notes (MCAP; CSV for a CSV recording). */
+  "GET /api/recordings/{recording}/download": {
+    readonly path: { readonly recording: string };
+    readonly answer: Blob;
+  };
+  /** The received bytes of one device, unchanged and in order. */
+  "GET /api/recordings/{recording}/original": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly device?: string | undefined };
+    readonly answer: Blob;
+  };
+  /** Sample frames of the wire; a bucket is two rows (min, max). `X-Exact: 1` when no channel is summarised. */
+  "GET /api/recordings/{recording}/window": {
+    readonly path: { readonly recording: string };
+    readonly query: { readonly t0: number; readonly t1: number; readonly width?: number | undefined; readonly base?: "device" | "arrival" | undefined; readonly channels?: string | undefined; readonly partial?: boolean | undefined };
+    readonly answer: Blob;
+  };
+  /** Count, mean, σ, min and max of every column of channels over a time range of any length, by channel. */
+  "GET /api/recordings/{recording}/statistics": {
+    readonly path: { readonly recording: string };
+    readonly query: { readonly t0: number; readonly t1: number; readonly base?: "device" | "arrival" | undefined; readonly channels?: string | undefined; readonly partial?: boolean | undefined };
+    readonly answer: Readonly<Record<string, readonly ColumnStatistics[]>>;
+  };
+  /** Per-second figures of a device: bytes, samples of each message, arrival delay, clock. */
+  "GET /api/recordings/{recording}/health": {
+    readonly path: { readonly recording: string };
+    readonly query: { readonly device: string; readonly t0: number; readonly t1: number; readonly partial?: boolean | undefined };
+    readonly answer: HealthHistory;
+  };
+  /** Settings of a device at the time of recording, worded as in Configure; empty if none were recorded. */
+  "GET /api/recordings/{recording}/settings": {
+    readonly path: { readonly recording: string };
+    readonly query: { readonly device: string; readonly partial?: boolean | undefined };
+    readonly answer: RecordedSettings;
+  };
+  /** One channel as a table: Arrow or JSON, every row or summarised in buckets. */
+  "GET /api/recordings/{recording}/query": {
+    readonly path: { readonly recording: string };
+    readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined; readonly device?: string | undefined };
+    readonly answer: Blob | ChannelTable;
+  };
+  /** Samples of a live channel in memory, as a table, with the parameters of the query on a recording. */
+  "GET /api/devices/{device}/query": {
+    readonly path: { readonly device: string };
+    readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined };
+    readonly answer: Blob | ChannelTable;
+  };
+  /** The serial ports of this host, without opening them. */
+  "GET /api/ports": { readonly answer: readonly PortInfo[]; };
+  /** Listen on every free port, at one rate after another; takes some seconds. Ports of sessions are left alone. */
+  "POST /api/ports/scan": {
+    readonly body?: ScanPorts | null;
+    readonly answer: readonly PortInfo[];
+  };
+  /** Versions, the id of this run, and the role of the request's token. */
+  "GET /api/build": { readonly answer: Build; };
+  /** Health check. Needs no token; contains no device data but the number of devices. */
+  "GET /healthz": { readonly answer: HealthStatus; };
+  /** Metrics in the text format of Prometheus (server/metrics.py). They contain device data, so requests from other machines need a bearer token; a view token is sufficient. */
+  "GET /metrics": { readonly answer: string; };
+  /** Everything that is registered, as sent to the page in `hello`. */
+  "GET /api/capabilities": { readonly answer: Capabilities; };
+  /** Whether a tile server is configured, and its attribution. */
+  "GET /api/map": { readonly answer: MapInfo; };
+  /** An image of 256 by 256 pixels: column x and row y (from the north) of the 2^z by 2^z tiles of the world. */
+  "GET /api/tiles/{z}/{x}/{y}": {
+    readonly path: { readonly z: number; readonly x: number; readonly y: number };
+    readonly answer: Blob;
+  };
+  /** Begin a 3D scene; returns its address as soon as it can be opened. */
+  "GET /api/views/scene": {
+    readonly query?: { readonly device?: string | undefined };
+    readonly answer: SceneAddress;
+  };
+  /** The recording for a Rerun viewer, sent while it is converted; static data first. */
+  "GET /api/recordings/{recording}/recording.rrd": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly most?: number | undefined };
+    readonly answer: Blob;
+  };
+  /** Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device. */
+  "GET /api/recordings/{recording}/amount": {
+    readonly path: { readonly recording: string };
+    readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
+    readonly answer: ViewerQuery;
+  };
+}
