@@ -1,6 +1,6 @@
 /** The real Configure page of a recorded device, with the real store, in a DOM without a browser. */
 import { cleanup, render, waitFor } from "@testing-library/preact";
-import { vi } from "vitest";
+import { afterEach, vi } from "vitest";
 import type { Store } from "../data/store";
 import type { Forms, SnapshotBody } from "../forms/types";
 import type { DeviceJobs } from "../wire/types";
@@ -28,6 +28,8 @@ interface Options {
   /** The end of the path whose answers come last. */
   readonly slow?: string;
 }
+
+afterEach(cleanup); // effects that wait for a frame do not outlive the test
 
 /** Opens the page, without module state of an earlier one. */
 export async function openConfigure(

@@ -1,6 +1,6 @@
 /** The whole page as just opened, from a recorded server, in a DOM without a browser. */
 import { cleanup, render } from "@testing-library/preact";
-import { vi } from "vitest";
+import { afterEach, vi } from "vitest";
 import type { Store } from "../data/store";
 import type { App } from "../pages/app-state";
 import { answering, type Answers, type Asked, feed, type Recorded } from "./recorded";
@@ -28,6 +28,8 @@ function giveSizes(): void {
   vi.spyOn(HTMLElement.prototype, "clientHeight", "get").mockReturnValue(HEIGHT);
   vi.spyOn(HTMLElement.prototype, "getBoundingClientRect").mockReturnValue(new DOMRect(0, 0, WIDTH, HEIGHT));
 }
+
+afterEach(cleanup); // effects that wait for a frame do not outlive the test
 
 /** Opens the page, without module state of an earlier one. */
 export async function openPage(
