@@ -26,15 +26,30 @@ HEADER_SOURCE = "IDTP v2.1.0, section 4.3"
 VERSIONS: Mapping[int, str] = {MAJOR << 4 | minor: f"{MAJOR}.{minor}" for minor in range(16)}
 
 _HEADER = (
-    Field("timestamp", "<u4", default=0, doc="Time of the sensor, recommended in µs."),
-    Field("sequence", "<u4", default=0, doc="Number of the frame; a receiver drops one that is not newer."),
-    Field("device_id", "<u2", default=0, title="Device", doc="The vendor's number of the sensor."),
-    Field("mode", "u1", choices=MODE_NAMES, default=SAFETY, low=LITE, high=2, doc="What protects the frame."),
-    Field("version", "u1", choices=VERSIONS, default=VERSION, low=0x20, high=0x2F, basic=False, doc="0x21 is 2.1."),
+    Field("timestamp", "<u4", default=0, doc="Sensor time; microseconds are recommended."),
+    Field("sequence", "<u4", default=0, doc="Frame number; receivers discard frames whose number is not newer."),
+    Field("device_id", "<u2", default=0, title="Device", doc="Vendor-assigned number of the sensor."),
+    Field("mode", "u1", choices=MODE_NAMES, default=SAFETY, low=LITE, high=2, doc="Protection of the frame."),
+    Field(
+        "version",
+        "u1",
+        choices=VERSIONS,
+        default=VERSION,
+        low=0x20,
+        high=0x2F,
+        basic=False,
+        doc="Protocol version; 0x21 is 2.1.",
+    ),
 )
 HEADER: tuple[Field, ...] = tuple(replace(field, source=HEADER_SOURCE) for field in _HEADER)
-DATA = Field("data", "bytes", (-1,), max_length=MAX_PAYLOAD, title="Payload", doc="At most 972 bytes, as hex.")
-TYPE = Field("type", "u1", default=0x80, title="Payload type", doc="0x00 to 0x06 are standard, from 0x80 the vendor's.")
+DATA = Field("data", "bytes", (-1,), max_length=MAX_PAYLOAD, title="Payload", doc="Payload in hex, at most 972 bytes.")
+TYPE = Field(
+    "type",
+    "u1",
+    default=0x80,
+    title="Payload type",
+    doc="0x00 to 0x06 are standard types; types from 0x80 are vendor-specific.",
+)
 
 
 def reading_fields(row: Message) -> tuple[Field, ...]:
@@ -57,7 +72,14 @@ def commands(schema: Schema) -> Mapping[str, Command]:
     rows = [_command(row, G_STANDARD, basic=True) for row in MESSAGES]
     rows += [_command(row, G_VENDOR, basic=True) for row in schema.values()]
     rows.append(
-        Command(ANY, (TYPE, *HEADER, DATA), "do", G_VENDOR, title="Any payload", doc="A frame of any type, as bytes.")
+        Command(
+            ANY,
+            (TYPE, *HEADER, DATA),
+            "do",
+            G_VENDOR,
+            title="Any payload",
+            doc="Frame of any type, with the payload as bytes.",
+        )
     )
     return {row.name: row for row in rows}
 

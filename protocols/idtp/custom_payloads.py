@@ -74,7 +74,7 @@ def parse(text: str) -> Schema:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise SchemaError(f"the schema is no TOML: {problem}") from None
+        raise SchemaError(f"the schema is not valid TOML: {problem}") from None
     _only("the schema", document, ("message",))
     rows: dict[int, Message] = {}
     for number, table in enumerate(_tables("the schema", document, "message"), 1):

@@ -350,24 +350,24 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         for device, at in zip(*np.unique(cut.table[SENDER] << 4 | minors, return_index=True), strict=True):
             minor = int(minors[at])
             if minor > KNOWN_MINOR:
-                words = f"speaks IDTP 2.{minor}, newer than what is known here, and is read as 2.{KNOWN_MINOR}"
+                words = f"uses IDTP 2.{minor}, newer than the supported one, and is decoded as 2.{KNOWN_MINOR}"
                 self._warn(int(device) >> 4, f"2.{minor}", words, cut, int(at), events)
             elif minor < KNOWN_MINOR:
-                words = "speaks IDTP 2.0, in which every payload type is the vendor's own"
+                words = "uses IDTP 2.0, in which every payload type is vendor-specific"
                 self._warn(int(device) >> 4, f"2.{minor}", words, cut, int(at), events)
 
     def _other_protocols(self, cut: Cut) -> Iterator[Reply]:
         """Report INDT and other versions of IDTP by name, once each."""
         for reject in cut.rejects:
             if reject.reason == REASONS[SUCCESSOR]:
-                what = "these bytes speak INDT, the successor of IDTP"
+                what = "these bytes are INDT, the successor of IDTP"
             elif reject.reason == REASONS[BAD_VERSION]:
                 what = f"these frames are of IDTP {version_at(cut.data, reject.offset - cut.start)}"
             else:
                 continue
             if (-1, what) not in self._said and len(self._said) < _LAYOUTS:
                 self._said.add((-1, what))
-                values = {"warning": f"{what}, which is not read here"}
+                values = {"warning": f"{what}, which is not supported"}
                 yield Reply(WARNING, values, reject.offset, reject.size, reject.arrival_ns)
 
 

@@ -40,8 +40,8 @@ def detection_score(data: bytes) -> tuple[float, str]:
         count = sum(kinds.values())
         return score, f"{count} IDTP frame{'s' * (count > 1)} ({names}; {how}) in {framed} of {len(data)} B"
     if successors > 1:
-        return 0.1, f"{successors} times INDT, the preamble of IDTP's successor, which is not read here"
+        return 0.1, f"{successors} × INDT, the preamble of IDTP's successor, which is not supported"
     if versions.total() > 1:
         version, count = versions.most_common(1)[0]
-        return 0.1, f"{count} frames of IDTP {version}; this program reads IDTP {MAJOR}"
+        return 0.1, f"{count} frames of IDTP {version}; this program supports IDTP {MAJOR}"
     return 0.0, "no frame in them"

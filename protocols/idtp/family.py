@@ -101,17 +101,17 @@ FAMILY = ProtocolInfo(
     composer=_composer,
     simulator=SIMULATOR,
     refusals={
-        "bad_version": ("The frames have an unsupported version.", "This program reads IDTP 2."),
+        "bad_version": ("The frames have an unsupported version.", "This program supports IDTP 2."),
         "successor": ("These bytes are INDT, the successor of IDTP.", "INDT is not supported."),
     },
-    hints=FamilyHints(attitude="Have the device send ImuQuat payloads, and the horizon appears here."),
+    hints=FamilyHints(attitude="Configure the device to send ImuQuat payloads to show the horizon."),
     option_forms=(
         DecodeOptionForm("key", "Key for Secure frames of IDTP (hex, optional)", early=True),
         DecodeOptionForm(
             "time_unit",
-            "Unit of its timestamps",
+            "Timestamp unit",
             (
-                ("", "By arrival, usually µs"),
+                ("", "Detected from arrival times, usually µs"),
                 ("us", "Microseconds"),
                 ("ms", "Milliseconds"),
                 ("ns", "Nanoseconds"),
@@ -120,7 +120,7 @@ FAMILY = ProtocolInfo(
         ),
         DecodeOptionForm(
             "rotation",
-            "Its quaternion turns",
+            "Quaternion direction",
             (("enu_from_body", "Body to ENU"), ("body_from_enu", "ENU to body")),
             default="enu_from_body",
         ),

@@ -32,7 +32,7 @@ ACCELERATION = Field(
     unit="m/s²",
     axes=XYZ,
     decimals=3,
-    doc="Specific force along the sensor's axes, which follow the right-hand rule.",
+    doc="Specific force along the sensor's right-handed axes.",
     source=SECTION,
 )
 RATE = Field(
@@ -73,7 +73,7 @@ QUATERNION = Field(
     axes=("w", "x", "y", "z"),
     decimals=4,
     frame="ENU from body",
-    doc="Orientation, scalar first, of norm 1.",
+    doc="Orientation as a unit quaternion, scalar first.",
     source=SECTION,
 )
 
@@ -111,13 +111,20 @@ STATUS = Field(
     "u1",
     title="Frame status",
     bits=(
-        Bits("Mode", MODE_BITS, 2, MODE_NAMES, doc="What protects the frame: CRC-8, CRC-32 or HMAC."),
-        Bits("Unverified", UNVERIFIED, severity="warning", doc="A Secure frame, and no key to verify it with."),
-        Bits("NotFinite", NOT_FINITE, severity="warning", doc="A value is not a number, or infinite."),
-        Bits("NotUnit", NOT_UNIT, severity="warning", doc="The quaternion's norm is not 1: it is shown as a gap."),
-        Bits("TooLong", TOO_LONG, severity="warning", doc="The payload goes on behind what its type describes."),
+        Bits("Mode", MODE_BITS, 2, MODE_NAMES, doc="Protection of the frame: CRC-8, CRC-32 or HMAC."),
+        Bits(
+            "Unverified", UNVERIFIED, severity="warning", doc="The frame is Secure, and there is no key to verify it."
+        ),
+        Bits("NotFinite", NOT_FINITE, severity="warning", doc="A value is infinite or not a number."),
+        Bits(
+            "NotUnit",
+            NOT_UNIT,
+            severity="warning",
+            doc="The quaternion's norm is not 1; the quaternion is shown as a gap.",
+        ),
+        Bits("TooLong", TOO_LONG, severity="warning", doc="The payload is longer than its type defines."),
     ),
-    doc="What was found out about each frame.",
+    doc="Status of each frame.",
 )
 
 
@@ -133,10 +140,12 @@ def status_name(name: str) -> str:
 
 def opaque(number: int, size: int, name: str = "") -> Message:
     """A payload of unknown layout: its bytes."""
-    data = Field("data", "bytes", (size,), title="Payload", doc="The payload as it came.")
-    return Message(number, name or f"0x{number:02X}", (data,) if size else (), doc="A payload without a description.")
+    data = Field("data", "bytes", (size,), title="Payload", doc="Payload as received.")
+    return Message(number, name or f"0x{number:02X}", (data,) if size else (), doc="Payload without a definition.")
 
 
 def rest(name: str, size: int) -> Field:
     """Trailing bytes of a payload of that name, after the fields of its type."""
-    return Field(f"{name}Rest", "bytes", (size,), title=f"{name} rest", doc="Bytes of the payload beyond its type.")
+    return Field(
+        f"{name}Rest", "bytes", (size,), title=f"{name} rest", doc="Bytes of the payload after the fields of its type."
+    )

@@ -1,7 +1,7 @@
 """Payload types and their fields: from (version, type, length) to a row, and from many payloads to columns.
 
     shorter than its type    intact, but not decoded: kept as bytes
-    longer                   the fields at its start are decoded; the rest is kept as bytes, and the frame is marked
+    longer                   the fields at its start are decoded; the rest is shown as bytes, and the frame is marked
     no description           kept as bytes
 
 Every decoded message has one column more than the wire has fields: its Status, with the mode and the irregularities of
@@ -91,10 +91,10 @@ class Payload:
         if row is None:
             row = opaque(kind, length)
         elif length < size:
-            self.error = f"{row.name} comes with {length} bytes instead of {size} and is not decoded"
+            self.error = f"{row.name} has {length} bytes instead of {size} and is not decoded"
             row = opaque(kind, length, f"{row.name}Bytes")
         elif length > size:
-            self.error = f"{row.name} comes with {length} bytes instead of {size}; the rest is kept as bytes"
+            self.error = f"{row.name} has {length} bytes instead of {size}; the rest is shown as bytes"
             self.marks = 1 << TOO_LONG
             row = replace(row, fields=(*row.fields, rest(row.name, length - size)))
         self.status = status_of(row.name).name

@@ -8,7 +8,7 @@ from protocols.idtp.messages import MESSAGES, MODE_NAMES
 from protocols.schema import Field
 from protocols.support import SupportTable
 
-CHECKS = {0: "CRC-8", 1: "CRC-32", 2: "HMAC-SHA256; needs the device's key"}
+CHECKS = {0: "CRC-8", 1: "CRC-32", 2: "HMAC-SHA256; requires the device's key"}
 
 
 def supported() -> Iterator[SupportTable]:
@@ -16,11 +16,11 @@ def supported() -> Iterator[SupportTable]:
     yield SupportTable(
         "Modes",
         "Devices of version 2.1, over any link. A key is given with `--key`, `?key=` or on the page.",
-        ("mode", "protection of a frame"),
+        ("mode", "frame protection"),
         tuple((name, CHECKS[number]) for number, name in MODE_NAMES.items()),
     )
     types = tuple((f"`0x{row.id:02X}`", row.name, row.doc.rstrip("."), _quantities(row.fields)) for row in MESSAGES)
-    own = ("`0x80` … `0xFF`", "of the vendor", "As the user defines them (`--schema`, or Define payload)", "any")
+    own = ("`0x80` … `0xFF`", "vendor-specific", "User-defined (`--schema` or Define payload)", "any")
     yield SupportTable(
         "Payload types",
         "A type without a definition is shown as bytes.",

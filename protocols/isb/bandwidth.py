@@ -83,7 +83,7 @@ def load(settings: Mapping[str, Values]) -> LinkLoad:
             continue
         parts.append(OutputLoad(f"streams.{place}", row.title, rate_of(one, sources, now) * packet_size(one)))
         if row.did in ONE_PERIOD and (one.get("period") or 1) != 1:
-            limits.append(f"{row.name} comes at every navigation update and at no other rate.")
+            limits.append(f"{row.name} is sent at every navigation update; its rate cannot be changed.")
     for place, one in enumerate(settings.get(NMEA_SETTING, {}).get("nmeaBroadcastMsgs", [])):
         name = NMEA_MESSAGES.get(one["msgID"], "")
         if one["msgID"] and one["msgPeriod"] and name not in NMEA_EVENTS:

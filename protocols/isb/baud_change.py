@@ -18,15 +18,15 @@ from protocols.transactions import BaudChange, DeviceContext
 Values = Mapping[str, Any]
 PORTS = {"ser0BaudRate": "serial port 0", "ser1BaudRate": "serial port 1", "ser2BaudRate": "serial port 2"}
 _BRIDGES = ("cbPreset", "cbOptions", "bits", "h3sp330BaudRate", "h4xRadioBaudRate", "h8gpioBaudRate", "CANbaud_kbps")
-_EVB = "The bridges between the ports of the EVB change; the one we are on may be among them."
-_IO = "What the pins of the device do changes; the port we are on may be given to something else."
+_EVB = "The bridges between the ports of the EVB change; this link may be one of them."
+_IO = "The pin functions of the device change; the port of this link may be reassigned."
 
 
 def line_change(setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
     """See protocols.transactions.DeviceDriver.line_change."""
     if setting == STREAMS_SETTING:
         if "streams" in new and not new["streams"]:
-            return BaudChange("silent", "The device sends nothing any more; it still answers.")
+            return BaudChange("silent", "The device stops streaming; it still answers requests.")
         return None
     before = old or {}
     if setting == "DID_EVB_FLASH_CFG" and any(name in new and new[name] != before.get(name) for name in _BRIDGES):
@@ -56,7 +56,7 @@ def line_change(setting: str, old: Values | None, new: Values, known: DeviceCont
 def _words(ours: Mapping[str, int], known: DeviceContext) -> str:
     changes = " and ".join(f"{PORTS[name]} to {rate:_} Bd".replace("_", " ") for name, rate in ours.items())
     if known.baud is None:
-        return f"It sets {changes}; through a serial port, the line must follow."
-    return f"It sets {changes}; if that is the port we are on, the line must follow from {known.baud:_} Bd.".replace(
+        return f"Sets {changes}; if the link uses one of these ports, its rate must be changed too."
+    return f"Sets {changes}; if the link uses that port, its rate must be changed too, from {known.baud:_} Bd.".replace(
         "_", " "
     )

@@ -65,16 +65,16 @@ class _Harm:
     consequence: str
 
 
-_RESTARTS = _Harm("restarts", "The device restarts; streams that are not saved do not come back.")
-_BRIDGE = _Harm("cuts-line", "A port becomes a bridge and no longer answers; a restart of the device ends that.")
-_BOOT = _Harm("cuts-line", "It waits in its bootloader for firmware and does not measure until it is restarted.")
-_MAKER = _Harm("loses-settings", "This is the maker's own; what it erases cannot be brought back from here.")
-_FAULT = _Harm("restarts", "It makes the device fail on purpose; it restarts.")
-_ZERO = _Harm("moves-frame", "The device takes it that it stands still now; if it moves, its navigation is wrong.")
-_FLASH = _Harm("wears-flash", "It writes the flash memory, which lasts for a limited number of writes.")
+_RESTARTS = _Harm("restarts", "The device restarts; streams that are not saved do not resume.")
+_BRIDGE = _Harm("cuts-line", "A port becomes a bridge and no longer answers until the device restarts.")
+_BOOT = _Harm("cuts-line", "The device waits in its bootloader for firmware and does not measure until it restarts.")
+_MAKER = _Harm("loses-settings", "A manufacturer command; data that it erases cannot be restored by this program.")
+_FAULT = _Harm("restarts", "Causes a deliberate fault; the device restarts.")
+_ZERO = _Harm("moves-frame", "The device assumes that it is stationary; if it is moving, its navigation becomes wrong.")
+_FLASH = _Harm("wears-flash", "Writes to the flash memory, which supports a limited number of writes.")
 
 _HARM: Mapping[str, _Harm] = {
-    "SAVE_PERSISTENT_MESSAGES": _Harm("wears-flash", "What streams now will stream after every restart."),
+    "SAVE_PERSISTENT_MESSAGES": _Harm("wears-flash", "The current streams resume after every restart."),
     "SAVE_FLASH": _FLASH,
     "SAVE_GPS_ASSIST_TO_FLASH_RESET": _RESTARTS,
     "SOFTWARE_RESET": _RESTARTS,
@@ -88,19 +88,24 @@ _HARM: Mapping[str, _Harm] = {
     "GPX_HARD_RESET_GNSS1": _Harm("restarts", "The first receiver restarts; positions pause."),
     "GPX_HARD_RESET_GNSS2": _Harm("restarts", "The second receiver restarts; positions pause."),
     "GNSS_RCVR_SOFT_RESET": _Harm("restarts", "The receiver restarts; positions pause."),
-    "GNSS_RCVR_HARD_RESET": _Harm("restarts", "The receiver restarts and forgets its satellites; positions pause."),
-    "GNSS_RCVR_QUIET_MODE": _Harm("stops-output", "The receiver stops; there are no positions until it is reset."),
-    "RESET_EKF_STATES": _Harm("moves-frame", "The navigation filter starts anew; attitude and place are found again."),
+    "GNSS_RCVR_HARD_RESET": _Harm(
+        "restarts", "The receiver restarts and discards its satellite data; positions pause."
+    ),
+    "GNSS_RCVR_QUIET_MODE": _Harm("stops-output", "The receiver stops; no positions are available until it is reset."),
+    "RESET_EKF_STATES": _Harm(
+        "moves-frame", "The navigation filter restarts; attitude and position must converge again."
+    ),
     "ZERO_MOTION": _ZERO,
     "REF_POINT_STATIONARY": _ZERO,
 }
 
 _BY_NUMBER = _Harm(
-    "loses-settings", "By its number, a system command restarts the device, makes a port a bridge or erases."
+    "loses-settings",
+    "Depending on its number, a system command can restart the device, turn a port into a bridge or erase data.",
 )
-_REPLACES = _Harm("stops-output", "These streams take the place of those of this port.")
+_REPLACES = _Harm("stops-output", "These streams replace the current streams of this port.")
 _OVERWRITES = _Harm(
-    "loses-settings", "It overwrites data of the device that cannot be read back and restored from here."
+    "loses-settings", "Overwrites data of the device that cannot be read back and restored by this program."
 )
 INPUTS = (71, 88)  # wheel encoder, position measurement: samples sent to the device by a vehicle
 
@@ -113,7 +118,7 @@ ASCE_FIELDS = (
         "<u4",
         bits=TABLES.words["RMC_OPTIONS"],
         default=0,
-        doc="Ports that are meant (none: this one), and whether the sentences are kept over a restart.",
+        doc="Ports addressed (none: this port), and whether the sentences are saved across restarts.",
     ),
     Field(
         "messages",
@@ -121,17 +126,17 @@ ASCE_FIELDS = (
         max_length=20,
         fields=(
             select("id", "Sentence.", _SENTENCES),
-            Field("period", "<u2", default=1, doc="Multiple of its source's period; 0 switches it off."),
+            Field("period", "<u2", default=1, doc="Multiple of the source's period; 0 switches the sentence off."),
         ),
         default=(),
-        doc="Sentences and their periods; without any, the device tells those it has.",
+        doc="Sentences and their periods; an empty list requests the current ones.",
     ),
 )
 
 # -- commands ----------------------------------------------------------------------------------------------------------
 
-_STOPS = _Harm("stops-output", "Everything that this port sends stops, NMEA too, until it is asked for again.")
-_STOPS_ALL = _Harm("stops-output", "Every port of the device falls silent, also those that other computers listen to.")
+_STOPS = _Harm("stops-output", "All output on this port stops, including NMEA, until it is requested again.")
+_STOPS_ALL = _Harm("stops-output", "Output stops on every port of the device, including ports used by other computers.")
 
 
 def _packets() -> list[Command]:
@@ -141,14 +146,14 @@ def _packets() -> list[Command]:
     arguments = (replace(first, choices=DATA_SETS), *(replace(field, default=0) for field in get.fields[1:]))
     stop = "ACK"
     return [
-        Command("GET_DATA", arguments, "ask", G_STREAMS, basic=False, title="Ask for a data set", doc=get.doc),
+        Command("GET_DATA", arguments, "ask", G_STREAMS, basic=False, title="Request a data set", doc=get.doc),
         Command(
             "STOP_DID_BROADCAST",
             (replace(did, dtype="u1"),),
             "do",
             G_STREAMS,
             title="Stop one stream",
-            doc="Nothing answers it.",
+            doc="The device does not acknowledge this command.",
         ),
         _harmed(
             Command(
@@ -186,20 +191,20 @@ def _harmed(command: Command, harm: _Harm | None) -> Command:
 
 def _nmea() -> list[Command]:
     rows = (
-        Command("ASCE", ASCE_FIELDS, "set", G_NMEA, "ASCB", title="Choose NMEA sentences"),
-        Command("INFO", (), "ask", G_NMEA, "INFO", title="Who are you, in text"),
-        _harmed(Command("PERS", (), "do", G_NMEA, title="Keep NMEA sentences"), _HARM["SAVE_PERSISTENT_MESSAGES"]),
-        _harmed(Command("SRST", (), "do", G_NMEA, basic=False, title="Restart, by text"), _RESTARTS),
-        _harmed(Command("STPB", (), "do", G_NMEA, basic=False, title="Stop all ports, by text"), _STOPS_ALL),
-        _harmed(Command("STPC", (), "do", G_NMEA, title="Stop this port, by text"), _STOPS),
+        Command("ASCE", ASCE_FIELDS, "set", G_NMEA, "ASCB", title="Set NMEA sentences"),
+        Command("INFO", (), "ask", G_NMEA, "INFO", title="Device information (text)"),
+        _harmed(Command("PERS", (), "do", G_NMEA, title="Save NMEA sentences"), _HARM["SAVE_PERSISTENT_MESSAGES"]),
+        _harmed(Command("SRST", (), "do", G_NMEA, basic=False, title="Restart (text)"), _RESTARTS),
+        _harmed(Command("STPB", (), "do", G_NMEA, basic=False, title="Stop all ports (text)"), _STOPS_ALL),
+        _harmed(Command("STPC", (), "do", G_NMEA, title="Stop this port (text)"), _STOPS),
     )
     docs = {
-        "ASCE": "Chooses sentences and their periods; without any, the device tells those it has.",
-        "INFO": "The device tells its serial number and versions as a sentence.",
+        "ASCE": "Sets the sentences and their periods; an empty list requests the current ones.",
+        "INFO": "Requests serial number and versions as a sentence.",
         "SRST": "Restarts the device.",
-        "STPB": "Stops binary and text on every port; understood by every version of the protocol.",
-        "STPC": "Stops binary and text on this port; understood by every version of the protocol.",
-        "PERS": "Keeps what streams now over a restart.",
+        "STPB": "Stops binary and text output on every port; supported by every version of the protocol.",
+        "STPC": "Stops binary and text output on this port; supported by every version of the protocol.",
+        "PERS": "Saves the current streams across restarts.",
     }
     return [replace(row, source=NMEA_SOURCE, doc=docs.get(row.name, "")) for row in rows]
 
@@ -263,7 +268,7 @@ def _presets() -> list[Command]:
             consequence=_REPLACES.consequence,
             basic=name in ("INS", "IMX_PPD", "GPX_IMX"),
             title=f"Streams: {name.replace('_', ' ')}",
-            doc="A preset of the maker.",
+            doc="Preset of the manufacturer.",
             source=SOURCE,
         )
         for head, presets in (("DID_RMC", PRESETS), ("DID_GPX_RMC", GPX_PRESETS))
@@ -272,7 +277,11 @@ def _presets() -> list[Command]:
 
 
 def _calibrations() -> list[Command]:
-    words = {"MULTI_AXIS": "about all axes", "SINGLE_AXIS": "about the vertical", "ABORT": "abort"}
+    words = {
+        "MULTI_AXIS": "calibrate about all axes",
+        "SINGLE_AXIS": "calibrate about the vertical axis",
+        "ABORT": "abort calibration",
+    }
     return [
         Command(
             f"DID_MAG_CAL.{name}",
@@ -283,7 +292,7 @@ def _calibrations() -> list[Command]:
             caution="" if name == "ABORT" else "moves-frame",
             consequence="" if name == "ABORT" else "The calibration of the magnetometers is replaced.",
             title=f"Magnetometers: {how}",
-            doc="Ends the calibration; nothing of it is kept."
+            doc="Aborts the calibration and discards it."
             if name == "ABORT"
             else "Turn the device slowly until the progress is 100 %.",
             source=SOURCE,
@@ -327,9 +336,7 @@ def _sets() -> list[Command]:
             "ACK",
             basic=False,
             title=_title(did),
-            doc=kept.doc
-            if kept and kept.write
-            else f"{ROWS[did].doc} A device refuses what it does not let be written.",
+            doc=kept.doc if kept and kept.write else f"{ROWS[did].doc} Devices reject writes to read-only data.",
             source=SOURCE,
         )
         if did == SYS_CMD:

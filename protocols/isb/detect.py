@@ -45,7 +45,7 @@ def detection_score(data: bytes) -> tuple[float, str]:
         return score, f"{count} ISB packet{'s' * (count > 1)} ({kinds}) in {framed} of {len(data)} B"
     old = _OLD.findall(data[:_MOST])
     if len(old) > 1 and sum(map(len, old)) > len(data[:_MOST]) // 2:
-        words = f"{len(old)} packets of Inertial Sense protocol 1.x, which is not read here: update the firmware to 2.x"
+        words = f"{len(old)} packets of Inertial Sense protocol 1.x, which is not supported: update the firmware to 2.x"
         return _OLD_SCORE, words
     if texts:
         kinds = ", ".join(name for name, _ in Counter(f"{t.protocol} {t.name}" for t in texts).most_common(3))

@@ -85,7 +85,7 @@ Values = Mapping[str, Any]
 ANSWER_S, ATTEMPTS = 0.5, 3
 ALIVE_S, ALIVE_TRIES = 0.25, 4
 RESET_S = 0.3  # until its last bytes are sent
-NO = "the device refused it (NACK): it does not have it, does not let it be written, or received an invalid packet"
+NO = "rejected by the device (NACK): not supported, read-only, or the packet was invalid"
 RATES = (921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000, 57_600, 38_400, 19_200, 9_600)
 
 
@@ -325,7 +325,7 @@ class IsbDriver:
             try:
                 yield from write_dataset(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
             except DeviceRejectedError:
-                refused = "these streams are on, but the device refused to save them"
+                refused = "the streams are on, but the device rejected the request to save them"
         return WriteResult(STREAMS_SETTING, values, got, refused)
 
     @staticmethod

@@ -55,7 +55,7 @@ def frame(command: str, values: Values, version: str = CURRENT) -> bytes:
     name = command.removeprefix("$") if command.removeprefix("$") in NMEA_NAMES else command
     row = COMMAND_ROWS.get(name)
     if row is None:
-        raise EncodeError(f"there is no command {command!r}")
+        raise EncodeError(f"unknown command {command!r}")
     head, _, tail = name.partition(".")
     if name == "STOP_DID_BROADCAST":
         return frames.build(STOP_DID, _whole("id", values.get("id"), 255))
@@ -116,7 +116,7 @@ def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
     runs = _runs(did, values, version)
     if len(runs) > 1:
         names = [field.name for field in fields_of(did, version) if field.name in values]
-        raise EncodeError(f"one packet carries fields that lie next to each other; {' and '.join(names)} do not")
+        raise EncodeError(f"one packet carries adjacent fields only; {' and '.join(names)} are not adjacent")
     return runs[0]
 
 
@@ -220,10 +220,12 @@ def chosen(values: Values) -> dict[int, int]:
         if did not in allowed:
             raise EncodeError(f"data set {did} cannot be streamed", f"streams.{place}.did")
         if did in found:
-            raise EncodeError(f"{allowed[did]} is there twice", f"streams.{place}.did")
+            raise EncodeError(f"{allowed[did]} is listed twice", f"streams.{place}.did")
         period = _whole(f"streams.{place}.period", one.get("period", 1), 65_535)
         if period == 0:
-            raise EncodeError("period lies in [1, 65535]: leave the stream out to end it", f"streams.{place}.period")
+            raise EncodeError(
+                "period must be in [1, 65535]; to stop the stream, leave it out", f"streams.{place}.period"
+            )
         found[did] = period
     return found
 

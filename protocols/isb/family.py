@@ -151,7 +151,7 @@ FAMILY = ProtocolInfo(
         ),
     ),
     simulator=SIMULATOR,
-    hints=FamilyHints(attitude="Have the device send INS 1, INS 2, INS 3 or INS 4, and the horizon appears here."),
+    hints=FamilyHints(attitude="Stream INS 1, INS 2, INS 3 or INS 4 to show the horizon."),
     abbreviations=("GPX",),
     supported=supported,
 )

@@ -20,10 +20,10 @@ from protocols.transactions import Harm
 Values = Mapping[str, Any]
 _FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla")
 _PERIODS = ("startupImuDtMs", "startupNavDtMs")
-_TURNED = "The frame in which the device tells attitude, place or velocity changes; what uses it must follow."
-_ENDED = "With a period of 0 the device does not measure any more."
-_RECALIBRATED = "The calibration of the magnetometers is replaced."
-_OWN = "The device keeps these fields itself; written from outside they can make it discard its configuration."
+_TURNED = "The reference frame of attitude, position or velocity changes; every consumer of the data must be adapted."
+_ENDED = "With a period of 0 the device stops measuring."
+_RECALIBRATED = "The existing magnetometer calibration is replaced."
+_OWN = "The device maintains these fields itself. Writing them can make it discard its configuration."
 _CALIBRATES = (1, 2)  # states of DID_MAG_CAL that start one
 
 

@@ -76,7 +76,7 @@ def packets(data: bytes, damage: Damage) -> Iterator[bytes]:
         head = _header(data, at)
         if head is None:
             further = data.find(MARKER, at + 1)
-            words = f"{(further if further >= 0 else len(data)) - at} bytes at {at} are no chunk of a log."
+            words = f"{(further if further >= 0 else len(data)) - at} bytes at {at} are not a log chunk."
             damage(at, words)
             if further < 0:
                 return
@@ -85,7 +85,7 @@ def packets(data: bytes, damage: Damage) -> Iterator[bytes]:
         start, size = head
         body = data[start : start + size]
         if len(body) < size:
-            damage(start, f"The last chunk is cut off: {len(body)} of {size} bytes.")
+            damage(start, f"The last chunk is truncated: {len(body)} of {size} bytes.")
         yield _packets_of(body, start, damage)
         at = start + size
 
@@ -119,9 +119,9 @@ def _packets_of(body: bytes, start: int, damage: Damage) -> bytes:
                 at = end
                 continue
         further = _resync(body, at + 1, seen)
-        words = f"{further - at} bytes at {start + at} are no record."
+        words = f"{further - at} bytes at {start + at} are not a record."
         if further == len(body):
-            words = f"From {start + at} on nothing is a whole record any more: {further - at} bytes."
+            words = f"From {start + at} on there are no complete records: {further - at} bytes."
         damage(start + at, words)
         at = further
     return b"".join(out)

@@ -55,10 +55,10 @@ RAW_KINDS = {
     5: ("sta", "sta_t"),
     6: ("ion", "ion_model_utc_alm_t"),
 }
-OPAQUE = Field("data", "bytes", (-1,), doc="Its layout is not public.")
+OPAQUE = Field("data", "bytes", (-1,), doc="Payload with an undocumented layout.")
 
 _TICKS = {UP: 1_000_000_000, WEEK_TOW: 1_000_000_000, FIX: 1_000_000, TOW: 1_000_000, GTIME: 1_000_000_000}
-_UTC = f"Shown as UTC with the leap seconds known on {LEAP_SECONDS_AS_OF}; a week of 0 is up-time."
+_UTC = f"Shown as UTC with the leap seconds known on {LEAP_SECONDS_AS_OF}; with week 0 it is the time since start."
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def clock_field(dataset: DataSet) -> str:
 def _row(did: int) -> Message:
     dataset = SETS.get(did)
     if dataset is None:
-        return Message(did, f"DID_{did}", (OPAQUE,), kind="reply", title=f"Data set {did}", doc="Not in the table.")
+        return Message(did, f"DID_{did}", (OPAQUE,), kind="reply", title=f"Data set {did}", doc="Unknown data set.")
     fields = tuple(field for field, _ in dataset.struct.places) if dataset.struct else (OPAQUE,)
     clock = clock_of(dataset)
     said = TABLES.help.get(("sets", dataset.name), ("", ""))[1]
@@ -137,7 +137,7 @@ _ACKED = (
         bits=(Bits("TYPE", 0, 4, TYPES), Bits("EXTENDED", 4), Bits("WITH_OFFSET", 5)),
         doc="Type and flags of the acknowledged packet.",
     ),
-    Field("pktInfo.id", "u1", choices=_NAMES, doc="Its data set."),
+    Field("pktInfo.id", "u1", choices=_NAMES, doc="Data set of the acknowledged packet."),
     _u2("pktCounter", "Always 0."),
     Field("body.dataHdr.id", "u1", choices=_NAMES, doc="The data set written; 0 if the packet was not a SET."),
     _u2("body.dataHdr.size", "Bytes written, without the offset."),
@@ -145,17 +145,17 @@ _ACKED = (
 )
 
 COMMANDS = {
-    ACK: _command(ACK, _ACKED, "Answers SET_DATA and both stops of all broadcasts.", device=True),
+    ACK: _command(ACK, _ACKED, "Acknowledges SET_DATA and the two commands that stop all broadcasts.", device=True),
     NACK: _command(NACK, _ACKED, "A request was rejected, or an invalid packet was received.", device=True),
     GET_DATA: _command(
         GET_DATA,
         (
             _u2("id", "Data set."),
-            _u2("size", "Bytes; 0 for all of it."),
+            _u2("size", "Bytes to send; 0: the whole data set."),
             _u2("offset"),
-            _u2("period", "Multiple of the source's period; 0 asks once and stops the broadcast."),
+            _u2("period", "Multiple of the source's period; 0 requests one packet and stops the broadcast."),
         ),
-        "Asks for a data set.",
+        "Requests a data set.",
     ),
     STOP_ALL_PORTS: _command(STOP_ALL_PORTS, (), "Stops all broadcasts on all ports."),
     STOP_DID: _command(STOP_DID, (), "Stops the broadcast of one data set."),

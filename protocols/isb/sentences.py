@@ -33,16 +33,16 @@ def _xyz(name: str, unit: str) -> tuple[Field, ...]:
 
 
 _PLACE = (_real("lat", "°"), _real("lon", "°"), _real("hae", "m", "Height above the ellipsoid."))
-_IMU = (_real("time", "s", "Since the device started."), *_xyz("pqr", "rad/s"), *_xyz("acc", "m/s²"))
+_IMU = (_real("time", "s", "Time since the device started."), *_xyz("pqr", "rad/s"), *_xyz("acc", "m/s²"))
 _INS = (_real("timeOfWeek", "s"), _whole("week"), _whole("insStatus"), _whole("hdwStatus"))
 _NED = (_real("nedN", "m"), _real("nedE", "m"), _real("nedD", "m"))
 _POWER = (
-    _whole("timeValid", doc="1: the time is valid."),
+    _whole("timeValid", doc="1: valid time."),
     _whole("week"),
     _whole("timeOfWeekUs", "µs"),
-    _whole("leapValid", doc="1: the leap seconds are valid."),
+    _whole("leapValid", doc="1: valid leap seconds."),
     _whole("leapS", "s"),
-    _whole("holdover", doc="1: the clock is free-running."),
+    _whole("holdover", doc="1: free-running clock."),
 )
 
 
@@ -56,7 +56,7 @@ ROWS = (
     _message(
         "PPIMU",
         (
-            _real("time", "s", "Since the device started."),
+            _real("time", "s", "Time since the device started."),
             *_xyz("dtheta", "rad"),
             *_xyz("dvel", "m/s"),
             _real("dt", "s", "Time over which the increments are integrated."),
@@ -69,12 +69,12 @@ ROWS = (
             *(*_INS, _real("thetaRoll", "rad"), _real("thetaPitch", "rad"), _real("thetaYaw", "rad")),
             *(*_xyz("uvw", "m/s"), *_PLACE, *_NED),
         ),
-        "Attitude as Euler angles, velocity in the body, position, and the position from the reference place.",
+        "Attitude as Euler angles, velocity in the body frame, position, and position relative to the reference point.",
     ),
     _message(
         "PINS2",
         (*_INS, *(_real(f"q{i}") for i in range(4)), *_xyz("uvw", "m/s"), *_PLACE),
-        "Attitude as a quaternion, velocity in the body, and position.",
+        "Attitude as a quaternion, velocity in the body frame, and position.",
     ),
     _message(
         "PGPSP",
@@ -89,7 +89,7 @@ ROWS = (
     _message(
         "PSTRB",
         (_whole("week"), _whole("timeOfWeekMs", "ms"), _whole("pin"), _whole("count")),
-        "When a pulse came at a strobe input.",
+        "Time of a pulse at a strobe input.",
     ),
     _message(
         "INFO",
@@ -100,8 +100,8 @@ ROWS = (
         ),
         "Identity of the device.",
     ),
-    _message("ASCE", (_whole("options"),), "Which sentences are sent, and how often."),
-    _message("ASCB", (_whole("options"),), "Which sentences are sent, and how often."),
+    _message("ASCE", (_whole("options"),), "Sentences sent and their periods."),
+    _message("ASCB", (_whole("options"),), "Sentences sent and their periods."),
     _message(
         "INTEL",
         (

@@ -26,7 +26,7 @@ def supported() -> Iterator[SupportTable]:
     yield SupportTable(
         "Firmware",
         "The layout of every public data set is known for these versions. Payloads of other versions are decoded by "
-        f"the layout of {CURRENT}, as far as their size goes.",
+        f"the layout of {CURRENT}, as far as the payload size allows.",
         ("version",),
         tuple((version,) for version in VERSIONS if version[0].isdigit()),
     )

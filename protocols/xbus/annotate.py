@@ -138,7 +138,7 @@ def _words(field: Field, value: Any) -> str:
     if field.name == "data_identifier":
         return identifier_words(value)
     if field.name == "output_frequency" and value in (0, ALWAYS):
-        return "with every message, or the greatest rate" if value else "the greatest rate"
+        return "with every message, or the maximum rate" if value else "the maximum rate"
     if field.bits and isinstance(value, int):
         return f"{field.name}: {', '.join(_set_bits(field.bits, value)) or 'none'}"
     if field.choices and isinstance(value, int):

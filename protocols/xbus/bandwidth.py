@@ -95,9 +95,9 @@ def _part(path: str, pair: Pair, bytes_per_s: int) -> OutputLoad:
 def _limits(entries: Sequence[Setting]) -> list[str]:
     found = []
     if len(entries) > MOST_ENTRIES:
-        found.append(f"An output configuration has at most {MOST_ENTRIES} entries; these are {len(entries)}.")
+        found.append(f"An output configuration has at most {MOST_ENTRIES} entries; this one has {len(entries)}.")
     if any(entry["data_identifier"] & 0xFFF0 == ECEF and entry["data_identifier"] & 3 in (1, 2) for entry in entries):
-        found.append("A fixed-point format cannot hold a position in ECEF; ask for Float32 or Float64.")
+        found.append("A fixed-point format cannot represent a position in ECEF; select Float32 or Float64.")
     return found
 
 

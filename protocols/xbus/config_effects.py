@@ -35,20 +35,20 @@ def line_change(setting: str, old: Values | None, new: Values, known: DeviceCont
     if setting == "PortConfig":
         return _port_change([int(word) for word in (old or {}).get("words", ())], new["words"], known)
     if setting == "OutputConfiguration" and not _sends(new):
-        return BaudChange("silent", "The device sends nothing any more until something is chosen again.")
+        return BaudChange("silent", "The device sends no data until an output is selected again.")
     if setting == "SyncSettings" and _sends_latest(new) and not _sends_latest(old or {"settings": []}):
-        return BaudChange("silent", "The device sends data only when it is triggered (SendLatest); else it is silent.")
+        return BaudChange("silent", "The device sends data only when triggered (SendLatest).")
     if setting == "StringOutputType" and new["string_types"]:
-        return BaudChange("protocol", "The device sends text lines instead of MTData2.")
+        return BaudChange("protocol", "The device sends text lines in place of MTData2.")
     if setting == "OutputSkipFactor" and new["skip_factor"] == 0xFFFF:
-        return BaudChange("silent", "The device sends sentences only when it is asked.")
+        return BaudChange("silent", "The device sends strings only on request (ReqData).")
     if setting == "ExtOutputMode" and (int(new["mode"]) ^ int((old or {"mode": 0})["mode"])) & _ALTERNATIVE_UART:
-        return BaudChange("port", "The device speaks on another UART after the reset.")
+        return BaudChange("port", "The device uses another UART after the reset.")
     if (
         setting == "OptionFlags"
         and int(new["flags"]) & ~int((old or {"flags": 0})["flags"]) & _DISABLE_AUTO_MEASUREMENT
     ):
-        return BaudChange("silent", "The device no longer measures by itself when it starts.")
+        return BaudChange("silent", "The device no longer starts measuring by itself.")
     return None
 
 
@@ -56,7 +56,7 @@ def _baud_change(code: int, known: DeviceContext, who: str) -> BaudChange | None
     rate = BAUD_RATES.get(code)
     if rate is None or rate == known.baud:
         return None
-    return BaudChange("baud", f"{who} speaks at {rate:_} Bd after the reset.".replace("_", " "), rate)
+    return BaudChange("baud", f"{who} uses {rate:_} Bd after the reset.".replace("_", " "), rate)
 
 
 def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudChange | None:
@@ -74,7 +74,7 @@ def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudCh
     others = tuple(dict.fromkeys(rate for rate in rates if rate is not None and rate != worst.baud))
     words = " ".join(dict.fromkeys(change.words for change in found))
     if None in changed.values():
-        words += " Which port this line is connected to is not known."
+        words += " The port of this link is unknown."
     return BaudChange(worst.kind, words, worst.baud, others)
 
 
@@ -90,10 +90,10 @@ def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) 
     word, before = int(new[place]), old[place] if place < len(old) else None
     if word >> 16 & 0xF != _XBUS:
         off = not word >> 16 & 0xF
-        kind, does = ("port", "is switched off") if off else ("protocol", "speaks NMEA")
+        kind, does = ("port", "is switched off") if off else ("protocol", "uses NMEA")
         return BaudChange(kind, f"The {_PORTS[place]} {does} after the reset.")  # type: ignore[arg-type]
     if before is not None and (word ^ before) & 0xFF == 0 and word != before:
-        return BaudChange("port", f"The {_PORTS[place]} works otherwise after the reset (flow control, frame).")
+        return BaudChange("port", f"The {_PORTS[place]} changes its flow control or character format after the reset.")
     return _baud_change(word & 0xFF, known, f"The {_PORTS[place]}")
 
 

@@ -54,7 +54,7 @@ UTC_FIELDS = (  # also the payload of SetUTCTime and UTCTime
     Field("hour", "u1", unit="h", doc="Hour of the day."),
     Field("minute", "u1", unit="min", doc="Minute of the hour."),
     Field("second", "u1", unit="s", doc="Second of the minute."),
-    Field("flags", "u1", bits=UTC_FLAGS, doc="Valid parts of this time."),
+    Field("flags", "u1", bits=UTC_FLAGS, doc="Validity of the parts of this time."),
 )
 
 PVT_FIELDS = (  # Table 25
@@ -65,11 +65,11 @@ PVT_FIELDS = (  # Table 25
     Field("hour", "u1", unit="h", doc="Hour of the day (UTC)."),
     Field("min", "u1", unit="min", doc="Minute of the hour (UTC)."),
     Field("sec", "u1", unit="s", doc="Second of the minute (UTC), 60 in a leap second."),
-    Field("valid", "u1", bits=GNSS_VALID, title="Validity", doc="Valid parts of date and time."),
+    Field("valid", "u1", bits=GNSS_VALID, title="Validity", doc="Validity of date and time."),
     Field("tAcc", ">u4", unit="ns", title="Time accuracy", doc="Estimated accuracy of the time."),
     Field("nano", ">i4", unit="ns", doc="Fraction of the second, −10⁹ to 10⁹."),
-    Field("fixtype", "u1", choices=GNSS_FIXES, title="Fix", doc="Kind of fix."),
-    Field("flags", "u1", bits=GNSS_FLAGS, title="Solution flags", doc="Status of the fix."),
+    Field("fixtype", "u1", choices=GNSS_FIXES, title="Fix", doc="Fix type."),
+    Field("flags", "u1", bits=GNSS_FLAGS, title="Solution flags", doc="Fix status."),
     Field("numSV", "u1", title="Satellites used", doc="Satellites used in the solution."),
     Field("Reserved1", "u1", doc="Reserved."),
     Field("lon", ">i4", unit="°", scale=1e-7, decimals=7, period=360, title="Longitude", doc="Longitude."),
@@ -123,7 +123,7 @@ PVT_FIELDS = (  # Table 25
 
 SATELLITE_FIELDS = (  # Table 26, the repeated block
     Field("gnssId", "u1", choices=GNSS_SYSTEMS, title="Constellation", doc="Satellite system."),
-    Field("svId", "u1", title="Satellite", doc="Satellite in its system."),
+    Field("svId", "u1", title="Satellite", doc="Satellite number within its constellation."),
     Field("cno", "u1", unit="dBHz", title="C/N0", doc="Carrier to noise ratio."),
     Field("flags", "u1", bits=SATELLITE_FLAGS, title="Use and health", doc="Tracking, use and health."),
 )
@@ -134,19 +134,19 @@ SAT_INFO_FIELDS = (  # Table 26
         "numSvs",
         "u1",
         title="Satellites seen",
-        doc="Satellites listed; what counts is the least of this, 60, and what the item holds.",
+        doc="Number of satellites listed; at most 60, and no more than the item holds.",
     ),
     Field("res1", "u1", doc="Reserved."),
     Field("res2", "u1", doc="Reserved."),
     Field("res3", "u1", doc="Reserved."),
-    Field("satellites", shape=(-1,), fields=SATELLITE_FIELDS, doc="One record a satellite."),
+    Field("satellites", shape=(-1,), fields=SATELLITE_FIELDS, doc="One record per satellite."),
 )
 
 TRIGGER_FIELDS = (
     Field("line", "u1", doc="Input line."),
-    Field("polarity", "u1", choices=POLARITIES, doc="Edge that was seen."),
-    Field("timestamp", ">u4", doc="When it was seen, on the device's clock."),
-    Field("frame", ">u2", doc="Frame in which it was seen."),
+    Field("polarity", "u1", choices=POLARITIES, doc="Detected edge."),
+    Field("timestamp", ">u4", doc="Time of the edge on the device's clock."),
+    Field("frame", ">u2", doc="Frame in which the edge was detected."),
 )
 
 RAW_FIELDS = (
@@ -208,7 +208,7 @@ ITEMS: tuple[Field, ...] = (
         column_major=True,
         decimals=4,
         title="Rotation matrix",
-        doc="Orientation as a direction cosine matrix; it travels column by column.",
+        doc="Orientation as a direction cosine matrix, sent column by column.",
     ),
     _row(
         0x2030,
@@ -233,7 +233,7 @@ ITEMS: tuple[Field, ...] = (
         axes=XYZ,
         decimals=4,
         title="Velocity increment",
-        doc="Velocity gained since the last sample (strapdown integration).",
+        doc="Velocity increment since the last sample (strapdown integration).",
     ),
     _row(0x4020, "Acceleration", "real", (3,), unit="m/s²", axes=XYZ, decimals=3, doc="Calibrated acceleration."),
     _row(
@@ -257,11 +257,11 @@ ITEMS: tuple[Field, ...] = (
         axes=XYZ,
         decimals=3,
         title="Acceleration, high rate",
-        doc="Calibrated acceleration at 800 to 2 000 Hz, in messages of its own.",
+        doc="Calibrated acceleration at 800 to 2 000 Hz, in separate messages.",
     ),
-    _row(0x4810, "TriggerIn1", "", fields=TRIGGER_FIELDS, title="Trigger 1", doc="A trigger on line 1" + _ALSO + "."),
-    _row(0x4820, "TriggerIn2", "", fields=TRIGGER_FIELDS, title="Trigger 2", doc="A trigger on line 2" + _ALSO + "."),
-    _row(0x4830, "TriggerIn3", "", fields=TRIGGER_FIELDS, title="Trigger 3", doc="A trigger on line 3" + _ALSO + "."),
+    _row(0x4810, "TriggerIn1", "", fields=TRIGGER_FIELDS, title="Trigger 1", doc="Trigger on line 1" + _ALSO + "."),
+    _row(0x4820, "TriggerIn2", "", fields=TRIGGER_FIELDS, title="Trigger 2", doc="Trigger on line 2" + _ALSO + "."),
+    _row(0x4830, "TriggerIn3", "", fields=TRIGGER_FIELDS, title="Trigger 3", doc="Trigger on line 3" + _ALSO + "."),
     _row(
         0x5010,
         "AltitudeMsl",
@@ -290,7 +290,7 @@ ITEMS: tuple[Field, ...] = (
         frame="ECEF",
         decimals=2,
         title="Position",
-        doc="Position, earth-centred and earth-fixed; the fixed-point formats cannot hold its range.",
+        doc="Position, earth-centred and earth-fixed; exceeds the range of the fixed-point formats.",
     ),
     _row(
         0x5040,
@@ -325,7 +325,7 @@ ITEMS: tuple[Field, ...] = (
         ">u4",
         unit="0.1 ms",
         title="GNSS pulse",
-        doc="Time of the GNSS solution, on the clock of SampleTimeFine.",
+        doc="Time of the GNSS solution on the SampleTimeFine clock.",
     ),
     _row(
         0x8020,
@@ -357,7 +357,7 @@ ITEMS: tuple[Field, ...] = (
         axes=XYZ,
         decimals=4,
         title="Rate of turn, high rate",
-        doc="Calibrated rate of turn at 800 to 1 600 Hz, in messages of its own.",
+        doc="Calibrated rate of turn at 800 to 1 600 Hz, in separate messages.",
     ),
     _row(
         0xA010,
@@ -429,7 +429,7 @@ ITEMS: tuple[Field, ...] = (
         axes=XYZ,
         decimals=4,
         title="Magnetic field",
-        doc="Calibrated magnetic field; 1 is its strength at calibration.",
+        doc="Calibrated magnetic field, relative to its strength at calibration.",
     ),
     _row(
         0xC030,
@@ -460,7 +460,7 @@ ITEMS: tuple[Field, ...] = (
         "u1",
         bits=STATUS_BYTE_BITS,
         title="Status",
-        doc="The low byte of the status word.",
+        doc="Low byte of the status word.",
     ),
     _row(0xE020, "StatusWord", ">u4", bits=STATUS_BITS, title="Status", doc="State of filter, sensors and GNSS."),
     _row(0xE040, "Rssi", "i1", unit="dBm", title="Signal strength", doc="Strength of the radio signal" + _ALSO + "."),

@@ -302,7 +302,7 @@ def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, hel
     """The frame that writes a setting."""
     row = commands.write_row(one, model)
     if row is None:
-        raise EncodeError(f"{one.name} is told by the device and cannot be written")
+        raise EncodeError(f"{one.name} is reported by the device and cannot be written")
     wanted = {name: value for name, value in values.items() if name not in one.read_only_fields}
     if one.name == "OptionFlags":
         if not held:

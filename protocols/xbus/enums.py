@@ -17,7 +17,7 @@ ERROR_CODES = {  # Table 5; from 35 on the further values of the device's result
     2: "bus not ready",
     3: "period outside the valid range",
     4: "message invalid",
-    30: "timer overflow: output too fast, or too much sent to the device while it measures",
+    30: "timer overflow: output rate too high, or too much data sent to the device while measuring",
     32: "baud rate outside the valid range",
     33: "parameter invalid or outside its range",
     35: "measurement failed: transmit buffer full",
@@ -50,7 +50,7 @@ DEVICE_ERRORS = {  # the four bytes that follow error 40
 }
 
 WARNING_CODES = {  # Table 6; from 404 on the further values of the device's result list
-    401: "the GNSS module refused a configuration item",
+    401: "the GNSS module rejected a configuration item",
     402: "communication with the GNSS module timed out",
     403: "communication with the GNSS module failed",
     404: "the device is not calibrated",
@@ -238,7 +238,7 @@ STATUS_BITS = (  # Table 27
         normal_set=True,
         doc="The orientation filter's input is complete and reliable; clears when a sensor's range is exceeded.",
     ),
-    Bits("GnssFix", 2, normal_set=True, doc="The GNSS receiver has a proper fix."),
+    Bits("GnssFix", 2, normal_set=True, doc="The GNSS receiver has a valid fix."),
     Bits(
         "NoRotationUpdateStatus",
         3,
@@ -249,11 +249,11 @@ STATUS_BITS = (  # Table 27
             2: "rotation detected, no bias estimated",
             3: "running, device assumed still",
         },
-        doc="State of the no-rotation update that SetNoRotation starts; value 1 is not in the document.",
+        doc="State of the no-rotation update started by SetNoRotation; value 1 is not in the document.",
     ),
     Bits("RepresentativeMotion", 5, doc="In-run compass calibration is collecting representative motion."),
     Bits("ClockSync", 6, doc="Clock bias estimation against an external clock is active."),
-    Bits("FilterInputStart", 7, doc="Input of the filter starts with this sample; reserved in the document."),
+    Bits("FilterInputStart", 7, doc="First sample of the filter's input; reserved in the document."),
     Bits("ClipAccX", 8, severity="warning", doc="Acceleration along x is out of range."),
     Bits("ClipAccY", 9, severity="warning", doc="Acceleration along y is out of range."),
     Bits("ClipAccZ", 10, severity="warning", doc="Acceleration along z is out of range."),
@@ -264,17 +264,17 @@ STATUS_BITS = (  # Table 27
     Bits("ClipMagY", 15, severity="warning", doc="Magnetic field along y is out of range."),
     Bits("ClipMagZ", 16, severity="warning", doc="Magnetic field along z is out of range."),
     Bits("Reserved17", 17, doc="Reserved."),
-    Bits("Retransmitted", 18, doc="This sample was sent again; reserved in the document."),
+    Bits("Retransmitted", 18, doc="This sample was retransmitted; reserved in the document."),
     Bits("ClippingIndication", 19, severity="error", doc="At least one sensor is out of range."),
     Bits("Interpolated", 20, severity="warning", doc="This sample was interpolated; reserved in the document."),
-    Bits("SyncInMarker", 21, doc="A trigger was seen on a SyncIn line."),
-    Bits("SyncOutMarker", 22, doc="A pulse was given on the SyncOut line."),
+    Bits("SyncInMarker", 21, doc="A trigger was detected on a SyncIn line."),
+    Bits("SyncOutMarker", 22, doc="A pulse was output on the SyncOut line."),
     Bits(
         "FilterMode",
         23,
         width=3,
         choices={0: "without GNSS", 1: "coasting", 3: "with GNSS"},
-        doc="What the filter of a GNSS/INS device works with; coasting: GNSS lost less than 60 s ago.",
+        doc="Filter mode of a GNSS/INS device; coasting: GNSS lost less than 60 s ago.",
     ),
     Bits("HaveGnssTimePulse", 26, doc="The GNSS receiver's pulse per second is present."),
     Bits(
@@ -282,7 +282,7 @@ STATUS_BITS = (  # Table 27
         27,
         width=2,
         choices={0: "no RTK", 1: "RTK floating", 2: "RTK fixed"},
-        doc="Whether carrier-phase corrections are in use, and how well resolved.",
+        doc="RTK status: use of carrier-phase corrections and their ambiguity resolution.",
     ),
 )
 
@@ -300,15 +300,15 @@ SELFTEST_BITS = (  # section 5.3.2; a set bit is a test passed
 
 OPTION_FLAGS = (  # Table 8
     Bits("DisableAutoStore", 0, doc="Settings are not written to flash and are lost at the next reset."),
-    Bits("DisableAutoMeasurement", 1, doc="The device stays in the Config State when it starts."),
+    Bits("DisableAutoMeasurement", 1, doc="The device stays in the Config State after start-up."),
     Bits("EnableBeidou", 2, doc="BeiDou is received instead of GLONASS."),
     Bits("DisableGps", 3, doc="Reserved in the document."),
     Bits("EnableAhs", 4, doc="Active heading stabilisation: heading is tracked, not referenced to the field."),
     Bits("EnableOrientationSmoother", 5, doc="Orientation jumps caused by GNSS updates are smoothed."),
     Bits("EnableConfigurableBusId", 6, doc="The configured bus identifier is used instead of 0xFF."),
-    Bits("EnableInRunCompassCalibration", 7, doc="Disturbances that move with the object are calibrated away."),
+    Bits("EnableInRunCompassCalibration", 7, doc="Magnetic disturbances that move with the object are calibrated out."),
     Bits("EnableConfigMessageAtStartup", 9, doc="eMTS and Configuration messages are sent at start-up."),
-    Bits("EnableColdFilterResets", 10, doc="The filter starts cold at every GoToMeasurement."),
+    Bits("EnableColdFilterResets", 10, doc="The filter performs a cold start at every GoToMeasurement."),
     Bits("EnablePositionVelocitySmoother", 11, doc="Position and velocity are smoothed."),
     Bits("EnableContinuousZRU", 12, doc="Gyroscope bias and noise are continuously updated (zero-rotation update)."),
     Bits("EnableRawGnssInputForwarding", 13, doc="Not in the document."),
@@ -344,7 +344,7 @@ PORT_WORD = (  # Figure 2
     Bits("SecondStopBit", 9, doc="Reserved in the document."),
     Bits("Parity", 10, doc="Reserved in the document."),
     Bits("OddParity", 11, doc="Reserved in the document."),
-    Bits("Protocol", 16, width=4, choices={0: "none", 1: "Xbus", 5: "NMEA"}, doc="What is spoken on the port."),
+    Bits("Protocol", 16, width=4, choices={0: "none", 1: "Xbus", 5: "NMEA"}, doc="Protocol of the port."),
 )
 
 CAN_WORD = (
@@ -356,7 +356,10 @@ UTC_FLAGS = (  # Table 35
     Bits("ValidTimeOfWeek", 0, normal_set=True, doc="The time of week is valid."),
     Bits("ValidWeekNumber", 1, normal_set=True, doc="The GNSS week number is valid."),
     Bits(
-        "ValidUtc", 2, normal_set=True, doc="UTC is valid, leap seconds known; takes 12.5 minutes after a cold start."
+        "ValidUtc",
+        2,
+        normal_set=True,
+        doc="UTC is valid and the leap seconds are known; takes 12.5 minutes after a cold start.",
     ),
 )
 
@@ -399,5 +402,5 @@ SATELLITE_FLAGS = (  # Table 26
     ),
     Bits("UsedForNavigation", 3, doc="The satellite is used in the solution."),
     Bits("Health", 4, width=2, choices={0: "unknown", 1: "healthy", 2: "unhealthy"}, doc="Health of the satellite."),
-    Bits("DifferentialCorrection", 6, doc="Correction data are available for it."),
+    Bits("DifferentialCorrection", 6, doc="Correction data are available for the satellite."),
 )

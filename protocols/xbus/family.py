@@ -251,7 +251,7 @@ FAMILY = ProtocolInfo(
     log_header=LogHeader(
         {CONFIGURATION: "configuration", EMTS_DATA: "emts"},
         head,
-        "Read its configuration, for the recording",
+        "Read its configuration for the recording",
         "Configuration",
         "mtb",
     ),
@@ -283,11 +283,11 @@ FAMILY = ProtocolInfo(
         (0x0403, 0xD38D): "Xsens Awinda station",
     },
     hints=FamilyHints(
-        attitude="Switch on Quaternion, RotationMatrix or EulerAngles among the outputs of the device, and the horizon "
-        "appears here.",
-        identify="An MTi does not say what it is while it measures: reading its settings stops it for about a second "
-        "and asks it.",
-        pause="An MTi stops measuring while it is asked, for about a second.",
+        attitude="Add Quaternion, RotationMatrix or EulerAngles to the output configuration of the device to show the "
+        "horizon.",
+        identify="An MTi does not identify itself while measuring. Reading its settings identifies it, and interrupts "
+        "its measurement for about a second.",
+        pause="Reading the settings of an MTi interrupts its measurement for about a second.",
     ),
     supported=supported,
 )

@@ -93,7 +93,7 @@ def send_request(
             if reply.message.id == ERROR:
                 raise refusal(what, reply)
             if reply.message.id == WAKE_UP and frame[2] != RESET:
-                raise DeviceRejectedError(what, "the device restarted before it answered")
+                raise DeviceRejectedError(what, "the device restarted before answering")
             return values_of(reply)
     raise NoReplyError(what, attempts, timeout_s)
 
@@ -131,12 +131,12 @@ def to_config(*, restart: bool = True) -> Transaction[None]:
         return
     if not restart:
         raise NoReplyError("GoToConfig", round(PATIENCE_S / STEP_S), STEP_S)
-    yield Note("The device does not answer GoToConfig: it is restarted (Reset).")
+    yield Note("The device does not answer GoToConfig; restarting it (Reset).")
     yield Send(frames.build(RESET), "Reset")
     if (yield from _insist(AFTER_RESET_S)):
         return
     attempts = round((PATIENCE_S + AFTER_RESET_S) / STEP_S)
-    raise NoReplyError("GoToConfig, after a Reset (restart) neither", attempts, STEP_S)
+    raise NoReplyError("GoToConfig, including after a Reset", attempts, STEP_S)
 
 
 def _insist(patience_s: float) -> Transaction[bool]:

@@ -16,8 +16,8 @@ def supported() -> Iterator[SupportTable]:
     """Products, then what they can send."""
     yield SupportTable(
         "Products",
-        "The product is read from the device's product code. One that is not in this list is offered every setting and "
-        "command, and rejects those that it does not have. An MTi-G-700 is treated as an MTi-G-710.",
+        "The product is read from the device's product code. A product that is not in this list is offered every "
+        "setting and command, and rejects those it does not support. An MTi-G-700 is treated as an MTi-G-710.",
         ("product", "series", "kind", "quantities", "settings", "commands"),
         tuple(_product(model) for model in MODELS.values()),
     )

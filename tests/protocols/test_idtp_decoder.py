@@ -249,7 +249,7 @@ def warnings(events: Sequence[Event]) -> list[str]:
 
 def test_versions() -> None:
     events = play([build(0, bytes(12), sequence=i, version=0x2A) for i in range(3)])
-    assert warnings(events) == ["speaks IDTP 2.10, newer than what is known here, and is read as 2.1"]
+    assert warnings(events) == ["uses IDTP 2.10, newer than the supported one, and is decoded as 2.1"]
     events = play([build(0, bytes(12), version=0x20)])
     (batch,) = [event for event in events if isinstance(event, Batch)]
     assert batch.message.name == "0x00"
@@ -409,7 +409,7 @@ def test_user_schema() -> None:
         (('"Steering"', '"sequence"'), "name is none of timestamp, sequence"),
         (('"Wheels"', '"0 wheels"'), "message 1: name is letters, digits and _"),
         (("bias = 1.0", "bias = nan"), "field Steering: bias is a number, given nan"),
-        (("[[message]]", "[message"), "the schema is no TOML"),
+        (("[[message]]", "[message"), "the schema is not valid TOML"),
         (("[[message.field]]", "[[message.fields]]"), "message Wheels: 'fields' is not known"),
     ],
 )
@@ -452,6 +452,6 @@ def test_likeness() -> None:
 
 def test_another_version_was_no_known_protocol() -> None:
     frames = b"".join(with_version(build(0, bytes(12), sequence=k, timestamp=k, mode=SAFETY), 0x31) for k in range(20))
-    assert detection_score(frames) == (0.1, "20 frames of IDTP 3.1; this program reads IDTP 2")
+    assert detection_score(frames) == (0.1, "20 frames of IDTP 3.1; this program supports IDTP 2")
     said = [event.values["warning"] for event in play([frames]) if isinstance(event, Reply)]
-    assert said == ["these frames are of IDTP 3.1, which is not read here"]
+    assert said == ["these frames are of IDTP 3.1, which is not supported"]

@@ -208,7 +208,7 @@ def test_the_load_follows_a_configuration_that_is_not_in_effect_yet() -> None:
     assert DRIVER.load({"streams": streams}, KNOWN).total == 88 * 50
     assert DRIVER.load({"streams": streams, "DID_FLASH_CONFIG": {"startupNavDtMs": 2}}, KNOWN).total == 88 * 250
     pimu = {"streams": [{"did": 3, "period": 2}]}
-    assert "no other rate" in DRIVER.load({"streams": pimu}, KNOWN).limits[0]
+    assert "cannot be changed" in DRIVER.load({"streams": pimu}, KNOWN).limits[0]
 
 
 def test_streams_are_made_to_fit() -> None:

@@ -253,7 +253,7 @@ def test_a_failed_reading_restores_measurement_and_reports_the_restart() -> None
     with pytest.raises(NoReplyError, match="after a Reset"):
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
     assert names(line)[-1] == "GoToMeasurement"
-    assert line.notes == ["The device does not answer GoToConfig: it is restarted (Reset)."]
+    assert line.notes == ["The device does not answer GoToConfig; restarting it (Reset)."]
     line.pass_time(2)
     assert isinstance(line.device, Unheard)
     assert line.device.device.phase == "measurement"
@@ -436,7 +436,7 @@ def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> Non
     line = wire(moods=FaultInjection(power_cut_at=1))
     known = DeviceContext(product="MTi-630")
     written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
-    assert written.refused == "the device restarted before it answered"
+    assert written.refused == "the device restarted before answering"
     line.pass_time(2)
     assert phase(line) == "measurement"
     assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}

@@ -111,7 +111,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
     [
         ("DID_FLASH_CONFIG", ["ser0BaudRate=9600"], "serial port 0"),
         ("SET_DID_FLASH_CONFIG", ["insRotation=[1.5,0,0]"], "frame"),
-        ("streams", ["streams=[]"], "sends nothing"),
+        ("streams", ["streams=[]"], "stops streaming"),
         ("SET_DID_RMC", ["bits=0", "options=0"], "streams"),
     ],
 )

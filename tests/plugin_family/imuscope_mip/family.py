@@ -94,6 +94,6 @@ FAMILY = ProtocolInfo(
         device="a 3DM-GX5-45",
     ),
     usb_vendors={USB_VENDOR: "MicroStrain"},
-    hints=FamilyHints(attitude="Have the device send its orientation, and the horizon appears here."),
+    hints=FamilyHints(attitude="Configure the device to send its orientation to show the horizon."),
     panels=PanelDefaults(plots=("Acceleration", "RateOfTurn", "EulerAngles", "Height")),
 )
