@@ -13,8 +13,9 @@ meet, and where each vector came from. What is met is read off the bytes (by the
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,19 +63,23 @@ class Group:
 
     def missing(self) -> set[Any]:
         """Rows without a vector."""
-        return {row for row in self.rows() if not self.count()[row]}
+        counted = self.count()
+        return {row for row in self.rows() if not counted[row]}
 
 
 # -- Xbus --------------------------------------------------------------------------------------------------------------
 
 
-def _xbus_vectors() -> Iterator[tuple[xbus_oracle.OracleXbusFrame, str]]:
+@functools.cache
+def _xbus_vectors() -> Sequence[tuple[xbus_oracle.OracleXbusFrame, str]]:
     told = [(vector, _xbus_source(vector["source"])) for vector in (*xbus_vectors.DATA, *xbus_vectors.COMMANDS)]
     told += [(vector, "device-capture") for vector in xbus_vectors.DEVICE]
     told += [(vector, "computed") for name in ("messages", "items") for vector in xbus_vectors.COMPUTED[name]]
+    frames = []
     for vector, source in told:
         (frame,) = xbus_oracle.scan(xbus_vectors.frame(vector), final=True).frames
-        yield frame, source
+        frames.append((frame, source))
+    return frames
 
 
 def _xbus_source(words: str) -> str:
@@ -126,12 +131,15 @@ def _strings_met() -> Met:
 # -- ISB ---------------------------------------------------------------------------------------------------------------
 
 
-def _isb_vectors() -> Iterator[tuple[isb_oracle.OracleIsbPacket, str]]:
+@functools.cache
+def _isb_vectors() -> Sequence[tuple[isb_oracle.OracleIsbPacket, str]]:
     told = [(vector, "vendor") for vector in (*isb_vectors.DATA, *isb_vectors.COMMANDS)]
     told += [(vector, vector["source"]) for vector in (*isb_vectors.COMPUTED, *isb_vectors.FORMS)]
-    for vector, source in told:
-        for packet in isb_oracle.scan(isb_vectors.packet(vector), final=True).packets:
-            yield packet, source
+    return [
+        (packet, source)
+        for vector, source in told
+        for packet in isb_oracle.scan(isb_vectors.packet(vector), final=True).packets
+    ]
 
 
 def _isb_data() -> Iterator[tuple[isb_oracle.OracleIsbPacket, str]]:
@@ -147,12 +155,15 @@ def _older_rows() -> set[tuple[int, int]]:
 # -- IDTP --------------------------------------------------------------------------------------------------------------
 
 
-def _idtp_vectors() -> Iterator[tuple[idtp_oracle.OracleIdtpFrame, str]]:
+@functools.cache
+def _idtp_vectors() -> Sequence[tuple[idtp_oracle.OracleIdtpFrame, str]]:
     told = [(vector, "vendor") for vector in idtp_vectors.VECTORS]
     told += [(vector, vector["source"]) for vector in idtp_vectors.COMPUTED]
-    for vector, source in told:
-        for frame in idtp_oracle.scan(idtp_vectors.frame(vector), final=True, unverified=True).frames:
-            yield frame, source
+    return [
+        (frame, source)
+        for vector, source in told
+        for frame in idtp_oracle.scan(idtp_vectors.frame(vector), final=True, unverified=True).frames
+    ]
 
 
 def _idtp_rows() -> set[tuple[int, int]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 import struct
 from typing import Any
 
@@ -55,7 +57,13 @@ def ask(device: XbusSimulator, mid: int, payload: bytes = b"", now: int = 2 * S)
 
 
 def in_config(product: str = "MTi-630", **options: Any) -> XbusSimulator:
-    device = XbusSimulator(product, **options)
+    """A device that has measured for a second and then was sent GoToConfig."""
+    return copy.deepcopy(_in_config(product, tuple(options.items())))
+
+
+@functools.cache
+def _in_config(product: str, options: tuple[tuple[str, Any], ...]) -> XbusSimulator:
+    device = XbusSimulator(product, **dict(options))
     run(device, 1)
     assert ask(device, 0x30, now=1 * S) == (0x31, b"")
     return device
