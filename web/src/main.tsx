@@ -6,14 +6,13 @@ import { watchSampleInterval } from "./data/sample-interval";
 import { Store } from "./data/store";
 import { createViewState } from "./data/view-state";
 import { loadPorts, startApp } from "./pages/app-state";
-import { startDrop } from "./pages/drop";
 import { startKeyboard } from "./pages/keyboard";
 import { startLiveAddress } from "./pages/live-address";
 import { watchRecorder } from "./pages/record-button";
 import { startRoute } from "./pages/route";
 import { showLive } from "./pages/test-hook";
 import { Shell } from "./pages/shell";
-import { refusal, socketUrl } from "./pages/empty-states";
+import { socketUrl } from "./pages/empty-states";
 import { RecentHealth } from "./panels/health-history";
 import { api, isRefusal } from "./ui/http";
 import { startTheme } from "./ui/theme";
@@ -33,27 +32,26 @@ startTheme();
 const store = new Store();
 const app = startApp({ store, viewState: createViewState(), recentHealth: new RecentHealth() });
 startRoute();
-startLiveAddress(app.viewState);
+startLiveAddress(app);
 watchRecorder(app);
 startKeyboard(app);
-startDrop();
 
 // a refused WebSocket gives no reason; a plain request to the same server does
 effect(() => {
   if (store.connection.value !== "closed") {
-    refusal.value = undefined;
+    app.refusal.value = undefined;
     return;
   }
   void api.probe().then((outcome) => {
     if (outcome.ok) return;
     const refused = isRefusal(outcome.problem) || outcome.problem.kind === "too-many-tokens";
-    if (refused && store.connection.peek() !== "open") refusal.value = outcome.problem;
+    if (refused && store.connection.peek() !== "open") app.refusal.value = outcome.problem;
   });
 });
 
 store.start(socketUrl());
 watchSampleInterval(framesDrawn, (seconds) => store.requestInterval(seconds));
-void loadPorts();
+void loadPorts(app);
 showLive(store, app.viewState);
 const root = document.getElementById("root");
 if (root) render(<Shell app={app} />, root);

@@ -1,4 +1,5 @@
 // @vitest-environment happy-dom
+import { signal } from "@preact/signals";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, it, vi } from "vitest";
 import { protocol } from "../testing/capabilities";
@@ -39,7 +40,7 @@ function open(begin?: Begin): unknown[] {
       new Response(JSON.stringify({ id: "7" }), { headers: { "content-type": "application/json" } }),
     );
   });
-  render(<AddDevice begin={begin} onClose={() => undefined} onAdded={() => undefined} />);
+  render(<AddDevice begin={begin} address={signal("")} onClose={() => undefined} onAdded={() => undefined} />);
   return bodies;
 }
 

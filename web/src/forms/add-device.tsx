@@ -2,8 +2,8 @@
  * Add a device by its address, or change how an existing one is decoded: its key, the unit of its timestamps. The server checks the
  * input; its message and hint are shown under the field. A key is sent and dropped: neither the page nor an answer stores it.
  */
-import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { type Signal, signal, useSignal } from "@preact/signals";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import { api, type HowToRead, type Outcome, type Problem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icons";
@@ -24,17 +24,12 @@ export interface Begin {
 interface Props {
   /** The device whose decoding is changed; undefined for a new one. */
   readonly begin: Begin | undefined;
+  /** The address typed for a new device; it stays while the dialog is closed. */
+  readonly address: Signal<string>;
   readonly onClose: () => void;
   /** Called with the id of the device. */
   readonly onAdded: (id: string | undefined) => void;
 }
-
-const source = signal("");
-const protocol = signal("");
-/** Decoding options, as far as changed here. */
-const options = signal<Readonly<Partial<Record<DecodeOptionName, string>>>>({});
-const busy = signal(false);
-const problem = signal<Problem | undefined>(undefined);
 
 /** Problem of a typed key. */
 function wrongKey(text: string): Problem | undefined {
@@ -47,74 +42,91 @@ function wrongKey(text: string): Problem | undefined {
   };
 }
 
-/** Adds the device described by the form, or changes the decoding of an existing one. */
-async function send(address: string, begin: Begin | undefined): Promise<Outcome<{ readonly id: string }>> {
-  const said = inputsFor(protocol.value, begin?.protocol ?? "").filter((input) => isChanged(input, begin));
-  const how = {
-    ...(protocol.value ? { protocol: protocol.value } : {}),
-    ...Object.fromEntries(said.map((input) => [input.name, valueOf(input, begin)])),
-  } as HowToRead; // the server said which values there are
-  return begin === undefined ? api.addDevice(address, how) : api.readDevice(begin.id, how);
-}
-
-/** Options for a device of this protocol; while none is chosen, the early ones, and those of the protocol it `was`. */
-function inputsFor(name: string, was: string): readonly DecodeOptionInput[] {
-  const inputs = capabilities.value.protocols.flatMap((one) =>
-    one.options.filter(({ early }) => one.name === name || (name === "" && (early || one.name === was))),
-  );
-  return [...new Map(inputs.map((input) => [input.name, input])).values()];
-}
-
-/** Value of a field of the form. */
-function valueOf(input: DecodeOptionInput, begin: Begin | undefined): string {
-  const value = options.value[input.name] ?? (begin?.options[input.name] || input.default);
-  return isKey(input) ? value.trim() : value;
-}
-
 const isKey = ({ choices }: DecodeOptionInput): boolean => choices.length === 0;
 
-function isChanged(input: DecodeOptionInput, begin: Begin | undefined): boolean {
-  return valueOf(input, begin) !== (begin?.options[input.name] || input.default);
+/** Content of the form. */
+class Entry {
+  readonly source: Signal<string>;
+  readonly protocol: Signal<string>;
+  /** Decoding options, as far as changed here. */
+  readonly #options = signal<Readonly<Partial<Record<DecodeOptionName, string>>>>({});
+
+  constructor(
+    readonly begin: Begin | undefined,
+    address: Signal<string>,
+  ) {
+    this.source = begin ? signal(begin.source) : address;
+    this.protocol = signal(begin?.protocol ?? "");
+  }
+
+  /** Options for a device of this protocol; while none is chosen, the early ones, and those of the protocol it was. */
+  get inputs(): readonly DecodeOptionInput[] {
+    const [name, was] = [this.protocol.value, this.begin?.protocol ?? ""];
+    const inputs = capabilities.value.protocols.flatMap((one) =>
+      one.options.filter(({ early }) => one.name === name || (name === "" && (early || one.name === was))),
+    );
+    return [...new Map(inputs.map((input) => [input.name, input])).values()];
+  }
+
+  /** What was typed for an option; "" for nothing. */
+  typed({ name }: DecodeOptionInput): string {
+    return this.#options.value[name] ?? "";
+  }
+
+  /** Value of an option. */
+  valueOf(input: DecodeOptionInput): string {
+    const value = this.#options.value[input.name] ?? (this.begin?.options[input.name] || input.default);
+    return isKey(input) ? value.trim() : value;
+  }
+
+  set({ name }: DecodeOptionInput, value: string): void {
+    this.#options.value = { ...this.#options.value, [name]: value };
+  }
+
+  /** Whether there are changes to send for an existing device. */
+  get isChanged(): boolean {
+    return this.isChangedBesideKey || this.inputs.some((input) => this.#isSet(input));
+  }
+
+  get isChangedBesideKey(): boolean {
+    if (this.begin && this.protocol.value !== this.begin.protocol) return true;
+    return this.inputs.some((input) => !isKey(input) && this.#isSet(input));
+  }
+
+  /** Add the described device, or change the decoding of an existing one. */
+  async send(): Promise<Outcome<{ readonly id: string }>> {
+    const said = this.inputs.filter((input) => this.#isSet(input));
+    const how = {
+      ...(this.protocol.value ? { protocol: this.protocol.value } : {}),
+      ...Object.fromEntries(said.map((input) => [input.name, this.valueOf(input)])),
+    } as HowToRead; // the server said which values there are
+    return this.begin === undefined ? api.addDevice(this.source.value.trim(), how) : api.readDevice(this.begin.id, how);
+  }
+
+  #isSet(input: DecodeOptionInput): boolean {
+    return this.valueOf(input) !== (this.begin?.options[input.name] || input.default);
+  }
 }
 
-/** Whether there are changes to send for an existing device. */
-function changed(begin: Begin): boolean {
-  return changedHow(begin) || inputsFor(protocol.value, begin.protocol).some((input) => isChanged(input, begin));
-}
-
-/** The same, without the key. */
-function changedHow(begin: Begin): boolean {
-  const inputs = inputsFor(protocol.value, begin.protocol);
-  return protocol.value !== begin.protocol || inputs.some((input) => !isKey(input) && isChanged(input, begin));
-}
-
-export function AddDevice({ begin, onClose, onAdded }: Props) {
+export function AddDevice({ begin, address, onClose, onAdded }: Props) {
+  const entry = useMemo(() => new Entry(begin, address), [begin, address]);
+  const { source, protocol, inputs } = entry;
+  const problem = useSignal<Problem | undefined>(undefined);
+  const busy = useSignal(false);
   const field = useRef<HTMLInputElement>(null);
   const keyField = useRef<HTMLInputElement>(null);
   const focus = (): void => (begin ? keyField : field).current?.focus();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the fields are filled once, as the dialog opens
-  useEffect(() => {
-    problem.value = undefined;
-    options.value = {};
-    protocol.value = begin?.protocol ?? "";
-    if (begin) source.value = begin.source;
-    focus();
-    return () => {
-      options.value = {};
-      if (begin) source.value = "";
-    };
-  }, []);
-  const inputs = inputsFor(protocol.value, begin?.protocol ?? "");
+  // biome-ignore lint/correctness/useExhaustiveDependencies: focused once, as the dialog opens
+  useEffect(focus, []);
   const choices = inputs.filter((input) => !isKey(input));
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
-    const address = source.value.trim();
-    if (address === "" || busy.value) return;
-    const keys = inputs.filter(isKey).map((input) => wrongKey(valueOf(input, begin)));
+    if (source.value.trim() === "" || busy.value) return;
+    const keys = inputs.filter(isKey).map((input) => wrongKey(entry.valueOf(input)));
     problem.value = keys.find((one) => one !== undefined);
     if (problem.value) return focus();
     busy.value = true;
-    const outcome = await send(address, begin);
+    const outcome = await entry.send();
     busy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (!outcome.ok) {
@@ -162,7 +174,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
             ]}
           />
           {inputs.filter(isKey).map((input) => (
-            <KeyField key={input.name} input={input} field={keyField} />
+            <KeyField key={input.name} entry={entry} input={input} field={keyField} />
           ))}
         </div>
         {choices.length > 0 && (
@@ -172,8 +184,8 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
                 key={input.name}
                 id={input.name}
                 label={input.title}
-                value={valueOf(input, begin)}
-                onChange={(value) => say(input, value)}
+                value={entry.valueOf(input)}
+                onChange={(value) => entry.set(input, value)}
                 choices={input.choices}
               />
             ))}
@@ -188,18 +200,14 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
           <button
             type="submit"
             class="btn main"
-            disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !changed(begin))}
+            disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !entry.isChanged)}
           >
-            {busy.value ? COMMON.sending : !begin ? TEXT.add : changedHow(begin) ? COMMON.apply : TEXT.useKey}
+            {busy.value ? COMMON.sending : !begin ? TEXT.add : entry.isChangedBesideKey ? COMMON.apply : TEXT.useKey}
           </button>
         </div>
       </form>
     </Dialog>
   );
-}
-
-function say({ name }: DecodeOptionInput, value: string): void {
-  options.value = { ...options.value, [name]: value };
 }
 
 interface ChoiceProps {
@@ -229,11 +237,12 @@ function Choice({ id, label, value, onChange, choices }: ChoiceProps) {
 }
 
 interface KeyFieldProps {
+  readonly entry: Entry;
   readonly input: DecodeOptionInput;
   readonly field: { current: HTMLInputElement | null };
 }
 
-function KeyField({ input, field }: KeyFieldProps) {
+function KeyField({ entry, input, field }: KeyFieldProps) {
   return (
     <div>
       <label for={input.name}>{input.title}</label>
@@ -243,8 +252,8 @@ function KeyField({ input, field }: KeyFieldProps) {
           ref={field}
           type="password"
           class="mono"
-          value={options.value[input.name] ?? ""}
-          onInput={(event) => say(input, event.currentTarget.value)}
+          value={entry.typed(input)}
+          onInput={(event) => entry.set(input, event.currentTarget.value)}
           spellcheck={false}
           autocomplete="off"
         />

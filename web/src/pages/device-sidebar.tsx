@@ -1,5 +1,5 @@
 /** The devices with their state, and other ports of this host with data. */
-import { signal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { recently } from "../panels/panel-context";
 import { rateBars } from "../panels/health-history";
 import { drawBars } from "../panels/sparkline";
@@ -14,27 +14,13 @@ import { PanelHost } from "../ui/panel-host";
 import { markOf, shortSource } from "../ui/page-state";
 import { protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
-import {
-  type App,
-  askKey,
-  connect,
-  linkOf,
-  overlay,
-  ports,
-  run,
-  scanning,
-  scanPorts,
-  select,
-  sheet,
-  tick,
-} from "./app-state";
+import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-/** The device whose removal was requested once; the second request removes it. */
-const removing = signal<string | undefined>(undefined);
-
 export function Rail({ app }: { readonly app: App }) {
+  const { overlay, ports, scanning, sheet } = app;
+  const removing = useSignal<string | undefined>(undefined);
   const devices = app.store.devices.value;
   const inUse = new Set(devices.map((device) => shortSource(device.source)));
   const others = ports.value.filter((port) => !inUse.has(shortSource(port.device)));
@@ -71,6 +57,7 @@ export function Rail({ app }: { readonly app: App }) {
               key={device.id}
               app={app}
               device={device}
+              removing={removing}
               shared={devices.filter((one) => linkOf(one) === linkOf(device)).length}
             />
           ))}
@@ -79,14 +66,14 @@ export function Rail({ app }: { readonly app: App }) {
       <div class="head further">
         <h3>{TEXT.otherSerialPorts}</h3>
         <span class="grow" />
-        <button type="button" class="btn small" disabled={scanning.value} onClick={() => void scanPorts()}>
+        <button type="button" class="btn small" disabled={scanning.value} onClick={() => void scanPorts(app)}>
           {scanning.value ? TEXT.listening : TEXT.scan}
         </button>
       </div>
       {others.length === 0 ? <p class="foot-note dim">{TEXT.noOtherSerialPort}</p> : null}
       <ul>
         {others.map((port) => (
-          <Ghost key={port.device} port={port} />
+          <Ghost key={port.device} app={app} port={port} />
         ))}
       </ul>
     </aside>
@@ -105,9 +92,11 @@ interface DeviceProps {
   readonly device: DeviceInfo;
   /** Number of devices on its link. */
   readonly shared: number;
+  /** The device whose removal was requested once; the second request removes it. */
+  readonly removing: Signal<string | undefined>;
 }
 
-function Device({ app, device, shared }: DeviceProps) {
+function Device({ app, device, shared, removing }: DeviceProps) {
   const current = app.viewState.view.value.device === device.id;
   const health = app.store.health.value.get(device.id);
   const { gaps } = recently(app, device.id);
@@ -115,7 +104,7 @@ function Device({ app, device, shared }: DeviceProps) {
   const streams = device.status === "live" && !app.store.isCut;
   return (
     <li class={device.parent ? "device sibling" : "device"} {...(current ? { "aria-current": "true" as const } : {})}>
-      <button type="button" class="choose-device" aria-pressed={current} onClick={() => select(device.id)}>
+      <button type="button" class="choose-device" aria-pressed={current} onClick={() => select(app, device.id)}>
         <span class={`dot ${dot}`} />
         <span class="visually-hidden">{word}: </span>
         <b class="ellipsis">{device.name}</b>
@@ -130,7 +119,7 @@ function Device({ app, device, shared }: DeviceProps) {
         )}
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
-      {current && <Acts device={device} shared={shared} />}
+      {current && <Acts app={app} device={device} shared={shared} removing={removing} />}
     </li>
   );
 }
@@ -209,7 +198,7 @@ function Why({ app, device, health, gaps }: WhyProps) {
       </span>
     );
   }
-  void tick.value;
+  void app.tick.value;
   const now = app.store.serverNow();
   const last = health?.last_arrival ?? device.last_arrival;
   const ago = last === null || last === undefined ? "" : TEXT.timeAgo(age(now - last).value, age(now - last).unit);
@@ -240,11 +229,11 @@ const NAMES: Readonly<Record<Exclude<DeviceInfo["status"], "live">, readonly [st
   ended: ["", COMMON.ended],
 };
 
-function Acts({ device, shared }: { readonly device: DeviceInfo; readonly shared: number }) {
+function Acts({ app, device, shared, removing }: DeviceProps) {
   if (removing.value === device.id) {
     const remove = (): void => {
       removing.value = undefined;
-      void run(api.removeDevice(linkOf(device)));
+      void run(app, api.removeDevice(linkOf(device)));
     };
     return (
       <div class="actions">
@@ -261,12 +250,12 @@ function Acts({ device, shared }: { readonly device: DeviceInfo; readonly shared
   return (
     <div class="actions">
       {device.status !== "live" && (
-        <button type="button" class="btn small edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
+        <button type="button" class="btn small edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
           {device.status === "ended" ? TEXT.playAgain : TEXT.tryNow}
         </button>
       )}
       {(protocolOf(device.protocol)?.options.length ?? 0) > 0 && (
-        <button type="button" class="btn small" onClick={() => askKey(device)}>
+        <button type="button" class="btn small" onClick={() => askKey(app, device)}>
           {TEXT.reading}
         </button>
       )}
@@ -301,7 +290,7 @@ function mountSpark(host: HTMLElement, app: App, id: string): Panel {
 }
 
 /** A port without a device: the data found there, and a way to connect to it. */
-function Ghost({ port }: { readonly port: Port }) {
+function Ghost({ app, port }: { readonly app: App; readonly port: Port }) {
   const free = port.busy === "" && port.denied === "";
   return (
     <li class="device ghost">
@@ -313,7 +302,7 @@ function Ghost({ port }: { readonly port: Port }) {
             type="button"
             class="btn small edge"
             aria-label={TEXT.connectTo(shortSource(port.device))}
-            onClick={() => void connect(port.device)}
+            onClick={() => void connect(app, port.device)}
           >
             {TEXT.connect}
           </button>

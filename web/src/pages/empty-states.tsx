@@ -1,23 +1,27 @@
 /** Placeholder for the plots while there is nothing to plot: the cause, the facts, and one main action. */
-import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { api, type Problem } from "../ui/http";
+import { api } from "../ui/http";
 import { age } from "../ui/format";
 import { Message } from "../ui/message";
 import { shortSource } from "../ui/page-state";
 import { capabilities } from "../wire/capabilities";
 import type { DeviceInfo, Attempt } from "../wire/types";
-import { type App, connect, linkOf, overlay, ports, problem, run, scanning, scanPorts, tick } from "./app-state";
+import { type App, connect, linkOf, run, scanPorts } from "./app-state";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-/** Why the server refuses access, once known. */
-export const refusal = signal<Problem | undefined>(undefined);
+interface Props {
+  readonly app: App;
+}
 
-export function Starting() {
-  const refused = refusal.value;
+interface DeviceProps extends Props {
+  readonly device: DeviceInfo;
+}
+
+export function Starting({ app }: Props) {
+  const refused = app.refusal.value;
   return (
     <Card title={refused ? TEXT.accessRefused : TEXT.connectingToImuscope} dot={refused ? "bad" : "off"}>
       <p>{refused ? <Message text={refused.message} /> : TEXT.connectingToServer}</p>
@@ -35,7 +39,8 @@ export function Starting() {
   );
 }
 
-export function Empty() {
+export function Empty({ app }: Props) {
+  const { ports, scanning } = app;
   const simulated = capabilities.value.protocols.find(({ simulator }) => simulator);
   return (
     <Card title={TEXT.noDeviceYet}>
@@ -55,14 +60,14 @@ export function Empty() {
         <p class="hint">{TEXT.noSerialPort}</p>
       )}
       <div class="row">
-        <button type="button" class="btn main" disabled={scanning.value} onClick={() => void scanPorts()}>
+        <button type="button" class="btn main" disabled={scanning.value} onClick={() => void scanPorts(app)}>
           {scanning.value ? TEXT.scanningPorts : TEXT.scanPorts}
         </button>
-        <button type="button" class="btn edge" onClick={() => (overlay.value = "add")}>
+        <button type="button" class="btn edge" onClick={() => (app.overlay.value = "add")}>
           {TEXT.addAnAddress}
         </button>
         {simulated && (
-          <button type="button" class="btn" onClick={() => void connect(`sim:${simulated.name}`)}>
+          <button type="button" class="btn" onClick={() => void connect(app, `sim:${simulated.name}`)}>
             {TEXT.startASimulator}
           </button>
         )}
@@ -71,7 +76,7 @@ export function Empty() {
   );
 }
 
-export function Connecting({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
+export function Connecting({ app, device }: DeviceProps) {
   return (
     <Card title={TEXT.connectingTo(shortSource(device.source))} dot="off">
       <p>
@@ -86,12 +91,12 @@ export function Connecting({ app, device }: { readonly app: App; readonly device
       <p class="dim">
         <NextTry app={app} device={device} />
       </p>
-      <Choices device={device} stop={device.next_attempt === null} />
+      <Choices app={app} device={device} stop={device.next_attempt === null} />
     </Card>
   );
 }
 
-export function Denied({ device }: { readonly device: DeviceInfo }) {
+export function Denied({ app, device }: DeviceProps) {
   return (
     <Card title={TEXT.noPermissionFor(shortSource(device.source))} dot="bad">
       <p>
@@ -101,12 +106,12 @@ export function Denied({ device }: { readonly device: DeviceInfo }) {
         <Message text={device.hint || TEXT.grantPortAccess} />
       </p>
       <Attempts attempts={device.attempts} />
-      <Choices device={device} />
+      <Choices app={app} device={device} />
     </Card>
   );
 }
 
-export function Unreached({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
+export function Unreached({ app, device }: DeviceProps) {
   return (
     <Card title={TEXT.cannotBeReached(device.name)} dot="bad">
       <p>
@@ -118,12 +123,12 @@ export function Unreached({ app, device }: { readonly app: App; readonly device:
         </p>
       )}
       <Attempts attempts={device.attempts} />
-      <Choices device={device} />
+      <Choices app={app} device={device} />
     </Card>
   );
 }
 
-export function Silent({ device }: { readonly device: DeviceInfo }) {
+export function Silent({ app, device }: DeviceProps) {
   return (
     <Card title={TEXT.isSilent(device.name)} dot="off">
       <p>
@@ -133,23 +138,23 @@ export function Silent({ device }: { readonly device: DeviceInfo }) {
         <Message text={device.hint || TEXT.silentHint} />
       </p>
       <Attempts attempts={device.attempts} />
-      <Choices device={device} />
+      <Choices app={app} device={device} />
     </Card>
   );
 }
 
-function Choices({ device, stop = false }: { readonly device: DeviceInfo; readonly stop?: boolean }) {
+function Choices({ app, device, stop = false }: DeviceProps & { readonly stop?: boolean }) {
   return (
     <div class="row">
       {!stop && (
-        <button type="button" class="btn main" onClick={() => void run(api.retryDevice(linkOf(device)))}>
+        <button type="button" class="btn main" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
           {TEXT.tryNow}
         </button>
       )}
-      <button type="button" class="btn edge" onClick={() => void run(api.removeDevice(linkOf(device)))}>
+      <button type="button" class="btn edge" onClick={() => void run(app, api.removeDevice(linkOf(device)))}>
         {stop ? COMMON.stop : TEXT.remove}
       </button>
-      <button type="button" class="btn" onClick={() => (overlay.value = "add")}>
+      <button type="button" class="btn" onClick={() => (app.overlay.value = "add")}>
         {device.link === "serial" ? TEXT.setBaudRate : TEXT.addAnotherAddress}
       </button>
     </div>
@@ -192,16 +197,16 @@ function Card({ title, dot, children }: CardProps) {
   );
 }
 
-function NextTry({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
-  void tick.value;
+function NextTry({ app, device }: DeviceProps) {
+  void app.tick.value;
   if (device.next_attempt === null) return null;
   const left = Math.ceil(device.next_attempt - app.store.serverNow());
   return <>{left > 0 ? TEXT.nextAttemptIn(left) : TEXT.tryingNow}</>;
 }
 
 /** The band over the plots of a device whose newest value is old. */
-export function HeldBand({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
-  void tick.value;
+export function HeldBand({ app, device }: DeviceProps) {
+  void app.tick.value;
   const state = app.state.value;
   const last = app.store.health.value.get(device.id)?.last_arrival ?? device.last_arrival;
   const old = age(last === null ? undefined : app.store.serverNow() - last);
@@ -221,7 +226,7 @@ export function HeldBand({ app, device }: { readonly app: App; readonly device: 
         <Message text={device.hint} />
       </span>
       <span class="grow" />
-      <button type="button" class="btn edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
+      <button type="button" class="btn edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
         {state === "ended" ? TEXT.playAgain : TEXT.tryNow}
       </button>
     </div>
@@ -229,9 +234,9 @@ export function HeldBand({ app, device }: { readonly app: App; readonly device: 
 }
 
 /** The band of a page without its server: the display stays and is marked as old. */
-export function OfflineBand({ app }: { readonly app: App }) {
-  void tick.value;
-  const refused = refusal.value;
+export function OfflineBand({ app }: Props) {
+  void app.tick.value;
+  const refused = app.refusal.value;
   const since = app.store.silentSince.value;
   const silent = age(since === undefined ? undefined : app.store.serverNow() - since);
   return (
@@ -261,16 +266,16 @@ export function socketUrl(): string {
 }
 
 /** Bands of every page: a failed request, until it is read, and a recording that has ended. */
-export function ProblemBand() {
+export function ProblemBand({ app }: Props) {
   return (
     <>
-      <FailedBand />
-      <SavedBand />
+      <FailedBand app={app} />
+      <SavedBand app={app} />
     </>
   );
 }
 
-function FailedBand() {
+function FailedBand({ app: { problem } }: Props) {
   const shown = problem.value;
   if (!shown) return null;
   return (

@@ -18,7 +18,7 @@ export function RearmBand({ app }: { readonly app: App }) {
           <b>{TEXT.sequenceRestarted(sender)}</b>
           <span class="mid">{TEXT.oldSequenceNumbers(sender)}</span>
           <span class="grow" />
-          <button type="button" class="btn edge" onClick={() => void run(api.rearmDevice(link.id, sender))}>
+          <button type="button" class="btn edge" onClick={() => void run(app, api.rearmDevice(link.id, sender))}>
             {TEXT.rearm(sender)}
           </button>
         </div>
@@ -44,7 +44,7 @@ export function KeyBand({ app }: { readonly app: App }) {
         {TEXT.enterKeyHere} <code>{TEXT.keyOption}</code>.
       </span>
       <span class="grow" />
-      <button type="button" class="btn edge" onClick={() => askKey(device)}>
+      <button type="button" class="btn edge" onClick={() => askKey(app, device)}>
         {TEXT.enterKey}
       </button>
     </div>

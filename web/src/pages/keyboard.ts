@@ -1,15 +1,16 @@
 /** Handles keys by the table in ui/keys.ts. */
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
-import { type App, overlay, sheet } from "./app-state";
+import type { App } from "./app-state";
 import { showsPlots } from "../ui/page-state";
 import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
 import { go, PAGES, type PageName, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
+  const pageAfter = chords();
   const onKey = (event: KeyboardEvent): void => {
     // a dialog has its own keys, and closes on Esc by itself
-    if (event.defaultPrevented || overlay.value !== undefined || document.querySelector("dialog[open]") !== null)
+    if (event.defaultPrevented || app.overlay.value !== undefined || document.querySelector("dialog[open]") !== null)
       return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const type = target instanceof HTMLInputElement ? target.type : "";
@@ -22,7 +23,7 @@ export function startKeyboard(app: App): () => void {
     }
     const action = actionFor(event);
     if (!action) return;
-    if (action.do === "help") overlay.value = "help";
+    if (action.do === "help") app.overlay.value = "help";
     else if (action.do === "record") void toggleRecord(app);
     else if (action.do === "askRecord") askForRecord(app);
     else if (route.value.recording !== undefined)
@@ -40,19 +41,21 @@ export function startKeyboard(app: App): () => void {
 
 /** How long the second key of "G, then a letter" is awaited. */
 const CHORD_MS = 1500;
-let goPressed = -Infinity;
 
 /** The page of "G, then L". */
-function pageAfter(event: KeyboardEvent): PageName | undefined {
-  if (event.ctrlKey || event.altKey || event.metaKey) return undefined;
-  const key = event.key.toLowerCase();
-  const waits = event.timeStamp - goPressed < CHORD_MS;
-  goPressed = key === "g" ? event.timeStamp : -Infinity;
-  return waits ? PAGES.find(({ title }) => title.charAt(0).toLowerCase() === key)?.name : undefined;
+function chords(): (event: KeyboardEvent) => PageName | undefined {
+  let goPressed = -Infinity;
+  return (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return undefined;
+    const key = event.key.toLowerCase();
+    const waits = event.timeStamp - goPressed < CHORD_MS;
+    goPressed = key === "g" ? event.timeStamp : -Infinity;
+    return waits ? PAGES.find(({ title }) => title.charAt(0).toLowerCase() === key)?.name : undefined;
+  };
 }
 
 /** Esc: closes the topmost overlay, then the measuring cursor, then the pinned one. */
-function close({ viewState: { cursor, measure } }: App): void {
+function close({ sheet, viewState: { cursor, measure } }: App): void {
   if (sheet.value) sheet.value = undefined;
   else if (measure.value !== undefined) measure.value = undefined;
   else if (cursor.value?.kind === "pinned") cursor.value = undefined;
@@ -80,7 +83,7 @@ function act(action: KeyAction, app: App): void {
     case "timeBase":
       return actions.toggleTimeBase();
     case "link":
-      return void shareLive(app.viewState);
+      return void shareLive(app);
     case "series":
       return actions.toggleSeries(action.index, action.alone);
     case "record":

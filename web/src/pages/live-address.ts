@@ -7,7 +7,7 @@
 import type { ViewState } from "../data/view-state";
 import { type Place, placeQuery, readPlace, seriesOf, takeSeries } from "../recordings/permalink";
 import { copyText } from "../ui/copy";
-import { select } from "./app-state";
+import { type App, select } from "./app-state";
 import { href, route } from "./route";
 
 /** Update interval of the address, ms. */
@@ -31,10 +31,8 @@ export function livePlace({ view, cursor, measure, frame, hiddenSeries, knownNor
 }
 
 /** Show a place; what it lacks stays at Live's default. */
-export function goLive(
-  { view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots }: ViewState,
-  place: Place,
-): void {
+export function goLive(app: App, place: Place): void {
+  const { view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots } = app.viewState;
   const { t0, t1 } = place;
   const still = t0 !== undefined && t1 !== undefined;
   const span = still ? t1 - t0 : place.span;
@@ -50,7 +48,7 @@ export function goLive(
   frame.value = place.frame;
   hiddenSeries.value = takeSeries(place, knownNorms);
   extraPlots.value = new Set(place.panels);
-  if (place.device !== undefined) select(place.device);
+  if (place.device !== undefined) select(app, place.device);
 }
 
 export function liveHref(viewState: ViewState): string {
@@ -59,10 +57,11 @@ export function liveHref(viewState: ViewState): string {
 }
 
 /** Follow the address, and keep it up to date with the view. */
-export function startLiveAddress(viewState: ViewState): void {
+export function startLiveAddress(app: App): void {
+  const { viewState } = app;
   let ours = "";
   const take = (query: string | undefined): void => {
-    if (query) goLive(viewState, readPlace(query));
+    if (query) goLive(app, readPlace(query));
   };
   if (route.peek().page === "live") take(route.peek().query);
   route.subscribe(({ page, query }) => {

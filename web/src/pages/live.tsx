@@ -8,7 +8,7 @@ import { Help } from "../ui/help";
 import { PanelHost } from "../ui/panel-host";
 import { showsPlots } from "../ui/page-state";
 import { LiveScene, LiveViews } from "../views/viser";
-import { type App, describing, folded, keyFor, overlay, select } from "./app-state";
+import { type App, select } from "./app-state";
 import { Bar, Dock } from "./top-bar";
 import { Describe } from "./payload-dialog";
 import { Rail } from "./device-sidebar";
@@ -34,7 +34,7 @@ export function LivePage({ app }: { readonly app: App }) {
   const offline = app.store.isCut && state !== "starting";
   const classes = [
     "app",
-    folded.value ? "folded" : "",
+    app.folded.value ? "folded" : "",
     showsPlots(state) ? "" : "plain",
     offline ? "offline" : "",
     app.held() ? "held" : "",
@@ -50,21 +50,21 @@ export function LivePage({ app }: { readonly app: App }) {
       )}
       <Bar app={app} />
       {offline && <OfflineBand app={app} />}
-      {showsPlots(state) && <Strip app={app} />}
+      {showsPlots(state) && <Strip deps={app} />}
       <Rail app={app} />
       <main class="centre">
         <h1 class="visually-hidden">
           {TEXT.live}
           {app.device.value ? `: ${app.device.value.name}` : ""}
         </h1>
-        <ProblemBand />
+        <ProblemBand app={app} />
         <KeyBand app={app} />
         <RearmBand app={app} />
         <Centre app={app} />
       </main>
-      <Side app={app} />
+      {showsPlots(state) && <Side app={app} deps={app} />}
       {showsPlots(state) && <Dock app={app} />}
-      <RowsDialog app={app} />
+      <RowsDialog app={app} deps={app} />
       <Overlays app={app} />
     </div>
   );
@@ -73,18 +73,18 @@ export function LivePage({ app }: { readonly app: App }) {
 function Centre({ app }: { readonly app: App }) {
   const state = app.state.value;
   const device = app.device.value;
-  if (state === "starting") return <Starting />;
-  if (state === "empty" || !device) return <Empty />;
+  if (state === "starting") return <Starting app={app} />;
+  if (state === "empty" || !device) return <Empty app={app} />;
   if (state === "connecting") return <Connecting app={app} device={device} />;
-  if (state === "denied") return <Denied device={device} />;
+  if (state === "denied") return <Denied app={app} device={device} />;
   if (state === "unreached") return <Unreached app={app} device={device} />;
-  if (state === "silent") return <Silent device={device} />;
+  if (state === "silent") return <Silent app={app} device={device} />;
   return (
     <>
       <PanelHost class="attitude" label={COMMON.attitude} mount={(host) => mountAttitude(host, app)} />
       {state !== "live" && <HeldBand app={app} device={device} />}
-      <LiveViews />
-      <LiveScene device={device} several={app.store.devices.value.length > 1} />
+      <LiveViews app={app} />
+      <LiveScene app={app} device={device} />
       <div class="plots" id="plots" tabIndex={-1}>
         <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountStack(host, app)} />
       </div>
@@ -93,6 +93,7 @@ function Centre({ app }: { readonly app: App }) {
 }
 
 function Overlays({ app }: { readonly app: App }) {
+  const { overlay, keyFor, describing } = app;
   const close = (): void => {
     overlay.value = undefined;
     keyFor.value = undefined;
@@ -109,9 +110,9 @@ function Overlays({ app }: { readonly app: App }) {
   if (overlay.value === "add") {
     const added = (id: string | undefined): void => {
       close();
-      if (id !== undefined) select(id);
+      if (id !== undefined) select(app, id);
     };
-    return <AddDevice begin={keyFor.value} onClose={close} onAdded={added} />;
+    return <AddDevice begin={keyFor.value} address={app.newAddress} onClose={close} onAdded={added} />;
   }
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;

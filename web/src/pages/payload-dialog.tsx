@@ -1,6 +1,5 @@
 /** Defines a vendor's own payload: a short text in TOML, checked by the server; its bytes become plots. */
-import { signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useSignal } from "@preact/signals";
 import { descriptionOf } from "../panels/hex";
 import { api, type Problem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
@@ -10,10 +9,6 @@ import { type App, linkOf } from "./app-state";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-const text = signal("");
-const problem = signal<Problem | undefined>(undefined);
-const busy = signal(false);
-
 interface Props {
   readonly app: App;
   readonly payload: UnknownPayload;
@@ -21,11 +16,9 @@ interface Props {
 }
 
 export function Describe({ app, payload, onClose }: Props) {
-  // biome-ignore lint/correctness/useExhaustiveDependencies: restarts with another payload only, not with each of its samples
-  useEffect(() => {
-    text.value = descriptionOf(payload.id, payload.size);
-    problem.value = undefined;
-  }, []);
+  const text = useSignal(descriptionOf(payload.id, payload.size)); // of the first sample: later ones leave it as typed
+  const problem = useSignal<Problem | undefined>(undefined);
+  const busy = useSignal(false);
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     const device = app.store.devices.value.find(({ id }) => id === payload.device);

@@ -9,7 +9,7 @@ import { bytes, length } from "../recordings/library-filter";
 import { age, clock } from "../ui/format";
 import { Icon } from "../ui/icons";
 import type { RecorderState } from "../wire/types";
-import { type App, problem, run, tick } from "./app-state";
+import { type App, perApp, run } from "./app-state";
 import { href } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
@@ -20,11 +20,6 @@ const LEFT_S = 900;
 /** How long the button confirms a marker, ms. */
 const SAID_MS = 2500;
 
-/** Time at which a note was begun, unix s: its position, however long it takes to write. */
-const noteAt = signal<number | undefined>(undefined);
-/** Confirmation of the last marker or note. */
-const said = signal("");
-
 /** A recording that has ended, until it is dismissed. */
 export interface Saved {
   readonly id: string;
@@ -33,7 +28,28 @@ export interface Saved {
   readonly duration: number | null;
   readonly bytes: number;
 }
-export const saved = signal<Saved | undefined>(undefined);
+
+class RecordState {
+  readonly saved = signal<Saved | undefined>(undefined);
+  /** Time at which a note was begun, unix s: its position, however long it takes to write. */
+  readonly noteAt = signal<number | undefined>(undefined);
+  /** Confirmation of the last marker or note. */
+  readonly said = signal("");
+  /** Whether the button shows its second key, after the first was pressed. */
+  readonly asking = signal(false);
+  #timer: ReturnType<typeof setTimeout> | undefined;
+
+  say(words: string): void {
+    this.said.value = words;
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => {
+      this.said.value = "";
+      this.asking.value = false;
+    }, SAID_MS);
+  }
+}
+
+const recordOf = perApp(() => new RecordState());
 
 /** The recording that ended between `before` and `now`; undefined while it goes on, and if it failed. */
 export function endedOf(
@@ -54,27 +70,15 @@ export function endedOf(
 export const isRecording = (app: App): boolean => app.store.recorder.value?.running === true;
 
 export async function toggleRecord(app: App): Promise<void> {
-  await run(isRecording(app) ? server.stop() : server.start({ devices: null, title: "" }));
+  await run(app, isRecording(app) ? server.stop() : server.start({ devices: null, title: "" }));
 }
 
 /** The first press only shows the second key: it lies beside keys that are pressed often. */
 export function askForRecord(app: App): void {
-  asking.value = true;
-  say(isRecording(app) ? TEXT.shiftREndsRecording : TEXT.shiftRRecords);
+  const state = recordOf(app);
+  state.asking.value = true;
+  state.say(isRecording(app) ? TEXT.shiftREndsRecording : TEXT.shiftRRecords);
 }
-
-/** Whether the button shows its second key, after the first was pressed. */
-const asking = signal(false);
-
-function say(words: string): void {
-  said.value = words;
-  clearTimeout(saying);
-  saying = setTimeout(() => {
-    said.value = "";
-    asking.value = false;
-  }, SAID_MS);
-}
-let saying: ReturnType<typeof setTimeout> | undefined;
 
 /** Drop a marker now. */
 export async function mark(
@@ -83,18 +87,19 @@ export async function mark(
   kind: "marker" | "note" = "marker",
   time = app.store.serverNow(),
 ): Promise<void> {
-  const done = await run(server.mark({ text, kind, time, device: "" }));
+  const done = await run(app, server.mark({ text, kind, time, device: "" }));
   if (done === undefined) return;
-  say(TEXT.markerSet(kind === "note" ? TEXT.note : COMMON.marker, clock(time)));
+  recordOf(app).say(TEXT.markerSet(kind === "note" ? TEXT.note : COMMON.marker, clock(time)));
 }
 
 /** Ask for the words of a note at this time. */
 export function beginNote(app: App): void {
-  if (isRecording(app)) noteAt.value = app.store.serverNow();
+  if (isRecording(app)) recordOf(app).noteAt.value = app.store.serverNow();
 }
 
 /** Shows on every page that a recording stopped by itself. */
 export function watchRecorder(app: App): void {
+  const { saved } = recordOf(app);
   let told = "";
   let before: RecorderState | undefined;
   effect(() => {
@@ -122,14 +127,15 @@ export function watchRecorder(app: App): void {
     const state = app.store.recorder.value;
     const message = state?.message ?? "";
     if (state && message !== "" && message !== told)
-      problem.value = { kind: "recorder", message, hint: state.hint, status: 0 };
+      app.problem.value = { kind: "recorder", message, hint: state.hint, status: 0 };
     told = message;
   });
 }
 
 export function Record({ app }: { readonly app: App }) {
+  const { asking, said, noteAt } = recordOf(app);
   const state = app.store.recorder.value;
-  void tick.value;
+  void app.tick.value;
   if (!state) return null;
   if (!state.running) {
     return (
@@ -145,7 +151,7 @@ export function Record({ app }: { readonly app: App }) {
           <i class="record-dot" />
           <span class="desk">{asking.value ? TEXT.shiftR : TEXT.record}</span>
         </button>
-        <Said />
+        <Said words={said.value} />
       </>
     );
   }
@@ -185,22 +191,23 @@ export function Record({ app }: { readonly app: App }) {
         <Icon name="flag" />
       </button>
       {noteAt.value !== undefined && <Note app={app} time={noteAt.value} />}
-      <Said />
+      <Said words={said.value} />
     </>
   );
 }
 
 /** The last or next action, in words for screen readers, and the line on the plots. */
-function Said() {
+function Said({ words }: { readonly words: string }) {
   return (
     <span class="visually-hidden" role="status">
-      {said.value}
+      {words}
     </span>
   );
 }
 
 /** A recording that has ended, with its link; a band on every page, until dismissed. */
-export function SavedBand() {
+export function SavedBand({ app }: { readonly app: App }) {
+  const { saved } = recordOf(app);
   const one = saved.value;
   if (!one) return null;
   const size = bytes(one.bytes);
@@ -229,7 +236,7 @@ function Note({ app, time }: { readonly app: App; readonly time: number }) {
   const field = useRef<HTMLInputElement>(null);
   useLayoutEffect(() => field.current?.focus(), []); // before the next key is pressed: it belongs to the note
   const close = (): void => {
-    noteAt.value = undefined;
+    recordOf(app).noteAt.value = undefined;
   };
   const send = (event: Event): void => {
     event.preventDefault();

@@ -2,14 +2,15 @@
 import { mountRows } from "../panels/rows";
 import { Dialog } from "../ui/dialog";
 import { PanelHost } from "../ui/panel-host";
-import { type App, openTable } from "./app-state";
+import type { Deps } from "../panels/panel-context";
+import type { App } from "./app-state";
 
-export function RowsDialog({ app }: { readonly app: App }) {
-  const open = openTable.value;
+export function RowsDialog({ app, deps }: { readonly app: App; readonly deps: Deps }) {
+  const open = app.openTable.value;
   if (!open) return null;
   return (
-    <Dialog title={open.title} wide onClose={() => (openTable.value = undefined)}>
-      <PanelHost class="rows-box" label={open.title} scrolls mount={(host) => mountRows(host, app, open.name)} />
+    <Dialog title={open.title} wide onClose={() => (app.openTable.value = undefined)}>
+      <PanelHost class="rows-box" label={open.title} scrolls mount={(host) => mountRows(host, deps, open.name)} />
     </Dialog>
   );
 }

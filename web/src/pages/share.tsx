@@ -1,21 +1,24 @@
 /** The link to what is on screen on Live: a button and its key. */
 import { signal } from "@preact/signals";
-import type { ViewState } from "../data/view-state";
 import { Icon } from "../ui/icons";
+import { type App, perApp } from "./app-state";
 import { copyLiveLink } from "./live-address";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
 /** How long the button says that the link was copied, ms. */
 const SAID_MS = 2500;
-const said = signal("");
+/** Result of the last copy, in words. */
+const saidOf = perApp(() => signal(""));
 
-export async function shareLive(viewState: ViewState): Promise<void> {
-  said.value = (await copyLiveLink(viewState)) ? COMMON.linkCopied : COMMON.copyBlocked;
+export async function shareLive(app: App): Promise<void> {
+  const said = saidOf(app);
+  said.value = (await copyLiveLink(app.viewState)) ? COMMON.linkCopied : COMMON.copyBlocked;
   setTimeout(() => (said.value = ""), SAID_MS);
 }
 
-export function Share({ viewState }: { readonly viewState: ViewState }) {
+export function Share({ app }: { readonly app: App }) {
+  const said = saidOf(app);
   return (
     <>
       <button
@@ -23,7 +26,7 @@ export function Share({ viewState }: { readonly viewState: ViewState }) {
         class={`btn icon desk flag share ${said.value ? "just-done" : ""}`}
         aria-label={COMMON.copyLink}
         title={said.value || TEXT.copyLinkToView}
-        onClick={() => void shareLive(viewState)}
+        onClick={() => void shareLive(app)}
       >
         <Icon name="share" />
       </button>

@@ -1,7 +1,6 @@
 /** The frame of all pages: the current page, the tabs of a phone, and notices shown on every page. */
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
-import type { Store } from "../data/store";
 import { Icon } from "../ui/icons";
 import type { App } from "./app-state";
 import { DropVeil } from "./drop";
@@ -37,7 +36,7 @@ function late<P>(load: () => Promise<{ default: ComponentType<P> }>): {
 
 const configure = late<{ app: App }>(() => import("./configure/page"));
 const recordings = late<{ app: App }>(() => import("./recordings/page"));
-const decks = late<{ store: Store }>(() => import("./configure/rollback-banner"));
+const decks = late<{ app: App }>(() => import("./configure/rollback-banner"));
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;
@@ -50,9 +49,9 @@ export function Shell({ app }: { readonly app: App }) {
   return (
     <>
       {heavy ? Heavy ? <Heavy app={app} /> : <div class="app" aria-busy="true" /> : <LivePage app={app} />}
-      {temporary && Decks && <Decks store={app.store} />}
+      {temporary && Decks && <Decks app={app} />}
       <Tabs />
-      <DropVeil />
+      <DropVeil app={app} />
     </>
   );
 }

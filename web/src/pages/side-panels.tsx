@@ -3,42 +3,42 @@ import { useRef } from "preact/hooks";
 import "../panels/all";
 import { type PanelDefinition, panelsAt } from "../panels/registry";
 import { Icon } from "../ui/icons";
-import { showsPlots } from "../ui/page-state";
 import { PanelHost } from "../ui/panel-host";
-import { type App, folded, sheet } from "./app-state";
+import type { Deps } from "../panels/panel-context";
+import type { App } from "./app-state";
 import { TEXT } from "../texts/live";
 
 interface Props {
-  readonly app: App;
+  /** Context of the panels: the page itself on Live, a recording otherwise. */
+  readonly deps: Deps;
 }
 
 /** The panels over the plots if the side column has no room. */
-export function Strip({ app }: Props) {
+export function Strip({ deps }: Props) {
   return (
     <>
-      {panelsAt("strip", app).map((panel) => (
+      {panelsAt("strip", deps).map((panel) => (
         <PanelHost
           key={panel.id}
           class={panel.class ?? ""}
           label={panel.title}
           scrolls
-          mount={(host) => panel.mount(host, app, null)}
+          mount={(host) => panel.mount(host, deps, null)}
         />
       ))}
     </>
   );
 }
 
-export function Side({ app }: Props) {
-  if (!showsPlots(app.state.value)) return null;
+export function Side({ app, deps }: Props & { readonly app: App }) {
   return (
-    <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label={TEXT.valuesAndHealth}>
-      {panelsAt("side", app).map((panel, k) => (
-        <SidePanel key={panel.id} panel={panel} app={app} folds={k === 0} />
+    <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={TEXT.valuesAndHealth}>
+      {panelsAt("side", deps).map((panel, k) => (
+        <SidePanel key={panel.id} panel={panel} deps={deps} folds={k === 0 ? app : undefined} />
       ))}
       <div class="lower-panels" role="region" aria-label={TEXT.healthAndEvents} tabIndex={0}>
-        {panelsAt("below", app).map((panel) => (
-          <BelowPanel key={panel.id} panel={panel} app={app} />
+        {panelsAt("below", deps).map((panel) => (
+          <BelowPanel key={panel.id} panel={panel} deps={deps} />
         ))}
       </div>
     </aside>
@@ -49,8 +49,8 @@ interface PanelProps extends Props {
   readonly panel: PanelDefinition;
 }
 
-/** A panel that takes the available room. */
-function SidePanel({ panel, app, folds }: PanelProps & { readonly folds: boolean }) {
+/** A panel that takes the available room; `folds`: the page whose column it folds. */
+function SidePanel({ panel, deps, folds }: PanelProps & { readonly folds: App | undefined }) {
   const caption = useRef<HTMLSpanElement>(null);
   return (
     <>
@@ -58,19 +58,19 @@ function SidePanel({ panel, app, folds }: PanelProps & { readonly folds: boolean
         <h2>{panel.title}</h2>
         <span ref={caption}>{panel.note}</span>
         <span class="grow" />
-        {folds && <FoldButton />}
+        {folds && <FoldButton app={folds} />}
       </div>
       <PanelHost
         class={panel.class ?? ""}
         label={panel.title}
         scrolls
-        mount={(host) => panel.mount(host, app, caption.current)}
+        mount={(host) => panel.mount(host, deps, caption.current)}
       />
     </>
   );
 }
 
-function FoldButton() {
+function FoldButton({ app: { sheet, folded } }: { readonly app: App }) {
   const fold = (): void => {
     if (sheet.value === "side") sheet.value = undefined;
     else folded.value = true;
@@ -89,7 +89,7 @@ function FoldButton() {
 }
 
 /** A panel in the scrolling part. */
-function BelowPanel({ panel, app }: PanelProps) {
+function BelowPanel({ panel, deps }: PanelProps) {
   const caption = useRef<HTMLSpanElement>(null);
   const { after: After } = panel;
   return (
@@ -100,9 +100,9 @@ function BelowPanel({ panel, app }: PanelProps) {
       </div>
       <PanelHost
         {...(panel.class === undefined ? {} : { class: panel.class })}
-        mount={(host) => panel.mount(host, app, caption.current)}
+        mount={(host) => panel.mount(host, deps, caption.current)}
       />
-      {After && <After deps={app} />}
+      {After && <After deps={deps} />}
     </section>
   );
 }

@@ -7,7 +7,7 @@ import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/page-state";
 import { theme, toggleTheme } from "../ui/theme";
 import { SceneButton } from "../views/viser";
-import { type App, folded, overlay, sheet } from "./app-state";
+import type { App } from "./app-state";
 import { Record } from "./record-button";
 import { href, PAGES, route } from "./route";
 import { Share } from "./share";
@@ -42,32 +42,32 @@ export function Bar({ app }: Props) {
           </a>
         ))}
       </nav>
-      <Toggle name="rail" label={PANELS[page].rail} icon="list" />
+      <Toggle app={app} name="rail" label={PANELS[page].rail} icon="list" />
       <span class="grow" />
       {isLive && showsPlots(app.state.value) && <TimeControls app={app} />}
       {page === "configure" && <StateTags app={app} />}
       <span class="grow desk" />
-      {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton />}
+      {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton app={app} />}
       <Record app={app} />
-      {isLive && showsPlots(app.state.value) && <Share viewState={app.viewState} />}
+      {isLive && showsPlots(app.state.value) && <Share app={app} />}
       <button
         type="button"
         class="btn icon desk"
         aria-label={COMMON.keyboard}
         title={TEXT.keys}
-        onClick={() => (overlay.value = "help")}
+        onClick={() => (app.overlay.value = "help")}
       >
         <Icon name="help" />
       </button>
       <Theme />
-      <Toggle name="side" label={PANELS[page].side} icon="side" />
-      {isLive && folded.value && (
+      <Toggle app={app} name="side" label={PANELS[page].side} icon="side" />
+      {isLive && app.folded.value && (
         <button
           type="button"
           class="btn icon desk only-wide"
           aria-label={TEXT.showValuesAndHealth}
           title={TEXT.showValuesAndHealth}
-          onClick={() => (folded.value = false)}
+          onClick={() => (app.folded.value = false)}
         >
           <Icon name="side" />
         </button>
@@ -137,14 +137,14 @@ function Theme() {
   );
 }
 
-interface ToggleProps {
+interface ToggleProps extends Props {
   readonly name: "rail" | "side";
   readonly label: string;
   readonly icon: IconName;
 }
 
 /** Opens a panel that is folded because the window is narrow. */
-function Toggle({ name, label, icon }: ToggleProps) {
+function Toggle({ app: { sheet }, name, label, icon }: ToggleProps) {
   const open = sheet.value === name;
   return (
     <button
@@ -163,6 +163,7 @@ function Toggle({ name, label, icon }: ToggleProps) {
 
 /** On a phone the devices are behind the name of the selected one. */
 function DeviceName({ app }: Props) {
+  const { sheet } = app;
   const device = app.device.value;
   const mark = device ? markOf(device.status, recently(app, device.id).gaps) : { dot: "off", word: "none" };
   const open = sheet.value === "rail";

@@ -2,7 +2,6 @@
  * The events of the selected device and of the server, newest first; repeats are one line, sorts can be hidden, and pressing a line
  * shows its moment on the plots.
  */
-import { signal } from "@preact/signals";
 import { clock } from "../ui/format";
 import { el, throttle, messageNodes, type Panel } from "../ui/dom";
 import type { EventInfo } from "../wire/types";
@@ -16,10 +15,8 @@ const SHOWN = 200;
 /** Margin on either side of the event's interval, as part of its length. */
 const ROOM = 0.5;
 
-/** What is listed; the same on every page. */
-const sort = signal<Sort>("all");
-
 function mountEvents(host: HTMLElement, deps: Deps): Panel {
+  const sort = deps.eventSort;
   const list = el("ol", { class: "event-list" });
   const none = el("p", { class: "foot-note dim" });
   const choice = el(

@@ -3,6 +3,8 @@ import type { ViewState } from "../data/view-state";
 import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
+import type { Signal } from "@preact/signals";
+import type { Sort } from "./event-groups";
 import type { DeviceInfo, EventInfo, UnknownPayload } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
 import type { RecentHealth } from "./health-history";
@@ -23,6 +25,8 @@ export interface Deps {
   readonly viewState: ViewState;
   readonly recentHealth: RecentHealth;
   readonly open: Openers;
+  /** What the list of events holds. */
+  readonly eventSort: Signal<Sort>;
   /** True while the newest value is old: headings then show its age. */
   readonly held: () => boolean;
   /** Statistics of a column over the window if the store holds only some of its samples; undefined until known. */

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { pass, prepare, take } from "./prefetch";
+import { Prefetch } from "./prefetch";
 import type { RecordingInfo } from "./types";
 
 const info = (part: Partial<RecordingInfo> = {}): RecordingInfo =>
@@ -41,8 +41,10 @@ const detail = {
 
 describe("a recording that somebody is about to open", () => {
   const asked: string[] = [];
+  let prefetch = new Prefetch();
   beforeEach(() => {
     vi.useFakeTimers();
+    prefetch = new Prefetch();
     asked.length = 0;
     vi.stubGlobal("fetch", (path: string) => {
       asked.push(path);
@@ -53,7 +55,7 @@ describe("a recording that somebody is about to open", () => {
     });
   });
   afterEach(async () => {
-    (await take("nobody", undefined)).screen?.dispose(); // what is left prepared
+    (await prefetch.take("nobody", undefined)).screen?.dispose(); // what is left prepared
     vi.useRealTimers();
     vi.unstubAllGlobals();
   });
@@ -61,29 +63,29 @@ describe("a recording that somebody is about to open", () => {
 
   it("is there, with its window, when the pointer has rested on it", async () => {
     const known = info();
-    prepare(known, new Set());
+    prefetch.prepare(known, new Set());
     await settled();
     expect(asked.length).toBe(2);
     expect(asked[1]).toMatch(/window.*t0=1000&t1=1060/);
-    const { outcome, screen } = await take("yard", known);
+    const { outcome, screen } = await prefetch.take("yard", known);
     expect(outcome.ok).toBe(true);
     expect(screen?.held?.exact).toBe(true);
     expect(asked.length).toBe(2);
   });
 
   it("is not asked for where the pointer only passes, nor before it was ever opened", async () => {
-    prepare(info(), new Set());
-    pass();
-    prepare(info({ opened: false }), new Set(), true);
-    prepare(info({ recording: true }), new Set(), true);
+    prefetch.prepare(info(), new Set());
+    prefetch.pass();
+    prefetch.prepare(info({ opened: false }), new Set(), true);
+    prefetch.prepare(info({ recording: true }), new Set(), true);
     await settled();
     expect(asked).toEqual([]);
   });
 
   it("is asked for anew when the library tells something else of it by then", async () => {
-    prepare(info(), new Set(), true);
+    prefetch.prepare(info(), new Set(), true);
     await settled();
-    const { screen } = await take("yard", info({ title: "Another" }));
+    const { screen } = await prefetch.take("yard", info({ title: "Another" }));
     expect(asked.filter((path) => !path.includes("/window")).length).toBe(2);
     expect(screen?.held).toBeUndefined(); // a link may want another window
   });

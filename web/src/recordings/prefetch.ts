@@ -31,9 +31,6 @@ interface Prepared {
   readonly answer: Promise<Answer>;
 }
 
-let prepared: Prepared | undefined;
-let resting: ReturnType<typeof setTimeout> | undefined;
-
 /** Everything about a recording except its samples. */
 export async function detailOf(id: string): Promise<Answer["outcome"]> {
   const outcome = await server.detail(id);
@@ -50,40 +47,46 @@ async function begin(id: string, extraPlots?: ReadonlySet<string>): Promise<Answ
   return { outcome, screen };
 }
 
-/** Prefetch it. `now`: the pointer is already pressing. */
-export function prepare(info: RecordingInfo, extraPlots: ReadonlySet<string>, now = false): void {
-  clearTimeout(resting);
-  if (!info.opened || info.recording || isGood(prepared, info)) return;
-  const start = (): void => {
-    drop();
-    prepared = { info, since: performance.now(), answer: begin(info.id, extraPlots) };
-  };
-  if (now) start();
-  else resting = setTimeout(start, REST_MS);
-}
-
-/** The pointer left. */
-export function pass(): void {
-  clearTimeout(resting);
-}
-
-/** The prefetched data of a recording, once; `info`: its present library entry. */
-export function take(id: string, info: RecordingInfo | undefined): Promise<Answer> {
-  clearTimeout(resting);
-  const found = prepared;
-  if (found && info && found.info.id === id && isGood(found, info)) {
-    prepared = undefined;
-    return found.answer;
-  }
-  drop();
-  return begin(id);
-}
-
 function isGood(one: Prepared | undefined, info: RecordingInfo): boolean {
   return one !== undefined && one.info === info && performance.now() - one.since < KEPT_MS;
 }
 
-function drop(): void {
-  void prepared?.answer.then(({ screen }) => screen?.dispose());
-  prepared = undefined;
+/** The prefetched recording of a page: one at a time. */
+export class Prefetch {
+  #prepared: Prepared | undefined;
+  #resting: ReturnType<typeof setTimeout> | undefined;
+
+  /** Prefetch it. `now`: the pointer is already pressing. */
+  prepare(info: RecordingInfo, extraPlots: ReadonlySet<string>, now = false): void {
+    clearTimeout(this.#resting);
+    if (!info.opened || info.recording || isGood(this.#prepared, info)) return;
+    const start = (): void => {
+      this.#drop();
+      this.#prepared = { info, since: performance.now(), answer: begin(info.id, extraPlots) };
+    };
+    if (now) start();
+    else this.#resting = setTimeout(start, REST_MS);
+  }
+
+  /** The pointer left. */
+  pass(): void {
+    clearTimeout(this.#resting);
+  }
+
+  /** The prefetched data of a recording, once; `info`: its present library entry. */
+  take(id: string, info: RecordingInfo | undefined): Promise<Answer> {
+    clearTimeout(this.#resting);
+    const found = this.#prepared;
+    if (found && info && found.info.id === id && isGood(found, info)) {
+      this.#prepared = undefined;
+      return found.answer;
+    }
+    this.#drop();
+    return begin(id);
+  }
+
+  #drop(): void {
+    void this.#prepared?.answer.then(({ screen }) => screen?.dispose());
+    this.#prepared = undefined;
+  }
 }

@@ -9,16 +9,15 @@
  *
  * `near` has the devices' state at the head: its clock is the head, its events are those that had happened by then.
  */
-import { computed, effect, type Signal, signal } from "@preact/signals";
+import { computed, effect, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import type { Ring } from "../data/ring-buffer";
 import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
 import { RecentHealth } from "../panels/health-history";
 import { type Reading, readingAt } from "../panels/cursor-time";
-import { type App, OPENERS } from "../pages/app-state";
+import type { Deps } from "../panels/panel-context";
 import type { Problem } from "../ui/http";
-import type { PageState } from "../ui/page-state";
 import { type Place, seriesOf, takeSeries } from "./permalink";
 import { HealthHistoryFeed, minuteAt } from "./health-history";
 import { healthAt, lostAfter, until } from "./health-at";
@@ -26,6 +25,7 @@ import { advance, begin, followed, type Playing } from "./playback";
 import { ReplayStore } from "./replay-store";
 import { VisibleRange, type Shown } from "./visible-range";
 import { changedStats, StatisticsFeed } from "./statistics-feed";
+import type { DeviceInfo } from "../wire/types";
 import type { Bounds } from "./time-range";
 import type { MarkerInfo, RecordingDetail } from "./types";
 import { Vicinity } from "./vicinity";
@@ -39,7 +39,9 @@ export class ReplayController {
   readonly drawn: ReplayStore;
   readonly near: ReplayStore;
   readonly far: ReplayStore;
-  readonly app: App;
+  /** Context of the panels, but for what the page adds: always with something on screen, and never stale. */
+  readonly deps: Omit<Deps, "open" | "eventSort">;
+  readonly device: ReadonlySignal<DeviceInfo | undefined>;
   readonly bounds: Bounds;
   readonly markers = signal<readonly MarkerInfo[]>([]);
   readonly playing = signal(false);
@@ -86,8 +88,12 @@ export class ReplayController {
     );
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
-    this.app = {
-      ...appOf(this.near, this.#recentHealth, viewState),
+    this.device = computed(() => this.near.devices.value.find(({ id }) => id === viewState.view.value.device));
+    this.deps = {
+      store: this.near,
+      recentHealth: this.#recentHealth,
+      viewState,
+      held: () => false,
       allEvents: detail.events,
       jump: ({ t0 }) => this.seek(t0),
       statistics: (channel, column, at) => this.#statisticsOf(channel, column, at),
@@ -339,11 +345,4 @@ export class ReplayController {
     this.near.health.value = new Map([[device, healthAt(this.detail, device, this.head, history)]]);
     if (history) this.#recentHealth.put(device, minuteAt(history, happened, device, this.head));
   }
-}
-
-/** The recording as an App for the panels: always with something on screen, and never stale. */
-function appOf(store: ReplayStore, recentHealth: RecentHealth, viewState: ViewState): App {
-  const device = computed(() => store.devices.value.find(({ id }) => id === viewState.view.value.device));
-  const state = signal<PageState>("live");
-  return { store, recentHealth, viewState, open: OPENERS, device, state, held: () => false };
 }

@@ -1,9 +1,11 @@
 /** The real Configure page of a recorded device, with the real store, in a DOM without a browser. */
-import { cleanup, render, waitFor } from "@testing-library/preact";
-import { afterEach, vi } from "vitest";
+import { render, waitFor } from "@testing-library/preact";
 import type { Store } from "../data/store";
 import type { Forms, SnapshotBody } from "../forms/types";
 import type { DeviceJobs } from "../wire/types";
+import ConfigurePage from "../pages/configure/page";
+import Decks from "../pages/configure/rollback-banner";
+import { newApp, startOver } from "./live-page";
 import { type Answers, type Asked, answering, type Family, feed, recorded } from "./recorded";
 
 export interface Opened {
@@ -29,34 +31,22 @@ interface Options {
   readonly slow?: string;
 }
 
-afterEach(cleanup); // effects that wait for a frame do not outlive the test
-
-/** Opens the page, without module state of an earlier one. */
+/** Opens the page. */
 export async function openConfigure(
   family: Family,
   { place = "", unread = false, answers = {}, slow = "" }: Options = {},
 ): Promise<Opened> {
-  cleanup();
-  vi.resetModules();
+  startOver(`#/configure/1/${place}`);
   const known = recorded(family);
   const all = { ...known.answers, ...(unread ? known.unread : {}), ...answers };
   const asked = answering(all, slow);
-  location.hash = `#/configure/1/${place}`;
-  const { startApp } = await import("../pages/app-state");
-  const { startRoute } = await import("../pages/route");
-  const { createViewState } = await import("../data/view-state");
-  const { RecentHealth } = await import("../panels/health-history");
-  const { Store: RealStore } = await import("../data/store");
-  const { default: ConfigurePage } = await import("../pages/configure/page");
-  const { default: Decks } = await import("../pages/configure/rollback-banner");
-  const store = new RealStore();
-  const app = startApp({ store, viewState: createViewState(), recentHealth: new RecentHealth() });
-  startRoute();
+  const app = newApp();
+  const { store } = app;
   feed(store, known, unread ? known.texts : (known.read ?? known.texts));
   render(
     <>
       <ConfigurePage app={app} />
-      <Decks store={store} />
+      <Decks app={app} />
     </>,
   );
   await waitFor(() => {

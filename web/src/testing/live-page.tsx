@@ -1,8 +1,13 @@
 /** The whole page as just opened, from a recorded server, in a DOM without a browser. */
 import { cleanup, render } from "@testing-library/preact";
 import { afterEach, vi } from "vitest";
-import type { Store } from "../data/store";
-import type { App } from "../pages/app-state";
+import { Store } from "../data/store";
+import { createViewState } from "../data/view-state";
+import { type App, startApp } from "../pages/app-state";
+import { startKeyboard } from "../pages/keyboard";
+import { parse, route, startRoute } from "../pages/route";
+import { Shell } from "../pages/shell";
+import { RecentHealth } from "../panels/health-history";
 import { answering, type Answers, type Asked, feed, type Recorded } from "./recorded";
 
 export interface Opened {
@@ -29,36 +34,45 @@ function giveSizes(): void {
   vi.spyOn(HTMLElement.prototype, "getBoundingClientRect").mockReturnValue(new DOMRect(0, 0, WIDTH, HEIGHT));
 }
 
-afterEach(cleanup); // effects that wait for a frame do not outlive the test
+/** A page over a store of its own, until the test is over. */
+export function newApp(store = new Store()): App {
+  const app = startApp({ store, viewState: createViewState(), recentHealth: new RecentHealth() });
+  running.push(app.stop);
+  return app;
+}
 
-/** Opens the page, without module state of an earlier one. */
+/** Ends the pages that run. */
+const running: (() => void)[] = [];
+
+function end(): void {
+  cleanup();
+  for (const stop of running.splice(0)) stop();
+}
+afterEach(end); // effects that wait for a frame do not outlive the test
+
+/** Ends the pages that run, and goes to an address. */
+export function startOver(place: string): void {
+  end();
+  location.hash = place;
+  route.value = parse(place) ?? route.value;
+}
+
+/** Opens the page. */
 export async function openPage(
   known: Pick<Recorded, "texts" | "samples" | "answers">,
   { place = "#/", answers = {} }: { readonly place?: string; readonly answers?: Answers } = {},
 ): Promise<Opened> {
-  cleanup();
-  vi.resetModules();
+  startOver(place);
   vi.restoreAllMocks();
   giveSizes();
   const asked = answering({ ...known.answers, ...answers });
-  location.hash = place;
-  const { startApp } = await import("../pages/app-state");
-  const { startRoute } = await import("../pages/route");
-  const { startKeyboard } = await import("../pages/keyboard");
-  const { createViewState } = await import("../data/view-state");
-  const { RecentHealth } = await import("../panels/health-history");
-  const { Store: RealStore } = await import("../data/store");
-  const { Shell } = await import("../pages/shell");
-  const store = new RealStore();
-  const app = startApp({ store, viewState: createViewState(), recentHealth: new RecentHealth() });
-  startRoute();
-  stopKeys();
-  stopKeys = startKeyboard(app);
+  const app = newApp();
+  const { store } = app;
+  running.push(startKeyboard(app));
   feed(store, known, known.texts);
   render(<Shell app={app} />);
   const { view } = app.viewState;
   return { store, app, asked, look: (device) => void (view.value = { ...view.peek(), device }) };
 }
 
-/** Keys of an earlier page. */
-let stopKeys = (): void => undefined;
+startRoute();

@@ -2,8 +2,8 @@
  * A recording in Rerun's viewer, in a frame over the player: opened by one click, removed when closed. It opens the loop range if set,
  * else the whole recording; the frame's own address is a link that opens the same.
  */
-import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import type { Signal } from "@preact/signals";
+import { useRef } from "preact/hooks";
 import type { ReplayController } from "../recordings/replay-controller";
 import { Icon } from "../ui/icons";
 import { theme } from "../ui/theme";
@@ -11,11 +11,13 @@ import { viewerHref } from "./viewer-href";
 import { TEXT } from "../texts/viewers";
 import "./rerun.css";
 
-/** The address shown in the frame; undefined while closed. */
-const shown = signal<string>();
+interface Props {
+  /** The address shown in the frame; undefined while closed. */
+  readonly shown: Signal<string | undefined>;
+}
 
 /** Opens the selected range of a recording. */
-export function RerunButton({ replay }: { readonly replay: ReplayController }) {
+export function RerunButton({ replay, shown }: Props & { readonly replay: ReplayController }) {
   const open = (): void => {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
     shown.value = viewerHref(replay.detail.info.id, loop, theme.peek());
@@ -29,10 +31,9 @@ export function RerunButton({ replay }: { readonly replay: ReplayController }) {
 }
 
 /** The frame, over everything else of the page. */
-export function RerunPanel() {
+export function RerunPanel({ shown }: Props) {
   const whole = useRef<HTMLElement>(null);
   const address = shown.value;
-  useEffect(() => () => void (shown.value = undefined), []);
   if (address === undefined) return null;
   const enlarge = (): void => {
     if (document.fullscreenElement) void document.exitFullscreen();

@@ -5,11 +5,11 @@
  * Live it shows one device or all side by side. For a recording it follows the player: the page sends the reading position whenever
  * it changes otherwise than by playback, and once a second, so that both stay in step.
  */
-import { signal } from "@preact/signals";
+import { type Signal, signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { onFrame } from "../data/render-loop";
 import type { ReplayController } from "../recordings/replay-controller";
-import { overlay } from "../pages/app-state";
+import { type App, perApp } from "../pages/app-state";
 import { type Problem, request } from "../ui/http";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
@@ -21,16 +21,23 @@ import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/viewers";
 import "./viser.css";
 
-/** Whether the panel is open, on every page. */
-export const sceneOpen = signal(false);
-/** All devices side by side instead of the selected one. */
-const together = signal(false);
-/** The viewer in the panel on Live. */
-const viewer = signal<"viser" | "rerun">("viser");
+/** The panel, on Live and on recordings. */
+const sceneOf = perApp(() => ({
+  isOpen: signal(false),
+  /** All devices side by side instead of the selected one. */
+  together: signal(false),
+  /** The viewer in the panel on Live. */
+  viewer: signal<"viser" | "rerun">("viser"),
+}));
+
+interface Props {
+  readonly app: App;
+}
 
 /** Opens and closes the panel. */
-export function SceneButton() {
-  const open = sceneOpen.value;
+export function SceneButton({ app }: Props) {
+  const { isOpen } = sceneOf(app);
+  const open = isOpen.value;
   return (
     <button
       type="button"
@@ -38,7 +45,7 @@ export function SceneButton() {
       aria-label={TEXT.scene3d}
       title={open ? TEXT.closeScene : TEXT.openScene}
       aria-pressed={open}
-      onClick={() => (sceneOpen.value = !open)}
+      onClick={() => (isOpen.value = !open)}
     >
       <Icon name="cube" />
     </button>
@@ -46,11 +53,12 @@ export function SceneButton() {
 }
 
 /** The same on a phone, whose bar has no room for it: a line of its own, hidden while the panel is open. */
-export function SceneLine({ children }: { readonly children?: preact.ComponentChildren }) {
+export function SceneLine({ app, children }: Props & { readonly children?: preact.ComponentChildren }) {
+  const { isOpen } = sceneOf(app);
   return (
     <div class="scene-actions" role="group" aria-label={TEXT.otherViews}>
-      {!sceneOpen.value && (
-        <button type="button" class="btn edge" onClick={() => (sceneOpen.value = true)}>
+      {!isOpen.value && (
+        <button type="button" class="btn edge" onClick={() => (isOpen.value = true)}>
           <Icon name="cube" />
           {TEXT.scene3d}
         </button>
@@ -61,19 +69,20 @@ export function SceneLine({ children }: { readonly children?: preact.ComponentCh
 }
 
 /** On Live: the scene, or Rerun at once. */
-export function LiveViews() {
-  if (sceneOpen.value) return null;
+export function LiveViews({ app }: Props) {
+  const { isOpen, viewer } = sceneOf(app);
+  if (isOpen.value) return null;
   const rerun = (): void => {
     viewer.value = "rerun";
-    sceneOpen.value = true;
+    isOpen.value = true;
   };
   return (
-    <SceneLine>
+    <SceneLine app={app}>
       <button type="button" class="btn edge" onClick={rerun}>
         <Icon name="wave" />
         {TEXT.rerun}
       </button>
-      <button type="button" class="btn edge" title={TEXT.gesturesAndKeys} onClick={() => (overlay.value = "help")}>
+      <button type="button" class="btn edge" title={TEXT.gesturesAndKeys} onClick={() => (app.overlay.value = "help")}>
         <Icon name="help" />
         {TEXT.help}
       </button>
@@ -82,8 +91,10 @@ export function LiveViews() {
 }
 
 /** The panel on Live. */
-export function LiveScene({ device, several }: { readonly device: DeviceInfo; readonly several: boolean }) {
-  if (!sceneOpen.value) return null;
+export function LiveScene({ app, device }: Props & { readonly device: DeviceInfo }) {
+  const { isOpen, together, viewer } = sceneOf(app);
+  if (!isOpen.value) return null;
+  const several = app.store.devices.value.length > 1;
   const all = several && together.value;
   const key = all ? "" : device.id;
   const isRerun = viewer.value === "rerun";
@@ -113,6 +124,7 @@ export function LiveScene({ device, several }: { readonly device: DeviceInfo; re
   const address = isRerun ? liveHref(all ? undefined : device.id, theme.value) : key ? `/viser/${key}/` : "/viser/";
   return (
     <Panel
+      isOpen={isOpen}
       title={TEXT.viewOf(isRerun ? TEXT.rerun : TEXT.scene3d, all ? TEXT.allDevicesInTitle : device.name)}
       extra={choices}
       address={address}
@@ -123,16 +135,18 @@ export function LiveScene({ device, several }: { readonly device: DeviceInfo; re
 }
 
 /** The panel of a recording that is open. */
-export function ReplayScene({ replay }: { readonly replay: ReplayController }) {
-  if (!sceneOpen.value) return null;
+export function ReplayScene({ app, replay }: Props & { readonly replay: ReplayController }) {
+  const { isOpen } = sceneOf(app);
+  if (!isOpen.value) return null;
   return (
-    <Panel title={TEXT.sceneOfRecording}>
+    <Panel isOpen={isOpen} title={TEXT.sceneOfRecording}>
       <Following replay={replay} />
     </Panel>
   );
 }
 
 interface PanelProps {
+  readonly isOpen: Signal<boolean>;
   readonly title: string;
   readonly extra?: preact.ComponentChildren;
   /** Address of the same in a tab of its own. */
@@ -140,7 +154,7 @@ interface PanelProps {
   readonly children: preact.ComponentChildren;
 }
 
-function Panel({ title, extra, address, children }: PanelProps) {
+function Panel({ isOpen, title, extra, address, children }: PanelProps) {
   const whole = useRef<HTMLElement>(null);
   const enlarge = (): void => {
     if (document.fullscreenElement) void document.exitFullscreen();
@@ -179,7 +193,7 @@ function Panel({ title, extra, address, children }: PanelProps) {
           class="btn icon"
           aria-label={TEXT.closeScene}
           title={TEXT.closeScene}
-          onClick={() => (sceneOpen.value = false)}
+          onClick={() => (isOpen.value = false)}
         >
           <Icon name="close" />
         </button>

@@ -4,9 +4,8 @@ import type { Job } from "../../wire/types";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
 import { server } from "./api";
-import { question } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -114,7 +113,7 @@ const tookAll = (job: Job): boolean => job.state === "done" && job.outcomes.leng
 
 /** Writes what was changed; what could harm is asked once more, in the words of the server, which knows it for every way to write. */
 async function apply(model: Model, names: readonly string[], confirmed = false): Promise<void> {
-  if (viewOnly.value) return;
+  if (model.page.viewOnly.value) return;
   const body = {
     changes: model.changes.value,
     reason: model.reason.value,
@@ -128,7 +127,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
     await model.previewNow(names); // who is quick applies before the preview has said that the change is temporary
     const temporary = names.some((name) => model.previews.value[name]?.line);
     const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
-    question.value = {
+    model.page.question.value = {
       title: TEXT.confirmWrite,
       words: [outcome.problem.message, ...(temporary ? [TEXT.rollbackNotice] : [])],
       caution: caution ?? (temporary ? "cuts-line" : "restarts"),

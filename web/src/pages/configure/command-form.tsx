@@ -7,11 +7,12 @@ import type { CommandForm } from "../../forms/types";
 import type { Path } from "../../forms/values";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import { type Model, viewOnly } from "./model";
+import { route } from "../route";
+import type { Model } from "./model";
 import { server } from "./api";
 import { Words } from "./setting-form";
 import { JobLine } from "./jobs";
-import { all, currentPlace, question, unfinishedOf } from "./view-state";
+import { unfinishedOf } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
 export function Command({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
@@ -28,18 +29,18 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     values: model.argumentsOf(form),
     before: undefined,
     problems,
-    readOnly: viewOnly.value,
-    all: all.value,
+    readOnly: model.page.viewOnly.value,
+    all: model.page.all.value,
     set: (path: Path, value: unknown) => model.fill(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(key, path, why),
     hover: (path: string) => (model.hot.value = path),
     options: {},
-    sought: currentPlace.value.place === form.name ? (currentPlace.value.more ?? "") : "",
+    sought: route.value.place === form.name ? (route.value.more ?? "") : "",
     epoch: 0,
   };
   const isWrong = [...model.wrong.value.keys()].some((at) => at.startsWith(`${key}/`));
   const unread = form.writes !== "" && model.present.value[form.writes] === undefined;
-  const blocked = viewOnly.value
+  const blocked = model.page.viewOnly.value
     ? TEXT.viewOnlyCommand
     : isWrong || problems.length > 0
       ? TEXT.invalidValues
@@ -90,7 +91,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
 /** Sends, after a confirmation that names the loss. Only the server knows what else is discarded: it is asked. */
 async function send(model: Model, form: CommandForm, confirmed = false): Promise<void> {
   const ask = (words: string): void => {
-    question.value = {
+    model.page.question.value = {
       title: `${form.title}?`,
       words: [words],
       caution: form.caution || "loses-settings",

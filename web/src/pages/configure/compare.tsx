@@ -6,12 +6,13 @@ import type { Difference } from "../../forms/types";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
+import { route } from "../route";
 import type { Model } from "./model";
 import { Rollout } from "./rollout";
 import { server } from "./api";
 import { refOf, type Side, titleOf } from "./sides";
 import { SnapshotActs } from "./snapshot";
-import { goTo, currentPlace } from "./view-state";
+import { goTo } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -20,7 +21,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
   const why = useSignal("");
   const left = model.left.value;
   const right =
-    currentPlace.value.more ?? model.snapshots.value[0]?.name ?? (model.forms.value?.factory ? "~factory" : "~file");
+    route.value.more ?? model.snapshots.value[0]?.name ?? (model.forms.value?.factory ? "~factory" : "~file");
   const file = model.file.value;
   const taken = model.body.value?.info.taken;
   useEffect(() => {

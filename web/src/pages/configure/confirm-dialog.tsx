@@ -2,15 +2,12 @@
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
 import { Message } from "../../ui/message";
-import { CAUTIONS, type Question, question } from "./view-state";
+import { CAUTIONS, type Question } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
-export function Ask({ asked }: { readonly asked: Question }) {
+export function Ask({ asked, close }: { readonly asked: Question; readonly close: () => void }) {
   const safe = useRef<HTMLButtonElement>(null);
   useEffect(() => safe.current?.focus(), []);
-  const close = (): void => {
-    question.value = undefined;
-  };
   const act = (): void => {
     close();
     asked.act();

@@ -5,7 +5,7 @@ import { BLANK, flowOf, type Ntrip, ntripProblem, sourceOf } from "../../forms/n
 import type { Corrections as State } from "../../forms/types";
 import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
 import { server } from "./api";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -55,13 +55,18 @@ export function Corrections({ model }: { readonly model: Model }) {
         </div>
         {kind.value === "ntrip" ? <CasterFields caster={caster} /> : <OtherField source={other} />}
         <div class="correction-row">
-          <button type="submit" class="btn main" disabled={viewOnly.value || why !== ""} aria-describedby="rtcm-why">
+          <button
+            type="submit"
+            class="btn main"
+            disabled={model.page.viewOnly.value || why !== ""}
+            aria-describedby="rtcm-why"
+          >
             {state.value?.running ? TEXT.restart : TEXT.start}
           </button>
           <button
             type="button"
             class="btn edge"
-            disabled={viewOnly.value || !state.value?.source}
+            disabled={model.page.viewOnly.value || !state.value?.source}
             onClick={() => void stop()}
           >
             {COMMON.stop}

@@ -2,7 +2,7 @@
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { protocolOf } from "../../wire/capabilities";
 import { describe } from "../../forms/elsewhere";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
 import { linkTo, readAll, unfinishedOf } from "./view-state";
 import { Message } from "../../ui/message";
 import { COMMON } from "../../texts/common";
@@ -26,7 +26,7 @@ export function NotRead({ model }: { readonly model: Model }) {
           <JobLine model={model} id={failed.id} />
         )}
         <div class="row">
-          <button type="button" class="btn main" disabled={viewOnly.value} onClick={() => readAll(model)}>
+          <button type="button" class="btn main" disabled={model.page.viewOnly.value} onClick={() => readAll(model)}>
             {TEXT.readSettings}
           </button>
         </div>
@@ -89,8 +89,8 @@ export function NoForms({ model }: { readonly model: Model }) {
   );
 }
 
-export function ViewOnlyBand() {
-  if (!viewOnly.value) return null;
+export function ViewOnlyBand({ model }: { readonly model: Model }) {
+  if (!model.page.viewOnly.value) return null;
   return (
     <div class="band calm" role="status">
       <span class="dot off" />

@@ -2,7 +2,7 @@
 import type { CommandForm } from "../../forms/types";
 import type { Model } from "./model";
 import { Setting } from "./setting-form";
-import { all, CAUTIONS, linkTo, visibleSettings } from "./view-state";
+import { CAUTIONS, linkTo, visibleSettings } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
 export function Group({ model, name }: { readonly model: Model; readonly name: string }) {
@@ -12,7 +12,9 @@ export function Group({ model, name }: { readonly model: Model; readonly name: s
   const commands = forms.commands.filter((form) => form.group === name);
   const visible = visibleSettings(model, name);
   // commands behind a setting's form are not listed again
-  const others = commands.filter((form) => all.value || settings.length === 0 || (form.kind === "do" && form.basic));
+  const others = commands.filter(
+    (form) => model.page.all.value || settings.length === 0 || (form.kind === "do" && form.basic),
+  );
   return (
     <>
       {visible.map((form) => (

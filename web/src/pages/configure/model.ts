@@ -27,15 +27,15 @@ import type {
 import { initials, joined, type Path, put, type Values, whereOf } from "../../forms/values";
 import { isRefusal, type Outcome, type Problem } from "../../ui/http";
 import type { DeviceJobs, DeviceInfo, TrafficEntry } from "../../wire/types";
+import type { App } from "../app-state";
 import { server } from "./api";
+import { type ConfigureState, configureOf } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
 const PREVIEW_AFTER_MS = 150;
 const UNDO_KEPT = 100;
 const OLDER_BY = 200;
 
-/** This token is view-only: reported by the server, or by a refused request. */
-export const viewOnly = signal(false);
 const NONE: Drafts = {};
 
 export interface Fitting {
@@ -113,6 +113,7 @@ export class Model {
   constructor(
     readonly id: string,
     store: Store,
+    readonly page: ConfigureState,
   ) {
     this.jobs = computed(() => store.jobs.value.get(id));
     this.device = computed(() => store.devices.value.find((device) => device.id === id));
@@ -146,7 +147,7 @@ export class Model {
     this.problem.value = forms.ok ? undefined : forms.problem;
     if (!forms.ok) return;
     const build = await server.build();
-    if (build.ok) viewOnly.value = build.value.role === "view";
+    if (build.ok) this.page.viewOnly.value = build.value.role === "view";
     const isFirst = this.forms.peek() === undefined;
     if (!isFirst) this.forms.value = forms.value;
     const older = this.loadOlder(undefined);
@@ -219,7 +220,7 @@ export class Model {
   async run<T>(request: Promise<Outcome<T>>): Promise<T | undefined> {
     const outcome = await request;
     this.problem.value = outcome.ok ? undefined : outcome.problem;
-    if (!outcome.ok && isRefusal(outcome.problem)) viewOnly.value = true;
+    if (!outcome.ok && isRefusal(outcome.problem)) this.page.viewOnly.value = true;
     return outcome.ok ? outcome.value : undefined;
   }
 
@@ -387,7 +388,7 @@ export class Model {
   /** Why nothing can be written now; "" if it can. */
   readonly blocked = computed(() => {
     const names = Object.keys(this.changes.value);
-    if (viewOnly.value) return TEXT.viewOnlyChange;
+    if (this.page.viewOnly.value) return TEXT.viewOnlyChange;
     for (const [key, why] of this.wrong.value) {
       const [owner = "", path = ""] = key.split("/");
       const form = this.setting(owner);
@@ -415,11 +416,10 @@ export class Model {
   }
 }
 
-const models = new Map<string, Model>();
-
-/** The model of a device; created on first use. */
-export function modelOf(id: string, store: Store): Model {
-  const known = models.get(id) ?? new Model(id, store);
-  models.set(id, known);
+/** The model of a device on a page; created on first use. */
+export function modelOf(id: string, app: App): Model {
+  const page = configureOf(app);
+  const known = page.models.get(id) ?? new Model(id, app.store, page);
+  page.models.set(id, known);
   return known;
 }

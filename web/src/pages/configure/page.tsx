@@ -2,7 +2,7 @@
 import { useEffect } from "preact/hooks";
 import { BudgetLine } from "../../forms/budget-bar";
 import { Icon } from "../../ui/icons";
-import { type App, sheet } from "../app-state";
+import type { App } from "../app-state";
 import { Bar } from "../top-bar";
 import { route } from "../route";
 import { Empty, OfflineBand, ProblemBand, Starting } from "../empty-states";
@@ -13,7 +13,7 @@ import { Compare } from "./compare";
 import { Corrections } from "./corrections";
 import { TrafficLog } from "./traffic-log";
 import { Group } from "./group";
-import { type Model, modelOf, viewOnly } from "./model";
+import { type Model, modelOf } from "./model";
 import { ConfigureRail } from "./sidebar";
 import { Discard, Setting } from "./setting-form";
 import { KeepButton } from "./snapshot";
@@ -28,14 +28,15 @@ import {
   UnfinishedBand,
   ViewOnlyBand,
 } from "./empty-states";
-import { all, linkTo, type Place, placeOf, question, readAll, visibleSettings } from "./view-state";
+import { configureOf, linkTo, type Place, placeOf, readAll, visibleSettings } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 import "./styles";
 
 export default function ConfigurePage({ app }: { readonly app: App }) {
   const device = app.device.value;
-  const model = device ? modelOf(device.id, app.store) : undefined;
+  const model = device ? modelOf(device.id, app) : undefined;
+  const { question } = configureOf(app);
   const offline = app.store.connection.value !== "open" && app.state.value !== "starting";
   // biome-ignore lint/correctness/useExhaustiveDependencies: followAddress reads no more of the app than is listed
   useEffect(() => followAddress(app), [route.value.device, app.store.devices.value]);
@@ -63,11 +64,17 @@ export default function ConfigurePage({ app }: { readonly app: App }) {
       {offline && <OfflineBand app={app} />}
       <ConfigureRail app={app} model={model} />
       <main class="settings-form" id="form" tabIndex={-1}>
-        <ProblemBand />
-        {model ? <Centre model={model} app={app} /> : app.state.value === "starting" ? <Starting /> : <Empty />}
+        <ProblemBand app={app} />
+        {model ? (
+          <Centre model={model} app={app} />
+        ) : app.state.value === "starting" ? (
+          <Starting app={app} />
+        ) : (
+          <Empty app={app} />
+        )}
       </main>
-      <TrafficLog key={model?.id} model={model} />
-      {question.value && <Ask asked={question.value} />}
+      <TrafficLog key={model?.id} app={app} model={model} />
+      {question.value && <Ask asked={question.value} close={() => (question.value = undefined)} />}
     </div>
   );
 }
@@ -87,8 +94,8 @@ function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
   return (
     <>
       <Budget model={model} />
-      <Title model={model} place={place} />
-      <ViewOnlyBand />
+      <Title app={app} model={model} place={place} />
+      <ViewOnlyBand model={model} />
       <LostBand model={model} />
       <UnfinishedBand model={model} />
       <ElsewhereBand model={model} />
@@ -118,7 +125,7 @@ function useSought(model: Model, place: Place): void {
     row.classList.add("sought");
     const timer = setTimeout(() => row.classList.remove("sought"), 2500);
     return () => clearTimeout(timer);
-  }, [place.name, sought, isForm, model.isRead.value, all.value]);
+  }, [place.name, sought, isForm, model.isRead.value, model.page.all.value]);
 }
 
 function Shown({ model, app, place }: { readonly model: Model; readonly app: App; readonly place: Place }) {
@@ -167,7 +174,9 @@ function Budget({ model }: { readonly model: Model }) {
   return <BudgetLine load={model.loadOf(form.name) ?? model.loadOf(`=${form.name}`)} baud={model.baud.value} />;
 }
 
-function Title({ model, place }: { readonly model: Model; readonly place: Place }) {
+function Title({ app, model, place }: { readonly app: App; readonly model: Model; readonly place: Place }) {
+  const { sheet } = app;
+  const { all } = model.page;
   const visible = place.kind === "group" ? visibleSettings(model, place.name) : [];
   const form = model.setting(place.name) ?? (visible.length === 1 ? visible[0] : undefined);
   const command = model.command(place.name);
@@ -241,7 +250,7 @@ function ReadAgain({ model }: { readonly model: Model }) {
     <button
       type="button"
       class="btn"
-      disabled={viewOnly.value || Boolean(model.jobs.value?.running)}
+      disabled={model.page.viewOnly.value || Boolean(model.jobs.value?.running)}
       title={TEXT.readAllHint}
       onClick={() => readAll(model)}
     >

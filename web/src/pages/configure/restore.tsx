@@ -1,6 +1,6 @@
 /** The guided procedure for a device that answers at no rate: the user power-cycles it while the server calls it. */
 import { isOver, JobLine, jobOf } from "./jobs";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
 import { server } from "./api";
 import { TEXT } from "../../texts/configure";
 
@@ -21,7 +21,12 @@ export function Restore({ model }: { readonly model: Model }) {
         <li {...step(0)}>
           <b>{TEXT.startStep}</b> {TEXT.restoreCalls}{" "}
           {at !== 1 && (
-            <button type="button" class="btn small main" disabled={viewOnly.value} onClick={() => void start()}>
+            <button
+              type="button"
+              class="btn small main"
+              disabled={model.page.viewOnly.value}
+              onClick={() => void start()}
+            >
               {job ? TEXT.startAgain : TEXT.startRestore}
             </button>
           )}

@@ -6,7 +6,8 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { PendingRollback } from "../../wire/types";
-import { type Model, modelOf, viewOnly } from "./model";
+import type { App } from "../app-state";
+import { type Model, modelOf } from "./model";
 import { Restore } from "./restore";
 import { server } from "./api";
 import "./styles";
@@ -16,7 +17,8 @@ import { TEXT } from "../../texts/configure";
 const RADIUS = 20;
 const UNDER_WAY = new Set<PendingRollback["state"]>(["applying", "pending", "rolling-back"]);
 const ROUND = 2 * Math.PI * RADIUS;
-export default function Decks({ store }: { readonly store: Store }) {
+export default function Decks({ app }: { readonly app: App }) {
+  const { store } = app;
   /** Devices whose last rollback is over and was acknowledged. */
   const dismissed = useSignal<ReadonlySet<string>>(new Set());
   const all = [...store.jobs.value.values()].flatMap((jobs) => (jobs.pending_rollback ? [jobs.pending_rollback] : []));
@@ -46,7 +48,7 @@ export default function Decks({ store }: { readonly store: Store }) {
         <Deck
           key={rollback.device}
           rollback={rollback}
-          model={modelOf(rollback.device, store)}
+          model={modelOf(rollback.device, app)}
           store={store}
           dismiss={() => dismiss(rollback)}
         />
@@ -157,7 +159,7 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
         type="button"
         class="btn edge"
         ref={back}
-        disabled={viewOnly.value || offline}
+        disabled={model.page.viewOnly.value || offline}
         onClick={() => void model.run(server.rollBack(rollback.device))}
       >
         {TEXT.rollBackNow}
@@ -165,7 +167,7 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
       <button
         type="button"
         class="btn main"
-        disabled={viewOnly.value || offline}
+        disabled={model.page.viewOnly.value || offline}
         onClick={() => void model.run(server.confirm(rollback.device))}
       >
         {TEXT.confirm}

@@ -10,10 +10,9 @@ import type { Outcome, Problem } from "../../ui/http";
 import { Message } from "../../ui/message";
 import type { DeviceInfo, Job } from "../../wire/types";
 import { isOver, jobIn, Outcomes, stateWords } from "./jobs";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
 import { server } from "./api";
 import { refFor, type Side } from "./sides";
-import { question } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -89,8 +88,8 @@ export function Rollout({ model, store, others, side, title }: Props) {
         <button
           type="button"
           class="btn main"
-          disabled={viewOnly.value || ready.length === 0}
-          onClick={() => ask(ready, title, checks.value, results)}
+          disabled={model.page.viewOnly.value || ready.length === 0}
+          onClick={() => ask(model, ready, title, checks.value, results)}
         >
           {ready.length > 1 ? TEXT.applyToDevices(ready.length) : TEXT.applyProfile}
         </button>
@@ -171,7 +170,7 @@ function Check({ model, device, check }: Pick<RowProps, "model" | "device" | "ch
           <button
             type="button"
             class="btn small edge"
-            disabled={viewOnly.value}
+            disabled={model.page.viewOnly.value}
             onClick={() => void model.run(server.read(device.id))}
           >
             {TEXT.readDevice(device.name)}
@@ -267,7 +266,13 @@ function follow(results: Signal<Results>, store: Store): void {
 }
 
 /** Ask for confirmation of possible harm, for every device; then write each. */
-function ask(devices: readonly DeviceInfo[], title: string, checks: Checks, results: Signal<Results>): void {
+function ask(
+  model: Model,
+  devices: readonly DeviceInfo[],
+  title: string,
+  checks: Checks,
+  results: Signal<Results>,
+): void {
   const act = (): void => {
     for (const { id } of devices) {
       const check = checks[id];
@@ -288,7 +293,7 @@ function ask(devices: readonly DeviceInfo[], title: string, checks: Checks, resu
     return check?.ok === true ? check.value.dangers.map((words) => `${name} ${serial_number}: ${words}`) : [];
   });
   if (dangers.length === 0) return act();
-  question.value = {
+  model.page.question.value = {
     title: TEXT.confirmRollout(title, devices.length),
     words: dangers,
     caution: "",

@@ -13,8 +13,9 @@ import type { Path, Values } from "../../forms/values";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { makeItFit } from "./fit-rates";
-import { type Model, viewOnly } from "./model";
-import { all, CAUTIONS, currentPlace } from "./view-state";
+import { route } from "../route";
+import type { Model } from "./model";
+import { CAUTIONS } from "./view-state";
 import { TEXT } from "../../texts/configure";
 
 interface Props {
@@ -119,13 +120,13 @@ export function sheetOf(model: Model, form: SettingForm): FormContext {
     values: model.valuesOf(form),
     before: model.present.value[form.name],
     problems: model.previews.value[form.name]?.problems ?? [],
-    readOnly: !form.writable || viewOnly.value,
-    all: all.value,
+    readOnly: !form.writable || model.page.viewOnly.value,
+    all: model.page.all.value,
     set: (path: Path, value: unknown) => model.edit(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(form.name, path, why),
     hover: (path: string) => (model.hot.value = path),
     options: optionsOf(form, model.present.value),
-    sought: currentPlace.value.place === form.name ? (currentPlace.value.more ?? "") : "",
+    sought: route.value.place === form.name ? (route.value.more ?? "") : "",
     epoch: model.epochs.value[form.name] ?? 0,
   };
 }
@@ -187,7 +188,7 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
             <button
               type="button"
               class="btn edge small"
-              disabled={viewOnly.value || model.capacity(load) === null}
+              disabled={model.page.viewOnly.value || model.capacity(load) === null}
               onClick={() => void makeItFit(model, form)}
             >
               <Icon name="wand" />

@@ -5,11 +5,11 @@ import type { SnapshotInfo } from "../../forms/types";
 import { clock } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { markOf } from "../../ui/page-state";
-import { type App, select, sheet } from "../app-state";
-import { go } from "../route";
+import { type App, select } from "../app-state";
+import { go, route } from "../route";
 import type { Model } from "./model";
 import { listed, titleOf } from "./sides";
-import { currentPlace, linkTo, placeOf, query } from "./view-state";
+import { linkTo, placeOf } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -17,18 +17,17 @@ import { TEXT } from "../../texts/configure";
 const LISTED = 5;
 
 export function ConfigureRail({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
+  const { sheet } = app;
+  const close = (): void => {
+    sheet.value = undefined;
+  };
   return (
     <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label={COMMON.settings}>
       <div class="head">
         <h2>{COMMON.device}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.closeSettingsList}
-            onClick={() => (sheet.value = undefined)}
-          >
+          <button type="button" class="btn icon" aria-label={TEXT.closeSettingsList} onClick={close}>
             <Icon name="close" />
           </button>
         )}
@@ -36,9 +35,13 @@ export function ConfigureRail({ app, model }: { readonly app: App; readonly mode
       <DevicePicker app={app} />
       {model?.forms.value && (
         <>
-          <SearchField model={model} />
-          {query.value.trim() ? <Results model={model} /> : <Groups model={model} />}
-          <GoBack model={model} />
+          <SearchField model={model} sheet={sheet} />
+          {model.page.query.value.trim() ? (
+            <Results model={model} close={close} />
+          ) : (
+            <Groups model={model} close={close} />
+          )}
+          <GoBack model={model} close={close} />
         </>
       )}
       <div class="foot">{TEXT.snapshotNote}</div>
@@ -50,7 +53,7 @@ function DevicePicker({ app }: { readonly app: App }) {
   const device = app.device.value;
   const mark = device ? markOf(device.status, 0) : { dot: "off", word: "none" };
   const choose = (id: string): void => {
-    select(id);
+    select(app, id);
     go("configure", id);
   };
   return (
@@ -72,7 +75,8 @@ function DevicePicker({ app }: { readonly app: App }) {
   );
 }
 
-function SearchField({ model }: { readonly model: Model }) {
+function SearchField({ model, sheet }: { readonly model: Model; readonly sheet: App["sheet"] }) {
+  const { query } = model.page;
   const field = useRef<HTMLInputElement>(null);
   const forms = model.forms.value;
   const count = (forms?.settings.length ?? 0) + (forms?.commands.length ?? 0);
@@ -88,12 +92,12 @@ function SearchField({ model }: { readonly model: Model }) {
       )
         return;
       event.preventDefault();
-      sheet.value = matchMedia("(max-width: 1119px)").matches ? "rail" : sheet.value;
+      if (matchMedia("(max-width: 1119px)").matches) sheet.value = "rail";
       requestAnimationFrame(() => field.current?.focus());
     };
     addEventListener("keydown", onKey);
     return () => removeEventListener("keydown", onKey);
-  }, []);
+  }, [sheet]);
   const onKey = (event: KeyboardEvent): void => {
     const [first] = search(model.index.value, query.value);
     if (event.key === "Enter" && first) {
@@ -125,12 +129,14 @@ function SearchField({ model }: { readonly model: Model }) {
   );
 }
 
-const close = (): void => {
-  sheet.value = undefined;
-};
+interface Props {
+  readonly model: Model;
+  /** Closes the sidebar if it lies over the page. */
+  readonly close: () => void;
+}
 
-function Results({ model }: { readonly model: Model }) {
-  const found = search(model.index.value, query.value);
+function Results({ model, close }: Props) {
+  const found = search(model.index.value, model.page.query.value);
   if (found.length === 0) return <p class="rail-padding dim">{TEXT.noMatch}</p>;
   return (
     <nav class="categories found" aria-label={TEXT.matches}>
@@ -139,7 +145,7 @@ function Results({ model }: { readonly model: Model }) {
           key={`${kind} ${name}`}
           href={linkTo(model, name, at || undefined)}
           onClick={close}
-          {...(currentPlace.value.place === name ? { "aria-current": "true" as const } : {})}
+          {...(route.value.place === name ? { "aria-current": "true" as const } : {})}
         >
           <span class="ellipsis">
             {title}
@@ -152,10 +158,10 @@ function Results({ model }: { readonly model: Model }) {
   );
 }
 
-function Groups({ model }: { readonly model: Model }) {
+function Groups({ model, close }: Props) {
   const forms = model.forms.value;
   if (!forms) return null;
-  const place = placeOf(model, currentPlace.value.place);
+  const place = placeOf(model, route.value.place);
   const current =
     place.kind === "group" ? place.name : (model.setting(place.name)?.group ?? model.command(place.name)?.group);
   return (
@@ -206,9 +212,9 @@ function Groups({ model }: { readonly model: Model }) {
   );
 }
 
-function GoBack({ model }: { readonly model: Model }) {
+function GoBack({ model, close }: Props) {
   if ((model.forms.value?.settings.length ?? 0) === 0) return null;
-  const { place, more } = currentPlace.value;
+  const { place, more } = route.value;
   const current = (name: string) => (place === "compare" && more === name ? { "aria-current": "true" as const } : {});
   return (
     <>

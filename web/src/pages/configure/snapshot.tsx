@@ -2,9 +2,9 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
 import { server } from "./api";
-import { goTo, question } from "./view-state";
+import { goTo } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -22,7 +22,7 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
     goTo(model, "compare");
   };
   const ask = (): void => {
-    question.value = {
+    model.page.question.value = {
       title: TEXT.confirmDelete(info.title),
       words: [TEXT.snapshotDeleteHint],
       caution: "",
@@ -42,7 +42,7 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
       <a class="btn small edge" href={server.snapshotUrl(model.id, name)} download={`${name}.yaml`}>
         {COMMON.download}
       </a>
-      <button type="button" class="btn small" disabled={viewOnly.value} onClick={ask}>
+      <button type="button" class="btn small" disabled={model.page.viewOnly.value} onClick={ask}>
         {COMMON.delete}
       </button>
       {text.value !== undefined && (
@@ -64,7 +64,7 @@ export function KeepButton({ model }: { readonly model: Model }) {
       <button
         type="button"
         class="btn edge"
-        disabled={viewOnly.value || !model.isRead.value}
+        disabled={model.page.viewOnly.value || !model.isRead.value}
         onClick={() => (naming.value = "")}
       >
         {TEXT.saveAs}

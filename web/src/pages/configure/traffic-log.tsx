@@ -6,11 +6,11 @@ import { clock, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { TrafficEntry } from "../../wire/types";
-import { sheet } from "../app-state";
+import type { App } from "../app-state";
 import { StopJob } from "./jobs";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
 import { server } from "./api";
-import { question } from "./view-state";
+import { configureOf } from "./view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -24,12 +24,12 @@ interface Wanted {
   readonly way: Signal<"all" | "tx" | "rx">;
 }
 
-export function TrafficLog({ model }: { readonly model: Model | undefined }) {
+export function TrafficLog({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
   const filtering = useSignal(false);
   const byHand = useSignal(false);
   const wanted: Wanted = { text: useSignal(""), way: useSignal("all") };
   return (
-    <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label={COMMON.trafficLog}>
+    <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={COMMON.trafficLog}>
       <div class="head">
         <h2>{COMMON.trafficLog}</h2>
         <span>{TEXT.bothDirections}</span>
@@ -46,7 +46,7 @@ export function TrafficLog({ model }: { readonly model: Model | undefined }) {
           type="button"
           class="btn"
           aria-pressed={byHand.value}
-          disabled={viewOnly.value}
+          disabled={configureOf(app).viewOnly.value}
           onClick={() => (byHand.value = !byHand.value)}
         >
           {TEXT.sendHex}
@@ -178,7 +178,7 @@ function Entry({ entry, model, opened }: EntryProps) {
           <button
             type="button"
             class="btn small edge"
-            disabled={viewOnly.value}
+            disabled={model.page.viewOnly.value}
             onClick={() => sendBytes(model, entry.hex, entry.name)}
           >
             {TEXT.sendAgain}
@@ -191,7 +191,7 @@ function Entry({ entry, model, opened }: EntryProps) {
 
 /** Send raw bytes after a confirmation: they are not checked. */
 function sendBytes(model: Model, bytes: string, name: string): void {
-  question.value = {
+  model.page.question.value = {
     title: name ? TEXT.confirmSendAgain(name) : TEXT.confirmSendBytes,
     words: [TEXT.sendBytesHint, spaced(bytes, 48)],
     caution: "",

@@ -1,14 +1,10 @@
-/** View state of the Configure page beyond the model: place, level of detail, open question. */
-import { computed, signal } from "@preact/signals";
-import { go, href, route } from "../route";
+/** State of the Configure page beyond its models: level of detail, search, open question; and places in it. */
+import { signal } from "@preact/signals";
+import { perApp } from "../app-state";
+import { go, href } from "../route";
 import type { CautionKind, SettingForm } from "../../forms/types";
 import type { Model } from "./model";
 import { TEXT } from "../../texts/configure";
-
-/** Whether rarely used settings and fields are shown too. */
-export const all = signal(false);
-/** What is typed into the search field. */
-export const query = signal("");
 
 /** A confirmation of possible harm. */
 export interface Question {
@@ -19,13 +15,27 @@ export interface Question {
   readonly go: string;
   readonly act: () => void;
 }
-export const question = signal<Question | undefined>(undefined);
+
+/** What the models of all devices on one page share; it outlives a change of page. */
+export class ConfigureState {
+  /** Whether rarely used settings and fields are shown too. */
+  readonly all = signal(false);
+  /** What is typed into the search field. */
+  readonly query = signal("");
+  readonly question = signal<Question | undefined>(undefined);
+  /** This token is view-only: reported by the server, or by a refused request. */
+  readonly viewOnly = signal(false);
+  /** By device. */
+  readonly models = new Map<string, Model>();
+}
+
+export const configureOf = perApp(() => new ConfigureState());
 
 /** Read all settings; if that would discard unfinished work, the user is asked first. */
 export function readAll(model: Model): void {
   const unfinished = unfinishedOf(model);
   if (unfinished.length === 0) return void model.readAll();
-  question.value = {
+  model.page.question.value = {
     title: TEXT.confirmRead,
     words: unfinished,
     caution: "loses-settings",
@@ -36,9 +46,6 @@ export function readAll(model: Model): void {
 
 /** Unfinished work of a command that a change of the device's state discards. */
 export const unfinishedOf = (model: Model): readonly string[] => [model.jobs.value?.unfinished ?? ""].filter(Boolean);
-
-/** Dialogs of this page only. */
-export const sending = signal(false);
 
 export interface Place {
   readonly kind: "setting" | "command" | "group" | "compare" | "corrections" | "restore" | "nothing";
@@ -56,12 +63,10 @@ export function placeOf(model: Model, place: string | undefined): Place {
   return { kind: forms.groups.includes(name) ? "group" : "nothing", name };
 }
 
-export const currentPlace = computed(() => ({ place: route.value.place, more: route.value.more }));
-
 /** The settings of a group on screen: basic ones, those with edits, all on request. */
 export function visibleSettings(model: Model, group: string): readonly SettingForm[] {
   const own = model.forms.value?.settings.filter((form) => form.group === group) ?? [];
-  const shown = own.filter((form) => all.value || form.basic || model.counts.value.has(form.name));
+  const shown = own.filter((form) => model.page.all.value || form.basic || model.counts.value.has(form.name));
   return shown.length > 0 ? shown : own;
 }
 

@@ -17,14 +17,16 @@ import type { RecordingInfo } from "../../recordings/types";
 import { number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import { type App, run, select, sheet } from "../app-state";
+import { type App, run, select } from "../app-state";
 import { go, href } from "../route";
-import { exporting, Jobs } from "./export-dialog";
-import { aboutToOpen, edit, remove, rename, undelete } from "./library-store";
+import { exportingOf, Jobs } from "./export-dialog";
+import { type Library, libraryOf } from "./library-store";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
 export function Details({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
+  const { sheet } = app;
+  const library = libraryOf(app);
   return (
     <>
       <div class="head">
@@ -37,7 +39,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
             aria-pressed={info.pinned}
             aria-label={TEXT.pin}
             title={TEXT.pinHint}
-            onClick={() => void edit(info.id, { pinned: !info.pinned })}
+            onClick={() => void library.edit(info.id, { pinned: !info.pinned })}
           >
             <Icon name="pin" />
           </button>
@@ -61,7 +63,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
         )}
         {info.deleted === null ? <Actions info={info} app={app} /> : <Deleted info={info} app={app} />}
         <Facts info={info} />
-        {info.deleted === null && <Words info={info} />}
+        {info.deleted === null && <Words library={library} info={info} />}
         <Jobs app={app} recording={info.id} />
       </div>
     </>
@@ -69,17 +71,18 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
 }
 
 function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
+  const library = libraryOf(app);
   if (info.recording) return <p class="hint">{TEXT.recordingInProgress}</p>;
   const play = async (): Promise<void> => {
-    const devices = await run(server.play(info.id, { speed: 1, loop: true, t0: null, t1: null }));
+    const devices = await run(app, server.play(info.id, { speed: 1, loop: true, t0: null, t1: null }));
     const [first] = devices ?? [];
     if (!first) return;
-    select(first.id);
+    select(app, first.id);
     go("live");
   };
   return (
     <div class="actions">
-      <a class="btn main" href={href("recordings", info.id)} {...aboutToOpen(info, app)}>
+      <a class="btn main" href={href("recordings", info.id)} {...library.aboutToOpen(info)}>
         <Icon name="wave" />
         {COMMON.open}
       </a>
@@ -91,7 +94,7 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         type="button"
         class="btn edge"
         onClick={() =>
-          (exporting.value = { info, detail: undefined, ranges: [], first: info.started ?? 0, base: "device" })
+          (exportingOf(app).value = { info, detail: undefined, ranges: [], first: info.started ?? 0, base: "device" })
         }
       >
         <Icon name="share" />
@@ -101,7 +104,12 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         <Icon name="play" />
         {TEXT.playAsDevice}
       </button>
-      <button type="button" class="btn edge" title={TEXT.canBeRestoredFor7Days} onClick={() => void remove(info)}>
+      <button
+        type="button"
+        class="btn edge"
+        title={TEXT.canBeRestoredFor7Days}
+        onClick={() => void library.remove(info)}
+      >
         <Icon name="trash" />
         {COMMON.delete}
       </button>
@@ -115,7 +123,7 @@ function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
     <>
       <p class="hint">{TEXT.deletedKeptFor(days)}</p>
       <div class="actions">
-        <button type="button" class="btn main" onClick={() => void undelete(info.id)}>
+        <button type="button" class="btn main" onClick={() => void libraryOf(app).undelete(info.id)}>
           <Icon name="undo" />
           {TEXT.restore}
         </button>
@@ -169,17 +177,17 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
 const stem = (file: string): string => file.replace(/\.[^.]*$/, "");
 
 /** Rename the file; a refusal is shown in a band, and the field shows the present name. */
-async function renamed(field: HTMLInputElement, info: RecordingInfo): Promise<void> {
-  await rename(info.id, field.value);
+async function renamed(library: Library, field: HTMLInputElement, info: RecordingInfo): Promise<void> {
+  await library.rename(info.id, field.value);
   if (field.isConnected) field.value = stem(info.file);
 }
 
-function Words({ info }: { readonly info: RecordingInfo }) {
+function Words({ library, info }: { readonly library: Library; readonly info: RecordingInfo }) {
   const tag = useSignal("");
   const add = (event: Event): void => {
     event.preventDefault();
     const word = tag.value.trim();
-    if (word !== "" && !info.tags.includes(word)) void edit(info.id, { tags: [...info.tags, word] });
+    if (word !== "" && !info.tags.includes(word)) void library.edit(info.id, { tags: [...info.tags, word] });
     tag.value = "";
   };
   return (
@@ -191,7 +199,7 @@ function Words({ info }: { readonly info: RecordingInfo }) {
             defaultValue={info.title === info.id ? "" : info.title}
             placeholder={titleOf(info)}
             maxLength={200}
-            onChange={(event) => void edit(info.id, { title: event.currentTarget.value })}
+            onChange={(event) => void library.edit(info.id, { title: event.currentTarget.value })}
           />
         </span>
       </label>
@@ -202,7 +210,7 @@ function Words({ info }: { readonly info: RecordingInfo }) {
             key={info.file}
             defaultValue={stem(info.file)}
             maxLength={120}
-            onChange={(event) => void renamed(event.currentTarget, info)}
+            onChange={(event) => void renamed(library, event.currentTarget, info)}
           />
           <span class="unit">{info.file.slice(stem(info.file).length)}</span>
         </span>
@@ -213,7 +221,7 @@ function Words({ info }: { readonly info: RecordingInfo }) {
           rows={3}
           defaultValue={info.notes}
           maxLength={10_000}
-          onChange={(event) => void edit(info.id, { notes: event.currentTarget.value })}
+          onChange={(event) => void library.edit(info.id, { notes: event.currentTarget.value })}
         />
       </label>
       <form onSubmit={add}>
@@ -236,7 +244,7 @@ function Words({ info }: { readonly info: RecordingInfo }) {
               class="tag outlined"
               aria-label={TEXT.removeTag(word)}
               title={TEXT.removeTagHint}
-              onClick={() => void edit(info.id, { tags: info.tags.filter((one) => one !== word) })}
+              onClick={() => void library.edit(info.id, { tags: info.tags.filter((one) => one !== word) })}
             >
               {word} ×
             </button>

@@ -2,13 +2,13 @@
 /** What is exported is said before it is: how long, of how many channels, in which form. */
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
-import { Store } from "../../data/store";
+import type { Store } from "../../data/store";
 import type { RecordingDetail, RecordingInfo } from "../../recordings/types";
+import { newApp } from "../../testing/live-page";
 import { answering, type Asked, recorded } from "../../testing/recorded";
 import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
 import type { ExportJob } from "../../wire/types";
-import type { App } from "../app-state";
 import { ExportDialog } from "./export-dialog";
 
 const FIRST = 1_760_000_000;
@@ -37,7 +37,8 @@ function open(): { readonly asked: readonly Asked[]; readonly store: Store } {
   } as unknown as RecordingDetail;
   capabilities.value = { links: [], protocols: [], exports: [form("csv", "CSV"), form("mat", "MATLAB")] };
   const asked = answering({ "POST /api/recordings/yard/exports": job });
-  const store = new Store();
+  const app = newApp();
+  const { store } = app;
   const of = {
     info,
     detail,
@@ -45,7 +46,7 @@ function open(): { readonly asked: readonly Asked[]; readonly store: Store } {
     first: FIRST,
     base: "device",
   } as const;
-  render(<ExportDialog app={{ store } as App} of={of} />);
+  render(<ExportDialog app={app} of={of} />);
   return { asked, store };
 }
 afterEach(() => {

@@ -12,7 +12,7 @@ import { Message } from "../../ui/message";
 import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
 import type { ExportJob } from "../../wire/types";
-import { type App, run } from "../app-state";
+import { type App, perApp, run } from "../app-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -31,7 +31,9 @@ export interface Exporting {
   readonly first: number;
   readonly base: "device" | "arrival";
 }
-export const exporting = signal<Exporting | undefined>(undefined);
+
+/** What is being exported, while its dialog is open. */
+export const exportingOf = perApp(() => signal<Exporting | undefined>(undefined));
 
 export function ExportDialog({ app, of }: { readonly app: App; readonly of: Exporting }) {
   const { info, detail, ranges, first, base } = of;
@@ -60,6 +62,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const go = async (): Promise<void> => {
     busy.value = true;
     const job = await run(
+      app,
       server.export(info.id, {
         format: chosen.name,
         t0: range.value?.t0 ?? null,
@@ -75,7 +78,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   };
   const n = channels?.length ?? detail?.channels.length;
   return (
-    <Dialog title={TEXT.exportRecording(titleOf(info))} onClose={() => (exporting.value = undefined)}>
+    <Dialog title={TEXT.exportRecording(titleOf(info))} onClose={() => (exportingOf(app).value = undefined)}>
       <div class="export">
         {ranges.length > 0 && (
           <div class="segmented full-width" role="group" aria-label={TEXT.part}>
@@ -231,13 +234,13 @@ export function Jobs({ app, recording }: { readonly app: App; readonly recording
   return (
     <ul class="jobs" aria-label={TEXT.exports}>
       {[...jobs].reverse().map((job) => (
-        <JobRow key={job.id} job={job} />
+        <JobRow key={job.id} app={app} job={job} />
       ))}
     </ul>
   );
 }
 
-function JobRow({ job }: { readonly job: ExportJob }) {
+function JobRow({ app, job }: { readonly app: App; readonly job: ExportJob }) {
   const size = bytes(job.size);
   const going = job.state === "waiting" || job.state === "running";
   const words = {
@@ -259,7 +262,7 @@ function JobRow({ job }: { readonly job: ExportJob }) {
           {COMMON.download}
         </a>
       ) : (
-        <button type="button" class="btn edge" onClick={() => void run(server.cancelExport(job.id))}>
+        <button type="button" class="btn edge" onClick={() => void run(app, server.cancelExport(job.id))}>
           {going ? COMMON.cancel : TEXT.removeFromList}
         </button>
       )}

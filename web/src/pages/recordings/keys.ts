@@ -1,15 +1,17 @@
 /** Keys of an open recording: those of Live, with playback instead of live mode. */
 import type { ReplayController } from "../../recordings/replay-controller";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../ui/keys";
-import { overlay, sheet } from "../app-state";
-import { exporting } from "./export-dialog";
+import { exportingOf } from "./export-dialog";
 import { beginMarker } from "./markers";
+import type { OpenRecording } from "./open-recording";
 import { copyLink } from "./share-menu";
 
-export function listenForKeys(replay: ReplayController): () => void {
+export function listenForKeys(recording: OpenRecording): () => void {
+  const { replay, app } = recording;
+  const exporting = exportingOf(app);
   let chord = -Infinity;
   const onKey = (event: KeyboardEvent): void => {
-    if (event.defaultPrevented || overlay.peek() !== undefined || exporting.peek() !== undefined) return;
+    if (event.defaultPrevented || app.overlay.peek() !== undefined || exporting.peek() !== undefined) return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const type = target instanceof HTMLInputElement ? target.type : "";
     if (belongsToControl(target.tagName, type, target.isContentEditable, event)) return;
@@ -20,7 +22,7 @@ export function listenForKeys(replay: ReplayController): () => void {
     if (key === "l") replay.toggleLoop();
     else {
       const action = actionFor(event);
-      if (!action || !act(replay, action)) return;
+      if (!action || !act(recording, action)) return;
     }
     event.preventDefault();
   };
@@ -29,7 +31,9 @@ export function listenForKeys(replay: ReplayController): () => void {
 }
 
 /** False for actions not handled here. */
-function act(replay: ReplayController, action: KeyAction): boolean {
+function act(recording: OpenRecording, action: KeyAction): boolean {
+  const { replay } = recording;
+  const { sheet } = recording.app;
   const { view, cursor, measure, actions } = replay.viewState;
   switch (action.do) {
     case "playPause":
@@ -43,7 +47,7 @@ function act(replay: ReplayController, action: KeyAction): boolean {
       return true;
     case "mark":
     case "note":
-      beginMarker(replay);
+      beginMarker(recording);
       return true;
     case "pan":
       actions.pan(action.windows);
@@ -68,7 +72,7 @@ function act(replay: ReplayController, action: KeyAction): boolean {
       actions.toggleSeries(action.index, action.alone);
       return true;
     case "link":
-      void copyLink(replay);
+      void copyLink(recording);
       return true;
     case "close":
       if (sheet.peek()) sheet.value = undefined;

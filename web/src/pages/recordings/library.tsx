@@ -14,35 +14,20 @@ import {
 import type { RecordingInfo } from "../../recordings/types";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import { type App, sheet } from "../app-state";
+import type { App } from "../app-state";
 import { Bar } from "../top-bar";
 import { href } from "../route";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
 import { Details } from "./details";
-import {
-  aboutToOpen,
-  add,
-  all,
-  choice,
-  choose,
-  coming,
-  current,
-  dismiss,
-  follow,
-  gone,
-  selected,
-  shown,
-  trouble,
-  undelete,
-} from "./library-store";
+import { type Library, libraryOf } from "./library-store";
 import { Thumb } from "./thumbnail";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
 export function LibraryPage({ app }: { readonly app: App }) {
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the app never changes
-  useEffect(() => follow(app), []);
+  const library = libraryOf(app);
+  useEffect(() => library.follow(), [library]);
   useEffect(() => {
     document.title = TEXT.recordingsImuscope;
   }, []);
@@ -54,18 +39,18 @@ export function LibraryPage({ app }: { readonly app: App }) {
       </a>
       <Bar app={app} />
       {offline && <OfflineBand app={app} />}
-      <Filters />
+      <Filters app={app} />
       <main class="library-centre" id="list" tabIndex={-1}>
         <h1 class="visually-hidden">{COMMON.recordings}</h1>
-        <ProblemBand />
-        <Tools />
-        <Arrivals />
-        <Gone />
+        <ProblemBand app={app} />
+        <Tools app={app} />
+        <Arrivals library={library} />
+        <Gone library={library} />
         <List app={app} />
       </main>
-      <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label={TEXT.thisRecording}>
-        {current.value ? (
-          <Details key={current.value.id} info={current.value} app={app} />
+      <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={TEXT.thisRecording}>
+        {library.current.value ? (
+          <Details key={library.current.value.id} info={library.current.value} app={app} />
         ) : (
           <p class="foot-note dim padded">{TEXT.selectRecording}</p>
         )}
@@ -75,10 +60,12 @@ export function LibraryPage({ app }: { readonly app: App }) {
   );
 }
 
-function Filters() {
-  const list = all.value ?? [];
+function Filters({ app }: { readonly app: App }) {
+  const { sheet } = app;
+  const library = libraryOf(app);
+  const list = library.all.value ?? [];
   const kept = list.filter(({ deleted }) => deleted === null);
-  const { category, device, tag } = choice.value;
+  const { category, device, tag } = library.choice.value;
   const devices = tally(kept.flatMap((info) => [...new Set(info.devices.map(deviceName))]));
   const tags = tally(kept.flatMap((info) => info.tags));
   return (
@@ -104,7 +91,7 @@ function Filters() {
             title={title}
             n={list.filter((info) => inCategory(info, name)).length}
             on={category === name}
-            set={() => choose({ category: name })}
+            set={() => library.choose({ category: name })}
           />
         ))}
       </div>
@@ -120,7 +107,7 @@ function Filters() {
                 title={name}
                 n={n}
                 on={device === name}
-                set={() => choose({ device: device === name ? "" : name })}
+                set={() => library.choose({ device: device === name ? "" : name })}
               />
             ))}
           </div>
@@ -138,7 +125,7 @@ function Filters() {
                 key={name}
                 class="tag outlined"
                 aria-pressed={tag === name}
-                onClick={() => choose({ tag: tag === name ? "" : name })}
+                onClick={() => library.choose({ tag: tag === name ? "" : name })}
               >
                 {name} {n}
               </button>
@@ -166,7 +153,8 @@ function Filter({ title, n, on, set }: FilterProps) {
   );
 }
 
-function Tools() {
+function Tools({ app }: { readonly app: App }) {
+  const library = libraryOf(app);
   const field = useRef<HTMLInputElement>(null);
   const files = useRef<HTMLInputElement>(null);
   useEffect(() => {
@@ -179,10 +167,10 @@ function Tools() {
     addEventListener("keydown", onKey);
     return () => removeEventListener("keydown", onKey);
   }, []);
-  const list = shown.value;
+  const list = library.shown.value;
   const seconds = list.reduce((sum, { duration }) => sum + (duration ?? 0), 0);
   const take = (): void => {
-    void add([...(files.current?.files ?? [])]);
+    void library.add([...(files.current?.files ?? [])]);
     if (files.current) files.current.value = "";
   };
   return (
@@ -194,8 +182,8 @@ function Tools() {
           ref={field}
           type="search"
           placeholder={TEXT.nameNoteTagDeviceDate}
-          value={choice.value.query}
-          onInput={(event) => choose({ query: event.currentTarget.value })}
+          value={library.choice.value.query}
+          onInput={(event) => library.choose({ query: event.currentTarget.value })}
         />
         <kbd class="desk">/</kbd>
       </label>
@@ -203,7 +191,7 @@ function Tools() {
         type="button"
         class="btn edge icon phone"
         aria-label={TEXT.filters}
-        onClick={() => (sheet.value = "rail")}
+        onClick={() => (app.sheet.value = "rail")}
       >
         <Icon name="list" />
       </button>
@@ -227,7 +215,8 @@ function Tools() {
   );
 }
 
-function Arrivals() {
+function Arrivals({ library }: { readonly library: Library }) {
+  const { coming } = library;
   if (coming.value.length === 0) return null;
   return (
     <ul class="incoming" aria-label={TEXT.filesBeingAdded}>
@@ -245,7 +234,7 @@ function Arrivals() {
             type="button"
             class="btn icon"
             aria-label={problem ? TEXT.dismissFile(name) : TEXT.doNotAdd(name)}
-            onClick={() => (problem ? dismiss(key) : cancel())}
+            onClick={() => (problem ? library.dismiss(key) : cancel())}
           >
             <Icon name="close" />
           </button>
@@ -255,7 +244,8 @@ function Arrivals() {
   );
 }
 
-function Gone() {
+function Gone({ library }: { readonly library: Library }) {
+  const { gone } = library;
   const deleted = gone.value;
   if (!deleted) return null;
   return (
@@ -263,7 +253,7 @@ function Gone() {
       <b class="ellipsis">{TEXT.recordingDeleted(titleOf(deleted))}</b>
       <span class="mid">{TEXT.restorableFor7Days}</span>
       <span class="grow" />
-      <button type="button" class="btn edge" onClick={() => void undelete(deleted.id)}>
+      <button type="button" class="btn edge" onClick={() => void library.undelete(deleted.id)}>
         <Icon name="undo" />
         {TEXT.undo}
       </button>
@@ -275,6 +265,7 @@ function Gone() {
 }
 
 function List({ app }: { readonly app: App }) {
+  const { all, shown, trouble } = libraryOf(app);
   if (trouble.value && all.value === undefined)
     return <Nothing title={TEXT.theListCouldNotBeLoaded} words={`${trouble.value.message} ${trouble.value.hint}`} />;
   if (all.value === undefined) return <div class="recording-list" aria-busy="true" />;
@@ -330,6 +321,8 @@ function Nothing({ title, words }: { readonly title: string; readonly words: str
 }
 
 function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
+  const library = libraryOf(app);
+  const { selected } = library;
   const { tone, words } = flaw(info);
   const size = bytes(info.recording ? (app.store.recorder.value?.bytes ?? info.size) : info.size);
   const pick = (): void => {
@@ -346,7 +339,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
       <td>
         <b class="ellipsis">
           {open ? (
-            <a href={href("recordings", info.id)} {...aboutToOpen(info, app)}>
+            <a href={href("recordings", info.id)} {...library.aboutToOpen(info)}>
               {titleOf(info)}
             </a>
           ) : (
@@ -390,7 +383,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
           aria-label={TEXT.detailsOf(titleOf(info))}
           onClick={() => {
             pick();
-            sheet.value = "side";
+            app.sheet.value = "side";
           }}
         >
           <Icon name="dots" />

@@ -1,22 +1,19 @@
 /** Markers and notes of a recording: a press jumps there, and more can be added. */
-import { signal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { length } from "../../recordings/library-filter";
-import type { ReplayController } from "../../recordings/replay-controller";
 import { server } from "../../recordings/api";
 import { Icon } from "../../ui/icons";
-import { run, sheet } from "../app-state";
+import { run } from "../app-state";
+import type { OpenRecording } from "./open-recording";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-/** Position of a new marker, unix s. */
-export const placing = signal<number | undefined>(undefined);
-
-export function beginMarker(replay: ReplayController): void {
+export function beginMarker({ replay, placing }: OpenRecording): void {
   placing.value = replay.head;
 }
 
-export function Markers({ replay }: { readonly replay: ReplayController }) {
+export function Markers({ recording }: { readonly recording: OpenRecording }) {
+  const { replay, app } = recording;
   const markers = [...replay.markers.value].sort((a, b) => a.time - b.time);
   return (
     <section aria-label={COMMON.markers} class="markers">
@@ -29,7 +26,7 @@ export function Markers({ replay }: { readonly replay: ReplayController }) {
           class="btn icon"
           aria-label={TEXT.addMarkerHere}
           title={TEXT.addMarkerHereHint}
-          onClick={() => beginMarker(replay)}
+          onClick={() => beginMarker(recording)}
         >
           <Icon name="plus" />
         </button>
@@ -42,7 +39,7 @@ export function Markers({ replay }: { readonly replay: ReplayController }) {
               type="button"
               onClick={() => {
                 replay.seek(time);
-                sheet.value = undefined;
+                app.sheet.value = undefined;
               }}
             >
               <time>{length(time - replay.bounds.first, 1)}</time>
@@ -56,22 +53,17 @@ export function Markers({ replay }: { readonly replay: ReplayController }) {
 }
 
 /** Text of a marker, optional. Enter saves it, Esc does not. */
-export function MarkerField({ replay }: { readonly replay: ReplayController }) {
+export function MarkerField({ recording }: { readonly recording: OpenRecording }) {
+  const { replay, app, placing } = recording;
   const field = useRef<HTMLInputElement>(null);
   const time = placing.value;
   useLayoutEffect(() => field.current?.focus(), [time]); // before the next key is pressed: it belongs to the words
-  useEffect(
-    () => () => {
-      placing.value = undefined;
-    },
-    [],
-  );
   if (time === undefined) return null;
   const send = async (event: Event): Promise<void> => {
     event.preventDefault();
     const text = field.current?.value.trim() ?? "";
     placing.value = undefined;
-    const marker = await run(server.markLater(replay.detail.info.id, { text, kind: "marker", time, device: "" }));
+    const marker = await run(app, server.markLater(replay.detail.info.id, { text, kind: "marker", time, device: "" }));
     if (marker) replay.markers.value = [...replay.markers.peek(), marker];
   };
   const at = length(time - replay.bounds.first, 3);

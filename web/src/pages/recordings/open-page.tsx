@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useLayoutEffect } from "preact/hooks";
 import { createViewState } from "../../data/view-state";
 import { readPlace } from "../../recordings/permalink";
-import { type Answer, detailOf, take } from "../../recordings/prefetch";
+import { type Answer, detailOf } from "../../recordings/prefetch";
 import { ReplayController } from "../../recordings/replay-controller";
 import type { VisibleRange } from "../../recordings/visible-range";
 import { isOpening } from "../../recordings/api";
@@ -17,7 +17,7 @@ import { showReplay } from "../test-hook";
 import { OfflineBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
 import { ReplayPage } from "./replay-page";
-import { all } from "./library-store";
+import { libraryOf } from "./library-store";
 import { TEXT } from "../../texts/recordings";
 
 /** Polling interval of the progress, ms. */
@@ -61,8 +61,13 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
         timer = setTimeout(() => void ask(), ASK_MS);
       } else opened(outcome.value, screen);
     };
-    const known = all.peek()?.find((one) => one.id === id);
-    void ask(take(id, known));
+    const { all, prefetch } = libraryOf(app);
+    void ask(
+      prefetch.take(
+        id,
+        all.peek()?.find((one) => one.id === id),
+      ),
+    );
     return () => {
       over = true;
       clearTimeout(timer);

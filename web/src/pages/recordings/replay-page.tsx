@@ -1,5 +1,5 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
-import { useEffect } from "preact/hooks";
+import { useEffect, useMemo } from "preact/hooks";
 import { mountAttitude } from "../../attitude/panel";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
@@ -14,13 +14,14 @@ import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ReplayScene, SceneLine } from "../../views/viser";
-import { type App, folded, overlay, sheet } from "../app-state";
+import type { App } from "../app-state";
 import { Bar } from "../top-bar";
 import { Side } from "../side-panels";
 import { href, route } from "../route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { listenForKeys } from "./keys";
+import { type OpenRecording, openRecording } from "./open-recording";
 import { Markers } from "./markers";
 import { mountOverview } from "./overview-strip";
 import { PageOverlays } from "./overlays";
@@ -35,10 +36,12 @@ const ADDRESS_MS = 1000;
 
 export function ReplayPage({ replay, app }: { readonly replay: ReplayController; readonly app: App }) {
   const { info } = replay.detail;
+  const { folded, overlay } = app;
+  const recording = useMemo(() => openRecording(replay, app), [replay, app]);
   // biome-ignore lint/correctness/useExhaustiveDependencies: another recording has another key, and mounts another page
   useEffect(() => {
     document.title = `${titleOf(info)} · imuscope`;
-    const stops = [onFrame((now) => replay.tick(now)), listenForKeys(replay), keepAddress(replay)];
+    const stops = [onFrame((now) => replay.tick(now)), listenForKeys(recording), keepAddress(replay)];
     return () => stops.forEach((stop) => stop());
   }, []);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
@@ -49,45 +52,45 @@ export function ReplayPage({ replay, app }: { readonly replay: ReplayController;
       </a>
       <Bar app={app} />
       {offline && <OfflineBand app={app} />}
-      <About replay={replay} />
+      <About recording={recording} />
       <main class="centre">
         <h1 class="visually-hidden">{titleOf(info)}</h1>
-        <ProblemBand />
+        <ProblemBand app={app} />
         <Trouble replay={replay} />
-        <SceneLine>
-          <RerunButton replay={replay} />
+        <SceneLine app={app}>
+          <RerunButton replay={replay} shown={recording.rerun} />
         </SceneLine>
-        <ReplayScene replay={replay} />
-        <Panels key={replay.viewState.view.value.device} replay={replay} />
-        <Transport replay={replay} />
+        <ReplayScene app={app} replay={replay} />
+        <Panels key={replay.viewState.view.value.device} recording={recording} />
+        <Transport recording={recording} />
         <PanelHost class="overview" label={TEXT.wholeRecording} mount={(host) => mountOverview(host, replay)} />
       </main>
-      <Side app={replay.app} />
+      <Side app={app} deps={recording.deps} />
       {overlay.value === "track" && (
         <Dialog
-          title={COMMON.trackOf(replay.app.device.value?.name ?? COMMON.theDevice)}
+          title={COMMON.trackOf(replay.device.value?.name ?? COMMON.theDevice)}
           wide
           onClose={() => (overlay.value = undefined)}
         >
           <PanelHost
             class="large-track"
-            mount={(host) => mountLargeTrack(host, { ...replay.app, store: replay.drawn })}
+            mount={(host) => mountLargeTrack(host, { ...recording.deps, store: replay.drawn })}
           />
         </Dialog>
       )}
-      <RowsDialog app={replay.app} />
-      <RerunPanel />
-      <SettingsDialog replay={replay} app={app} />
+      <RowsDialog app={app} deps={recording.deps} />
+      <RerunPanel shown={recording.rerun} />
+      <SettingsDialog recording={recording} />
       <PageOverlays app={app} />
     </div>
   );
 }
 
 /** The instruments and the plots, as on Live: the plots draw the window, everything else reads at the cursor. */
-function Panels({ replay }: { readonly replay: ReplayController }) {
+function Panels({ recording: { replay, deps } }: { readonly recording: OpenRecording }) {
   return (
     <>
-      <PanelHost class="attitude" label={COMMON.attitude} mount={(host) => mountAttitude(host, replay.app)} />
+      <PanelHost class="attitude" label={COMMON.attitude} mount={(host) => mountAttitude(host, deps)} />
       <div class="plots" id="plots" tabIndex={-1}>
         <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountPlots(host, replay)} />
       </div>
@@ -181,7 +184,9 @@ function Trouble({ replay }: { readonly replay: ReplayController }) {
 }
 
 /** The recording, its devices and its markers. */
-function About({ replay }: { readonly replay: ReplayController }) {
+function About({ recording }: { readonly recording: OpenRecording }) {
+  const { replay } = recording;
+  const { sheet } = recording.app;
   const { info, devices } = replay.detail;
   const { first, last } = replay.bounds;
   const size = bytes(info.size);
@@ -203,7 +208,7 @@ function About({ replay }: { readonly replay: ReplayController }) {
         {TEXT.recordingFacts(dateWords(info.started ?? first, true), length(last - first), size.value, size.unit)}
         {info.notes && <span class="notes">{info.notes}</span>}
       </p>
-      <HandOn replay={replay} />
+      <HandOn recording={recording} />
       <div class="categories" role="group" aria-label={COMMON.device}>
         {devices.map((device) => (
           <button
@@ -218,8 +223,8 @@ function About({ replay }: { readonly replay: ReplayController }) {
           </button>
         ))}
       </div>
-      <SettingsLine replay={replay} />
-      <Markers replay={replay} />
+      <SettingsLine recording={recording} />
+      <Markers recording={recording} />
     </aside>
   );
 }

@@ -1,5 +1,5 @@
 /** Settings of a device at the time of recording, beside its present ones. */
-import { signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords, titleOf } from "../../recordings/library-filter";
 import type { ReplayController } from "../../recordings/replay-controller";
@@ -11,11 +11,10 @@ import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
 import { type App, run } from "../app-state";
 import { server } from "../configure/api";
+import type { OpenRecording } from "./open-recording";
 import { go } from "../route";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
-
-const open = signal(false);
 
 type Fields = Readonly<Record<string, unknown>>;
 
@@ -64,13 +63,14 @@ function presentOf(app: App, { about }: Settings): DeviceInfo | undefined {
 }
 
 /** A line of the sidebar; absent if no settings were recorded. */
-export function SettingsLine({ replay }: { readonly replay: ReplayController }) {
+export function SettingsLine({ recording }: { readonly recording: OpenRecording }) {
+  const { replay, showsSettings } = recording;
   const settings = settingsOf(replay, replay.viewState.view.value.device);
   if (!settings) return null;
   return (
     <div class="apply-as-settings">
       <span>{COMMON.settings}</span>
-      <button type="button" class="btn edge" title={TEXT.asRecordedHint} onClick={() => (open.value = true)}>
+      <button type="button" class="btn edge" title={TEXT.asRecordedHint} onClick={() => (showsSettings.value = true)}>
         <Icon name="sliders" />
         {TEXT.asRecorded}
       </button>
@@ -78,16 +78,18 @@ export function SettingsLine({ replay }: { readonly replay: ReplayController }) 
   );
 }
 
-export function SettingsDialog({ replay, app }: { readonly replay: ReplayController; readonly app: App }) {
-  const settings = open.value ? settingsOf(replay, replay.viewState.view.value.device) : undefined;
+export function SettingsDialog({ recording }: { readonly recording: OpenRecording }) {
+  const { replay, app, showsSettings } = recording;
+  const settings = showsSettings.value ? settingsOf(replay, replay.viewState.view.value.device) : undefined;
   if (!settings) return null;
   const present = presentOf(app, settings);
   const { about, taken } = settings;
   const close = (): void => {
-    open.value = false;
+    showsSettings.value = false;
   };
   const compare = async (to: DeviceInfo): Promise<void> => {
     const kept = await run(
+      app,
       server.keepSnapshot(to.id, TEXT.recordingTitle(titleOf(replay.detail.info)).slice(0, 120), asText(settings)),
     );
     close();

@@ -1,5 +1,4 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
-import { signal } from "@preact/signals";
 import { placeHref } from "../../recordings/permalink";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { server } from "../../recordings/api";
@@ -8,15 +7,15 @@ import { Icon } from "../../ui/icons";
 import { run, select } from "../app-state";
 import { go } from "../route";
 import { RerunButton } from "../../views/rerun";
-import { exporting, type Range } from "./export-dialog";
+import type { OpenRecording } from "./open-recording";
+import { exportingOf, type Range } from "./export-dialog";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-/** The last action, in words. */
-export const said = signal("");
+/** How long the last action is shown, ms. */
 const SAID_MS = 2500;
 
-export async function copyLink(replay: ReplayController): Promise<void> {
+export async function copyLink({ replay, said }: OpenRecording): Promise<void> {
   const link = new URL(placeHref(replay.detail.info.id, replay.place()), location.href).href;
   said.value = (await copyText(link)) ? COMMON.linkCopied : COMMON.copyBlocked;
   history.replaceState(null, "", placeHref(replay.detail.info.id, replay.place()));
@@ -33,12 +32,14 @@ function rangesOf(replay: ReplayController): readonly Range[] {
 }
 
 /** The actions, beside the recording's name. */
-export function HandOn({ replay }: { readonly replay: ReplayController }) {
+export function HandOn({ recording }: { readonly recording: OpenRecording }) {
+  const { replay, app } = recording;
   const { detail } = replay;
   const { info } = detail;
   const play = async (): Promise<void> => {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
     const devices = await run(
+      app,
       server.play(info.id, {
         speed: replay.speed.peek(),
         loop: loop !== undefined,
@@ -48,12 +49,12 @@ export function HandOn({ replay }: { readonly replay: ReplayController }) {
     );
     const [device] = devices ?? [];
     if (!device) return;
-    select(device.id);
+    select(app, device.id);
     go("live");
   };
   return (
     <div class="hand-over" role="group" aria-label={TEXT.share}>
-      <button type="button" class="btn main" title={TEXT.copyLinkToView} onClick={() => void copyLink(replay)}>
+      <button type="button" class="btn main" title={TEXT.copyLinkToView} onClick={() => void copyLink(recording)}>
         <Icon name="share" />
         {COMMON.copyLink}
       </button>
@@ -61,7 +62,7 @@ export function HandOn({ replay }: { readonly replay: ReplayController }) {
         type="button"
         class="btn edge"
         onClick={() =>
-          (exporting.value = {
+          (exportingOf(app).value = {
             info,
             detail,
             ranges: rangesOf(replay),
@@ -73,7 +74,7 @@ export function HandOn({ replay }: { readonly replay: ReplayController }) {
         <Icon name="upload" />
         {TEXT.export}
       </button>
-      <RerunButton replay={replay} />
+      <RerunButton replay={replay} shown={recording.rerun} />
       <a class="btn edge" href={server.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
         <Icon name="download" />
         {COMMON.download}

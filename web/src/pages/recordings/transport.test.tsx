@@ -5,8 +5,10 @@ import { afterEach, expect, test, vi } from "vitest";
 import { createViewState } from "../../data/view-state";
 import { ReplayController } from "../../recordings/replay-controller";
 import type { RecordingDetail } from "../../recordings/types";
+import { newApp } from "../../testing/live-page";
 import { answering, type Answers, type Asked } from "../../testing/recorded";
 import { Markers } from "./markers";
+import { openRecording } from "./open-recording";
 import { Transport } from "./transport";
 
 const FIRST = 1000;
@@ -27,10 +29,11 @@ function open(answers: Answers = {}): { readonly replay: ReplayController; reado
   } as unknown as RecordingDetail;
   const asked = answering(answers);
   const replay = new ReplayController(detail, { hide: [], show: [], panels: [] }, createViewState());
+  const recording = openRecording(replay, newApp());
   render(
     <>
-      <Markers replay={replay} />
-      <Transport replay={replay} />
+      <Markers recording={recording} />
+      <Transport recording={recording} />
     </>,
   );
   return { replay, asked };

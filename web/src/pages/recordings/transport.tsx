@@ -7,14 +7,14 @@ import { number } from "../../ui/format";
 import { Icon, type IconName } from "../../ui/icons";
 import { ZOOM_STEP } from "../../ui/keys";
 import { PanelHost } from "../../ui/panel-host";
-import { sheet } from "../app-state";
-import { said } from "./share-menu";
+import type { OpenRecording } from "./open-recording";
 import { zoomAtHead } from "./keys";
 import { beginMarker, MarkerField } from "./markers";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-export function Transport({ replay }: { readonly replay: ReplayController }) {
+export function Transport({ recording }: { readonly recording: OpenRecording }) {
+  const { replay, app, said } = recording;
   const { view, actions } = replay.viewState;
   const playing = replay.playing.value;
   const { first } = replay.bounds;
@@ -56,7 +56,7 @@ export function Transport({ replay }: { readonly replay: ReplayController }) {
         class="btn"
         aria-label={COMMON.marker}
         title={TEXT.addMarkerHereHint}
-        onClick={() => beginMarker(replay)}
+        onClick={() => beginMarker(recording)}
       >
         <Icon name="flag" />
         <span class="wide">{COMMON.marker}</span>
@@ -115,11 +115,11 @@ export function Transport({ replay }: { readonly replay: ReplayController }) {
         class="btn edge only-narrow phone-shown"
         aria-label={TEXT.moreActions}
         title={TEXT.moreActions}
-        onClick={() => (sheet.value = "rail")}
+        onClick={() => (app.sheet.value = "rail")}
       >
         <Icon name="share" />
       </button>
-      <MarkerField replay={replay} />
+      <MarkerField recording={recording} />
     </div>
   );
 }

@@ -1,0 +1,32 @@
+/** An open recording on a page: its controller, and what is open over its plots. */
+import { type Signal, signal } from "@preact/signals";
+import type { Deps } from "../../panels/panel-context";
+import type { ReplayController } from "../../recordings/replay-controller";
+import type { App } from "../app-state";
+
+export interface OpenRecording {
+  readonly replay: ReplayController;
+  readonly app: App;
+  /** Context of its panels. */
+  readonly deps: Deps;
+  /** Position of a new marker, unix s, while its words are typed. */
+  readonly placing: Signal<number | undefined>;
+  /** The last action, in words. */
+  readonly said: Signal<string>;
+  /** Whether the settings as recorded are shown. */
+  readonly showsSettings: Signal<boolean>;
+  /** The address shown in Rerun's frame; undefined while closed. */
+  readonly rerun: Signal<string | undefined>;
+}
+
+export function openRecording(replay: ReplayController, app: App): OpenRecording {
+  return {
+    replay,
+    app,
+    deps: { ...replay.deps, open: app.open, eventSort: app.eventSort },
+    placing: signal(undefined),
+    said: signal(""),
+    showsSettings: signal(false),
+    rerun: signal(undefined),
+  };
+}
