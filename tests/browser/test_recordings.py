@@ -393,7 +393,7 @@ def test_the_health_of_a_recording_is_that_of_the_moment(
             came += int(part.ends[before - 1])
     assert told["bytes"] == pytest.approx(came, rel=0.05)
     assert told["last_arrival"] == pytest.approx(told["time"], abs=1.1)
-    until(page, "window.imuscopeReplay.app.recentHealth.of(window.imuscope.view.value.device).length > 4")
+    until(page, "window.imuscopeReplay.deps.recentHealth.of(window.imuscope.view.value.device).length > 4")
     until(page, "/[1-9][0-9.]*\\s*kB/.test(document.querySelector('.side').innerText)")
 
 
