@@ -9,6 +9,7 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from server.api import (
+    analysis,
     capabilities,
     commands,
     configure,
@@ -58,6 +59,7 @@ ROUTED = (
     exports,
     recordings,
     recording_data,
+    analysis,
     ports,
     status,
     capabilities,

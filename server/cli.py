@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`record`, `replay`, `decode`, `simulate`.
+`record`, `replay`, `decode`, `analyse`, `simulate`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -224,6 +224,22 @@ def _decode(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
+def _analyse(options: argparse.Namespace) -> None:
+    file = readable(str(options.file))
+    decode_options = decode_options_of(options)
+    prepare_decoders(options.data, size_of(file))
+    from server.commands.analyse import AnalyseError, AnalyseRequest, analyse_file, print_json, print_table
+
+    decode_options = checked_protocol(decode_options)
+    request = AnalyseRequest(options.analysis, options.signal, options.begin, options.end, options.option or ())
+    try:
+        with seekable(file) as path:
+            reports = analyse_file(path, decode_options, request, sys.stderr)
+    except AnalyseError as error:
+        raise UsageError(str(error)) from None
+    (print_json if options.format == "json" else print_table)(reports, sys.stdout)
+
+
 def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
@@ -291,6 +307,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "record": _record,
     "replay": _replay,
     "decode": _decode,
+    "analyse": _analyse,
     "simulate": _simulate,
     "completion": _completion,
 }

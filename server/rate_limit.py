@@ -1,7 +1,7 @@
 """Rate limits per client address: high enough for any page, low enough that a flood does not affect other clients.
 
     any request or WebSocket      `PER_S` per second, `AT_ONCE` more after a pause      beyond: 429 and Retry-After
-    reading a recording           `READING` at once, `WAITING` more are queued          beyond: 429
+    reading or analysing          `READING` at once, `WAITING` more are queued          beyond: 429
     any other request             `IN_A_PASS` begin in one pass of the event loop: a hundred at once, of some
                                   milliseconds each, would otherwise block other clients for a second
 
@@ -36,7 +36,10 @@ READING, WAITING = 4, 60
 IN_A_PASS = 4
 ADDRESSES = 1024  # stored; the least recently used is removed first
 ALWAYS = "/healthz"
-READS = re.compile(r"/api/(recordings/[^/]+|devices/[^/]+(?=/query))(/(window|query|health|amount))?\Z")
+READS = re.compile(
+    r"GET /api/(recordings/[^/]+|devices/[^/]+(?=/query))(/(window|statistics|query|health|amount))?"
+    r"|POST /api/analysis/[^/]+"
+)
 
 
 class RateLimiter:
@@ -62,7 +65,7 @@ class RateLimiter:
             words = "Too many requests came from this address."
             refusal = DomainError("too-fast", words, f"Send fewer requests: {PER_S:.0f} a second are answered.")
             await refuse(scope, receive, send, refusal, math.ceil(wait))
-        elif scope["type"] == "http" and scope["method"] == "GET" and READS.match(scope["path"]):
+        elif scope["type"] == "http" and READS.fullmatch(f"{scope['method']} {scope['path']}"):
             await self._read(group, scope, receive, send)
         else:
             await self._begin()

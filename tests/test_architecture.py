@@ -69,6 +69,7 @@ SERVER: dict[str, set[str]] = {
     "metrics": {"devices", "streaming"},
     "configuration": {"wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
+    "analysis": {"library", "streaming"},
     "integrations": {"wire_codec", "streaming", "config", "auth"},
     "reference": {"configuration", "library"},
     "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
@@ -77,13 +78,13 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming"),
     },
     "api": {
-        *("auth", "configuration", "devices", "http_server", "integrations", "library", "links", "metrics"),
+        *("analysis", "auth", "configuration", "devices", "http_server", "integrations", "library", "links", "metrics"),
         *("page_files", "reference", "services", "streaming", "streaming_response", "wire_codec"),
     },
     "app": {"api", "auth", "config", "devices", "links", "page_files", "rate_limit", "security_headers", "services"},
     "commands": {
-        *("app", "auth", "config", "configuration", "devices", "diagnostics", "http_server", "jit_cache", "library"),
-        *("links", "logging_setup", "login_throttle", "streaming"),
+        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "http_server", "jit_cache"),
+        *("library", "links", "logging_setup", "login_throttle", "streaming"),
     },
     "cli": {"commands", "config", "devices", "diagnostics", "jit_cache", "links", "logging_setup"},
     "generate_docs": {"app", "auth", "config", "reference"},
@@ -107,6 +108,7 @@ SERVING = {"asyncio", "fastapi", "starlette", "uvicorn", "websockets"}
 
 # Tables as data: rows of a specification, one after the other.
 TABLES = {"protocols/xbus/data_identifiers.py", "protocols/xbus/messages.py"}
+GENERATED = {"web/src/wire/routes.ts"}
 CODE = {".py", ".ts", ".tsx", ".js", ".css", ".html"}
 LONGEST = 500
 
@@ -299,7 +301,7 @@ def test_no_code_file_is_long() -> None:
     long = [
         f"{name}: {lines} lines"
         for path in tracked()
-        if path.suffix in CODE and (name := path.relative_to(ROOT).as_posix()) not in TABLES
+        if path.suffix in CODE and (name := path.relative_to(ROOT).as_posix()) not in TABLES | GENERATED
         if (lines := len(path.read_text().splitlines())) > LONGEST
     ]
     assert not long, "\n".join(long)

@@ -1,9 +1,10 @@
-"""An exporter and a kind of link in a package of their own: seen and used, without a line of imuscope about them."""
+"""An exporter, a kind of link and an analysis in a package of their own, used without a line of imuscope about them."""
 
 from __future__ import annotations
 
 import json
 import os
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -30,6 +31,20 @@ def write(wish, out, step):
     return [out]
 
 register_exporter(ExportFormat("names", "Names", ".names", write, words="names of the channels"))
+"""
+ANALYSIS = """
+from server.analysis.registry import Analysis, AnalysisOption, register_analysis
+
+def run(signal, options):
+    above = signal.values > options["level"]
+    return {"share": float(above.mean()), "first": [float(signal.time[0])]}
+
+register_analysis(
+    Analysis(
+        "above", "Above", "share of the samples above a level", run, {"first": "s"},
+        (AnalysisOption("level", 0.0, -1e9, 1e9, doc="Level that is exceeded."),),
+    )
+)
 """
 LINK = """
 import asyncio
@@ -79,10 +94,12 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: imuscope-more\nVersion: 1\n")
     (about / "entry_points.txt").write_text(
         "[imuscope.exporters]\nnames = imuscope_names\n"
+        "[imuscope.analyses]\nabove = imuscope_above\n"
         "[imuscope.links]\nrepeat = imuscope_repeat\nbroken = imuscope_gone\n"
     )
     (folder / "imuscope_names.py").write_text(EXPORTER)
     (folder / "imuscope_repeat.py").write_text(LINK)
+    (folder / "imuscope_above.py").write_text(ANALYSIS)
     path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", path)
@@ -133,6 +150,34 @@ def test_the_server_offers_both_and_the_page_is_told(server: ServerProcess) -> N
     [repeat] = [one for one in told["links"] if one["name"] == "repeat"]
     assert repeat["examples"] == [{"source": "repeat:00", "words": "a zero, over and over"}]
     assert [one["name"] for one in told["exports"]][-1] == "names", "behind those that come with imuscope"
+
+
+def test_the_command_line_lists_and_runs_the_analysis(run: Callable[..., str], tmp_path: Path) -> None:
+    assert "  above                           share of the samples above a level\n" in run("analyse", "--help")
+    capture = tmp_path / "capture.bin"
+    capture.write_bytes(FRAMES * 50)
+    words = ("analyse", str(capture), "above", "--signal", "PacketCounter", "--json", "--option")
+    assert [json.loads(run(*words, f"level={level}"))["share"] for level in (-1, 70_000)] == [1.0, 0.0]
+
+
+def test_the_server_runs_the_analysis(server: ServerProcess) -> None:
+    assert [one["name"] for one in ask(server, "/api/analysis")] == ["statistics", "above"]
+    block_until(lambda: ask(server, "/api/devices")[0]["status"] == "live", "a live device")
+    body = json.dumps({"source": "1", "signals": ["PacketCounter"], "options": {"level": -1}}).encode()
+    request = urllib.request.Request(
+        f"{server.url.rstrip('/')}/api/analysis/above", body, {"content-type": "application/json"}
+    )
+
+    def figures() -> Any:
+        try:
+            with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+                return json.load(answer)
+        except urllib.error.HTTPError:
+            return None  # no samples yet
+
+    [found] = block_until(figures, "figures of the live device")
+    assert found["figures"]["share"] == 1.0
+    assert found["units"] == {"first": "s"}
 
 
 def test_a_device_is_live_over_the_link(server: ServerProcess) -> None:

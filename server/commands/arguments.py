@@ -18,7 +18,7 @@ from server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "record", "replay", "decode"),
-    *("simulate", "completion"),
+    *("analyse", "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -90,12 +90,18 @@ class _Registered:
     sources: str = ""  # forms of a source
     source_options: str = ""  # options of each form, in full
     outputs: str = ""  # suffixes that can be written
+    analyses: str = ""  # names of analyses, with their options
 
 
 def _registered() -> _Registered:
     from server.commands import registered_help  # imports every registered part, which takes a moment
 
-    return _Registered(registered_help.source_list(), registered_help.source_help(), registered_help.output_list())
+    return _Registered(
+        registered_help.source_list(),
+        registered_help.source_help(),
+        registered_help.output_list(),
+        registered_help.analysis_list(),
+    )
 
 
 def parse(given: Sequence[str]) -> argparse.Namespace:
@@ -146,6 +152,7 @@ def parser(*, with_help: bool = True) -> _Parser:
     _add_replay(commands.add_parser)
     _add_simulate(commands.add_parser)
     _add_decode(commands.add_parser, about)
+    _add_analyse(commands.add_parser, about)
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)
     return root
@@ -326,6 +333,36 @@ def _add_decode(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument(
         "--channel", action="append", metavar="NAME", help="channel to decode; may be repeated (default: all)"
     )
+    _add_reading(command, "protocol of a capture (default: detected)")
+    _add_data(command)
+
+
+def _add_analyse(add_parser: _AddParser, about: _Registered) -> None:
+    command = add_parser(
+        "analyse",
+        help="print figures of signals of a recording, log or capture",
+        epilog=about.analyses,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument(
+        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
+    )
+    command.add_argument("analysis", metavar="ANALYSIS", help="name of an analysis; see below")
+    command.add_argument(
+        "--signal",
+        action="append",
+        required=True,
+        metavar="NAME",
+        help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… if there are several; may be repeated",
+    )
+    command.add_argument(
+        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
+    )
+    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
+    command.add_argument(
+        "--option", action="append", metavar="NAME=VALUE", help="option of the analysis; may be repeated"
+    )
+    _add_format(command, ("table", "json"), "table for people (the default), json for programs")
     _add_reading(command, "protocol of a capture (default: detected)")
     _add_data(command)
 

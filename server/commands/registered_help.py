@@ -45,3 +45,17 @@ def output_list() -> str:
     return (
         f"file whose suffix selects the format: {', '.join(f'{suffix} ({title})' for suffix, title in titles.items())}"
     )
+
+
+def analysis_list() -> str:
+    """Analyses with their options, a line for each."""
+    from server.analysis.registry import analyses
+
+    lines = ["analyses, with their options for --option:"]
+    for one in analyses():
+        lines.append(f"  {one.name:<{_COLUMN - 2}}{one.words}")
+        for option in one.options:
+            form = f"{option.name}={option.default:g}"
+            limits = f"{option.low:g} to {option.high:g} {option.unit}".strip()
+            lines.append(f"    {form:<{_COLUMN - 4}}{option.doc} {limits}.")
+    return "\n".join(lines) + "\n"

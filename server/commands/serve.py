@@ -9,6 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 from server import logging_setup
+from server.analysis.registry import load_analyses
 from server.commands.common import KEY_AND_UNVERIFIED, UsageError, check_sources, normalized_sources, prepare
 from server.config import Config, load
 from server.devices.decode_options import key_text
@@ -101,7 +102,7 @@ def _print_addresses(config: Config, access: Access, url: str, fingerprint: str)
         print(f"SHA-256 of the certificate: {fingerprint}", flush=True)
     for name in short_tokens(config):
         logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
-    for problem in problems():
+    for problem in (*problems(), *load_analyses()):
         logging_setup.print_or_log(problem)
     if not config.sources:
         shown = [simulator.words for simulator in simulators().values() if simulator.usual]

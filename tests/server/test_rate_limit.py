@@ -27,7 +27,7 @@ async def hello(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 async def ask(
-    turnstile: RateLimiter, path: str = "/api/devices", client: str = "192.0.2.1"
+    turnstile: RateLimiter, path: str = "/api/devices", client: str = "192.0.2.1", method: str = "GET"
 ) -> tuple[int, dict[str, Any]]:
     """Status and headers with the body."""
     said: list[Any] = []
@@ -38,7 +38,7 @@ async def ask(
     async def receive() -> Any:
         return {"type": "http.request"}
 
-    scope = {"type": "http", "method": "GET", "path": path, "client": (client, 1), "headers": []}
+    scope = {"type": "http", "method": method, "path": path, "client": (client, 1), "headers": []}
     await turnstile(scope, receive, send)
     headers = {name.decode(): value.decode() for name, value in said[0]["headers"]}
     return said[0]["status"], {**headers, **json.loads(said[1]["body"] or b"{}")}
@@ -115,8 +115,12 @@ def test_readings_of_one_address_take_turns() -> None:
         asked = [asyncio.create_task(ask(turnstile, f"{ONE}/window")) for _ in range(READING + WAITING)]
         await asyncio.sleep(0)
         assert len(reads) == READING
-        status, told = await ask(turnstile, f"{ONE}/query")
-        assert (status, told["kind"]) == (429, "too-fast")
+        for way, path in (
+            *(("GET", f"{ONE}/{what}") for what in ("query", "statistics", "health", "amount")),
+            ("POST", "/api/analysis/statistics"),
+        ):
+            status, told = await ask(turnstile, path, method=way)
+            assert (status, told["kind"]) == (429, "too-fast"), path
         others = [asyncio.create_task(ask(turnstile, path)) for path in (f"{ONE}/download", "/api/devices")]
         others.append(asyncio.create_task(ask(turnstile, "/api/devices/1/query", "192.0.2.2")))
         await asyncio.sleep(0)

@@ -27,8 +27,9 @@ TOKENS = {"none": "", "view": VIEW, "control": CONTROL, "wrong": "w" * 30}
 SAFE = {"GET", "HEAD", "OPTIONS"}
 METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", "PROPFIND", "get", "post", "X")
 
-# POST, because they carry values: what would be sent, would it fit, in what do two sides differ. They change nothing.
-ASKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")}
+# POST, because they carry values: what would be sent, would it fit, in what do two sides differ, figures of a range.
+# They change nothing.
+ASKING = {"/api/analysis/{name}", *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare"))}
 # Without a token: they hold nothing of the devices.
 OPEN = {"/healthz", "/{name:path}", "/docs", "/docs/{name}"}
 # WebSockets, all of which only look; a scene's panel is dealt with in test_viewer_secrets.py.

@@ -28,6 +28,31 @@ export interface AddDevice {
   readonly source: string;
 }
 
+/** An analysis that can be requested. */
+export interface AnalysisInfo {
+  readonly name: string;
+  readonly title: string;
+  readonly words: string;
+  readonly options: readonly OptionInfo[];
+}
+
+/** A request for an analysis. */
+export interface AnalysisRequest {
+  /** id of a live device or of a recording */
+  readonly source: string;
+  /** `CHANNEL.COLUMN`, or `CHANNEL` for all its columns; `DEVICE/…` if a recording has several */
+  readonly signals: readonly string[];
+  /** unix seconds; null for the beginning */
+  readonly t0?: number | null;
+  /** unix seconds; null for the end */
+  readonly t1?: number | null;
+  readonly base?: "device" | "arrival";
+  /** of the analysis; see `GET /api/analysis` */
+  readonly options?: Readonly<Record<string, unknown>>;
+  /** arrow: a table with one row per signal */
+  readonly format?: "json" | "arrow";
+}
+
 /** Version and build of this imuscope. */
 export interface Build {
   readonly name: "imuscope";
@@ -105,6 +130,16 @@ export interface MapInfo {
   readonly attribution: string;
 }
 
+/** An option of an analysis. */
+export interface OptionInfo {
+  readonly name: string;
+  readonly default: number;
+  readonly low: number;
+  readonly high: number;
+  readonly unit: string;
+  readonly doc: string;
+}
+
 /** One serial port. */
 export interface PortInfo {
   readonly device: string;
@@ -146,6 +181,15 @@ export interface SceneAddress {
 export interface SetCorrections {
   /** RTCM 3 from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file: of the library, or of a folder that source_folders names */
   readonly source: string;
+}
+
+/** Figures of one signal; null where there is none. */
+export interface SignalFigures {
+  readonly signal: string;
+  readonly device: string;
+  /** for the figures that have a unit */
+  readonly units: Readonly<Record<string, string>>;
+  readonly figures: Readonly<Record<string, number | readonly (number | null)[] | null>>;
 }
 
 /** Share of a recording that a viewer in a browser gets: rows of all quantities together, in the recording and shown; `most` rows of one quantity (0: all), which is one of `every` samples of the largest; and the longest time range that opens without thinning, s. */
@@ -439,6 +483,14 @@ export interface Routes {
     readonly path: { readonly device: string };
     readonly query: { readonly channel: string; readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly width?: number | undefined; readonly columns?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly format?: "arrow" | "json" | undefined };
     readonly answer: Blob | ChannelTable;
+  };
+  /** Analyses with their options. */
+  "GET /api/analysis": { readonly answer: readonly AnalysisInfo[]; };
+  /** Analyse signals of a recording, or of a live device as far as memory holds them. */
+  "POST /api/analysis/{name}": {
+    readonly path: { readonly name: string };
+    readonly body: AnalysisRequest;
+    readonly answer: readonly SignalFigures[] | Blob;
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };

@@ -1,0 +1,1 @@
+"""Analyses that come with imuscope, one file each."""

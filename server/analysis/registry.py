@@ -1,0 +1,140 @@
+"""Registry of analyses.
+
+Each file of `server/analysis/methods/` registers an analysis when it is imported, and so does each module named in the
+entry-point group `imuscope.analyses` of another package. docs/add-an-analysis.md explains how to write one.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+
+from protocols.plugins import import_plugins
+from server.analysis import methods
+from server.analysis.signals import Signal
+from server.errors import DomainError
+
+GROUP = "imuscope.analyses"
+Result = Mapping[str, float | list[float]]
+"""Figures by name: a number, or numbers of one length; NaN where there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisOption:
+    """One option of an analysis, a number.
+
+    Args:
+        name: as in requests and on the command line.
+        default: used if it is not given.
+        low, high: allowed range, both included.
+        unit: of the number.
+        doc: one sentence.
+    """
+
+    name: str
+    default: float
+    low: float
+    high: float
+    unit: str = ""
+    doc: str = ""
+
+    def checked(self, value: object) -> float:
+        """The value as a number.
+
+        Raises:
+            DomainError: "bad-value": it is no number, or out of range.
+        """
+        try:
+            number = float(value)  # type: ignore[arg-type]  # whatever a request holds
+        except (TypeError, ValueError):
+            number = math.nan
+        if isinstance(value, bool) or not self.low <= number <= self.high:
+            limits = f"{self.low:g} to {self.high:g} {self.unit}".strip()
+            raise DomainError("bad-value", f"{self.name} {value!r:.40} is not allowed.", f"Give a number, {limits}.")
+        return number
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """One analysis.
+
+    Args:
+        name: unique: in the HTTP API and on the command line ("statistics").
+        title: display name.
+        words: short description for a list.
+        run: takes a signal, which has at least one sample, and all options; returns the figures. Runs in a thread.
+        units: unit of each figure; "{unit}" stands for the unit of the signal. Figures without a unit are left out.
+        options: what a request may set.
+        order: analyses are listed in ascending order.
+    """
+
+    name: str
+    title: str
+    words: str
+    run: Callable[[Signal, Mapping[str, float]], Result]
+    units: Mapping[str, str]
+    options: tuple[AnalysisOption, ...] = ()
+    order: int = 100
+
+    def settings(self, given: Mapping[str, object]) -> dict[str, float]:
+        """All options: those given, checked, and the defaults of the others.
+
+        Raises:
+            DomainError: "bad-value": an option is unknown or its value not allowed.
+        """
+        known = {option.name: option for option in self.options}
+        for name in given:
+            if name not in known:
+                hint = f"Its options: {', '.join(known)}." if known else "It has no options."
+                raise DomainError("bad-value", f"{self.title} has no option {name:.40}.", hint)
+        return {name: option.checked(given.get(name, option.default)) for name, option in known.items()}
+
+    def units_for(self, signal: Signal) -> dict[str, str]:
+        """Unit of each figure of this signal; figures without a unit are left out."""
+        units = {name: unit.replace("{unit}", signal.unit).removeprefix("·") for name, unit in self.units.items()}
+        return {name: f"1{unit}" if unit.startswith("/") else unit for name, unit in units.items() if unit}
+
+
+_registered: dict[str, Analysis] = {}
+
+
+def register_analysis(analysis: Analysis) -> None:
+    """Add an analysis. ValueError: the name is taken."""
+    if analysis.name in _registered:
+        raise ValueError(f"there is an analysis {analysis.name!r} already")
+    _registered[analysis.name] = analysis
+
+
+@functools.cache
+def load_analyses() -> list[str]:
+    """Import all modules that register analyses, on first use.
+
+    Returns:
+        One sentence for each package whose analyses cannot be used.
+    """
+    for found in pkgutil.iter_modules(methods.__path__):
+        import_module(f"{methods.__name__}.{found.name}")
+    return import_plugins(GROUP, "analysis")
+
+
+def analyses() -> list[Analysis]:
+    """All analyses, sorted by `order`."""
+    load_analyses()
+    return sorted(_registered.values(), key=lambda one: one.order)
+
+
+def analysis_named(name: str) -> Analysis:
+    """The analysis of that name.
+
+    Raises:
+        DomainError: "not-found".
+    """
+    load_analyses()
+    if name not in _registered:
+        known = ", ".join(one.name for one in analyses())
+        raise DomainError("not-found", f"Analysis {name:.40} not found.", f"Available: {known}.")
+    return _registered[name]

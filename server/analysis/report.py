@@ -1,0 +1,55 @@
+"""Results of analyses as JSON and as an Arrow table."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from server.analysis.registry import Analysis
+from server.analysis.signals import Signal
+from server.errors import DomainError
+
+Figures = dict[str, float | int | list[float | None] | None]
+
+
+def figures_of(analysis: Analysis, signal: Signal, settings: Mapping[str, float]) -> tuple[Figures, dict[str, str]]:
+    """Figures of a signal for JSON, where a figure that is not finite is None, and the units of those that have one.
+
+    Raises:
+        DomainError: "not-found": the signal has no samples in the range.
+    """
+    if not len(signal.time):
+        raise DomainError("not-found", f"{signal.name} has no samples in that range.", "Request another range.")
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = analysis.run(signal, settings)
+    figures = {
+        name: [_plain(one) for one in value] if isinstance(value, list) else _plain(value)
+        for name, value in found.items()
+    }
+    return figures, {name: unit for name, unit in analysis.units_for(signal).items() if name in found}
+
+
+def _plain(value: float) -> float | int | None:
+    return value if math.isfinite(value) else None
+
+
+def arrow_of(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """An Arrow IPC stream: one row per signal; units are in the metadata of the fields, by signal if they differ."""
+    import pyarrow as pa
+
+    flat = [{"signal": row["signal"], "device": row["device"], **row["figures"]} for row in rows]
+    table = pa.Table.from_pylist(flat)
+    fields = []
+    for field in table.schema:
+        units = {row["signal"]: row["units"][field.name] for row in rows if field.name in row["units"]}
+        alike = set(units.values())
+        words = {"unit": alike.pop()} if len(alike) == 1 else {f"unit of {name}": unit for name, unit in units.items()}
+        fields.append(field.with_metadata(words) if words else field)
+    sink = io.BytesIO()
+    with pa.ipc.new_stream(sink, pa.schema(fields)) as writer:
+        writer.write_table(table.cast(pa.schema(fields)))
+    return sink.getvalue()

@@ -1,0 +1,143 @@
+"""Signals: one column of a channel over a time range, from a recording or from the memory of a live device.
+
+    Acceleration.x      one column            Acceleration      all columns of the channel, one after the other
+    2/Acceleration.x    of device 2, if several devices have a channel of that name
+
+Names of channels may contain a point, so the longest name of a channel that fits is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.column_store import Base, ColumnStore, ExactRows
+from server.errors import DomainError
+from server.library.range_query import held, kept
+from server.streaming.channel_store import ChannelStore
+from server.wire import ChannelInfo
+
+Floats = NDArray[np.float64]
+
+MOST_VALUES = 50_000_000  # of one signal: 800 MB; an hour at 2 kHz has 7.2 million
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """Samples of one column, without those that are not finite.
+
+    Attributes:
+        name: "Acceleration.x".
+        unit: as on the page (server/streaming/channels.py, SHOWN).
+        period: an angle wraps at this value; 0: it never wraps.
+        time: (n,) unix s, non-decreasing: the device's clock mapped to host time, or arrival.
+        values: (n,).
+    """
+
+    name: str
+    unit: str
+    period: float
+    time: Floats
+    values: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class SignalColumn:
+    """A column of a channel, as named in a request."""
+
+    info: ChannelInfo
+    at: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.info.name}.{self.info.columns[self.at].name}"
+
+    def signal(self, time: Floats, values: NDArray[np.generic]) -> Signal:
+        """Its samples."""
+        numbers = values.astype(np.float64)
+        finite = np.isfinite(numbers)
+        if not finite.all():
+            time, numbers = time[finite], numbers[finite]
+        column = self.info.columns[self.at]
+        return Signal(self.name, column.unit, column.period, time, numbers)
+
+
+def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str]) -> list[SignalColumn]:
+    """The columns with these names, in this order.
+
+    Raises:
+        DomainError: "not-found": no such channel or column; "which-device": several devices have it.
+    """
+    known = list(infos)
+    return [column for name in names for column in _columns(known, name)]
+
+
+def _columns(infos: Sequence[ChannelInfo], word: str) -> list[SignalColumn]:
+    device, slash, name = word.partition("/")
+    own = [info for info in infos if info.device == device] if slash else []
+    if not own:
+        own, name = list(infos), word
+    fitting = [info for info in own if name == info.name or name.startswith(f"{info.name}.")]
+    if not fitting:
+        there = ", ".join(sorted({info.name for info in infos}))
+        raise DomainError("not-found", f"Signal {word:.60} not found.", f"Channels: {there:.400}.")
+    length = max(len(info.name) for info in fitting)
+    fitting = [info for info in fitting if len(info.name) == length]
+    devices = sorted({info.device for info in fitting})
+    if len(devices) > 1:
+        hint = f"Name one: {', '.join(f'{one}/{word:.60}' for one in devices):.400}."
+        raise DomainError("which-device", f"Several devices have {word:.60}.", hint)
+    info = max(fitting, key=lambda one: one.id)  # of several with one name, the newest
+    rest = name[length + 1 :]
+    if not rest:
+        return [SignalColumn(info, at) for at in range(len(info.columns))]
+    names = [column.name for column in info.columns]
+    if rest not in names:
+        hint = f"It has: {', '.join(names):.400}."
+        raise DomainError("not-found", f"{info.name} has no column {rest:.60}.", hint)
+    return [SignalColumn(info, names.index(rest))]
+
+
+def recorded_signal(store: ColumnStore, column: SignalColumn, t0: float, t1: float, base: Base = "device") -> Signal:
+    """A signal of a recording, t0 ≤ t ≤ t1.
+
+    Raises:
+        DomainError: "too-many": more than MOST_VALUES samples.
+    """
+    channel = column.info.id
+    lo, hi = store.between(channel, t0, t1, base)
+    _check_size(column, hi - lo)
+    parts = list(store.values(channel, column.at, lo, hi))
+    values = np.concatenate(parts) if parts else np.empty(0)
+    return column.signal(store.clock(channel, lo, hi, "key" if base == "device" else "arrival"), values)
+
+
+def live_signals(
+    store: ChannelStore, columns: Sequence[SignalColumn], t0: float, t1: float, base: Base = "device"
+) -> Callable[[SignalColumn], Signal]:
+    """Signals of a live device, t0 ≤ t ≤ t1, as far as memory holds them.
+
+    Returns:
+        Makes the signal of one of the columns, in any thread; this function copies in the event loop.
+    """
+    copies: Mapping[int, list[NDArray[np.generic]]] = {
+        info.id: kept(store.of(info.id), t0, base) for info in {one.info.id: one.info for one in columns}.values()
+    }
+
+    def signal(column: SignalColumn) -> Signal:
+        rows = held(column.info, copies[column.info.id], t0, t1, 0, columns=[column.at], base=base).rows
+        assert isinstance(rows, ExactRows)  # no buckets were asked for
+        time = rows.arrival if base == "arrival" else np.where(np.isnan(rows.time), rows.arrival, rows.time)
+        _check_size(column, len(time))
+        return column.signal(np.maximum.accumulate(time), rows.columns[0])
+
+    return signal
+
+
+def _check_size(column: SignalColumn, n: int) -> None:
+    if n > MOST_VALUES:
+        hint = f"Request a shorter range; at most {MOST_VALUES:,} samples are analysed at once.".replace(",", " ")
+        raise DomainError("too-many", f"{column.name} has too many samples in that range.", hint)

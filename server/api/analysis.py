@@ -1,0 +1,151 @@
+"""Routes of analyses: figures of signals, of a recording or of a live device, as JSON or Arrow."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Any, Literal
+
+from fastapi import APIRouter
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+
+from recordings.column_store import Base, ColumnStore
+from recordings.mcap_writer import RecordingError
+from server.analysis.registry import analyses, analysis_named
+from server.analysis.report import arrow_of, figures_of
+from server.analysis.signals import Signal, SignalColumn, columns_named, live_signals, recorded_signal
+from server.api.dependencies import TheServices
+from server.api.errors import bytes_of, responses
+from server.errors import DomainError
+from server.library.recording_detail import channels_of
+from server.services import Services
+
+router = APIRouter(prefix="/api/analysis", tags=["analysis"])
+
+MOST_SIGNALS = 64
+MOST_TIME = 9e9  # unix s
+ARROW = "application/vnd.apache.arrow.stream"
+AHEAD_S = 60.0  # the device's clock may be ahead of this host's
+
+
+class OptionInfo(BaseModel):
+    """An option of an analysis."""
+
+    name: str
+    default: float
+    low: float
+    high: float
+    unit: str
+    doc: str
+
+
+class AnalysisInfo(BaseModel):
+    """An analysis that can be requested."""
+
+    name: str
+    title: str
+    words: str
+    options: list[OptionInfo]
+
+
+class AnalysisRequest(BaseModel):
+    """A request for an analysis."""
+
+    source: str = Field(description="id of a live device or of a recording")
+    signals: list[str] = Field(
+        min_length=1,
+        max_length=MOST_SIGNALS,
+        description="`CHANNEL.COLUMN`, or `CHANNEL` for all its columns; `DEVICE/…` if a recording has several",
+    )
+    t0: float | None = Field(None, description="unix seconds; null for the beginning")
+    t1: float | None = Field(None, description="unix seconds; null for the end")
+    base: Base = "device"
+    options: dict[str, Any] = Field(default_factory=dict, description="of the analysis; see `GET /api/analysis`")
+    format: Literal["json", "arrow"] = Field("json", description="arrow: a table with one row per signal")
+
+
+class SignalFigures(BaseModel):
+    """Figures of one signal; null where there is none."""
+
+    signal: str
+    device: str
+    units: dict[str, str] = Field(description="for the figures that have a unit")
+    figures: dict[str, float | int | list[float | None] | None]
+
+
+@router.get("")
+async def list_analyses() -> list[AnalysisInfo]:
+    """Analyses with their options."""
+    return [
+        AnalysisInfo(
+            name=one.name,
+            title=one.title,
+            words=one.words,
+            options=[
+                OptionInfo(**{key: getattr(option, key) for key in OptionInfo.model_fields}) for option in one.options
+            ],
+        )
+        for one in analyses()
+    ]
+
+
+@router.post(
+    "/{name}",
+    response_model=None,
+    responses={200: {"model": list[SignalFigures], **bytes_of(ARROW)[200]}, **responses(404, 422)},
+)
+async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Response | list[SignalFigures]:
+    """Analyse signals of a recording, or of a live device as far as memory holds them."""
+    analysis = analysis_named(name)
+    settings = analysis.settings(body.options)
+    columns, read = await _signals(body, services)
+
+    def work() -> list[SignalFigures]:
+        found = []
+        for column in columns:
+            signal = read(column)
+            figures, units = figures_of(analysis, signal, settings)
+            found.append(SignalFigures(signal=signal.name, device=column.info.device, units=units, figures=figures))
+        return found
+
+    found = await asyncio.to_thread(work)
+    if body.format == "json":
+        return found
+    table = await asyncio.to_thread(arrow_of, [one.model_dump() for one in found])
+    return Response(table, media_type=ARROW, headers={"cache-control": "no-store"})
+
+
+async def _signals(
+    body: AnalysisRequest, services: Services
+) -> tuple[list[SignalColumn], Callable[[SignalColumn], Signal]]:
+    """The columns of a request, and what reads one of them in a thread."""
+    telemetry = services.telemetry
+    own = telemetry.store.of_device(body.source)
+    if own:
+        t0, t1 = _range(body, telemetry.bus.now() + AHEAD_S)
+        columns = columns_named(own.values(), body.signals)
+        return columns, live_signals(telemetry.store, columns, t0, t1, body.base)
+    store = await _recording(body.source, services)
+    t0, t1 = _range(body, MOST_TIME)
+    return columns_named(channels_of(store).values(), body.signals), lambda column: recorded_signal(
+        store, column, t0, t1, body.base
+    )
+
+
+async def _recording(source: str, services: Services) -> ColumnStore:
+    try:
+        return await services.columns.opened(source)
+    except (KeyError, FileNotFoundError):
+        hint = "Give the id of a device with samples, or of a recording."
+        raise DomainError("not-found", f"Source {source:.80} not found.", hint) from None
+    except RecordingError as error:
+        raise DomainError("cannot-open", error.message, error.hint) from None
+
+
+def _range(body: AnalysisRequest, end: float) -> tuple[float, float]:
+    t0, t1 = 0.0 if body.t0 is None else body.t0, end if body.t1 is None else body.t1
+    if not (abs(t0) <= MOST_TIME and abs(t1) <= MOST_TIME and t0 <= t1) or math.isnan(t0 + t1):
+        raise DomainError("bad-span", f"From {t0:g} to {t1:g} is not a valid time range.", "Unix seconds, t0 ≤ t1.")
+    return t0, t1

@@ -1,0 +1,128 @@
+"""`imuscope analyse FILE NAME --signal …`: figures of signals of any file that `decode` reads."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from recordings.column_store import ColumnStore
+from recordings.importers import open_file
+from recordings.mcap_writer import RecordingError
+from server.analysis.registry import analysis_named
+from server.analysis.report import Figures, figures_of
+from server.analysis.signals import columns_named, recorded_signal
+from server.commands.decode import Bar
+from server.devices.decode_options import DecodeOptions
+from server.devices.protocol_set import speech
+from server.errors import DomainError
+from server.library.decode import decode
+from server.library.recording_detail import channels_of
+
+
+class AnalyseError(Exception):
+    """An error that the user can correct, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnalyseRequest:
+    """Request for an analysis of a file.
+
+    Args:
+        analysis: its name.
+        signals: names (server/analysis/signals.py).
+        begin_s, end_s: seconds from the beginning of the file.
+        options: of the analysis, as NAME=VALUE.
+    """
+
+    analysis: str
+    signals: Sequence[str]
+    begin_s: float = 0.0
+    end_s: float | None = None
+    options: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SignalReport:
+    """Figures of one signal, and the units of those that have one."""
+
+    name: str
+    figures: Figures
+    units: Mapping[str, str]
+
+
+def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, notes: TextIO) -> list[SignalReport]:
+    """Analyse signals of a file.
+
+    Args:
+        reading: decode options; without a protocol it is detected.
+        notes: stream for the progress bar.
+
+    Raises:
+        AnalyseError: the file cannot be decoded, or the request cannot be fulfilled.
+    """
+    bar = Bar(notes)
+    try:
+        with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
+            source = open_file(path, reading.protocol)
+            store = decode(source, Path(folder) / "columns", speech(), reading, bar.show)
+            return _reports(store, path.name, request)
+    except (RecordingError, DomainError) as error:
+        raise AnalyseError(f"{error.message} {error.hint}".strip()) from None
+    except OSError as error:
+        raise AnalyseError(f"{path}: {(error.strerror or 'it cannot be read').lower()}") from None
+    finally:
+        bar.clear()
+
+
+def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:
+    analysis = analysis_named(request.analysis)
+    given = {}
+    for option in request.options:
+        key, equals, value = option.partition("=")
+        if not equals:
+            raise AnalyseError(f"--option {option!r:.60} is not NAME=VALUE")
+        given[key] = value
+    settings = analysis.settings(given)
+    begin, end = store.manifest["started"] or 0.0, store.manifest["ended"]
+    t0 = begin + request.begin_s if request.begin_s else -math.inf
+    t1 = math.inf if request.end_s is None else begin + request.end_s
+    if not t0 < t1 or request.begin_s < 0 or (end is not None and t0 > end):
+        raise AnalyseError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
+    reports = []
+    for column in columns_named(channels_of(store).values(), request.signals):
+        signal = recorded_signal(store, column, t0, t1)
+        reports.append(SignalReport(signal.name, *figures_of(analysis, signal, settings)))
+    return reports
+
+
+def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:
+    """One signal: an object of its figures; several: such objects by name of the signal."""
+    body = {report.name: report.figures for report in reports}
+    shown = next(iter(body.values())) if len(body) == 1 else body
+    out.write(json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def print_table(reports: Sequence[SignalReport], out: TextIO) -> None:
+    """A column for each signal, a line for each figure. Of a list, its length is shown; --json has all of it."""
+    lines = [["", *(report.name for report in reports)]]
+    for name in reports[0].figures:
+        lines.append([name, *(_cell(report, name) for report in reports)])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for first, *others in lines:
+        cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        out.write("  ".join(cells).rstrip() + "\n")
+
+
+def _cell(report: SignalReport, name: str) -> str:
+    value = report.figures[name]
+    if isinstance(value, list):
+        return f"{len(value)} values"
+    if value is None:
+        return "—"
+    shown = str(value) if isinstance(value, int) else f"{value:.7g}"
+    return f"{shown} {report.units[name]}" if name in report.units else shown
