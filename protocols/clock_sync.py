@@ -154,17 +154,17 @@ class ClockSync:
             back |= self._goes_back(part)
         if len(parts) == 1:
             (part,) = parts
-            told = [self._add(_Rows(part.device, part.arrival, part.offset, part.size, part.source), back=back)]
+            host_times = [self._add(_Rows(part.device, part.arrival, part.offset, part.size, part.source), back=back)]
         else:
-            told = self._take_all(parts, back=back)
+            host_times = self._map_all(parts, back=back)
         if self._candidate_rows:
             self._last = self._running  # rows that are not explained yet do not count as last
         else:
             for part in parts:
                 self._last[part.source] = int(part.device[-1])
-        return [self._never_back(part.source, one) for part, one in zip(parts, told, strict=True)]
+        return [self._monotonic(part.source, one) for part, one in zip(parts, host_times, strict=True)]
 
-    def _take_all(self, parts: Sequence[TimedRows], *, back: bool) -> list[Floats]:
+    def _map_all(self, parts: Sequence[TimedRows], *, back: bool) -> list[Floats]:
         """Process the rows of several messages, in stream order."""
         counts = [len(part.device) for part in parts]
         offset = np.concatenate([part.offset for part in parts])
@@ -181,8 +181,8 @@ class ClockSync:
 
     def add(self, device_ns: Array, arrival_ns: Array, size: int = 0, source: int = 0) -> Floats:
         """`map_to_host` of rows of one message; see TimedRows."""
-        told = self.map_to_host([TimedRows(device_ns, arrival_ns, None, size, source)])
-        return told[0] if told else np.zeros(0)
+        host_times = self.map_to_host([TimedRows(device_ns, arrival_ns, None, size, source)])
+        return host_times[0] if host_times else np.zeros(0)
 
     def host(self, device_ns: Array) -> Floats:
         """Host time of device times by the current mapping, (n,) float64 unix s. NaN before the first row."""
@@ -260,11 +260,11 @@ class ClockSync:
             return True
         return int(device[0]) < self._last.get(source, FIRST)
 
-    def _never_back(self, source: int, host: Floats) -> Floats:
+    def _monotonic(self, source: int, host: Floats) -> Floats:
         """Limit mapped times so that no later time of the same message is earlier."""
-        told = self._published.get(source, -np.inf)
-        if len(host) and host[0] < told:
-            host = np.maximum(host, told)
+        latest = self._published.get(source, -np.inf)
+        if len(host) and host[0] < latest:
+            host = np.maximum(host, latest)
         if len(host) > 1 and self._is_cautious:
             host = np.maximum.accumulate(host)
         if len(host):

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-KEPT = 2048  # delays remembered
+HISTORY = 2048  # delays remembered
 RECENT_NS = 5e9
 FEWEST = 24  # delays needed for any conclusion
 PACKET = 62
@@ -85,9 +85,9 @@ class DelayStatistics:
         self.stalls: deque[tuple[int, float]] = deque(maxlen=STALLS)
         self._holds_ns = holds_ns
         self._byte_ns = byte_ns
-        self._delays = np.zeros(KEPT)  # of the last bytes of frames
-        self._least = np.zeros(KEPT)  # of the earliest bytes: the same if frames came whole
-        self._x = np.full(KEPT, -np.inf)
+        self._delays = np.zeros(HISTORY)  # of the last bytes of frames
+        self._least = np.zeros(HISTORY)  # of the earliest bytes: the same if frames came whole
+        self._x = np.full(HISTORY, -np.inf)
         self._size = 0.0
         self._late, self._late_since = 0.0, 0  # delay and arrival of the first frame of a possible stall
 
@@ -100,16 +100,16 @@ class DelayStatistics:
             delay = delay + waited
         if self._late or delay[0] > STALL_NS:
             self._catches_up(float(delay[0]), float(delay[-1]), arrival)
-        start = self.rows % KEPT
+        start = self.rows % HISTORY
         count = len(x)
         self.rows += count
         self._size = size
-        if start + count <= KEPT:
+        if start + count <= HISTORY:
             self._delays[start : start + count] = delay
             self._least[start : start + count] = least
             self._x[start : start + count] = x
         else:
-            rows = np.arange(start, start + count) % KEPT
+            rows = np.arange(start, start + count) % HISTORY
             self._delays[rows] = delay
             self._least[rows] = least
             self._x[rows] = x

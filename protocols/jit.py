@@ -209,7 +209,7 @@ def is_loaded() -> bool:
     return _loaded
 
 
-def compiled_anew() -> int:
+def recompiled() -> int:
     """Number of functions compiled because the cache lacked them."""
     return sum(sum(one.dispatcher.stats.cache_misses.values()) for one in _kernels if one.dispatcher is not None)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-_KEPT = """
+_UPPER_CASE = """
 AHRS BIT BLE CAN CNO CPU DGPS DMA DOP EKF EVB EVB2 GNSS GPS GPIO IMU INS I2C LED LLA NMEA NVR OTP PPD PPS RMC
 ROM ROS RTCM3 RTK RTOS RUG3 SBAS SPI SWO TTL UART UBLOX UBX UDP UINS USB UTC VRS WMM XBEE
 """
@@ -18,21 +18,21 @@ ABORT ALL CANCEL CONTINUOUS DEFAULT DETECTED DISABLE DISABLED DONE ENABLE FAILED
 FLOAT FULL GOOD IDLE INDOOR INVALID MANUFACTURING MARINE NO NONE OFF ON PASSED PEDESTRIAN PORTABLE REPORT RUNNING
 SAMPLING SEARCHING STANDBY STATIONARY STOP UNCHANGED UNKNOWN UNUSED WRIST
 """
-_MEANT = """
+_EXPANSIONS = """
 ACC accelerometer, BARO barometer, CAL calibration, CFG configuration, CUR current, DECL declination, EST estimation,
 GYR gyroscope, HDW hardware, INIT initialise, LEDS LEDs, MAG magnetic, MANF manufacturer, NAV navigation, POS position,
 RCVR receiver, RECAL recalibration, REF reference, RX receive, STATS statistics, TRIG trigger, TX transmit, WIFI Wi-Fi
 """
 _IS_LONG = 0x8000_0000
-KEPT = set(_KEPT.split())
+UPPER_CASE = set(_UPPER_CASE.split())
 WORDS = frozenset(_WORDS.split())
-MEANT = dict(entry.split() for entry in _MEANT.replace("\n", " ").split(","))
+EXPANSIONS = dict(entry.split() for entry in _EXPANSIONS.replace("\n", " ").split(","))
 _CONSTANT = re.compile(r"[A-Z0-9]+(_[A-Z0-9]+)*\Z")
 
 
 def add_acronyms(*names: str) -> None:
     """Keep these names unchanged: those of a family's products."""
-    KEPT.update(names)
+    UPPER_CASE.update(names)
 
 
 def device_label(number: int) -> str:
@@ -56,6 +56,6 @@ def spoken(name: str) -> str:
 
 
 def _part(part: str) -> str:
-    if part in MEANT:
-        return MEANT[part]
-    return part if part in KEPT or any(sign.isdigit() for sign in part) else part.lower()
+    if part in EXPANSIONS:
+        return EXPANSIONS[part]
+    return part if part in UPPER_CASE or any(sign.isdigit() for sign in part) else part.lower()

@@ -83,7 +83,7 @@ class ChunkedFile:
         self._at += len(data)
         return at
 
-    def tell(self, topics: Mapping[int, McapChannel]) -> None:
+    def write_channels(self, topics: Mapping[int, McapChannel]) -> None:
         """Write those of these channels that are new."""
         for topic in topics.values():
             if topic.id in self._channels:

@@ -145,12 +145,12 @@ def write_compacted(
     target = ChunkedFile(out)
     largest = chunk_bytes(source.size)
     for block in source.blocks():
-        target.tell(source.topics)
+        target.write_channels(source.topics)
         for start, stop in cut(block.table[LENGTH] + HEAD, largest):
             target.chunk(block.data, block.table[:, start:stop])
         if progress is not None:
             progress(block.done / max(source.size, 1))
-    target.tell(source.topics)
+    target.write_channels(source.topics)
     kept = {name: values for name, values in source.metadata}  # noqa: C416 - the last of each name holds
     if edit is not None:
         kept["edit"] = dict(edit)
@@ -174,7 +174,7 @@ def write_recording(
         size: of all data, bytes, roughly.
     """
     target = ChunkedFile(out)
-    target.tell(topics)
+    target.write_channels(topics)
     for channel, data, ends, times in pieces:
         starts = np.concatenate(([0], ends[:-1]))
         for first, past in cut(ends - starts + HEAD, chunk_bytes(size)):

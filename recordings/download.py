@@ -39,7 +39,7 @@ _METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # its offset in a statistics record
 
 def file_name(entry: LibraryEntry) -> str:
     """File name of the output of `full_recording`."""
-    return entry.path.name if entry.peek.format == "csv" else f"{entry.path.stem}.mcap"
+    return entry.path.name if entry.probe.format == "csv" else f"{entry.path.stem}.mcap"
 
 
 def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
@@ -48,14 +48,14 @@ def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
     Raises:
         RecordingError, OSError: it cannot be read.
     """
-    if entry.peek.format == "mcap":
+    if entry.probe.format == "mcap":
         with McapReader(entry.path) as recording:
             if recording.is_ours:
                 write_compacted(recording, out, edit=entry.edits.as_metadata())
                 return
-    if entry.peek.format in ("mcap", "csv"):
+    if entry.probe.format in ("mcap", "csv"):
         with entry.path.open("rb") as file:
-            _with_edits(file, entry.edits, entry.peek.format, out)
+            _with_edits(file, entry.edits, entry.probe.format, out)
         return
     source = open_file(entry.path)
     topics = {n: McapChannel(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}

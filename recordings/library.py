@@ -55,7 +55,7 @@ class LibraryEntry:
 
     Args:
         files: of the recording, in order; the first names it.
-        peek: its own metadata, with findings of the first opening.
+        probe: metadata of the file itself, completed when it is first opened.
         edits: changes made by the user, over those in the file.
         indexed: whether it was indexed since its last change (Library.index).
         deleted: unix s, while it is in the bin.
@@ -65,7 +65,7 @@ class LibraryEntry:
     files: list[Path]
     size: int
     modified: float
-    peek: RecordingProbe
+    probe: RecordingProbe
     edits: Edits
     thumbnail: list[list[float]]
     losses: list[float]
@@ -79,21 +79,21 @@ class LibraryEntry:
 
     @property
     def title(self) -> str:
-        return self.edits.title or self.peek.title or self.path.stem
+        return self.edits.title or self.probe.title or self.path.stem
 
     @property
     def markers(self) -> int:
         """Number of markers, including those added later."""
-        return max(self.peek.markers, len(self.marker_texts)) + len(self.edits.markers)
+        return max(self.probe.markers, len(self.marker_texts)) + len(self.edits.markers)
 
     @property
     def began(self) -> float:
         """Sort key of the list."""
-        return self.peek.started if self.peek.started is not None else self.modified
+        return self.probe.started if self.probe.started is not None else self.modified
 
     def contains(self, words: Iterable[str]) -> bool:
         """Whether all these words (case-folded) occur in the metadata."""
-        devices = [text for one in self.peek.devices for text in (one.name, one.product, one.serial_number)]
+        devices = [text for one in self.probe.devices for text in (one.name, one.product, one.serial_number)]
         edits = self.edits
         markers = [marker.text for marker in edits.markers]
         texts = (self.title, self.path.name, *(edits.tags or ()), edits.notes or "", *devices, *markers)
@@ -228,9 +228,9 @@ class Library:
         size, modified = sum(size for size, _ in files.values()), max(changed for _, changed in files.values()) / 1e9
         entry = LibraryEntry(name, list(files), size, modified, known[1], Edits(), [], [], [])
         self._apply_index(entry, stamp)
-        entry.edits = sidecar.read(path).over(entry.peek.edits)
+        entry.edits = sidecar.read(path).over(entry.probe.edits)
         if why := sidecar.trouble(path):
-            entry.peek = replace(entry.peek, damaged=why.message)
+            entry.probe = replace(entry.probe, damaged=why.message)
         return entry
 
     def _apply_index(self, entry: LibraryEntry, stamp: tuple[int, int]) -> None:
@@ -238,7 +238,7 @@ class Library:
             index = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
             if (index["size"], index["modified_ns"]) != stamp or not is_summary(index):
                 return
-            entry.peek = _completed(entry.peek, index, entry.path.name)
+            entry.probe = _completed(entry.probe, index, entry.path.name)
             entry.thumbnail, entry.losses = index["thumbnail"], index["losses"]
             entry.marker_texts = index["markers"]
             entry.indexed = True

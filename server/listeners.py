@@ -7,19 +7,19 @@ from collections.abc import Callable
 from typing import Generic, ParamSpec
 
 log = logging.getLogger("imuscope.listeners")
-Heard = ParamSpec("Heard")
+Arguments = ParamSpec("Arguments")
 
 
-class CallbackList(Generic[Heard]):
+class CallbackList(Generic[Arguments]):
     """Callbacks for one kind of event, called in the order in which they were added.
 
     A callback that raises is logged and removed, so that the caller never fails because of a callback.
     """
 
     def __init__(self) -> None:
-        self._callbacks: list[Callable[Heard, None]] = []
+        self._callbacks: list[Callable[Arguments, None]] = []
 
-    def add(self, callback: Callable[Heard, None]) -> Callable[[], None]:
+    def add(self, callback: Callable[Arguments, None]) -> Callable[[], None]:
         """Add a callback; returns a function that removes it, which may be called more than once."""
         self._callbacks.append(callback)
         return lambda: self._remove(callback)
@@ -27,7 +27,7 @@ class CallbackList(Generic[Heard]):
     def __bool__(self) -> bool:
         return bool(self._callbacks)
 
-    def call(self, *args: Heard.args, **kwargs: Heard.kwargs) -> None:
+    def call(self, *args: Arguments.args, **kwargs: Arguments.kwargs) -> None:
         """Call all callbacks; a callback may remove itself during the call."""
         for callback in tuple(self._callbacks):
             try:
@@ -36,6 +36,6 @@ class CallbackList(Generic[Heard]):
                 log.exception("a callback failed and was removed")
                 self._remove(callback)
 
-    def _remove(self, callback: Callable[Heard, None]) -> None:
+    def _remove(self, callback: Callable[Arguments, None]) -> None:
         if callback in self._callbacks:
             self._callbacks.remove(callback)

@@ -13,7 +13,7 @@ from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from typing import BinaryIO, cast
 
 PIECE = 1 << 18
-HELD = 8  # pieces
+QUEUE_LENGTH = 8  # pieces
 
 
 class GoneError(OSError):
@@ -24,7 +24,7 @@ class QueueWriter(io.RawIOBase):
     """File object whose output is read from a queue."""
 
     def __init__(self) -> None:
-        self.queue: queue.Queue[bytes | BaseException | None] = queue.Queue(HELD)
+        self.queue: queue.Queue[bytes | BaseException | None] = queue.Queue(QUEUE_LENGTH)
         self.client_gone = threading.Event()
         self._buffer = bytearray()
 

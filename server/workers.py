@@ -31,11 +31,11 @@ class Worker:
         self.pid = process.pid
 
     @classmethod
-    async def start(cls, module: str, *arguments: str, overheard: bool = False) -> Self:
+    async def start(cls, module: str, *arguments: str, capture_stderr: bool = False) -> Self:
         """Start `python -m module ARGUMENTS`.
 
         Args:
-            overheard: its standard error is read through `errors`.
+            capture_stderr: whether standard error is read through `errors`.
 
         Raises:
             OSError: the process cannot be created.
@@ -45,7 +45,7 @@ class Worker:
             cwd=ROOT,
             stdin=asyncio.subprocess.DEVNULL if arguments else asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE if overheard else None,
+            stderr=asyncio.subprocess.PIPE if capture_stderr else None,
             limit=MOST_LINE,
         )
         return cls(process)
@@ -74,7 +74,7 @@ class Worker:
 
     @property
     def errors(self) -> asyncio.StreamReader:
-        """Its standard error, if started with `overheard`."""
+        """Its standard error, if started with `capture_stderr`."""
         assert self._process.stderr is not None
         return self._process.stderr
 

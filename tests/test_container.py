@@ -26,7 +26,7 @@ from pathlib import Path
 from server.commands.common import prepare_decoders
 prepare_decoders(Path(sys.argv[1]))
 from protocols import jit
-print(jit.is_loaded(), jit.compiled_anew())
+print(jit.is_loaded(), jit.recompiled())
 """
 
 START = """

@@ -158,8 +158,8 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
 
     def state(self) -> Mapping[int, int]:
         """See events.Remembers."""
-        heard = (source_of(source) for source in self._clocks)
-        return self._stream.sequences.state(device for device, unverified in heard if not unverified)
+        sources = (source_of(source) for source in self._clocks)
+        return self._stream.sequences.state(device for device, unverified in sources if not unverified)
 
     def restore(self, numbers: Mapping[int, int]) -> None:
         """See events.Remembers."""

@@ -21,7 +21,7 @@ from typing import Any
 
 from protocols.isb.commands import NMEA_MESSAGES
 from protocols.isb.frames import HEADER, TRAILER
-from protocols.isb.kept import STREAMS_SETTING
+from protocols.isb.stored_settings import STREAMS_SETTING
 from protocols.isb.streams import DEFAULT_MS, EVENT, FAST, GNSS, IMU, NAV, ONE_PERIOD, STREAMS
 from protocols.transactions import LinkLoad, OutputLoad
 
@@ -58,7 +58,7 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
     documented.
     """
     rows = {one["did"]: one for one in settings.get(STREAMS_SETTING, {}).get("streams", []) if one.get("source_ms")}
-    told = {**sources_of(settings), **in_effect(settings)}
+    periods = {**sources_of(settings), **in_effect(settings)}
     alike = {STREAMS[did].paces: float(one["source_ms"]) for did, one in rows.items() if one.get("size")}
     found = {}
     for did, row in STREAMS.items():
@@ -67,7 +67,7 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
         elif did in rows:
             found[did] = float(rows[did]["source_ms"])
         else:
-            guess = next((told[pace] for pace in row.paces if pace in told), DEFAULT_MS[row.paces[0]])
+            guess = next((periods[pace] for pace in row.paces if pace in periods), DEFAULT_MS[row.paces[0]])
             found[did] = alike.get(row.paces, guess)
     return found
 

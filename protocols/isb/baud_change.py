@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.isb.kept import STREAMS_SETTING
+from protocols.isb.stored_settings import STREAMS_SETTING
 from protocols.transactions import BaudChange, DeviceContext
 
 Values = Mapping[str, Any]

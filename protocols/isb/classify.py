@@ -33,12 +33,12 @@ from protocols.isb.time_base import (
     SYNC,
     WEEK_TOW,
     S,
-    begin_again,
     correct_offset,
     double_ns,
     due,
     four,
     is_reset,
+    restart,
     spacing,
     up_time,
     update_time,
@@ -53,9 +53,8 @@ OFFSETS, ARRIVALS, TIMES = range(3)
 ABOUT = 3
 
 # Rules of each data set, one row per DID; see messages.rules().
-STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE, VARIANT, FAMILY, TELLS = range(
-    12
-)
+STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE = range(9)
+VARIANT, FAMILY, HAS_FIRMWARE = range(9, 12)
 RULES = 12
 NO_VARIANT, RAW_DATA, VELOCITY, POSITION, EVENT = range(5)
 EVENT_TYPE_AT, EVENT_TEXT = 16, 2
@@ -72,7 +71,7 @@ TOW_OFFSET_AT = 80
 FIRMWARE_AT = 12  # in a device information
 MOST_COUNT = 255
 FAMILIES = 3
-UNTOLD = 15
+NO_FIRMWARE = 15
 
 
 def empty_state() -> Ints:
@@ -129,10 +128,10 @@ def _since_1970(data: Bytes, at: int, end: int) -> int:
 @compiled(INT, BYTES, INT, INTS)
 def version_of(data: Bytes, body: int, versions: Ints) -> int:
     """The newest of `versions` not newer than the firmware of a device information; the first if all are newer."""
-    told = int(data[body + FIRMWARE_AT]) << 16 | int(data[body + FIRMWARE_AT + 1]) << 8
-    told |= int(data[body + FIRMWARE_AT + 2])
+    firmware = int(data[body + FIRMWARE_AT]) << 16 | int(data[body + FIRMWARE_AT + 1]) << 8
+    firmware |= int(data[body + FIRMWARE_AT + 2])
     n = len(versions) - 1
-    while n > 0 and told < versions[n]:
+    while n > 0 and firmware < versions[n]:
         n -= 1
     return n
 
@@ -146,12 +145,12 @@ def sort(
     Args:
         rules: (256, RULES).
         versions: the firmware versions with layouts of their own, as major << 16 | minor << 8 | patch, ascending.
-        firmware: index into `versions`, one per family of devices; UNTOLD until a device information gives it.
+        firmware: index into `versions`, one per family of devices; NO_FIRMWARE until a device information gives it.
         memory, wholes: state kept from packet to packet; updated.
     """
     state = (memory[0], memory[1], memory[2], memory[3], memory[4], memory[5])
     for f in range(unsigned(table.shape[1])):
-        out[KEY, f] = -1 - UNTOLD
+        out[KEY, f] = -1 - NO_FIRMWARE
         out[PART, f] = -1
         out[TIME, f] = 0
         out[TIMED, f] = 0
@@ -163,7 +162,7 @@ def sort(
             continue
         body = table[BODY, f]
         length = table[LENGTH, f]
-        if rules[did, TELLS] and length >= FIRMWARE_AT + 4 and flags & WITH_OFFSET == 0:
+        if rules[did, HAS_FIRMWARE] and length >= FIRMWARE_AT + 4 and flags & WITH_OFFSET == 0:
             firmware[rules[did, FAMILY]] = version_of(data, body, versions)
         if rules[did, STREAMS] == 0:
             out[KEY, f] = -1 - firmware[rules[did, FAMILY]]
@@ -194,7 +193,7 @@ def sort(
                 week = four(data, body + rules[did, WEEK_AT])
             up = up_time(clock, ns, week)
             if is_reset(wholes[did, WHOLE_UP], up):
-                state, time, timed, step, by = begin_again(state, up)
+                state, time, timed, step, by = restart(state, up)
             else:
                 if up == DATED:
                     state = due(state, week, wholes[did, WHOLE_UP], wholes[did, WHOLE_EVERY])

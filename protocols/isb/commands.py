@@ -8,10 +8,11 @@
     GET_DATA STOP_…    the packets themselves
     ASCE INFO PERS SRST STPB STPC                  the same in text, NMEA 0183, for every version of the protocol
 
-The harm in a row (`caution`, `consequence`) is shown to the user before it is sent. kept.py lists stored settings.
+The harm in a row (`caution`, `consequence`) is shown to the user before it is sent. stored_settings.py lists
+the stored settings.
 
 Rules for editing: a system command is a row of datasets.txt (eSystemCommand) and, if it does harm, one of `_HARM`. A
-stored data set is a row of kept.py.
+stored data set is a row of stored_settings.py.
 
 Source: ISB document; NMEA document of the same maker, "NMEA input messages"; inertial-sense-sdk 2.7.1, data_sets.h.
 """
@@ -24,7 +25,8 @@ from dataclasses import dataclass, replace
 from protocols.isb.dataset_loader import SOURCE, TABLES
 from protocols.isb.field_docs import SENTENCES
 from protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
-from protocols.isb.kept import (
+from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX
+from protocols.isb.stored_settings import (
     DATA_SETS,
     G_CAL,
     G_NMEA,
@@ -33,11 +35,10 @@ from protocols.isb.kept import (
     G_SYSTEM,
     G_WRITE,
     GET_PREFIX,
-    KEPT,
+    STORED,
     fields_of,
     select,
 )
-from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX
 from protocols.isb.streams import GPX_PRESETS, PRESETS
 from protocols.labels import spoken
 from protocols.schema import Caution, Command, Field
@@ -302,7 +303,7 @@ def _calibrations() -> list[Command]:
 
 
 def _title(did: int) -> str:
-    return KEPT[did].title if did in KEPT else ROWS[did].title
+    return STORED[did].title if did in STORED else ROWS[did].title
 
 
 def _asks() -> list[Command]:
@@ -327,7 +328,7 @@ def _asks() -> list[Command]:
 def _sets() -> list[Command]:
     commands = []
     for did, name in DATA_SETS.items():
-        kept = KEPT.get(did)
+        stored = STORED.get(did)
         command = Command(
             f"{SET_PREFIX}{name}",
             fields_of(did),
@@ -336,14 +337,14 @@ def _sets() -> list[Command]:
             "ACK",
             basic=False,
             title=_title(did),
-            doc=kept.doc if kept and kept.write else f"{ROWS[did].doc} Devices reject writes to read-only data.",
+            doc=stored.doc if stored and stored.write else f"{ROWS[did].doc} Devices reject writes to read-only data.",
             source=SOURCE,
         )
         if did == SYS_CMD:
             command = replace(_harmed(command, _BY_NUMBER), harmless_values={"command": HARMLESS_COMMANDS})
         elif did == RMC:
             command = _harmed(command, _REPLACES)
-        elif not (kept and kept.write) and did not in INPUTS:
+        elif not (stored and stored.write) and did not in INPUTS:
             command = _harmed(command, _OVERWRITES)
         commands.append(command)
     return commands

@@ -33,12 +33,12 @@ from protocols.isb.classify import (
     BY,
     FAMILIES,
     KEY,
+    NO_FIRMWARE,
     PART,
     SORTED,
     STEP,
     TIME,
     TIMED,
-    UNTOLD,
     WHOLE_KEY,
     empty_state,
     gather,
@@ -71,7 +71,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
         self._forms: dict[int, messages.PayloadLayout] = {}
         self._memory = np.array(store_offset(), np.int64)
         self._wholes = empty_state()
-        self._firmware = np.full(FAMILIES, UNTOLD, np.int64)
+        self._firmware = np.full(FAMILIES, NO_FIRMWARE, np.int64)
         self._whole: dict[int, bytes] = {}  # the last whole value of each set
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
@@ -162,7 +162,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
     # -- replies -------------------------------------------------------------------------------------------------------
 
     def _replies(self, cut: ParseResult, which: Any, keys: Ints, events: list[Event]) -> None:
-        arrivals, told_by = cut.arrival_ns[which].tolist(), keys[which].tolist()
+        arrivals, row_keys = cut.arrival_ns[which].tolist(), keys[which].tolist()
         for i, (offset, size, body, length, did, flags) in enumerate(cut.table[:6, which].T.tolist()):
             kind = flags & TYPE_MASK
             payload = cut.data[body : body + length]
@@ -170,8 +170,8 @@ class IsbDecoder(StreamDecoder[StreamParser]):
             message = self._row(kind, did)
             if kind == 4:
                 part, payload = self._merged(did, part, payload)
-            told = -1 - told_by[i]
-            version = None if told == UNTOLD else VERSIONS[told]
+            version_index = -1 - row_keys[i]
+            version = None if version_index == NO_FIRMWARE else VERSIONS[version_index]
             values = LazyMapping(partial(values_of, kind, did, payload, part, version))
             events.append(Reply(message, values, cut.start + offset, size, arrivals[i]))
 

@@ -46,7 +46,7 @@ from protocols.isb.encoder import (
     chosen,
     did_of,
     frame,
-    kept,
+    persists,
     set_frames,
     streams_frames,
     system_command,
@@ -54,9 +54,9 @@ from protocols.isb.encoder import (
 )
 from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
 from protocols.isb.harm import harm
-from protocols.isb.kept import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from protocols.isb.messages import COMMANDS, SET_PREFIX
 from protocols.isb.settings_diff import SAVED, differences
+from protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from protocols.isb.stream_discovery import to_wire
 from protocols.isb.streams import STREAMS
 from protocols.isb.undisturbed import undisturbed
@@ -321,7 +321,7 @@ class IsbDriver:
                 if not (yield from self._stream(row["did"], asked[row["did"]])):
                     refused = f"{SETS[row['did']].name}: {NO}"
             got = yield from stream_discovery.streams(lambda did: read_dataset(did), also=asked, asked=asked, gpx=gpx)
-        if kept(values) and not refused:
+        if persists(values) and not refused:
             try:
                 yield from write_dataset(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
             except DeviceRejectedError:

@@ -16,8 +16,8 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from protocols.isb.commands import COMMAND_ROWS, SYSTEM_COMMANDS
-from protocols.isb.kept import GET_PREFIX, STREAMS_SETTING
 from protocols.isb.messages import SET_PREFIX
+from protocols.isb.stored_settings import GET_PREFIX, STREAMS_SETTING
 
 _SENTENCES, _GPX_STREAMS, _CALIBRATION = "DID_NMEA_BCAST_PERIOD", "DID_GPX_RMC", "DID_MAG_CAL"
 _STREAMS = (STREAMS_SETTING, _GPX_STREAMS)

@@ -24,9 +24,9 @@ from protocols.isb.commands import ASCE_FIELDS, COMMAND_ROWS, NMEA_PERIODS, RMC,
 from protocols.isb.dataset_loader import CURRENT, SETS
 from protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
 from protocols.isb.json_codec import frame_from_json
-from protocols.isb.kept import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
 from protocols.isb.messages import BY_NAME, SET_PREFIX, places
 from protocols.isb.settings_diff import same_pace
+from protocols.isb.stored_settings import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
 from protocols.isb.streams import GPX_PRESETS, PRESETS
 from protocols.layouts import EncodeError, pack
 from protocols.nmea import sentence
@@ -132,14 +132,14 @@ def set_frames(did: int, values: Values, version: str = CURRENT, *, held: bool =
         held: values read from the device itself, which are written back unchecked.
     """
     fields = fields_of(did, version)
-    told = {field.name for field in fields if field.read_only}
+    read_only = {field.name for field in fields if field.read_only}
     if not held:
         validation.require_valid(
-            fields, {name: value for name, value in values.items() if name not in told}, partial=True
+            fields, {name: value for name, value in values.items() if name not in read_only}, partial=True
         )
     if did == NMEA_PERIODS:
         values = _padded(values)
-    return _runs(did, {name: value for name, value in values.items() if name not in told}, version)
+    return _runs(did, {name: value for name, value in values.items() if name not in read_only}, version)
 
 
 def _runs(did: int, values: Values, version: str) -> list[bytes]:
@@ -187,7 +187,7 @@ def streams_frames(values: Values, old: Values | None = None) -> list[bytes]:
     out = [frames.build(STOP_DID, did) for did in ended]
     rows = touched(values.get("streams", []), now)
     out += [frames.get_data(row["did"], period=row.get("period", 1)) for row in rows]
-    if kept(values):
+    if persists(values):
         out.append(system_command(1))
     return out
 
@@ -230,7 +230,7 @@ def chosen(values: Values) -> dict[int, int]:
     return found
 
 
-def kept(values: Values) -> bool:
+def persists(values: Values) -> bool:
     """Whether these streams are saved over a restart."""
     return bool(_whole("options", values.get("options", 0)) & 1 << 9)
 

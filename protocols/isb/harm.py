@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.isb.kept import settings_of
+from protocols.isb.stored_settings import settings_of
 from protocols.transactions import Harm
 
 Values = Mapping[str, Any]

@@ -46,5 +46,5 @@ class IsbFrameLister:
         if did not in DEVICE_INFOS or cut.table[LENGTH, k] < FIRMWARE_AT + 4:
             return
         if cut.table[FLAGS, k] & (TYPE_MASK | WITH_OFFSET) == DATA:
-            told = version_of(cut.array, int(cut.table[BODY, k]), _NUMBERS)
-            self._versions[int(_FAMILIES[did])] = VERSIONS[told]
+            index = version_of(cut.array, int(cut.table[BODY, k]), _NUMBERS)
+            self._versions[int(_FAMILIES[did])] = VERSIONS[index]

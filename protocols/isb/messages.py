@@ -174,18 +174,18 @@ def set_row(did: int) -> Message:
 # -- forms -------------------------------------------------------------------------------------------------------------
 
 
-def version_for(did: int, offset: int, size: int, told: str | None) -> str:
+def version_for(did: int, offset: int, size: int, firmware: str | None) -> str:
     """The firmware whose structure a payload has.
 
     Args:
         offset, size: the part of the set that it holds.
-        told: the firmware version, of VERSIONS, from the device's information; None if not received.
+        firmware: its version, of VERSIONS, from the device's information; None if not received.
 
     Returns:
-        `told` (else the current one) if the size of a whole payload agrees or no version's does, and for a part;
+        `firmware` (else the current one) if the size of a whole payload agrees or no version's does, and for a part;
         otherwise the newest that agrees.
     """
-    version = told or CURRENT
+    version = firmware or CURRENT
     sizes = SETS[did].sizes if did in SETS else {}
     if offset or not sizes or sizes.get(version) == size:
         return version
@@ -278,10 +278,10 @@ def form_of(did: int, found: tuple[Place, ...], size: int) -> PayloadLayout:
 def form_for_key(key: int) -> PayloadLayout:
     """The form for a key of classify.py; cached for all decoders, because making it takes 0.1 ms."""
     count, variant, size, offset = key & 0xFF, key >> 8 & 0xFF, key >> 16 & 0x7FF, key >> 27 & 0x7FF
-    did, told = key >> 38 & 0xFF, key >> 46
+    did, version_index = key >> 38 & 0xFF, key >> 46
     if offset:
         count = -1  # a part does not have the number of used elements
-    version = None if told == classify.UNTOLD else VERSIONS[told]
+    version = None if version_index == classify.NO_FIRMWARE else VERSIONS[version_index]
     found = places(did, offset, size, version=version, variant=variant, count=count)
     return form_of(did, found, size)
 
@@ -294,7 +294,7 @@ def rules() -> Ints:
     table = np.zeros((256, classify.RULES), np.int64)
     for did, dataset in SETS.items():
         table[did, classify.FAMILY] = 1 if did in EVB_SETS else 2 if did in GPX_SETS else 0
-        table[did, classify.TELLS] = did in DEVICE_INFOS
+        table[did, classify.HAS_FIRMWARE] = did in DEVICE_INFOS
         if dataset.struct is None:
             continue
         table[did, classify.STREAMS] = dataset.kind == "data"

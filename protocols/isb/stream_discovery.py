@@ -31,8 +31,8 @@ import numpy as np
 
 from protocols.events import Batch, Event, Reply
 from protocols.isb.commands import FLASH, RMC, SYS_PARAMS
-from protocols.isb.kept import PERSISTENT
 from protocols.isb.messages import ROWS
+from protocols.isb.stored_settings import PERSISTENT
 from protocols.isb.streams import DEFAULT_MS, EVENT, GNSS, IMU, NAV, STREAMS, dids_of
 from protocols.schema import Field
 from protocols.transactions import DeviceRejectedError, Transaction, WaitFor
@@ -99,7 +99,7 @@ def _unshown(field: Field, shown: Any) -> Any:
 # -- streams -----------------------------------------------------------------------------------------------------------
 
 
-class HeardStreams:
+class ObservedStreams:
     """Streams observed while listening: interval and size for each data set.
 
     Args:
@@ -163,12 +163,12 @@ class HeardStreams:
 
 def sources_of(params: Values, flash: Values) -> dict[str, float]:
     """Period of each source, ms: as reported by the device, else as documented."""
-    told = {
+    device_periods = {
         NAV: params.get("navOutputPeriodMs"),
         IMU: params.get("imuSamplePeriodMs"),
         GNSS: flash.get("startupGPSDtMs"),
     }
-    return {pace: float(told.get(pace) or usual) for pace, usual in DEFAULT_MS.items()}
+    return {pace: float(device_periods.get(pace) or usual) for pace, usual in DEFAULT_MS.items()}
 
 
 def streams(
@@ -197,11 +197,11 @@ def streams(
         params = yield from _maybe(ask, SYS_PARAMS)
         flash = yield from _maybe(ask, FLASH)
         sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
-    heard = HeardStreams({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
-    yield WaitFor(heard.only, QUICK_S if quick else LEAST_S, "streams")  # also finds sets without a bit
-    if not quick and not heard.enough:
-        yield WaitFor(heard.observe, LISTEN_S - LEAST_S, "streams")
-    rows = [_stream(did, heard, sources, asked.get(did)) for did in dict.fromkeys((*listed, *heard.streaming()))]
+    observed = ObservedStreams({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
+    yield WaitFor(observed.only, QUICK_S if quick else LEAST_S, "streams")  # also finds sets without a bit
+    if not quick and not observed.enough:
+        yield WaitFor(observed.observe, LISTEN_S - LEAST_S, "streams")
+    rows = [_stream(did, observed, sources, asked.get(did)) for did in dict.fromkeys((*listed, *observed.streaming()))]
     order = {did: place for place, did in enumerate(STREAMS)}
     return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0) & ~PERSISTENT}
 
@@ -214,9 +214,9 @@ def _maybe(ask: Ask, did: int) -> Transaction[Values]:
         return {}
 
 
-def _stream(did: int, heard: HeardStreams, sources: Mapping[str, float], asked: int | None) -> dict[str, Any]:
+def _stream(did: int, observed: ObservedStreams, sources: Mapping[str, float], asked: int | None) -> dict[str, Any]:
     row = STREAMS[did]
-    interval, size = heard.interval_ms(did), heard.sizes.get(did, 0)
+    interval, size = observed.interval_ms(did), observed.sizes.get(did, 0)
     bases = [sources[pace] for pace in row.paces]
     if interval is None or row.pace == EVENT:
         period, base = 1, bases[0]

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS, DataSet
 from protocols.isb.device_info import FAMILIES
-from protocols.isb.kept import KEPT
 from protocols.isb.messages import ROWS
+from protocols.isb.stored_settings import STORED
 from protocols.isb.streams import STREAMS
 from protocols.support import SupportTable
 
@@ -42,6 +42,6 @@ def supported() -> Iterator[SupportTable]:
 
 def _row(number: int, dataset: DataSet) -> tuple[str, ...]:
     fields = str(len(dataset.struct.places)) if dataset.struct else "bytes"
-    setting = "" if number not in KEPT else "yes" if KEPT[number].write else "read only"
-    title = KEPT[number].title if number in KEPT else ROWS[number].title
+    setting = "" if number not in STORED else "yes" if STORED[number].write else "read only"
+    title = STORED[number].title if number in STORED else ROWS[number].title
     return (str(number), f"`{dataset.name}`", title, fields, "yes" if number in STREAMS else "", setting)

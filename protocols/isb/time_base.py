@@ -43,7 +43,7 @@ NONE, UP, WEEK_TOW, FIX, TOW, GTIME = range(6)
 TimeState = tuple[int, int, int, int, int, int]
 TimeReport = tuple[TimeState, int, int, int, int]
 STATE = several(INT, INT, INT, INT, INT, INT)
-TOLD = several(STATE, INT, INT, INT, INT)
+REPORT = several(STATE, INT, INT, INT, INT)
 NOT_SHIFTED, ROUGHLY, EXACTLY = range(3)
 UNKNOWN, FROM_START, FROM_1970 = range(3)
 
@@ -60,7 +60,7 @@ BACK_NS = S // 2  # a set that goes back by more than its jitter, to a time near
 SOON = 10  # of its period: another set's clock may be read this much later than a set due at the same moment
 DATED = 1 << 62  # the up-time, for comparison, of a set that carried a week
 NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is rejected
-TOLD_NS = 5_000_000  # a smaller correction of the shift is not reported as an event
+REPORTED_STEP_NS = 5_000_000  # a smaller correction of the shift is not reported as an event
 LONGEST_UP_S = 1e9
 HIGHEST = 0x41D00000  # upper half of a float64 of 2^30
 ONE, TWO, THREE = (unsigned(n) for n in (1, 2, 3))  # a sum with a plain number would be signed again
@@ -152,19 +152,19 @@ def due(state: TimeState, week: int, before: int, every: int) -> TimeState:
     return state[0], state[1], up, state[3], state[4], state[5]
 
 
-@compiled(TOLD, STATE, INT)
-def begin_again(state: TimeState, up: int) -> TimeReport:
+@compiled(REPORT, STATE, INT)
+def restart(state: TimeState, up: int) -> TimeReport:
     """Restart at this up-time, after the device was power-cycled; returns as `update_time`."""
     shift, _, last_up, last_utc, _, epoch = state
     by = up - (last_utc if epoch == FROM_1970 else last_up)
     return (shift, NOT_SHIFTED, up, -1, -1, FROM_START), up, 1, RESET, by
 
 
-@compiled(TOLD, STATE, INT)
+@compiled(REPORT, STATE, INT)
 def _up(state: TimeState, up: int) -> TimeReport:
     shift, shifted, last_up, last_utc, week, epoch = state
     if last_up >= 0 and up < last_up - LATE_NS:
-        return begin_again(state, up)
+        return restart(state, up)
     last_up = max(last_up, up)
     time = up
     if epoch == FROM_1970:
@@ -177,7 +177,7 @@ def _up(state: TimeState, up: int) -> TimeReport:
     return (shift, shifted, last_up, last_utc, week, epoch), time, 1, NO_STEP, 0
 
 
-@compiled(TOLD, STATE, INT, INT)
+@compiled(REPORT, STATE, INT, INT)
 def _gps(state: TimeState, utc: int, week: int) -> TimeReport:
     shift, shifted, last_up, last_utc, _, epoch = state
     step = NO_STEP
@@ -198,7 +198,7 @@ def _gps(state: TimeState, utc: int, week: int) -> TimeReport:
     return (shift, shifted, last_up, max(last_utc, utc), week, FROM_1970), utc, 1, step, by
 
 
-@compiled(TOLD, STATE, INT, FLAG)
+@compiled(REPORT, STATE, INT, FLAG)
 def _time_of_week(state: TimeState, tow: int, fixed: bool) -> TimeReport:
     """Time of week without a week: uses the newest week, or the one before or after; up-time before the first fix."""
     _, _, last_up, last_utc, week, epoch = state
@@ -214,7 +214,7 @@ def _time_of_week(state: TimeState, tow: int, fixed: bool) -> TimeReport:
     return state, 0, 0, NO_STEP, 0
 
 
-@compiled(TOLD, STATE, INT, INT, INT)
+@compiled(REPORT, STATE, INT, INT, INT)
 def update_time(state: TimeState, kind: int, ns: int, week: int) -> TimeReport:
     """The time of one message.
 
@@ -242,12 +242,12 @@ def update_time(state: TimeState, kind: int, ns: int, week: int) -> TimeReport:
     return _time_of_week(state, ns, kind == TOW)
 
 
-@compiled(TOLD, STATE, INT, INT)
+@compiled(REPORT, STATE, INT, INT)
 def correct_offset(state: TimeState, week: int, offset_ns: int) -> TimeReport:
     """Apply the difference of up-time and time of week that GPS position gives (towOffset).
 
     Returns:
-        as `update_time`, without a time; a step only if up-time moves by more than TOLD_NS.
+        as `update_time`, without a time; a step only if up-time moves by more than REPORTED_STEP_NS.
     """
     old, shifted, last_up, last_utc, newest, epoch = state
     if epoch != FROM_1970 or shifted == NOT_SHIFTED or offset_ns <= 0:
@@ -257,4 +257,4 @@ def correct_offset(state: TimeState, week: int, offset_ns: int) -> TimeReport:
     if abs(by) > NEAR_NS:
         return state, 0, 0, NO_STEP, 0
     state = (shift, EXACTLY, last_up, last_utc, newest, epoch)
-    return state, 0, 0, SYNC if abs(by) > TOLD_NS else NO_STEP, by
+    return state, 0, 0, SYNC if abs(by) > REPORTED_STEP_NS else NO_STEP, by

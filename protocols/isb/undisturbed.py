@@ -27,7 +27,7 @@ from protocols.events import Event
 from protocols.isb import frames
 from protocols.isb.commands import RMC, SYS_CMD
 from protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
-from protocols.isb.stream_discovery import Ask, HeardStreams
+from protocols.isb.stream_discovery import Ask, ObservedStreams
 from protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
 from protocols.transactions import (
     Act,
@@ -82,7 +82,7 @@ class _Watch:
 
     def __init__(self, ask: Ask) -> None:
         self._request = ask
-        self._received = HeardStreams(set())
+        self._received = ObservedStreams(set())
         self._looked = False
         self._listed: set[int] = set()  # in DID_RMC
         self._started: dict[int, int] = {}  # by the body: data set → multiple
@@ -197,9 +197,9 @@ class _Watch:
 
 
 def _is(event: Event, did: int) -> bool | None:
-    heard = HeardStreams(set())
-    heard.only(event)
-    return True if did in heard.sizes else None
+    observed = ObservedStreams(set())
+    observed.only(event)
+    return True if did in observed.sizes else None
 
 
 def _single(packet: bytes) -> int | None:

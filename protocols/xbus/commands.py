@@ -1,7 +1,7 @@
 """Commands and settings of an MTi. Tables; the engine that reads them is at the end.
 
     _ROWS      one per message to the device: heading, effect, products, possible harm
-    _KEPT      one per setting: the message pair that reads and writes it
+    _SETTINGS  one per setting: the message pair that reads and writes it
     fitted     a row's fields for one product: its option flags, sync functions and lines, filter profiles
 
 Names, fields and sections come from messages.py; a name with two forms (string output, filter profile) has the
@@ -232,7 +232,7 @@ class StoredSetting:
 
 _Q = ("q0", "q1", "q2", "q3")
 
-_KEPT: tuple[StoredSetting, ...] = (
+_SETTINGS: tuple[StoredSetting, ...] = (
     StoredSetting("OutputConfiguration", "ReqOutputConfiguration", "SetOutputConfiguration", OUTPUT,
                   "Output configuration", editor="outputs", after="measurement"),
     StoredSetting("StringOutputType", "ReqStringOutputType", "SetStringOutputType", OUTPUT,
@@ -289,9 +289,9 @@ def rows(model: Model | None) -> Mapping[str, CommandRow]:
 
 
 @lru_cache(maxsize=64)
-def kept(model: Model | None) -> Mapping[str, StoredSetting]:
+def stored_settings(model: Model | None) -> Mapping[str, StoredSetting]:
     """The settings of a product by name, in table order."""
-    return {one.name: one for one in _KEPT if has(model, one.products)}
+    return {one.name: one for one in _SETTINGS if has(model, one.products)}
 
 
 @lru_cache(maxsize=64)
@@ -348,7 +348,7 @@ _BY_SERIES = ("ReqDID", "ReqStringOutputType", "ReqFilterProfile", "ReqConfigura
 def settings(product: str) -> tuple[Setting, ...]:
     """The settings of a product."""
     model = model_of(product)
-    return tuple(_setting(one, model) for one in kept(model).values())
+    return tuple(_setting(one, model) for one in stored_settings(model).values())
 
 
 def _setting(one: StoredSetting, model: Model | None) -> Setting:
@@ -411,11 +411,11 @@ def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
 def alters(command: str, values: Mapping[str, Any], model: Model | None) -> tuple[str, ...]:
     """See transactions.DeviceDriver.alters. A reset of the orientation is in the alignments once stored (5.3.7)."""
     if command == "RestoreFactoryDef":
-        return tuple(kept(model))
+        return tuple(stored_settings(model))
     if command in ("SetSyncSettings", "SetPeriod", "SetOutputSkipFactor"):
         return ("Configuration",)  # contains a copy of it
     if command == RESET_AND_STORE or (command == "ResetOrientation" and values.get("code", 0) == 0):
-        return tuple(name for name, one in kept(model).items() if one.write == "SetAlignmentRotation")
+        return tuple(name for name, one in stored_settings(model).items() if one.write == "SetAlignmentRotation")
     return ()
 
 

@@ -335,14 +335,17 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             which = order[first:last]
             one = int(which[0])
             layout = self._layout(cut.data, int(body[one]), int(walked[GOOD, one]))
-            rows, told = np.empty((len(which), layout.layout.size), np.uint8), np.empty((ABOUT, len(which)), np.int64)
-            has_time = gather(cut.array, about, which, rows, told)
-            some = _batches(layout, rows, told, None if has_time == len(which) else told[TIMED] > 0)
+            rows, metadata = (
+                np.empty((len(which), layout.layout.size), np.uint8),
+                np.empty((ABOUT, len(which)), np.int64),
+            )
+            has_time = gather(cut.array, about, which, rows, metadata)
+            some = _batches(layout, rows, metadata, None if has_time == len(which) else metadata[TIMED] > 0)
             for batch in some:
                 batch.size = int(table[SIZE, one])
             events += some
             for at, size in layout.bad:
-                places = zip((told[STARTS] + (cut.start + at)).tolist(), told[ARRIVALS].tolist(), strict=True)
+                places = zip((metadata[STARTS] + (cut.start + at)).tolist(), metadata[ARRIVALS].tolist(), strict=True)
                 events += [RejectedFrame(place, size, "bad_item", arrival) for place, arrival in places]
         return events
 
@@ -420,18 +423,18 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             events.append(SampleGap(int(offsets[i]), int(missing[k]), "PacketCounter", int(arrivals[i]), time))
 
 
-def _batches(layout: DataLayout, rows: Bytes, told: Ints, timed: Flags | None) -> list[Batch]:
+def _batches(layout: DataLayout, rows: Bytes, metadata: Ints, timed: Flags | None) -> list[Batch]:
     """One batch, or two if only some of the frames have a device time. `timed` None: all have."""
     columns = layout.layout.columns
     if timed is None:
-        return [Batch(layout.message, "", told[ARRIVALS], told[OFFSETS], told[TIMES], columns(rows))]
+        return [Batch(layout.message, "", metadata[ARRIVALS], metadata[OFFSETS], metadata[TIMES], columns(rows))]
     batches = []
     for part, has_time in ((timed, True), (~timed, False)):
         if part.all():
-            time = told[TIMES] if has_time else None
-            return [Batch(layout.message, "", told[ARRIVALS], told[OFFSETS], time, columns(rows))]
+            time = metadata[TIMES] if has_time else None
+            return [Batch(layout.message, "", metadata[ARRIVALS], metadata[OFFSETS], time, columns(rows))]
         if part.any():
-            own = told[:, part]
+            own = metadata[:, part]
             time = own[TIMES] if has_time else None
             batches.append(Batch(layout.message, "", own[ARRIVALS], own[OFFSETS], time, columns(rows[part])))
     return batches

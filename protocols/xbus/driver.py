@@ -190,14 +190,14 @@ class XbusDriver:
             first = yield from _identity("ReqDID")
         except DeviceRejectedError:
             return (yield from self._within(self._identify(known), at_rest=known.at_rest))
-        told = dict(first)
+        identity = dict(first)
         for request in ("ReqProductCode", "ReqFWRev"):
-            told |= yield from _identity(request)
+            identity |= yield from _identity(request)
         return replace(
             known,
-            product=told.get("product", known.product),
-            serial_number=told.get("serial_number", known.serial_number),
-            firmware=told.get("firmware", known.firmware),
+            product=identity.get("product", known.product),
+            serial_number=identity.get("serial_number", known.serial_number),
+            firmware=identity.get("firmware", known.firmware),
         )
 
     def formerly(self, serial_number: str) -> Sequence[str]:
@@ -269,7 +269,7 @@ def _row(command: str, values: Values, model: Model | None) -> CommandRow:
 
 
 def _kept(setting: str, model: Model | None) -> StoredSetting:
-    found = commands.kept(model).get(setting)
+    found = commands.stored_settings(model).get(setting)
     if found is None:
         whose = f"{model.name} has no setting" if model else "no setting is called"
         raise EncodeError(f"{whose} {setting!r}")

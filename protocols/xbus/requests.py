@@ -143,10 +143,10 @@ def _insist(patience_s: float) -> Transaction[bool]:
     """Send GoToConfig every 100 ms; a device that wakes up in between is kept in the config state."""
     for _ in range(round(patience_s / STEP_S)):
         yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
-        heard = yield WaitFor(_config_or_awake, STEP_S, "GoToConfig")
-        if heard == GO_TO_CONFIG + 1:
+        message = yield WaitFor(_config_or_awake, STEP_S, "GoToConfig")
+        if message == GO_TO_CONFIG + 1:
             return True
-        if heard == WAKE_UP:
+        if message == WAKE_UP:
             yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
     return False
 

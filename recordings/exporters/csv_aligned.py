@@ -31,7 +31,7 @@ AGES = 2  # usual intervals for which a value is held
 
 
 @dataclass(slots=True)
-class _Held:
+class _Follower:
     """A channel whose last value is held."""
 
     info: Mapping[str, Any]
@@ -50,7 +50,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     least = usual_interval(request.columns, leader["id"])
     clocks = clocks_of(request, leader)
     others = [
-        _Held(info, _names(request, info, clocks), AGES * max(usual_interval(request.columns, info["id"]), least))
+        _Follower(info, _names(request, info, clocks), AGES * max(usual_interval(request.columns, info["id"]), least))
         for info in infos
         if info is not leader
     ]
@@ -74,7 +74,7 @@ def _batch(
     request: ExportRequest,
     leader: Mapping[str, Any],
     clocks: list[Mapping[str, Any]],
-    others: list[_Held],
+    others: list[_Follower],
     lo: int,
     hi: int,
 ) -> pa.RecordBatch:
@@ -118,7 +118,7 @@ def _names(request: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping
     return [f"{request.device_name(info['device'])}.{name}" for name in own] if request.has_several_devices else own
 
 
-def _rule(request: ExportRequest, leader: Mapping[str, Any], others: list[_Held]) -> str:
+def _rule(request: ExportRequest, leader: Mapping[str, Any], others: list[_Follower]) -> str:
     of = f" of {request.device_name(leader['device'])}" if request.has_several_devices else ""
     words = f"A line for each sample of {leader['title'] or leader['name']}{of}."
     if not others:

@@ -83,7 +83,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     done = 0
     with out.open("wb") as file:
         target = ChunkedFile(file, profile="")
-        target.tell({stream.topic.id: stream.topic for stream in streams})
+        target.write_channels({stream.topic.id: stream.topic for stream in streams})
         _events(request, len(streams) + 1, target)
         for window in windows(request.columns, ranges, WINDOW):
             rows = {
@@ -257,7 +257,7 @@ def _events(request: ExportRequest, topic: int, target: ChunkedFile) -> None:
         for event in manifest.get("events", [])
         if "text" in event and request.t0 <= event["time"] <= request.t1 and request.device in ("", event["device"])
     ]
-    target.tell({topic: McapChannel(topic, EVENTS, **_protobuf(well_known.Log))})
+    target.write_channels({topic: McapChannel(topic, EVENTS, **_protobuf(well_known.Log))})
     if inside:
         made = [well_known.logged(event, names.get(event["device"], "")) for event in inside]
         log = np.array([time for time, _ in made], np.int64)

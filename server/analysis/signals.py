@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recordings.column_store import Base, ColumnStore, ExactRows
 from server.errors import DomainError
-from server.library.range_query import held, kept
+from server.library.range_query import query_columns, stored_values
 from server.streaming.channel_store import ChannelStore
 from server.wire import ChannelInfo
 
@@ -124,11 +124,12 @@ def live_signals(
         Makes the signal of one of the columns, in any thread; this function copies in the event loop.
     """
     copies: Mapping[int, list[NDArray[np.generic]]] = {
-        info.id: kept(store.of(info.id), t0, base) for info in {one.info.id: one.info for one in columns}.values()
+        info.id: stored_values(store.of(info.id), t0, base)
+        for info in {one.info.id: one.info for one in columns}.values()
     }
 
     def signal(column: SignalColumn) -> Signal:
-        rows = held(column.info, copies[column.info.id], t0, t1, 0, columns=[column.at], base=base).rows
+        rows = query_columns(column.info, copies[column.info.id], t0, t1, 0, columns=[column.at], base=base).rows
         assert isinstance(rows, ExactRows)  # no buckets were asked for
         time = rows.arrival if base == "arrival" else np.where(np.isnan(rows.time), rows.arrival, rows.time)
         _check_size(column, len(time))

@@ -16,7 +16,7 @@ from fastapi import APIRouter, Depends, Query, Response
 from server import wire
 from server.api.dependencies import TheServices
 from server.api.errors import responses, unknown_device
-from server.configuration.api_models import Apply, Raw, ReadWish, Run
+from server.configuration.api_models import Apply, Raw, ReadRequest, Run
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.dangers import Risk
 from server.configuration.device_controller import DeviceController
@@ -72,7 +72,7 @@ async def get_traffic(
 
 
 @router.post("/read", status_code=202, responses=responses(404, 409, 422))
-async def read_settings(body: ReadWish, controller: OneController, controllers: AllControllers) -> wire.Job:
+async def read_settings(body: ReadRequest, controller: OneController, controllers: AllControllers) -> wire.Job:
     """Read settings into a snapshot. The device does not measure while it is read."""
     if not controller.rows:
         raise DomainError("no-settings", f"{controller.session.info.name} has no settings.", "It only sends.")

@@ -45,7 +45,7 @@ async def preview(body: Preview, controller: OneController) -> PreviewAnswer:
 
 
 @router.post("/fit-rates", responses=responses(404, 409, 422))
-async def make_it_fit(body: Fit, controller: OneController) -> FitAnswer:
+async def fit_rates(body: Fit, controller: OneController) -> FitAnswer:
     """The same outputs with rates that the line can carry."""
     try:
         return fit(controller.present, body.setting, body.values, body.baud)

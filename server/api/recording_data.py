@@ -29,12 +29,12 @@ from server.library.range_query import (
     QueryResult,
     arrow_of,
     frame_of,
-    held,
     json_of,
-    kept,
     ordered,
+    query_columns,
     recorded,
     statistics_in,
+    stored_values,
 )
 from server.library.recorded_settings import settings_of
 from server.library.recording_detail import as_json, channels_of, detail
@@ -82,7 +82,7 @@ async def columns_of(recording: str, services: TheServices) -> ColumnStore:
         raise DomainError("cannot-open", error.message, error.hint) from None
 
 
-async def columns_so_far(recording: str, services: TheServices, partial: Partial = False) -> ColumnStore:
+async def decoded_columns(recording: str, services: TheServices, partial: Partial = False) -> ColumnStore:
     """The columns of a recording; with `partial`, the part decoded so far."""
     if not partial:
         return await columns_of(recording, services)
@@ -95,7 +95,7 @@ async def columns_so_far(recording: str, services: TheServices, partial: Partial
 
 
 OneStore = Annotated[ColumnStore, Depends(columns_of)]
-SoFar = Annotated[ColumnStore, Depends(columns_so_far)]
+SoFar = Annotated[ColumnStore, Depends(decoded_columns)]
 
 
 @router.get(
@@ -240,8 +240,8 @@ async def query_device(
     t0, t1 = _span(0.0 if t0 is None else t0, telemetry.bus.now() + 60 if t1 is None else t1)
     positions = _positions(own[number], columns)
     _only_one(request)
-    whole = kept(telemetry.store.of(number), t0, base)
-    answer = await asyncio.to_thread(held, own[number], whole, t0, t1, width, columns=positions, base=base)
+    whole = stored_values(telemetry.store.of(number), t0, base)
+    answer = await asyncio.to_thread(query_columns, own[number], whole, t0, t1, width, columns=positions, base=base)
     return _table(await asyncio.to_thread(ordered, answer) if base == "device" else answer, format)
 
 

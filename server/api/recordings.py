@@ -92,17 +92,17 @@ async def upload(
 
 async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> None:
     """Write the body, at most `length` bytes."""
-    got, held = 0, bytearray()
+    got, buffer = 0, bytearray()
     with path.open("wb") as file:
         async for chunk in chunks:
             got += len(chunk)
             if got > length:
                 raise RecordingError("The upload is longer than its Content-Length.", "Send its true Content-Length.")
-            held += chunk
-            if len(held) >= BUFFER:
-                await asyncio.to_thread(file.write, bytes(held))
-                held.clear()
-        await asyncio.to_thread(file.write, bytes(held))
+            buffer += chunk
+            if len(buffer) >= BUFFER:
+                await asyncio.to_thread(file.write, bytes(buffer))
+                buffer.clear()
+        await asyncio.to_thread(file.write, bytes(buffer))
     if got < length:
         raise RecordingError("Upload incomplete.", "Send it again.")
 
@@ -198,7 +198,7 @@ async def download_original(
     """The received bytes of one device, unchanged and in order."""
     if services.catalogue.is_recording(entry):
         raise still_recording(entry.id)
-    devices = [one.id for one in entry.peek.devices]
+    devices = [one.id for one in entry.probe.devices]
     if not device and len(devices) > 1:
         hint = f"Choose one with ?device=: {', '.join(devices)}."
         raise DomainError("which-device", f"{entry.title:.80} has {len(devices)} devices.", hint)

@@ -12,7 +12,7 @@ from fastapi.responses import Response
 from protocols.transactions import DeviceContext
 from server.api.configure import AllControllers, OneController, controller_of
 from server.api.errors import responses
-from server.configuration.api_models import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
+from server.configuration.api_models import Compare, Difference, SaveRequest, SideRef, SnapshotBody, SnapshotInfo
 from server.configuration.budget import overload
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController
@@ -97,7 +97,7 @@ async def get_snapshot(
 
 
 @router.post("/snapshots", status_code=201, responses=responses(404, 409, 422, 507))
-async def keep_snapshot(body: Keep, controller: OneController, controllers: AllControllers) -> SnapshotInfo:
+async def keep_snapshot(body: SaveRequest, controller: OneController, controllers: AllControllers) -> SnapshotInfo:
     """Store a snapshot under a name: a given text, or the settings of the device as last read."""
     title = " ".join(body.title.split())[:120]
     if not title:

@@ -94,7 +94,7 @@ async def live_scene(socket: WebSocket, services: TheServices, key: str = "") ->
             passes=is_viser_message if socket.state.role == "control" else is_view_message,
         )
     finally:
-        viser.viewer_left(key)
+        viser.remove_viewer(key)
 
 
 @router.websocket("/ws/scene/{recording}")

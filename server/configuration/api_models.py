@@ -2,7 +2,7 @@
 
     GET    …/forms                       Forms: every setting and command of this device, as forms
     POST   …/preview      Preview        PreviewAnswer: frames, annotated; problems; load. Sends nothing, takes no lock
-    POST   …/read         ReadWish       Job: read settings (null: all of them) into a snapshot
+    POST   …/read         ReadRequest     Job: read settings (null: all of them) into a snapshot
     POST   …/apply        Apply          Job: snapshot, write, read back; temporary until confirmed where the link could
                                          be lost
     POST   …/run          Run            Job: one command
@@ -16,7 +16,7 @@
     GET    …/traffic?before=&limit=     the traffic log, newest last: list[TrafficEntry]
     GET    …/snapshots                   list[SnapshotInfo], newest first, by serial number
     GET    …/snapshots/{name}            the snapshot as YAML (application/yaml); ?format=json for SnapshotBody
-    POST   …/snapshots    Keep           stores a text (a file of the user) or the present values under a name
+    POST   …/snapshots    SaveRequest         stores a text (a file of the user) or the present values under a name
     DELETE …/snapshots/{name}
     POST   …/compare      Compare        Difference: two sides, field by field
     POST   …/fit-rates    Fit            FitAnswer: the same outputs with rates that fit
@@ -224,7 +224,7 @@ class PreviewAnswer:
 
 
 @dataclass(slots=True)
-class ReadWish:
+class ReadRequest:
     settings: list[str] | None = None
     reason: str = ""  # stored in the snapshot
     confirmed: bool = False  # unfinished work of a command (DeviceJobs.unfinished) may be discarded
@@ -257,7 +257,7 @@ class Raw:
 
 
 @dataclass(slots=True)
-class Keep:
+class SaveRequest:
     title: str
     text: str = ""  # YAML; "" stores the present values of the device
 

@@ -74,7 +74,7 @@ class DevicePresentState:
         """The row of a setting; KeyError if the device does not have it."""
         return {row.name: row for row in self.driver.settings(self.known)}[name]
 
-    def kept_by(self, command: str) -> Setting | None:
+    def setting_of(self, command: str) -> Setting | None:
         """The setting that a command writes, if its arguments are fields of the setting."""
         row = next((row for row in self.driver.commands(self.known) if row.name == command), None)
         names = {one.name for one in row.arguments} if row is not None else set()
@@ -114,7 +114,7 @@ def preview_command(present: DevicePresentState, name: str, values: Mapping[str,
     """Frames that a command would send; KeyError for an unknown command."""
     row = {one.name: one for one in present.driver.commands(present.known)}[name]
     values = numbers(row.arguments, values)
-    setting = present.kept_by(name)
+    setting = present.setting_of(name)
     held = present.values.get(setting.name, {}) if setting is not None else {}
     found = unlike(problems_of(row.arguments, values), values, held)
     if not found and (other := present.driver.instead(name, values, present.values, present.known)) and other[1]:

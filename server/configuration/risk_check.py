@@ -162,7 +162,7 @@ def plan_command(controller: DeviceController, name: str, values: Mapping[str, A
             f"{controller.session.info.name} has no command {name!r:.80}.",
             "Choose one of the list of commands.",
         )
-    setting_row = controller.present.kept_by(name)
+    setting_row = controller.present.setting_of(name)
     partial = setting_row is not None and setting_row.partial  # fields that are not given keep their value
     defaults = {} if partial else {one.name: one.default for one in row.arguments if one.default is not None}
     values = {**defaults, **numbers(row.arguments, values)}

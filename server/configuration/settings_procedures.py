@@ -31,7 +31,7 @@ from server.wire import FieldOutcome
 
 SILENT_LIMIT = 3
 NOT_READ = "not read: the device had stopped answering"
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
 @dataclass(slots=True)
@@ -48,18 +48,18 @@ class SettingsSnapshot:
 
 
 def read_settings(
-    driver: DeviceDriver, known: DeviceContext, names: Sequence[str] | None, tell: Tell
+    driver: DeviceDriver, known: DeviceContext, names: Sequence[str] | None, report: Report
 ) -> Transaction[SettingsSnapshot]:
     """Identify the device, then read its settings; to be run in the state in which settings are read.
 
     Args:
         names: settings to read; None for all.
-        tell: receives a text for each step.
+        report: called with a text for each step.
 
     Raises:
         NoReplyError: the device does not answer at all.
     """
-    tell("Identifying the device")
+    report("Identifying the device")
     with suppress(DeviceRejectedError):  # keep what is known
         known = yield from driver.identify(known)
     found = SettingsSnapshot(known)
@@ -72,7 +72,7 @@ def read_settings(
         if silent >= SILENT_LIMIT:
             found.missing[row.name] = NOT_READ
             continue
-        tell(f"Reading {row.title or row.name}")
+        report(f"Reading {row.title or row.name}")
         try:
             found.values[row.name] = yield from driver.read(row.name, known)
             silent = 0
@@ -84,12 +84,16 @@ def read_settings(
                 raise
             found.missing[row.name] = "no answer"
             silent += 1
-            tell(str(error))
+            report(str(error))
     return found
 
 
 def write_all(
-    driver: DeviceDriver, known: DeviceContext, changes: Mapping[str, Values], tell: Tell, held: Collection[str] = ()
+    driver: DeviceDriver,
+    known: DeviceContext,
+    changes: Mapping[str, Values],
+    report: Report,
+    held: Collection[str] = (),
 ) -> Transaction[list[WriteResult]]:
     """Write settings. The result also contains refused ones, those without an answer, and those that cannot be sent.
 
@@ -99,14 +103,14 @@ def write_all(
     done: list[WriteResult] = []
     titles = {row.name: row.title or row.name for row in driver.settings(known)}
     for name, values in changes.items():
-        tell(f"Writing {titles.get(name, name)}")
+        report(f"Writing {titles.get(name, name)}")
         try:
             done.append((yield from driver.write(name, values, known, held=name in held)))
         except EncodeError as error:
             done.append(WriteResult(name, values, None, f"not sent: {error}"))
         except NoReplyError as error:
             done.append(WriteResult(name, values, None, ""))
-            tell(str(error))
+            report(str(error))
     return done
 
 

@@ -62,11 +62,11 @@ class Audience:
         """Run a coroutine before the link is closed for good."""
         self._closing.append(last)
 
-    async def _tell_closing(self) -> None:
+    async def _close_listeners(self) -> None:
         for last in self._closing:
             await last()
 
-    def _tell_events(self, events: Sequence[Event], own: str) -> None:
+    def _publish_events(self, events: Sequence[Event], own: str) -> None:
         """Pass events to the listeners of their sender; `own` is the link's own device in the stream."""
         if any(self._events.values()):
             for event in events:

@@ -61,15 +61,15 @@ class LinkDevice:
             device, sink.archive.keep_payloads if sink.archive is not None else None
         )
         self.intake: Ingest | None = None
-        self.heard_at = 0.0  # unix s of the last sample
+        self.last_sample_at = 0.0  # unix s of the last sample
         self.silence_hint = ""  # remedy for its silence, if the cause is known
         self._silence = SilenceWatchdog(SILENT_S, SILENT_S)
 
     def listen(self, samples: int, now: float) -> None:
         """Count samples of the device."""
         if samples:
-            self._silence.note_chunk(now, self.heard_at or None)
-            self.heard_at = now
+            self._silence.note_chunk(now, self.last_sample_at or None)
+            self.last_sample_at = now
 
     def suppress_timeout(self, on: bool, now: float) -> None:
         """Ignore silence while `on`."""
@@ -77,7 +77,7 @@ class LinkDevice:
 
     def silence(self, now: float) -> float:
         """Time since the last expected data, s."""
-        return self._silence.silence(now, self.heard_at)
+        return self._silence.silence(now, self.last_sample_at)
 
     def is_silent(self, now: float) -> bool:
         """Whether the device has been silent for longer than usual."""
@@ -140,7 +140,7 @@ class LinkDevices:
         self.own_is_unnamed = True
         sender = self.of(name)
         if sender is not None:
-            sender.heard_at = sender.heard_at or self._sink.now()
+            sender.last_sample_at = sender.last_sample_at or self._sink.now()
 
     def suppress_timeout(self, name: str, on: bool) -> None:
         """Ignore the silence of a device while it is being configured."""
@@ -165,7 +165,7 @@ class LinkDevices:
             notices=[],
             attempts=[],
         )
-        self.own.heard_at = self.own.heard_at or self._sink.now()  # not tracked while it was alone
+        self.own.last_sample_at = self.own.last_sample_at or self._sink.now()  # not tracked while it was alone
         return LinkDevice(self._sink, DeviceState(self._sink, info, self._title), name, self.own.stats)
 
     def _reject_device(self, name: str) -> None:
@@ -175,12 +175,12 @@ class LinkDevices:
         if len(self._rejected_names) < MOST_SENDERS:
             self._rejected_names.add(name)
 
-    def read_anew(self) -> None:
+    def reset_decoding(self) -> None:
         """Reset for changed decode options."""
         self.own_is_unnamed = False
         self.addresses.clear()
         for sender in self.all:
-            sender.stats.read_anew()
+            sender.stats.reset_decoding()
             sender.state.set(protection="")
 
     def tick(self, now: float, down: wire.DeviceInfo | None) -> tuple[str, str] | None:
@@ -352,7 +352,7 @@ class LinkDecoder:
             self._own.ingest(events)
         else:
             self._distribute(events)
-        own.stats.handed_on(self._sink.now())
+        own.stats.note_published(self._sink.now())
         self._on_events(events)
 
     def _distribute(self, events: Sequence[Event]) -> None:

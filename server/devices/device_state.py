@@ -60,7 +60,7 @@ class DeviceState:
             name=identity.name or self.name(identity.product, self.info.protocol, identity.fallback_name),
         )
 
-    def name(self, product: str, protocol: str, heard: str = "") -> str:
+    def name(self, product: str, protocol: str, fallback: str = "") -> str:
         """Display name of a device: the model in its product code (MTi-630 of MTi-630-8A1G6), else the detected
         messages, the protocol or the link.
         """
@@ -68,7 +68,7 @@ class DeviceState:
         model = _MODEL.match(product)
         if product:
             return model.group() if model else product
-        return heard or (self._title(protocol) if protocol else short_source(self.info.source))
+        return fallback or (self._title(protocol) if protocol else short_source(self.info.source))
 
 
 def health(

@@ -43,7 +43,7 @@ class LinkStatistics:
         if self._waiting_since is None:
             self._waiting_since = arrival
 
-    def handed_on(self, now: float) -> None:
+    def note_published(self, now: float) -> None:
         """Note that the received bytes are decoded and published."""
         if self._waiting_since is not None:
             self.latency.add(max(0.0, now - self._waiting_since))
@@ -69,7 +69,7 @@ class LinkStatistics:
         self.verified = (self.verified or 0) + (count if verified else 0)
         self.unverified = (self.unverified or 0) + (0 if verified else count)
 
-    def read_anew(self) -> None:
+    def reset_decoding(self) -> None:
         """Reset counts that do not apply to changed decode options: rejects and verified samples."""
         self.rejects, self.rejects_by = 0, Counter()
         self.verified = self.unverified = None

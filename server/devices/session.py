@@ -145,7 +145,7 @@ class Session(Audience):
 
     async def close(self) -> None:
         """Stop, close the link, remove its devices."""
-        await self._tell_closing()
+        await self._close_listeners()
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -175,7 +175,7 @@ class Session(Audience):
             self._link.settings = replace(self._link.settings, key=reading.key)
         self._drain(final=True)
         self._pipeline.options = reading
-        self.devices.read_anew()
+        self.devices.reset_decoding()
         self._diagnostics = StreamDiagnostics(self._reporter, self._protocols.messages_in, self._protocols.title)
         self._pipeline.disconnect()
         self._set(wants="", rearm=[])
@@ -324,7 +324,7 @@ class Session(Audience):
 
     def _on_events(self, events: Sequence[Event]) -> None:
         self.restarts.on_events(events)
-        self._tell_events(events, self.devices.own.name)
+        self._publish_events(events, self.devices.own.name)
 
     # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 

@@ -126,8 +126,8 @@ class Slices:
             self._most = max(LEAST, fitting)
         elif size > self._most // 2:  # smaller ones are mostly fixed cost
             self._most = min(MOST, 2 * self._most, max(self._most, fitting))
-        tells = self._most < MOST and self._costs.are_alike
-        self.size = int(SHORTER * self._most) if tells else self._most
+        is_limited = self._most < MOST and self._costs.are_alike
+        self.size = int(SHORTER * self._most) if is_limited else self._most
 
 
 class Turns:

@@ -247,7 +247,7 @@ def disk(machine: Machine) -> Iterator[Finding]:
         yield Finding("ok", "data folder", f"{data} can be written{f' ({kind})' if kind else ''}.")
     try:
         free = shutil.disk_usage(place).free
-        took = _sync_time(place)
+        sync_s = _sync_time(place)
     except OSError as error:
         yield Finding("problem", "disk", f"It cannot be written: {error.strerror}.", ("Free some space.",))
         return
@@ -259,8 +259,8 @@ def disk(machine: Machine) -> Iterator[Finding]:
         yield Finding(status, "disk", f"Only {words}", todo)
     else:
         yield Finding("ok", "disk", words)
-    words = f"A sync of 64 kB takes {took * 1e3:.1f} ms."
-    if took > SLOW_SYNC_S:
+    words = f"A sync of 64 kB takes {sync_s * 1e3:.1f} ms."
+    if sync_s > SLOW_SYNC_S:
         todo = ("A power cut would lose more of a recording; use a faster card or disk with --data.",)
         yield Finding("warning", "disk", words, todo)
     else:
@@ -271,15 +271,15 @@ def _sync_time(folder: Path) -> float:
     """Median of several attempts, s."""
     import tempfile
 
-    took = []
+    times = []
     with tempfile.NamedTemporaryFile(dir=folder, prefix=".imuscope-doctor-") as file:
         for _ in range(SYNCS):
             began = time.monotonic()
             file.write(bytes(65_536))
             file.flush()
             os.fsync(file.fileno())
-            took.append(time.monotonic() - began)
-    return median(took)
+            times.append(time.monotonic() - began)
+    return median(times)
 
 
 def _file_system(machine: Machine, place: Path) -> str:

@@ -233,7 +233,7 @@ def main() -> None:
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # server/auth.py logs refusals
     client = ViewerClient()
     bridge = FoxgloveBridge(client)
-    client.heard_events = bridge.events
+    client.on_events = bridge.events
     for message in client.messages():
         if isinstance(message, Mapping):
             bridge.serve(int(message["port"]), ConnectionGuard(str(message["secret"]), message["rules"]))

@@ -156,7 +156,7 @@ class DeviceView:
         return np.column_stack((time[there], enu.enu_of(lat, lon, height, self._origin)))
 
 
-def looks_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[DeviceView]:
+def device_views(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[DeviceView]:
     """All devices with an attitude, in order."""
     found = [
         DeviceView(device, [info for info in channels if info["device"] == device.id])

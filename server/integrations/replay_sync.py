@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from recordings.column_store import ColumnStore
-from server.integrations.poses import TRACK_S, looks_of
+from server.integrations.poses import TRACK_S, device_views
 
 JUMP_S = 2.0  # a larger step of the playhead between two updates is a jump, unless the speed explains it
 TRACK_ROWS = 2000
@@ -35,7 +35,7 @@ class ReplayFollower:
         self._now = now
         self.devices: list[Mapping[str, Any]] = store.manifest["devices"]
         self.channels: list[Mapping[str, Any]] = store.manifest["channels"]
-        views = looks_of(self.devices, self.channels)
+        views = device_views(self.devices, self.channels)
         self._used = [number for view in views for number in view.channels]
         self._places = [view.position.channel for view in views if view.position]
         first, last = store.span() or (0.0, 0.0)
@@ -53,7 +53,7 @@ class ReplayFollower:
         t = self._t + (self._now() - self._on_state) * self._rate
         return min(max(t, self._first), self._last)
 
-    def begin_again(self) -> None:
+    def restart(self) -> None:
         """Start over after the viewer lost its state."""
         self._shown = None
 

@@ -50,7 +50,7 @@ async def recording_stream(request: Mapping[str, Any], slots: asyncio.Semaphore)
         slots: limits the number of concurrent streams.
     """
     async with slots:
-        worker = await Worker.start(STREAM, overheard=True)
+        worker = await Worker.start(STREAM, capture_stderr=True)
         words = asyncio.create_task(worker.errors.read(), name="rerun stream: errors")
         try:
             worker.request(request)
@@ -243,9 +243,9 @@ class Rerun:
         finally:
             feed.viewers.discard(viewer)
             if not feed.viewers:
-                asyncio.get_running_loop().call_later(self._idle_s, self._viewer_left, device, feed)
+                asyncio.get_running_loop().call_later(self._idle_s, self._stop_idle_feed, device, feed)
 
-    def _viewer_left(self, device: str, feed: RerunFeed) -> None:
+    def _stop_idle_feed(self, device: str, feed: RerunFeed) -> None:
         if not feed.viewers and self.feeds.get(device) is feed:
             del self.feeds[device]
             self._stopping = asyncio.get_running_loop().create_task(feed.stop(), name="rerun feed stops")

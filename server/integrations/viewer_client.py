@@ -25,7 +25,7 @@ class ViewerClient:
         devices: as `devices` of server/wire.py has them, in order.
         channels: all channels, by id.
         changed: devices or channels have changed since this was last set to False.
-        heard_events: called with events, as in `events` of server/wire.py.
+        on_events: called with events, as in `events` of server/wire.py.
     """
 
     def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None) -> None:
@@ -36,7 +36,7 @@ class ViewerClient:
         self.channels: dict[int, Mapping[str, Any]] = {}
         self._dtypes: dict[int, Sequence[str]] = {}
         self.changed = False
-        self.heard_events: Callable[[list[Mapping[str, Any]]], None] = lambda events: None
+        self.on_events: Callable[[list[Mapping[str, Any]]], None] = lambda events: None
         with contextlib.suppress(OSError):
             os.nice(5)  # live devices come first
 
@@ -106,7 +106,7 @@ class ViewerClient:
                 self._dtypes[info["id"]] = [column["dtype"] for column in info["columns"]]
                 self.changed = True
         elif message["op"] == "events":
-            self.heard_events(message["events"])
+            self.on_events(message["events"])
 
 
 def _known(device: Mapping[str, Any]) -> tuple[str, str]:

@@ -49,7 +49,7 @@ class ViewerProcess:
 
     Args:
         module: module to run, as `python -m module`.
-        on_told: called with each line of its output, as an object.
+        on_message: called with each line of its output, as an object.
         on_crash: called with its last output if it ended by itself.
         per_s: maximum rate at which samples are sent.
     """
@@ -58,13 +58,13 @@ class ViewerProcess:
         self,
         clients: ClientFanout,
         module: str,
-        on_told: Callable[[Mapping[str, Any]], None],
+        on_message: Callable[[Mapping[str, Any]], None],
         on_crash: Callable[[str], None],
         per_s: float = PER_S,
     ) -> None:
         self._clients = clients
         self._module = module
-        self._on_message = on_told
+        self._on_message = on_message
         self._on_crash = on_crash
         self._pause_s = 1 / per_s
         self._wake_event, self._has_reported = asyncio.Event(), asyncio.Event()
@@ -87,7 +87,7 @@ class ViewerProcess:
         Raises:
             OSError: the process cannot be started.
         """
-        worker = self._worker = await Worker.start(self._module, overheard=True)
+        worker = self._worker = await Worker.start(self._module, capture_stderr=True)
         self._clients.attach(self._queue)
         self._tasks = [
             asyncio.create_task(self._feed(worker), name=f"{self._module}: input"),

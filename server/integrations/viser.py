@@ -98,7 +98,7 @@ class Viser:
             raise ViewError(f"viser did not start within {START_S:g} s.", "See the server's log.") from None
 
     def looked_at(self, key: str) -> None:
-        """Count a new viewer of a scene; call `viewer_left` when it disconnects."""
+        """Count a new viewer of a scene; call `remove_viewer` when it disconnects."""
         scene = self._scenes.get(key)
         if scene is not None:
             scene.viewers += 1
@@ -106,7 +106,7 @@ class Viser:
                 scene.idle.cancel()
                 scene.idle = None
 
-    def viewer_left(self, key: str) -> None:
+    def remove_viewer(self, key: str) -> None:
         """Remove a viewer of a scene. After a crash it may be a new scene without viewers, which is harmless."""
         scene = self._scenes.get(key)
         if scene is not None and scene.viewers:
@@ -149,7 +149,7 @@ class Viser:
         """Initial state of a scene."""
         replayed = self._replays.get(key)
         if replayed is not None:
-            replayed.begin_again()
+            replayed.restart()
             return {"title": "Recording", "devices": replayed.devices, "channels": replayed.channels}
         device = self._bus.devices.latest.get(key)
         return {"title": device.name if device else "imuscope"}

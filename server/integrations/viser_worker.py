@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from server.integrations.poses import TRACK_S, DeviceView, looks_of
+from server.integrations.poses import TRACK_S, DeviceView, device_views
 from server.integrations.scene import Scene
 from server.integrations.viewer_client import ViewerClient
 from server.wire_codec import SampleFrame
@@ -73,7 +73,7 @@ class SceneManager:
             return
         if words["op"] == "open" and key not in self._scenes:
             if "devices" in words:
-                self._recorded[key] = looks_of(words["devices"], words["channels"])
+                self._recorded[key] = device_views(words["devices"], words["channels"])
             scene = self._scenes[key] = Scene(str(words["title"]), str(words["secret"]))
             scene.configure(self._of(key))
         elif words["op"] == "close" and key in self._scenes:
@@ -106,7 +106,7 @@ class SceneManager:
         newest = {
             (info["device"], info["name"]): info for info in self._client.channels.values()
         }  # a layout may change
-        found = looks_of(self._client.devices, list(newest.values()))
+        found = device_views(self._client.devices, list(newest.values()))
         before = {(view.id, view.title, *view.channels): view for view in self._appearances}
         self._appearances = [before.get((view.id, view.title, *view.channels), view) for view in found]
         known = [(view.title, tuple(view.channels)) for view in self._appearances]

@@ -74,7 +74,7 @@ class Catalogue:
 
     def to_api(self, entry: LibraryEntry) -> RecordingInfo:
         """An entry in the form of the API."""
-        found, edits = entry.peek, entry.edits
+        found, edits = entry.probe, entry.edits
         recording = self.is_recording(entry)
         duration = found.duration
         if recording and found.started is not None:
@@ -107,7 +107,7 @@ class Catalogue:
         entry = self.library.rename(recording, name)
         after = self._store(entry.id)
         # Recordings that name a device after the file are decoded again.
-        is_same = entry.peek.format == "mcap" and all(one.name != was.path.name for one in was.peek.devices)
+        is_same = entry.probe.format == "mcap" and all(one.name != was.path.name for one in was.probe.devices)
         if is_same and before is not None and after is not None:
             with contextlib.suppress(OSError):
                 before.rename(after)
@@ -207,7 +207,7 @@ class Catalogue:
         for entry in entries:
             if entry.indexed or entry.deleted is not None or not self._is_open(entry):
                 continue
-            columns = self._columns.peek(entry.id)
+            columns = self._columns.cached(entry.id)
             if columns is not None:
                 await asyncio.to_thread(self.library.index, entry.id, columns)
                 has_new = True

@@ -50,7 +50,7 @@ class DataFolderLock:
         except OSError:
             return []  # the folder is not writable
         removed = []
-        for path in left_behind(self._data):
+        for path in unfinished_files(self._data):
             with contextlib.suppress(OSError):
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
                 removed.append(str(path.relative_to(self._data)))
@@ -70,7 +70,7 @@ class DataFolderLock:
             os.close(lock)
 
 
-def left_behind(data: Path) -> Iterator[Path]:
+def unfinished_files(data: Path) -> Iterator[Path]:
     """Unfinished files in an unused data folder."""
     yield from _in(data / "exports")
     yield from (path for path in _in(data / "cache" / "columns") if path.name.endswith(".making"))

@@ -95,7 +95,7 @@ class ColumnCache:
         key = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), how)
         return self._cache / hashlib.sha256(repr(key).encode()).hexdigest()[:24]
 
-    def peek(self, recording: str) -> ColumnStore | None:
+    def cached(self, recording: str) -> ColumnStore | None:
         """The columns; None if they are not stored."""
         return self._columns(self.store_of(recording))
 
@@ -133,7 +133,7 @@ class ColumnCache:
                 await asyncio.shield(found.task)
             if found.error is not None:
                 raise found.error
-            columns = self.peek(recording)
+            columns = self.cached(recording)
             if columns is not None:
                 return columns
         raise RecordingError("The recording changed while it was opened.", "Open it again.")

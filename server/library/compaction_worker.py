@@ -49,7 +49,7 @@ class CompactionWorker:
         Args:
             spare: the file of the running recording, which is skipped even on a file system without locks.
         """
-        for path in await asyncio.to_thread(left_behind, folder):
+        for path in await asyncio.to_thread(uncompacted, folder):
             if path != spare:
                 self.add(path)
 
@@ -92,7 +92,7 @@ class CompactionWorker:
             await worker.end()
 
 
-def left_behind(folder: Path) -> list[Path]:
+def uncompacted(folder: Path) -> list[Path]:
     """Recordings that are not compacted; files of an interrupted compaction are removed.
 
     Files that another process writes or compacts are left alone.

@@ -4,9 +4,9 @@
                         │ cancel: the process is ended, and its files are deleted
 
 The subprocess has low priority, so that live devices are not affected. Its result is in
-`<data>/exports/<run>-<job>/`; several files become one zip. At most `KEPT` results are stored, for a day, and they are
-deleted with the end of the server; those of a killed server are deleted at the first export of a later run after that
-day.
+`<data>/exports/<run>-<job>/`; several files become one zip. At most `MAX_RESULTS` results are stored, for a day.
+They are deleted with the end of the server; those of a killed server are deleted at the first export of a later run
+after that day.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ log = logging.getLogger("imuscope.exports")
 
 FOLDER = "exports"
 LAST_DATE = 253_402_300_800.0  # the year 10000
-KEPT = 50
+MAX_RESULTS = 50
 KEPT_S = 86_400.0
 MOST_WAITING = 20
 PROGRESS_INTERVAL_S = 0.25  # between two progress reports
@@ -234,7 +234,7 @@ class ExportJobs:
         """Delete old results."""
         over = [job for job in self._jobs.values() if job.ended_at]
         late = time.monotonic() - KEPT_S
-        for job in over[: max(0, len(over) - KEPT)] + [job for job in over if job.ended_at < late]:
+        for job in over[: max(0, len(over) - MAX_RESULTS)] + [job for job in over if job.ended_at < late]:
             if self._jobs.pop(job.published.id, None) is not None:
                 shutil.rmtree(job.folder, ignore_errors=True)
 

@@ -95,17 +95,17 @@ def live(
     base: Base = "device",
 ) -> QueryResult:
     """A time range of a live channel in the store."""
-    return held(channel.info, kept(channel, t0, base), t0, t1, width, columns=columns, base=base)
+    return query_columns(channel.info, stored_values(channel, t0, base), t0, t1, width, columns=columns, base=base)
 
 
-def kept(channel: StoredChannel, t0: float, base: Base = "device") -> list[Array]:
+def stored_values(channel: StoredChannel, t0: float, base: Base = "device") -> list[Array]:
     """Copy of the ring buffers from `t0` on; call it in the event loop."""
     ring = channel.ring
     # device time may be some seconds away from arrival; a ring is searched by arrival
     return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0))
 
 
-def held(
+def query_columns(
     info: wire.ChannelInfo,
     whole: Sequence[Array],
     t0: float,
@@ -115,7 +115,7 @@ def held(
     columns: Sequence[int] | None = None,
     base: Base = "device",
 ) -> QueryResult:
-    """A time range of a copy made by `kept`; may run in any thread."""
+    """A time range of a copy made by `stored_values`; may run in any thread."""
     wanted = tuple(range(len(info.columns)) if columns is None else columns)
     arrival, time = whole[0], whole[1]
     t = arrival if base == "arrival" else np.maximum.accumulate(np.where(np.isnan(time), arrival, time))

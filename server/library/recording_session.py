@@ -31,8 +31,8 @@ from server.library.log_header import LogHeaderRequest
 from server.streaming.bus import TelemetryBus
 
 RATE_S = 10.0  # averaging time of the rate for `seconds_left`
-TOLD = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
-READ = ("time_unit", "rotation")  # recorded decode options, besides the schema of vendor types
+METADATA_FIELDS = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
+RECORDED_OPTIONS = ("time_unit", "rotation")  # recorded decode options, besides the schema of vendor types
 
 
 class RecordingSession:
@@ -185,7 +185,8 @@ class RecordingSession:
 
 def about(info: wire.DeviceInfo) -> dict[str, Any]:
     """Device metadata for a recording; unknown values are omitted."""
-    return {name: value for name in TOLD + READ if (value := getattr(info, name)) not in ("", None)}
+    names = METADATA_FIELDS + RECORDED_OPTIONS
+    return {name: value for name in names if (value := getattr(info, name)) not in ("", None)}
 
 
 def described(session: Session) -> dict[str, str]:

@@ -17,16 +17,16 @@ import math
 BITS = 10  # start, eight data bits, stop
 
 
-def misread_at(data: bytes, sent_baud: int, heard_baud: int) -> bytes:
-    """Bytes reported by a receiver at `heard_baud` if `data` is sent back to back at `sent_baud`."""
-    if sent_baud == heard_baud or not data:
+def misread_at(data: bytes, sender_baud: int, receiver_baud: int) -> bytes:
+    """Bytes reported by a receiver at `receiver_baud` if `data` is sent back to back at `sender_baud`."""
+    if sender_baud == receiver_baud or not data:
         return data
     line = 0
     for index, byte in enumerate(data):
         line |= (1 << 9 | byte << 1) << (BITS * index)  # bit 0 of each ten is the start bit, 0
     size = BITS * len(data)
     received = bytearray()
-    step = sent_baud / heard_baud  # the receiver's bit, in bits of the sender
+    step = sender_baud / receiver_baud  # the receiver's bit, in bits of the sender
     at = -1.0  # the line idles before the first byte
     while True:
         start = _falling_edge(line, size, at)

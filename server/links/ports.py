@@ -54,13 +54,15 @@ class PortInfo:
         description: for display: "Xsens USB converter, serial DB1ABC".
         busy: its user, "a session of this server" or the name of a program; "" if it is free.
         denied: one sentence with the group to join; "" if access is allowed.
-        heard: every rate that was tried, in order.
+        attempts: every rate that was tried, in order.
+        heard: the same under the name of the previous version.
     """
 
     device: str
     description: str
     busy: str = ""
     denied: str = ""
+    attempts: list[Attempt] = field(default_factory=list)
     heard: list[Attempt] = field(default_factory=list)
 
 
@@ -173,14 +175,14 @@ async def scan(
     async def one(info: PortInfo) -> None:
         report = (lambda attempt: progress(info.device, attempt)) if progress is not None else None
         if info.busy:
-            info.heard = [Attempt("not opened", f"In use by {info.busy}.", time.time())]
+            attempts = [Attempt("not opened", f"In use by {info.busy}.", time.time())]
         elif info.denied:
-            info.heard = [Attempt("not opened", info.denied, time.time())]
+            attempts = [Attempt("not opened", info.denied, time.time())]
         else:
-            info.heard = await listen(info.device, report)
-            return
-        if report is not None:
-            report(info.heard[0])
+            attempts = await listen(info.device, report)
+        info.attempts = info.heard = attempts
+        if report is not None and (info.busy or info.denied):
+            report(attempts[0])
 
     await asyncio.gather(*(one(info) for info in infos))
     return infos

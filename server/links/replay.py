@@ -92,7 +92,7 @@ class ReplayLink(FileLink):
         await self.close()
         self._head()  # raises a LinkError with the reason if it cannot be read
         try:
-            file, span = await asyncio.to_thread(self._peek)
+            file, span = await asyncio.to_thread(self._open_file)
         except RecordingError as error:
             raise LinkError("refused", error.message, error.hint or "Give another recording.") from None
         if span is None:
@@ -116,7 +116,7 @@ class ReplayLink(FileLink):
         self._thread = threading.Thread(target=self._play, args=arguments, name=f"link {self.source}", daemon=True)
         self._thread.start()
 
-    def _peek(self) -> tuple[File, tuple[int, int] | None]:
+    def _open_file(self) -> tuple[File, tuple[int, int] | None]:
         file = open_file(self.path, self.settings.protocol)
         return file, extent(file)
 

@@ -61,9 +61,9 @@ class ClientFanout:
     def __init__(self, bus: TelemetryBus, store: ChannelStore, log: EventLog, capabilities: Capabilities) -> None:
         self._bus, self._store, self._log, self._capabilities = bus, store, log, capabilities
         self._queues: set[SendQueue] = set()
-        self._browsers_ever = 0
+        self._browser_count = 0
         self._attached = 0  # including third-party viewers
-        self._gone_dropped = self._gone_bytes = 0  # of disconnected clients
+        self._disconnected_dropped = self._disconnected_bytes = 0  # of disconnected clients
         self._offered: dict[int, int] = {}  # channel → sequence number up to which clients were offered samples
         self._touched: dict[int, None] = {}  # channels with samples that were not offered yet
         self._new_channels: list[wire.ChannelInfo] = []
@@ -134,7 +134,7 @@ class ClientFanout:
         shared = wire_codec.encode_text(wire.HealthReport(list(report.values())))
         for queue in self._queues:
             own = self._health_for(queue, report) if queue.dropped_of else None
-            queue.say_latest("health", shared if own is None else wire_codec.encode_text(own))
+            queue.put_latest("health", shared if own is None else wire_codec.encode_text(own))
 
     def _health_for(self, queue: SendQueue, report: Mapping[str, wire.DeviceHealth]) -> wire.HealthReport:
         dropped: dict[str, int] = {}
@@ -220,7 +220,7 @@ class ClientFanout:
         if self._queues:
             text = wire_codec.encode_text(message)
             for queue in self._queues:
-                queue.say_latest(kind, text)
+                queue.put_latest(kind, text)
 
     # ── clients ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -234,7 +234,7 @@ class ClientFanout:
         self._log.trim(self._bus.now())
         self._attached += 1
         queue.number = self._attached
-        self._browsers_ever += queue.is_browser
+        self._browser_count += queue.is_browser
         self._queues.add(queue)
         bus = self._bus
         for message in (
@@ -252,8 +252,8 @@ class ClientFanout:
         """Remove a disconnected client."""
         if queue in self._queues:
             self._queues.discard(queue)
-            self._gone_dropped += queue.dropped
-            self._gone_bytes += queue.sent_bytes
+            self._disconnected_dropped += queue.dropped
+            self._disconnected_bytes += queue.sent_bytes
         if not self._queues:
             self._touched, self._new_channels, self._new_events, self._new_traffic = {}, [], [], []
 
@@ -284,8 +284,8 @@ class ClientFanout:
         queues = tuple(sorted(self._queues, key=lambda queue: queue.number))
         return ClientStatistics(
             self.browsers,
-            self._browsers_ever,
-            self._gone_dropped + sum(queue.dropped for queue in queues),
-            self._gone_bytes + sum(queue.sent_bytes for queue in queues),
+            self._browser_count,
+            self._disconnected_dropped + sum(queue.dropped for queue in queues),
+            self._disconnected_bytes + sum(queue.sent_bytes for queue in queues),
             queues,
         )

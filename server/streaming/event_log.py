@@ -1,11 +1,11 @@
 """Event log for clients that connect later.
 
 There are two kinds. Events that are drawn in plots (a gap is a hatch, a clock step breaks every line, a marker is a
-line) are stored for each device as long as its samples, because plots show both. All others are news, of which the
-newest are stored.
+line) are stored for each device as long as its samples, because plots show both. Of all others, the newest are
+stored.
 
-    marks   gap, clock, marker    for history_s, at most MARKS_KEPT of each device
-    news    everything else       the newest NEWS_KEPT; a new browser gets NEWS_TO_LATE of them
+    marks     gap, clock, marker    for history_s, at most MARKS_KEPT of each device
+    changes   everything else       the newest CHANGES_KEPT; a new browser gets CHANGES_RESENT of them
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from server.wire import EventInfo, EventKind
 MARKS: frozenset[EventKind] = frozenset({"gap", "clock", "marker"})
 # Ten gaps a second and their sum (server/devices/event_reporter.py) over ten minutes are 6600.
 MARKS_KEPT = 8000
-NEWS_KEPT = 5000
-NEWS_TO_LATE = 1000
+CHANGES_KEPT = 5000
+CHANGES_RESENT = 1000
 AT_ONCE = 500  # events in one message, which delays the samples behind it
 
 
@@ -33,7 +33,7 @@ class EventLog:
     def __init__(self, history_s: float) -> None:
         self._history_s = history_s
         self._marks: dict[str, deque[EventInfo]] = {}
-        self._changed: deque[EventInfo] = deque(maxlen=NEWS_KEPT)
+        self._changed: deque[EventInfo] = deque(maxlen=CHANGES_KEPT)
 
     def append(self, event: EventInfo) -> None:
         """Store an event; above the maximum, the oldest of its kind is dropped."""
@@ -56,7 +56,7 @@ class EventLog:
     def for_late(self) -> Iterator[list[EventInfo]]:
         """Events for a client that connects now, in order, in blocks."""
         events = [event for marks in self._marks.values() for event in marks]
-        events += list(self._changed)[-NEWS_TO_LATE:]
+        events += list(self._changed)[-CHANGES_RESENT:]
         events.sort(key=lambda event: event.seq)
         for at in range(0, max(len(events), 1), AT_ONCE):
             yield events[at : at + AT_ONCE]

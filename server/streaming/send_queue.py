@@ -148,7 +148,7 @@ class SendQueue:
         self.text_bytes += len(text)
         self._on_ready()
 
-    def say_latest(self, kind: str, text: str) -> None:
+    def put_latest(self, kind: str, text: str) -> None:
         """Queue a text frame that replaces an unsent one of its kind."""
         self._latest[kind] = text
         self._on_ready()

@@ -18,7 +18,7 @@ from websockets.typing import Subprotocol
 from recordings.mcap_reader import McapReader
 from server import wire, wire_codec
 from server.library.cleanup import DataFolderLock
-from server.library.compaction_worker import left_behind
+from server.library.compaction_worker import uncompacted
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, received, recording
 from tests.server.tcp_device import TcpDevice
@@ -104,7 +104,7 @@ def end(data: Path) -> float:
     assert len(received(made)) > 50_000, f"of {len(sent)} bytes that were sent"
     tenancy = DataFolderLock(data)
     tenancy.begin()
-    left_behind(folder)
+    uncompacted(folder)
     tenancy.end()
     assert hidden(data) == [], "what was half made goes when the next server starts"
     return took

@@ -24,7 +24,7 @@ from recordings import compaction
 from recordings.compaction import is_uncompacted
 from recordings.mcap_writer import RecordingError
 from server.library.cleanup import LOCK, DataFolderLock
-from server.library.compaction_worker import left_behind
+from server.library.compaction_worker import uncompacted
 from server.links.simulator import SimulatorThread
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, received, recording
@@ -124,7 +124,7 @@ def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> No
         assert old.stdout
         assert old.stdin
         assert old.stdout.readline() == "half\n"
-        assert left_behind(tmp_path) == [path]  # the next server starts, and packs
+        assert uncompacted(tmp_path) == [path]  # the next server starts, and packs
         pipe = old.stdin
 
         def let_it_end(share: float) -> None:

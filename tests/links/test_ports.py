@@ -70,14 +70,15 @@ def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pyt
                 progress=lambda device, one: told.append(device),
             )
             speaking, quiet, busy, denied, absent = infos
-            assert [one.what for one in speaking.heard] == ["115 200 Bd", "921 600 Bd"]
-            assert "Xbus frame" in speaking.heard[-1].outcome
-            assert quiet.heard[-1].outcome == "0 B at every rate: is it powered, and set to send?"
+            assert [one.what for one in speaking.attempts] == ["115 200 Bd", "921 600 Bd"]
+            assert "Xbus frame" in speaking.attempts[-1].outcome
+            assert quiet.attempts[-1].outcome == "0 B at every rate: is it powered, and set to send?"
             assert busy.busy == "minicom (process 7)"
-            assert busy.heard[0].outcome == "In use by minicom (process 7)."
+            assert busy.attempts[0].outcome == "In use by minicom (process 7)."
             assert "usermod -aG" in denied.denied
-            assert "There is no port /dev/ttyNope." in absent.heard[0].outcome
+            assert "There is no port /dev/ttyNope." in absent.attempts[0].outcome
             assert set(told) == {info.device for info in infos}
+            assert all(info.heard == info.attempts for info in infos), "answers have the previous name too"
             # The session's own link is left alone even when its source is another name of the same port.
             (mine,) = await ports.scan([bench.slave], in_use=[os.path.realpath(bench.slave)])
             assert mine.busy == "a session of this server"

@@ -16,8 +16,8 @@ from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import SETS
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.driver import version_of
-from protocols.isb.kept import settings_of
 from protocols.isb.simulator.device import IsbSimulator
+from protocols.isb.stored_settings import settings_of
 from protocols.isb.streams import STREAMS
 from protocols.layouts import EncodeError
 from protocols.transactions import DeviceContext, DeviceRejectedError, NoReplyError, Send, WaitFor, cancel

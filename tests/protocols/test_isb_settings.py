@@ -12,7 +12,7 @@ from protocols import validation
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import VERSIONS
 from protocols.isb.field_docs import BAUD_RATES, CAN_RATES
-from protocols.isb.kept import fields_of, settings_of
+from protocols.isb.stored_settings import fields_of, settings_of
 from protocols.schema import Field
 from server.configuration.form_builder import field_form
 from tests.vendor.inertial_sense import KEPT

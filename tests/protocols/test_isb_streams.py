@@ -9,8 +9,8 @@ import pytest
 
 from protocols.isb import frames
 from protocols.isb.dataset_loader import SETS
-from protocols.isb.kept import PERSISTENT
 from protocols.isb.simulator.device import IsbSimulator
+from protocols.isb.stored_settings import PERSISTENT
 from protocols.isb.streams import PRESETS, dids_of
 from protocols.transactions import Send, Transaction, cancel
 from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire

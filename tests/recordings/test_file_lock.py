@@ -13,7 +13,7 @@ from recordings import file_lock, quota
 from recordings.compaction import ASIDE, compact, is_uncompacted
 from recordings.library import Library
 from recordings.mcap_writer import McapWriter, RecordingError
-from server.library.compaction_worker import left_behind
+from server.library.compaction_worker import uncompacted
 from tests.recordings.mcap_files import ABOUT, read
 from tests.server_process import ROOT, tied
 
@@ -49,7 +49,7 @@ def test_a_recording_of_another_process_is_neither_packed_nor_culled_nor_moved(t
     with recording_elsewhere(path) as child:
         assert file_lock.is_written(path)
         assert not is_uncompacted(path)
-        assert left_behind(tmp_path) == []
+        assert uncompacted(tmp_path) == []
         with pytest.raises(RecordingError, match="being recorded"):
             compact(path)
         assert quota.cull(tmp_path, 1) == []
@@ -61,7 +61,7 @@ def test_a_recording_of_another_process_is_neither_packed_nor_culled_nor_moved(t
         child.communicate("")
     assert [data for _, _, data in read(path)] == [b"a minute of driving", b"and another one"]
     assert not file_lock.is_in_use(path)
-    assert left_behind(tmp_path) == [path]
+    assert uncompacted(tmp_path) == [path]
     compact(path)
     assert [data for _, _, data in read(path)] == [b"a minute of driving", b"and another one"]
 
@@ -72,7 +72,7 @@ def test_a_killed_writer_leaves_no_lock_behind(tmp_path: Path) -> None:
         child.kill()
         child.wait()
         assert not file_lock.is_in_use(path)
-        assert left_behind(tmp_path) == [path]
+        assert uncompacted(tmp_path) == [path]
 
 
 def test_only_dead_leftovers_of_packing_are_taken_away(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_only_dead_leftovers_of_packing_are_taken_away(tmp_path: Path) -> None:
     dead.write_bytes(b"left by a packing that was killed")
     with alive.open("w+b") as out:
         assert file_lock.share(out.fileno())
-        left_behind(tmp_path)
+        uncompacted(tmp_path)
         assert alive.exists()
         assert not dead.exists()
 

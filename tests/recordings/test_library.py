@@ -47,11 +47,11 @@ def test_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
     assert ids(library) == ["new", "old"]
     for entry in library.all():
         assert entry.title == "Yard loop"
-        assert entry.peek.duration == pytest.approx(0.9)
-        assert entry.peek.devices[0].serial_number == "0080A1B2"
-        assert entry.peek.devices[0].messages is None  # the chunks that brought them were told for messages
+        assert entry.probe.duration == pytest.approx(0.9)
+        assert entry.probe.devices[0].serial_number == "0080A1B2"
+        assert entry.probe.devices[0].messages is None  # the chunks that brought them were told for messages
         assert entry.markers == 1
-        assert not entry.peek.damaged
+        assert not entry.probe.damaged
     (tmp_path / "old.mcap").unlink()
     assert ids(library) == ["new"]
     assert ids(Library(tmp_path / "none")) == []
@@ -78,7 +78,7 @@ def test_torn_and_damaged_files_are_listed_with_a_sentence(tmp_path: Path) -> No
     (tmp_path / "stub.mcap").write_bytes(whole[:9])
     (tmp_path / "noise.mtb").write_bytes(b"")
     (tmp_path / "noise.bin").write_bytes(b"\x55" * 5000)
-    found = {entry.id: entry.peek.damaged for entry in Library(tmp_path).all()}
+    found = {entry.id: entry.probe.damaged for entry in Library(tmp_path).all()}
     assert not found.pop("whole")
     assert found.keys() == {"torn", "stub", "noise", "noise.bin"}
     assert all(words.endswith(".") for words in found.values())
@@ -120,7 +120,7 @@ def test_a_damaged_sidecar_is_reported_and_keeps_the_recording_pinned(tmp_path: 
     library = Library(tmp_path)
     library.edit("a", Edits(title="Precious", pinned=True))
     sidecar_path(path).write_text(sidecar_path(path).read_text()[:-9])
-    assert "a.mcap.json is damaged" in library.get("a").peek.damaged
+    assert "a.mcap.json is damaged" in library.get("a").probe.damaged
     assert is_pinned(path)
 
 
@@ -185,7 +185,7 @@ def test_a_split_log_is_one_and_goes_as_one(tmp_path: Path) -> None:
     (entry,) = library.all()
     assert entry.size == 1000
     assert [file.name[-8:] for file in entry.files] == ["0001.raw", "0002.raw"]
-    assert entry.peek.started == 1795176000.0
+    assert entry.probe.started == 1795176000.0
     library.delete(entry.id)
     assert [file.name for file in tmp_path.iterdir()] == [".bin"]
     library.undelete(entry.id)
@@ -214,7 +214,7 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
     assert max(high for _, high in entry.thumbnail) == 1.0
     assert all(0 <= low <= high <= 1 for low, high in entry.thumbnail)
     assert entry.losses == [pytest.approx(0.1, abs=0.002)]
-    assert entry.peek.devices[0].product == "MTi-630"
+    assert entry.probe.devices[0].product == "MTi-630"
     assert ids(library, "kerb") == ["a"]
     recording(tmp_path / "b.mcap").replace(tmp_path / "a.mcap")
     os.utime(tmp_path / "a.mcap", (5, 5))
@@ -227,10 +227,10 @@ def test_a_device_that_has_but_its_files_name_goes_by_the_new_one(tmp_path: Path
     columns = store(tmp_path / "store", devices=1)
     columns.manifest["devices"][0]["name"] = "a.bin"
     library.index("a", columns)
-    assert [device.name for device in library.get("a").peek.devices] == ["a.bin"]
+    assert [device.name for device in library.get("a").probe.devices] == ["a.bin"]
     entry = library.rename("a", "battery pulled")
     assert entry.indexed
-    assert [device.name for device in entry.peek.devices] == ["battery pulled.bin"]
+    assert [device.name for device in entry.probe.devices] == ["battery pulled.bin"]
 
 
 def test_an_upload_appears_when_it_is_whole_and_is_a_recording(tmp_path: Path) -> None:

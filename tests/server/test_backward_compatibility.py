@@ -97,8 +97,8 @@ def test_what_was_changed_about_it_is_read(kept: Path) -> None:
     assert entry.edits.notes == "Two laps.\nWind from the west."
     (marker,) = entry.edits.markers
     assert (marker.time, marker.kind, marker.text, marker.device) == (1795252226.5, "note", "the bump", "1")
-    assert entry.peek.devices[0].product.startswith("MTi-630")
-    assert entry.peek.damaged == ""
+    assert entry.probe.devices[0].product.startswith("MTi-630")
+    assert entry.probe.damaged == ""
 
 
 def test_a_snapshot_is_read(kept: Path) -> None:
@@ -150,7 +150,7 @@ def test_an_old_index_is_rebuilt(kept: Path) -> None:
         (kept / INDEX / "xbus.mcap.json").write_text(json.dumps(told))
         (entry,) = [one for one in Library(kept).all() if one.path == path]
         assert not entry.indexed
-        assert entry.peek.damaged == ""
+        assert entry.probe.damaged == ""
 
 
 def test_columns_of_another_version_are_made_again(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
     assert told is not None
     assert (told.title, told.damaged, told.devices) == ("Later", f"It {words}", [])
     (entry,) = Library(tmp_path).all()
-    assert entry.peek.damaged == f"It {words}"
+    assert entry.probe.damaged == f"It {words}"
 
 
 def test_edits_by_a_newer_imuscope_are_not_overwritten(tmp_path: Path) -> None:
@@ -215,7 +215,7 @@ def test_edits_by_a_newer_imuscope_are_not_overwritten(tmp_path: Path) -> None:
     library = Library(tmp_path)
     (entry,) = library.all()
     words = NEWER.format(2, sidecar.VERSION)
-    assert entry.peek.damaged == f"xbus.mcap.json {words}"
+    assert entry.probe.damaged == f"xbus.mcap.json {words}"
     assert entry.edits == sidecar.Edits()
     with pytest.raises(RecordingError, match="newer imuscope"):
         library.edit("xbus", sidecar.Edits(title="Mine"))

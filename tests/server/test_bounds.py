@@ -136,7 +136,7 @@ def test_a_table_is_made_in_small_pieces() -> None:
     n = 300_000
     info = wire.ChannelInfo(1, "1", "M", "Force", "Force", "scalar", "N", "", [wire.ColumnInfo("value", "f8")])
     clock = np.arange(n, dtype=np.float64)
-    answer = range_query.held(info, [clock, clock, clock], 0, n, 0)
+    answer = range_query.query_columns(info, [clock, clock, clock], 0, n, 0)
     assert max(map(len, range_query.json_of(answer))) < 100_000, "a column is not spelled at once"
     assert max(map(len, range_query.arrow_of(answer))) < 2_000_000
 

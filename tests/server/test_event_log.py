@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from server.streaming.event_log import AT_ONCE, MARKS_KEPT, NEWS_TO_LATE, EventLog
+from server.streaming.event_log import AT_ONCE, CHANGES_RESENT, MARKS_KEPT, EventLog
 from server.wire import EventInfo, EventKind
 
 
@@ -25,7 +25,7 @@ def test_an_outage_is_reported_however_much_happened_since() -> None:
         log.append(event(seq, "reply", time=2.0))
     found = told(log)
     assert [one.seq for one in found[:2]] == [0, 1]
-    assert len(found) == 2 + NEWS_TO_LATE
+    assert len(found) == 2 + CHANGES_RESENT
 
 
 def test_a_bad_line_does_not_push_out_the_losses_of_another_device() -> None:

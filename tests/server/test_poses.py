@@ -39,7 +39,7 @@ def samples(
 
 
 def look(*infos: dict[str, Any]) -> poses.DeviceView:
-    [found] = poses.looks_of([{"id": "1", "name": "MTi"}], infos)
+    [found] = poses.device_views([{"id": "1", "name": "MTi"}], infos)
     return found
 
 
@@ -112,7 +112,7 @@ def test_gravity_is_the_opposite_of_what_is_felt() -> None:
 
 
 def test_a_device_without_an_attitude_is_in_no_scene() -> None:
-    assert poses.looks_of([{"id": "1", "name": "MTi"}], [info(1, "vector", "Acceleration", "x y z", "m/s²")]) == []
+    assert poses.device_views([{"id": "1", "name": "MTi"}], [info(1, "vector", "Acceleration", "x y z", "m/s²")]) == []
 
 
 def test_a_track_has_its_past_before_it_and_ten_points_a_second_at_most() -> None:

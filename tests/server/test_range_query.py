@@ -147,7 +147,7 @@ def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: P
         assert isinstance(shelf.open("a"), DecodeJob)
         first = await shelf.opened("a")
         assert shelf.open("a") is first
-        assert shelf_in(tmp_path).peek("a") is not None  # it outlives the server
+        assert shelf_in(tmp_path).cached("a") is not None  # it outlives the server
         (tmp_path / "a.mcap").unlink()
         drive(tmp_path / "a.mcap", seconds=1.0)
         await shelf.prepare()  # somebody looks at the library: a process waits for what comes now

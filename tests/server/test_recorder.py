@@ -26,7 +26,7 @@ from server.config import Config
 from server.devices.session import Session
 from server.errors import DomainError
 from server.library.api_models import Mark
-from server.library.compaction_worker import CompactionWorker, left_behind
+from server.library.compaction_worker import CompactionWorker, uncompacted
 from server.library.recorder import RecordingOptions
 from tests.server.fakes import sample
 from tests.server.in_process_server import InProcessServer
@@ -357,7 +357,7 @@ def test_a_recording_left_by_a_killed_server_is_packed_by_the_next(tmp_path: Pat
         server.process.wait()
     path = recorded(tmp_path)
     before = chunks(path, "rx/1")
-    assert left_behind(tmp_path / "recordings") == [path]
+    assert uncompacted(tmp_path / "recordings") == [path]
     (tmp_path / "recordings" / f".{path.name}.packing").write_bytes(b"left by a packing that was killed")
     with ServerProcess("sim:isb", data=tmp_path):
         end = time.monotonic() + 60

@@ -12,7 +12,7 @@ from protocols.transactions import DeviceContext
 from server.configuration.device_controller import DeviceController
 from server.configuration.risk_check import plan_command
 
-PRESENT = SimpleNamespace(kept_by=lambda command: None)
+PRESENT = SimpleNamespace(setting_of=lambda command: None)
 DESK = cast(
     DeviceController,
     SimpleNamespace(driver=IsbDriver(), context=DeviceContext(), values={}, unfinished={}, present=PRESENT),

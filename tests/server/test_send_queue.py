@@ -150,8 +150,8 @@ def test_events_are_never_dropped_and_go_first() -> None:
 def test_only_the_newest_state_waits() -> None:
     box = outbox()
     for k in range(5):
-        box.say_latest("health", f"health {k}")
-        box.say_latest("devices", f"devices {k}")
+        box.put_latest("health", f"health {k}")
+        box.put_latest("devices", f"devices {k}")
     assert [box.pop(), box.pop(), box.pop()] == ["health 4", "devices 4", None]
 
 

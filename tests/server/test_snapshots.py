@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.isb.driver import IsbDriver
-from protocols.isb.kept import settings_of
+from protocols.isb.stored_settings import settings_of
 from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver

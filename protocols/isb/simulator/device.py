@@ -135,7 +135,7 @@ class IsbSimulator:
         self._sent_ns = -1  # everything due up to this device time has been sent
         self._waiting: list[tuple[int, bytes]] = []  # packets of this block not sent yet, last first
         self._parser = StreamParser(frames.scan, find, STARTS)
-        self._heard_ns = 0
+        self._received_ns = 0
         self._count = 0
 
     # -- the two directions of the link
@@ -162,9 +162,9 @@ class IsbSimulator:
         if not self._is_awake:
             return b""  # the device has not booted yet
         now = self._local(now_ns)
-        requests = self._requests(stalled=True) if now - self._heard_ns > STALL_NS else []
+        requests = self._requests(stalled=True) if now - self._received_ns > STALL_NS else []
         self._parser.feed(data, now)
-        self._heard_ns = now
+        self._received_ns = now
         out += [self._receive(request, now) for _, request in requests + self._requests()]
         return b"".join(out)
 
@@ -192,12 +192,12 @@ class IsbSimulator:
     def _requests(self, *, stalled: bool = False) -> list[tuple[int, Request]]:
         """Requests received, in order: packets as (flags byte, data set, offset, payload), sentences, corrections."""
         cut = self._parser.drain(stalled=stalled)
-        heard: list[tuple[int, Request]] = [(text.offset, text) for text in cut.texts if text.name]
+        requests: list[tuple[int, Request]] = [(text.offset, text) for text in cut.texts if text.name]
         for at, _, body, length, did, flags in cut.table[:6].T.tolist():
             shifted = flags & WITH_OFFSET and flags & frames.TYPE_MASK in (frames.DATA, frames.SET_DATA)
             offset = int.from_bytes(cut.data[body - 2 : body], "little") if shifted else 0
-            heard.append((cut.start + at, (flags, did, offset, cut.data[body : body + length])))
-        return sorted(heard, key=lambda one: one[0])
+            requests.append((cut.start + at, (flags, did, offset, cut.data[body : body + length])))
+        return sorted(requests, key=lambda one: one[0])
 
     # -- streams
 
@@ -331,7 +331,7 @@ class IsbSimulator:
     def _save(self) -> None:
         """Save streams and sentences over a reset."""
         self.persistent = dict(self.streams)
-        self.memory.kept_sentences = dict(self.memory.sentences)
+        self.memory.saved_sentences = dict(self.memory.sentences)
 
     def _text(self, line: str, now: int) -> bytes:
         """Handle a text request."""
@@ -367,7 +367,7 @@ class IsbSimulator:
         self.run = SignalSource(self._seed, self.run.vibration, None, self.run.utc_ns + now)
         self._is_awake, self._waiting, self.streams = False, [], {}
         self._parser = StreamParser(frames.scan, find, STARTS)
-        self._heard_ns = 0
+        self._received_ns = 0
         self._sent_ns = -1
 
     def repowered(self, start_ns: int) -> IsbSimulator:

@@ -4,7 +4,7 @@
                             unsupported rate becomes the nearest; inertial data are never slower than navigation
     DID_NMEA_BCAST_PERIOD   pairs are merged: a sentence that is not named keeps its period
     DID_MAG_CAL, DID_BIT    writing a state starts a process, which runs by itself and ends
-    others of `KEPT`        written values are read back; lost with a reset
+    others of `STORED_SETS` written values are read back; lost with a reset
 
 The device lacks and refuses all other data sets.
 
@@ -24,7 +24,7 @@ from protocols.isb.simulator.signals import DTYPES, GNSS_NS
 from protocols.simulator.trajectory import PLACE
 
 SYS_FAULT, NMEA, FLASH, GPS1_VERSION, MAG_CAL, BIT = 2, 8, 12, 17, 19, 64
-KEPT = (61, 73, 87, 90, 94)  # RTK options, survey, wheels, CAN, calibration in the field
+STORED_SETS = (61, 73, 87, 90, 94)  # RTK options, survey, wheels, CAN, calibration in the field
 INPUTS = (71, 88)  # wheel encoder, position measurement: write only
 PERSISTENT = 1 << 9
 SENTENCES = 20
@@ -52,12 +52,12 @@ class SettingsMemory:
 
     Attributes:
         sentences: NMEA message → period.
-        kept_sentences: those restored after a reset.
+        saved_sentences: those restored after a reset.
     """
 
     flash: bytes
     sentences: dict[int, int] = field(default_factory=dict)
-    kept_sentences: dict[int, int] = field(default_factory=dict)
+    saved_sentences: dict[int, int] = field(default_factory=dict)
     _sets: dict[int, bytes] = field(default_factory=dict)
     _calibration: tuple[int, int] | None = None  # start and state, while it runs
     _test: tuple[int, int] | None = None  # start and kind
@@ -80,7 +80,7 @@ class SettingsMemory:
         """Discard unsaved values."""
         self._sets.clear()
         self._calibration = self._test = None
-        self.sentences = dict(self.kept_sentences)
+        self.sentences = dict(self.saved_sentences)
 
     # -- read
 
@@ -97,7 +97,7 @@ class SettingsMemory:
             return self._bit(now)
         if did in (SYS_FAULT, GPS1_VERSION):
             return (b"simulator" if did == GPS1_VERSION else b"").ljust(size(did), b"\0")
-        return self._sets.get(did, bytes(size(did))) if did in KEPT else b""
+        return self._sets.get(did, bytes(size(did))) if did in STORED_SETS else b""
 
     def _mag_cal(self, now: int) -> bytes:
         if self._calibration is None:
@@ -142,7 +142,7 @@ class SettingsMemory:
         merged = {**self.sentences, **periods}
         self.sentences = {number: period for number, period in merged.items() if number and period}
         if keep:
-            self.kept_sentences = dict(self.sentences)
+            self.saved_sentences = dict(self.sentences)
 
 
 def _settled(flash: bytes) -> bytes:

@@ -146,8 +146,8 @@ def output_configuration(device: XbusSimulator, payload: bytes, now: int) -> byt
     if len(payload) % 4 or len(payload) > 4 * MOST_ITEMS:
         raise RequestRefusedError(ERROR_MESSAGE)
     if payload:
-        wishes = [pair for pair in struct.iter_unpack(">HH", payload) if pair != (0, 0)]
-        device.output = tuple((identifier, device.grant(identifier, wish)) for identifier, wish in wishes)
+        requested = [pair for pair in struct.iter_unpack(">HH", payload) if pair != (0, 0)]
+        device.output = tuple((identifier, device.grant(identifier, rate)) for identifier, rate in requested)
     return b"".join(struct.pack(">HH", *pair) for pair in device.output)
 
 

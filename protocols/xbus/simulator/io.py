@@ -29,7 +29,7 @@ class RequestParser:
     def __init__(self, addresses: Collection[int] = ADDRESSES) -> None:
         self._addresses = addresses
         self._received = bytearray()
-        self._heard_ns = 0
+        self._received_ns = 0
 
     def clear(self) -> None:
         """Drop an incomplete request."""
@@ -37,35 +37,35 @@ class RequestParser:
 
     def receive(self, data: bytes, now: int) -> None:
         """Add bytes received at a device time, ns."""
-        if now - self._heard_ns > STALL_NS:
+        if now - self._received_ns > STALL_NS:
             self._received.clear()
         self._received += data
-        self._heard_ns = now
+        self._received_ns = now
 
     def requests(self) -> Iterator[tuple[int, int, bytes]]:
         """The whole frames for this device, as (bus identifier, message, payload); those for others are skipped."""
-        heard = self._received
-        while (at := heard.find(frames.PREAMBLE)) >= 0:
-            del heard[:at]
-            if len(heard) < 4:
+        buffer = self._received
+        while (at := buffer.find(frames.PREAMBLE)) >= 0:
+            del buffer[:at]
+            if len(buffer) < 4:
                 return
-            head = 4 if heard[3] != frames.EXTENDED else 6
-            if len(heard) < head:
+            head = 4 if buffer[3] != frames.EXTENDED else 6
+            if len(buffer) < head:
                 return
-            size = heard[3] if head == 4 else heard[4] << 8 | heard[5]
+            size = buffer[3] if head == 4 else buffer[4] << 8 | buffer[5]
             end = head + size + 1
             if size > frames.MAX_SENT:
-                del heard[0]
-            elif len(heard) < end:
+                del buffer[0]
+            elif len(buffer) < end:
                 return
-            elif sum(heard[1:end]) & 0xFF:
-                del heard[0]
+            elif sum(buffer[1:end]) & 0xFF:
+                del buffer[0]
             else:
-                frame = bytes(heard[:end])
-                del heard[:end]
+                frame = bytes(buffer[:end])
+                del buffer[:end]
                 if frame[1] in self._addresses:
                     yield frame[1], frame[2], frame[head:-1]
-        heard.clear()
+        buffer.clear()
 
 
 class PowerCutError(Exception):

@@ -193,7 +193,7 @@ export interface PreviewAnswer {
   readonly line: string;
 }
 
-export interface ReadWish {
+export interface ReadRequest {
   readonly settings: readonly string[] | null;
   /** stored in the snapshot */
   readonly reason: string;
@@ -226,7 +226,7 @@ export interface Raw {
   readonly confirmed: boolean;
 }
 
-export interface Keep {
+export interface SaveRequest {
   readonly title: string;
   /** YAML; "" stores the present values of the device */
   readonly text: string;

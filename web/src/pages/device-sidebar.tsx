@@ -321,6 +321,6 @@ function Ghost({ app, port }: { readonly app: App; readonly port: Port }) {
 export function portWords(port: Port): string {
   if (port.denied !== "") return port.denied;
   if (port.busy !== "") return TEXT.inUseBy(port.busy);
-  const last = port.heard.at(-1);
+  const last = port.attempts.at(-1);
   return last ? `${last.what}: ${last.outcome}` : TEXT.notScanned(port.description);
 }

@@ -2,7 +2,7 @@
 
 import type { Attempt, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
-import type { Apply, Compare, Corrections, Difference, Fit, FitAnswer, Forms, Keep, Preview, PreviewAnswer, Raw, ReadWish, Run, SnapshotBody, SnapshotInfo } from "../forms/types";
+import type { Apply, Compare, Corrections, Difference, Fit, FitAnswer, Forms, Preview, PreviewAnswer, Raw, ReadRequest, Run, SaveRequest, SnapshotBody, SnapshotInfo } from "../forms/types";
 import type { Edit, Export, ExportPart, ExportSizes, Mark, MarkerInfo, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "../recordings/types";
 
 /** Of `T`, the fields that the server has defaults for may be left out. */
@@ -146,6 +146,7 @@ export interface PortInfo {
   readonly description: string;
   readonly busy: string;
   readonly denied: string;
+  readonly attempts: readonly Attempt[];
   readonly heard: readonly Attempt[];
 }
 
@@ -245,7 +246,7 @@ export interface Routes {
   /** Read settings into a snapshot. The device does not measure while it is read. */
   "POST /api/devices/{device}/read": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<ReadWish, "settings" | "reason" | "confirmed">;
+    readonly body: Defaulted<ReadRequest, "settings" | "reason" | "confirmed">;
     readonly answer: Job;
   };
   /** Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be lost. */
@@ -318,7 +319,7 @@ export interface Routes {
   /** Store a snapshot under a name: a given text, or the settings of the device as last read. */
   "POST /api/devices/{device}/snapshots": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<Keep, "text">;
+    readonly body: Defaulted<SaveRequest, "text">;
     readonly answer: SnapshotInfo;
   };
   /** A snapshot as YAML for reading, or as JSON for programs. */

@@ -1,9 +1,9 @@
 """Settings of an Inertial Sense device: its stored and reported values, as rows.
 
-    KEPT       data sets read as settings: their titles, whether they are writable, when changes take effect
+    STORED     data sets read as settings: their titles, whether they are writable, when changes take effect
     streams    data sets sent to this port, and how often
 
-Rules for editing: a stored data set is a row of `KEPT`; field_docs.py explains its fields.
+Rules for editing: a stored data set is a row of `STORED`; field_docs.py explains its fields.
 
 Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h.
 """
@@ -32,7 +32,7 @@ G_STREAMS, G_NMEA, G_CONFIG, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE = (
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredDataSet:
     """A data set stored or reported by the device.
 
     Args:
@@ -49,8 +49,8 @@ class Kept:
     basic: bool = False
 
 
-KEPT: Mapping[int, Kept] = {
-    12: Kept(
+STORED: Mapping[int, StoredDataSet] = {
+    12: StoredDataSet(
         "Flash configuration",
         G_CONFIG,
         "Configuration stored across restarts; fields are written individually, by offset.",
@@ -58,26 +58,26 @@ KEPT: Mapping[int, Kept] = {
         "reset",
         True,
     ),
-    8: Kept("NMEA sentences", G_NMEA, "Sentences sent and their periods.", write=True, basic=True),
-    19: Kept("Magnetometer calibration", G_CAL, "Magnetometer calibration.", write=True, basic=True),
-    94: Kept("In-field calibration", G_CAL, "In-field calibration.", write=True),
-    87: Kept("Wheel encoders", G_CAL, "Calibration of the wheel encoders.", write=True),
-    64: Kept("Built-in test", G_CAL, "Built-in test.", write=True),
-    73: Kept("Base survey", G_CONFIG, "Survey of the position of a base.", write=True),
-    90: Kept("CAN bus", G_CONFIG, "CAN bus messages.", True, "reset"),
-    61: Kept("RTK engine", G_CONFIG, "Options of the RTK engine.", write=True),
-    121: Kept("GPX configuration", G_CONFIG, "Configuration of a GPX, stored across restarts.", True, "reset"),
-    126: Kept("GPX streams", G_STREAMS, "Streams of a GPX.", write=True),
-    125: Kept("GPX built-in test", G_CAL, "Built-in test of a GPX.", write=True),
-    81: Kept("EVB configuration", G_CONFIG, "Configuration of an EVB, stored across restarts.", True, "reset"),
-    1: Kept("Device", G_ABOUT, "Product, serial number, versions.", basic=True),
-    10: Kept("System state", G_ABOUT, "Current temperatures, periods and status."),
-    17: Kept("First GNSS receiver", G_ABOUT, "Version of the first receiver."),
-    18: Kept("Second GNSS receiver", G_ABOUT, "Version of the second receiver."),
-    2: Kept("Last fault", G_ABOUT, "The last fault."),
-    75: Kept("Port traffic", G_ABOUT, "Traffic and losses of every port."),
-    120: Kept("GPX device", G_ABOUT, "Product, serial number, versions of a GPX."),
-    93: Kept("EVB device", G_ABOUT, "Product, serial number, versions of an EVB."),
+    8: StoredDataSet("NMEA sentences", G_NMEA, "Sentences sent and their periods.", write=True, basic=True),
+    19: StoredDataSet("Magnetometer calibration", G_CAL, "Magnetometer calibration.", write=True, basic=True),
+    94: StoredDataSet("In-field calibration", G_CAL, "In-field calibration.", write=True),
+    87: StoredDataSet("Wheel encoders", G_CAL, "Calibration of the wheel encoders.", write=True),
+    64: StoredDataSet("Built-in test", G_CAL, "Built-in test.", write=True),
+    73: StoredDataSet("Base survey", G_CONFIG, "Survey of the position of a base.", write=True),
+    90: StoredDataSet("CAN bus", G_CONFIG, "CAN bus messages.", True, "reset"),
+    61: StoredDataSet("RTK engine", G_CONFIG, "Options of the RTK engine.", write=True),
+    121: StoredDataSet("GPX configuration", G_CONFIG, "Configuration of a GPX, stored across restarts.", True, "reset"),
+    126: StoredDataSet("GPX streams", G_STREAMS, "Streams of a GPX.", write=True),
+    125: StoredDataSet("GPX built-in test", G_CAL, "Built-in test of a GPX.", write=True),
+    81: StoredDataSet("EVB configuration", G_CONFIG, "Configuration of an EVB, stored across restarts.", True, "reset"),
+    1: StoredDataSet("Device", G_ABOUT, "Product, serial number, versions.", basic=True),
+    10: StoredDataSet("System state", G_ABOUT, "Current temperatures, periods and status."),
+    17: StoredDataSet("First GNSS receiver", G_ABOUT, "Version of the first receiver."),
+    18: StoredDataSet("Second GNSS receiver", G_ABOUT, "Version of the second receiver."),
+    2: StoredDataSet("Last fault", G_ABOUT, "The last fault."),
+    75: StoredDataSet("Port traffic", G_ABOUT, "Traffic and losses of every port."),
+    120: StoredDataSet("GPX device", G_ABOUT, "Product, serial number, versions of a GPX."),
+    93: StoredDataSet("EVB device", G_ABOUT, "Product, serial number, versions of an EVB."),
 }
 
 
@@ -159,20 +159,20 @@ def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
             source=ISB_SOURCE,
         )
     ]
-    for did, kept in KEPT.items():
+    for did, row in STORED.items():
         name = SETS[did].name
         rows.append(
             Setting(
                 name,
                 fields_of(did, version),
                 read=f"{GET_PREFIX}{name}",
-                write=f"{SET_PREFIX}{name}" if kept.write else "",
-                partial=kept.write and did not in WHOLE,
-                after=kept.after,  # type: ignore[arg-type]
-                group=kept.group,
-                basic=kept.basic,
-                title=kept.title,
-                doc=kept.doc,
+                write=f"{SET_PREFIX}{name}" if row.write else "",
+                partial=row.write and did not in WHOLE,
+                after=row.after,  # type: ignore[arg-type]
+                group=row.group,
+                basic=row.basic,
+                title=row.title,
+                doc=row.doc,
                 source=SOURCE,
             )
         )
