@@ -5,7 +5,7 @@
 
 Each file holds the texts and the newest sample frames of a page that has just been opened. Those of the families have
 the HTTP answers of Configure too, after the settings were read, with those but the forms that were others before; those
-of the scenes (tests/wire_scenes.py) what the library answers.
+of the scenes (tests/wire_scenes.py) what the library answers, and of recordings that are opened all of their samples.
 tests/server/test_recorded_wire.py says when it must be run again.
 """
 
@@ -129,14 +129,45 @@ def record(family: str) -> None:
 
 def record_scene(name: str) -> None:
     """Write one file of a scene, once all is as it will be."""
+    windows: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder, SCENES[name](Path(folder)) as server:
         time.sleep(3)
         page = heard(server)
         answers = {"GET /api/build": ask(server, "GET", "/api/build")}
         if recordings := ask(server, "GET", "/api/recordings"):
             answers["GET /api/recordings"] = recordings
-            answers |= library_answers(server, recordings[0]["id"])
-    _write(name, {"family": "", **page, "unread": {}, "answers": answers})
+            if name == "library":
+                answers |= library_answers(server, recordings[0]["id"])
+        if name == "recordings":
+            for info in recordings:
+                answers |= recording_answers(server, info["id"])
+                windows[info["id"]] = whole_window(server, answers[f"GET /api/recordings/{info['id']}"])
+    _write(name, {"family": "", **page, "unread": {}, "answers": answers, **({"windows": windows} if windows else {})})
+
+
+def recording_answers(server: ServerProcess, recording: str) -> dict[str, Any]:
+    """What is answered when a recording is opened, and when a marker is put into it."""
+    place = f"/api/recordings/{recording}"
+    while "channels" not in (detail := ask(server, "GET", place)):  # it is decoded first
+        time.sleep(0.1)
+    t0, t1 = detail["t0"], detail["t1"]
+    health = {
+        f"GET {place}/health?device={device['id']}": ask(
+            server, "GET", f"{place}/health?device={device['id']}&t0={t0}&t1={t1}"
+        )
+        for device in detail["devices"]
+    }
+    marker = {"text": "second look", "kind": "marker", "time": t0 + 1.5, "device": ""}
+    added = ask(server, "POST", f"{place}/markers", marker)
+    return {f"GET {place}": detail, **health, f"POST {place}/markers": added}
+
+
+def whole_window(server: ServerProcess, detail: dict[str, Any]) -> str:
+    """Every sample of a recording, as on the wire."""
+    path = f"/api/recordings/{detail['info']['id']}/window?t0={detail['t0']}&t1={detail['t1']}&width=8000"
+    with urllib.request.urlopen(server.url + path, timeout=PATIENCE_S) as answer:
+        assert answer.headers["x-exact"] == "1"
+        return base64.b64encode(answer.read()).decode()
 
 
 def library_answers(server: ServerProcess, recording: str) -> dict[str, Any]:

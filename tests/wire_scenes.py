@@ -6,6 +6,7 @@ shared-link  three IDTP devices that send to one UDP port, one of them payloads 
 waiting      a device that nobody connects to, and one that is not there
 two-senders  datagrams of two senders at one port
 library      a library of one recording
+recordings   two short recordings, to be opened
 """
 
 from __future__ import annotations
@@ -67,25 +68,27 @@ class Sensors(threading.Thread):
         self.join()
 
 
-def yard_loop(path: Path) -> None:
+def yard_loop(
+    path: Path, title: str = TITLE, *, rate: int = RATE, seconds: int = SECONDS, start: int = START, seed: int = 1
+) -> None:
     """What a server would have recorded on a machine that is never late: each chunk comes when it was sent.
 
     Two devices, one of which loses frames, and a marker.
     """
     devices = {
-        "1": XbusSimulator(start_ns=0, rate=RATE, drop=0.003, seed=1, measuring=True, baud=921_600),
+        "1": XbusSimulator(start_ns=0, rate=rate, drop=0.003, seed=seed, measuring=True, baud=921_600),
         "2": IsbSimulator(start_ns=0),
     }
-    writer = McapWriter(path, {"title": TITLE})
+    writer = McapWriter(path, {"title": title})
     for number, protocol in (("1", "xbus"), ("2", "isb")):
         writer.device(
             number, {"source": f"/dev/ttyUSB{number}", "link": "serial", "baud": 921_600, "protocol": protocol}
         )
-    for step in range(1, SECONDS * 100):
+    for step in range(1, seconds * 100):
         for number, device in devices.items():
             if sent := device.advance(step * 10_000_000):
-                writer.chunk(number, "rx", sent, START + step * 10_000_000)
-    writer.write_note("marker", "kerb", START + SECONDS * 500_000_000)
+                writer.chunk(number, "rx", sent, start + step * 10_000_000)
+    writer.write_note("marker", "kerb", start + seconds * 500_000_000)
     writer.close()
     compact(path)
 
@@ -136,6 +139,16 @@ def _library(folder: Path) -> Iterator[ServerProcess]:
         yield server
 
 
+@contextmanager
+def _recordings(folder: Path) -> Iterator[ServerProcess]:
+    (folder / "recordings").mkdir()
+    yard_loop(folder / "recordings" / "yard.mcap", rate=100, seconds=6)
+    hour_later = START + 3600 * 1_000_000_000
+    yard_loop(folder / "recordings" / "harbour.mcap", "Harbour", rate=100, seconds=4, start=hour_later, seed=2)
+    with ServerProcess("udp://127.0.0.1:0", data=folder) as server:
+        yield server
+
+
 def _of(*sources: str) -> Callable[[Path], Iterator[ServerProcess]]:
     def serve(folder: Path) -> Iterator[ServerProcess]:
         with ServerProcess(*sources, data=folder) as server:
@@ -151,5 +164,6 @@ SCENES = {
     "waiting": contextmanager(_of("tcp-listen://127.0.0.1:0", "/dev/ttyNOTHERE")),
     "two-senders": _two_senders,
     "library": _library,
+    "recordings": _recordings,
 }
 """Name of a scene → its server, running."""

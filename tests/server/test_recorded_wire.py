@@ -5,14 +5,16 @@ Run `python -m tests.record_wire` when this fails.
 
 from __future__ import annotations
 
+import base64
 from typing import Any, get_args
 
 import pytest
 from pydantic import TypeAdapter
 
+from recordings.health_history import HealthHistory
 from server import wire
 from server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo
-from server.library.api_models import RecordingInfo
+from server.library.api_models import MarkerInfo, RecordingDetail, RecordingInfo
 from tests.record_wire import FAMILIES, recorded
 from tests.wire_scenes import SCENES
 
@@ -44,3 +46,22 @@ def test_recorded_answers_are_those_of_today(name: str) -> None:
     for place, answer in recorded(name)["answers"].items():
         if kind := ANSWERS.get(place.rpartition("/")[2]):
             has_shape(answer, kind)
+
+
+def test_recorded_recordings_are_those_of_today() -> None:
+    page = recorded("recordings")
+    answers = page["answers"]
+    has_shape(answers["GET /api/recordings"], list[RecordingInfo])
+    for name in page["windows"]:
+        detail = answers[f"GET /api/recordings/{name}"]
+        has_shape(detail, RecordingDetail)
+        has_shape(answers[f"POST /api/recordings/{name}/markers"], MarkerInfo)
+        for device in detail["devices"]:
+            has_shape(answers[f"GET /api/recordings/{name}/health?device={device['id']}"], HealthHistory)
+        sent = base64.b64decode(page["windows"][name])
+        found = []
+        while sent:
+            header = dict(zip(wire.HEADER_FIELDS, wire.HEADER.unpack_from(sent), strict=True))
+            found.append((header["channel"], header["columns"]))
+            sent = sent[header["size"] :]
+        assert found == [(one["id"], len(one["columns"]) + 2) for one in detail["channels"]]

@@ -19,15 +19,33 @@ export interface Opened {
   readonly look: (device: string) => void;
 }
 
-/** Missing in a DOM without layout: a size for everything, and canvases that accept any drawing. */
+/** Missing in a DOM without layout: a size for everything, told to who observes it, and canvases that accept any drawing. */
 const [WIDTH, HEIGHT] = [1000, 150];
 
-function giveSizes(): void {
+class SizeObserver {
+  readonly #changed: () => void;
+  #isOver = false;
+
+  constructor(changed: () => void) {
+    this.#changed = changed;
+  }
+
+  observe(): void {
+    queueMicrotask(() => this.#isOver || this.#changed());
+  }
+
+  disconnect(): void {
+    this.#isOver = true;
+  }
+}
+
+export function giveSizes(): void {
   const nothing: unknown = new Proxy(() => {}, {
     get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : name === "width" ? 10 : nothing),
     apply: () => nothing,
     set: () => true,
   });
+  vi.stubGlobal("ResizeObserver", SizeObserver);
   vi.spyOn(HTMLCanvasElement.prototype, "getContext").mockImplementation(() => nothing as never);
   vi.spyOn(HTMLElement.prototype, "clientWidth", "get").mockReturnValue(WIDTH);
   vi.spyOn(HTMLElement.prototype, "clientHeight", "get").mockReturnValue(HEIGHT);

@@ -22,9 +22,13 @@ export type Scene =
   | "shared-link"
   | "waiting"
   | "two-senders"
-  | "library";
+  | "library"
+  | "recordings";
 
-/** "GET /api/devices/1/values", or with a body "POST /api/devices/1/preview {…}" → the answer. */
+/**
+ * "GET /api/devices/1/values", or with a body "POST /api/devices/1/preview {…}" → the answer; a function of the query where the answer
+ * depends on it.
+ */
 export type Answers = Readonly<Record<string, unknown>>;
 
 export interface Recorded {
@@ -34,6 +38,8 @@ export interface Recorded {
   readonly read?: readonly ServerText[];
   readonly unread: Answers;
   readonly answers: Answers;
+  /** All samples of each recording, as on the wire: base64. */
+  readonly windows?: Readonly<Record<string, string>>;
 }
 
 const FOLDER = join(import.meta.dirname, "../../../tests/golden/wire");
@@ -57,12 +63,14 @@ export function feed(store: Store, { samples }: Pick<Recorded, "samples">, texts
     store.receive({ kind: "text", text });
   }
   for (const sample of samples) {
-    const bytes = Uint8Array.from(atob(sample), (letter) => letter.charCodeAt(0));
-    const { frames, problem } = decode(bytes.buffer, (channel) => dtypes.get(channel));
+    const { frames, problem } = decode(bytesOf(sample).buffer, (channel) => dtypes.get(channel));
     if (problem !== undefined) throw new Error(problem);
     store.receive({ kind: "frames", frames, received: Number.NaN });
   }
 }
+
+export const bytesOf = (base64: string): Uint8Array<ArrayBuffer> =>
+  Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 
 /** A request. */
 export interface Asked {
@@ -98,10 +106,16 @@ export function answering(answers: Answers, slow = ""): Asked[] {
   vi.stubGlobal("fetch", (path: string, { method = "GET", body }: RequestInit = {}) => {
     const text = typeof body === "string" ? body : "";
     asked.push({ method, path, body: text === "" ? undefined : JSON.parse(text) });
-    const found = known.get(keyOf(`${method} ${path} ${text}`.trim())) ?? known.get(`${method} ${path}`);
+    const [place, query] = path.split("?");
+    const whole = known.get(keyOf(`${method} ${path} ${text}`.trim())) ?? known.get(`${method} ${path}`);
+    const answered = whole ?? known.get(`${method} ${place}`);
+    const found: unknown = typeof answered === "function" ? answered(new URLSearchParams(query)) : answered;
     const missing = { kind: "not-found", message: `Nothing was recorded of ${path}.`, hint: "" };
     const headers = { "content-type": "application/json" };
-    const answer = new Response(JSON.stringify(found ?? missing), { status: found === undefined ? 404 : 200, headers });
+    const answer =
+      found instanceof Response
+        ? found
+        : new Response(JSON.stringify(found ?? missing), { status: found === undefined ? 404 : 200, headers });
     const takes = slow !== "" && path.endsWith(slow) ? SLOW_MS : ON_THE_WAY_MS;
     return new Promise((resolve) => setTimeout(() => resolve(answer), takes));
   });

@@ -6,7 +6,8 @@ import { beginMarker } from "./markers";
 import type { OpenRecording } from "./open-recording";
 import { copyLink } from "./share-menu";
 
-export function listenForKeys(recording: OpenRecording): () => void {
+/** @param root of the recording: keys pressed in another one beside it are not its own */
+export function listenForKeys(recording: OpenRecording, root: () => HTMLElement | null): () => void {
   const { replay, app } = recording;
   const exporting = exportingOf(app);
   let chord = -Infinity;
@@ -14,6 +15,8 @@ export function listenForKeys(recording: OpenRecording): () => void {
     if (event.defaultPrevented || app.overlay.peek() !== undefined || exporting.peek() !== undefined) return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const type = target instanceof HTMLInputElement ? target.type : "";
+    const within = target.closest(".app");
+    if (within !== null && within !== root()) return;
     if (belongsToControl(target.tagName, type, target.isContentEditable, event)) return;
     const key = event.key.toLowerCase();
     const waits = event.timeStamp - chord < 1500; // "G, then a letter" goes to another page

@@ -1,5 +1,5 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
-import { useEffect, useMemo } from "preact/hooks";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import { mountAttitude } from "../../attitude/panel";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
@@ -37,16 +37,21 @@ const ADDRESS_MS = 1000;
 export function ReplayPage({ replay, app }: { readonly replay: ReplayController; readonly app: App }) {
   const { info } = replay.detail;
   const { folded, overlay } = app;
+  const root = useRef<HTMLDivElement>(null);
   const recording = useMemo(() => openRecording(replay, app), [replay, app]);
   // biome-ignore lint/correctness/useExhaustiveDependencies: another recording has another key, and mounts another page
   useEffect(() => {
     document.title = `${titleOf(info)} · imuscope`;
-    const stops = [onFrame((now) => replay.tick(now)), listenForKeys(recording), keepAddress(replay)];
+    const stops = [
+      onFrame((now) => replay.tick(now)),
+      listenForKeys(recording, () => root.current),
+      keepAddress(replay),
+    ];
     return () => stops.forEach((stop) => stop());
   }, []);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
   return (
-    <div class={`app replay ${offline ? "offline" : ""} ${folded.value ? "folded" : ""}`}>
+    <div ref={root} class={`app replay ${offline ? "offline" : ""} ${folded.value ? "folded" : ""}`}>
       <a class="btn edge skip" href="#plots">
         {COMMON.skipToThePlots}
       </a>

@@ -1,0 +1,227 @@
+// @vitest-environment happy-dom
+/** A recording is opened, read, moved through, marked and closed; its samples are those that a server sent. */
+import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import type { ReplayController } from "../../recordings/replay-controller";
+import { type Opened, openPage } from "../../testing/live-page";
+import { type Answers, recorded } from "../../testing/recorded";
+import { detailOf, recordingAnswers, samplesOf } from "../../testing/recordings";
+
+Object.defineProperty(navigator, "webdriver", { value: true }); // the page then shows its controller to tests
+
+const PATIENCE = { timeout: 20_000 };
+const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const YARD = detailOf("yard");
+const ACCELERATION = samplesOf("yard", "1", "Acceleration");
+const DURATION = YARD.t1 - YARD.t0;
+
+const find = (selector: string): HTMLElement => {
+  const found = document.querySelector(selector);
+  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
+  return found;
+};
+const text = (selector: string): string => find(selector).textContent ?? "";
+const press = (key: string, more: KeyboardEventInit = {}): void =>
+  void fireEvent.keyDown(document.body, { key, ...more });
+const windows = ({ asked }: Opened): readonly URLSearchParams[] =>
+  asked.filter(({ path }) => path.includes("/window?")).map(({ path }) => new URLSearchParams(path.split("?")[1]));
+
+/** The first value of the first legend: x of the acceleration. */
+const read = (): number => Number(text(".plot .legend .series-value").replace("−", "-"));
+/** What was sent of it at a moment: the last sample until then. */
+function sent(t: number, { n, time, columns } = ACCELERATION): number {
+  let k = 0;
+  while (k + 1 < n && (time[k + 1] ?? Infinity) <= t + 1e-6) k += 1;
+  return Number(columns[0]?.[k]);
+}
+
+interface OpenedReplay extends Opened {
+  readonly replay: ReplayController;
+}
+
+async function open(query = "", answers: Answers = {}): Promise<OpenedReplay> {
+  const page = await openPage(
+    { ...recorded("recordings"), answers: recordingAnswers() },
+    { place: `#/recordings/yard${query}`, answers },
+  );
+  await eventually(() => expect(document.querySelector(".replay")).not.toBeNull());
+  await eventually(() => expect(text(".plot .legend .series-value")).toMatch(/\d/));
+  const replay = window.imuscopeReplay;
+  if (replay === undefined) throw new Error("no recording is open");
+  return { ...page, replay };
+}
+
+test("a recording opens with all of it on screen, read at its start", async () => {
+  const page = await open();
+  expect(screen.getByRole("heading", { level: 1 }).textContent).toBe("Yard loop");
+  const [first] = windows(page);
+  expect(Number(first?.get("t0"))).toBeLessThanOrEqual(YARD.t0);
+  expect(Number(first?.get("t1"))).toBeGreaterThanOrEqual(YARD.t1);
+  expect(page.replay.viewState.view.value).toMatchObject({ device: "1", live: false, end: YARD.t1 });
+  await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t0), 2));
+  await eventually(() => expect(text(".transport .now")).toMatch(/^00:00\.000 \/ 00:0[56]/));
+  expect([...document.querySelectorAll(".rail .categories button")].length).toBe(YARD.devices.length);
+  expect(page.app.viewState.view.value.live).toBe(true); // Live is left as it was
+});
+
+test("the position is moved by keys, and what is read moves with it", async () => {
+  const { replay } = await open();
+  press("End");
+  expect(replay.head).toBe(YARD.t1);
+  await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t1), 2));
+  press("Home");
+  expect(replay.head).toBe(YARD.t0);
+  replay.seek(YARD.t0 + 2);
+  await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t0 + 2), 2));
+  const before = replay.head;
+  press(".");
+  await eventually(() => expect(replay.head).toBeGreaterThan(before));
+  expect(replay.head - before).toBeLessThan(0.02);
+  await eventually(() => expect(read()).toBeCloseTo(sent(replay.head), 2));
+  const stepped = replay.head;
+  press(",");
+  await eventually(() => expect(replay.head).toBeLessThan(stepped));
+});
+
+test("a press on the overview moves the position, and with Shift it sets the loop", async () => {
+  const { replay } = await open();
+  const strip = find(".overview canvas");
+  fireEvent.pointerDown(strip, { clientX: 500, pointerId: 1, button: 0 });
+  fireEvent.pointerUp(strip, { clientX: 500, pointerId: 1 });
+  const part = (replay.head - YARD.t0) / DURATION;
+  expect(part).toBeGreaterThan(0.3);
+  expect(part).toBeLessThan(0.7);
+  fireEvent.pointerDown(strip, { clientX: 400, pointerId: 1, button: 0, shiftKey: true });
+  fireEvent.pointerMove(strip, { clientX: 600, pointerId: 1, shiftKey: true });
+  fireEvent.pointerUp(strip, { clientX: 600, pointerId: 1, shiftKey: true });
+  const [a, b] = replay.loop.value ?? [NaN, NaN];
+  expect(b - a).toBeGreaterThan(0.1 * DURATION);
+  expect(a).toBeLessThan(replay.head);
+  expect(replay.looping.value).toBe(true);
+  await eventually(() => expect(screen.getByRole("button", { name: /^Loop/ }).textContent).toMatch(/00:0/));
+});
+
+test("a range selected on the plots is shown, and the whole again", async () => {
+  const { replay } = await open();
+  const { view } = replay.viewState;
+  const on = find(".plot canvas");
+  fireEvent.pointerDown(on, { clientX: 450, pointerId: 1, button: 0, shiftKey: true });
+  fireEvent.pointerMove(on, { clientX: 550, pointerId: 1, shiftKey: true });
+  fireEvent.pointerUp(on, { clientX: 550, pointerId: 1, shiftKey: true });
+  expect(view.value.span).toBeLessThan(0.2 * DURATION);
+  expect(view.value.end).toBeLessThan(YARD.t1);
+  expect(replay.head).toBe(YARD.t0); // only the window moved
+  await eventually(() => expect(replay.isShown).toBe(true));
+  const link = (): URLSearchParams => new URLSearchParams(location.hash.split("?")[1]);
+  await eventually(() => expect(Number(link().get("t1"))).toBeCloseTo(view.value.end, 3));
+  press("f");
+  expect(view.value.span).toBeGreaterThanOrEqual(DURATION);
+});
+
+test("it plays by a key, as fast as chosen, and loops what is in view", async () => {
+  const { replay } = await open();
+  fireEvent.change(screen.getByRole("combobox", { name: "Speed" }), { target: { value: "10" } });
+  press(" ", { code: "Space" });
+  expect(replay.playing.value).toBe(true);
+  await eventually(() => expect(replay.head).toBe(YARD.t1)); // its end
+  await eventually(() => expect(replay.playing.value).toBe(false));
+  replay.viewState.actions.select(YARD.t0 + 1, YARD.t0 + 2);
+  press("l");
+  expect(replay.loop.value?.map((t) => t - YARD.t0)).toEqual([expect.closeTo(1, 3), expect.closeTo(2, 3)]);
+  replay.seek(YARD.t0 + 1.9);
+  press(" ", { code: "Space" });
+  await eventually(() => expect(replay.head).toBeLessThan(YARD.t0 + 1.9)); // it began again
+  expect(replay.head).toBeGreaterThanOrEqual(YARD.t0 + 1);
+  press(" ", { code: "Space" });
+  expect(replay.playing.value).toBe(false);
+});
+
+test("a marker is set where it is read, and led to by a press", async () => {
+  const { replay, asked } = await open();
+  const list = within(screen.getByRole("region", { name: "Markers" }));
+  expect(list.getAllByRole("listitem").map(({ textContent }) => textContent)).toEqual([
+    expect.stringContaining("kerb"),
+  ]);
+  replay.seek(YARD.t0 + 1.5);
+  press("m");
+  const field = await screen.findByPlaceholderText<HTMLInputElement>(/^Marker at 00:01\.500/, {}, PATIENCE);
+  expect(document.activeElement).toBe(field);
+  fireEvent.input(field, { target: { value: "second look" } });
+  fireEvent.submit(field.form as HTMLFormElement);
+  await eventually(() => expect(list.getAllByRole("listitem").length).toBe(2));
+  expect(asked.find(({ method }) => method === "POST")).toMatchObject({
+    path: "/api/recordings/yard/markers",
+    body: { text: "second look", kind: "marker", time: replay.head },
+  });
+  fireEvent.click(list.getByText("kerb"));
+  expect(replay.head).toBe(YARD.markers[0]?.time);
+  fireEvent.click(list.getByText("second look"));
+  expect(replay.head).toBeCloseTo(YARD.t0 + 1.5, 3);
+});
+
+test("another device is read at the same moment", async () => {
+  const { replay } = await open();
+  replay.seek(YARD.t0 + 2);
+  const [, second] = document.querySelectorAll(".rail .categories button");
+  if (second === undefined) throw new Error("no second device");
+  fireEvent.click(second);
+  await eventually(() => expect(second.getAttribute("aria-pressed")).toBe("true"));
+  expect(replay.head).toBe(YARD.t0 + 2);
+  const other = samplesOf("yard", "2", "DID_IMU.I.acc");
+  await eventually(() => expect(read()).toBeCloseTo(sent(replay.head, other), 2));
+});
+
+test("the link to a place opens that place", async () => {
+  const { t0 } = YARD;
+  const place = `t0=${t0 + 1}&t1=${t0 + 2}&cursor=${t0 + 1.25}&device=1&base=arrival&hide=Acceleration.y`;
+  const { replay } = await open(`?${place}`);
+  const { view, hiddenSeries } = replay.viewState;
+  expect(view.value).toMatchObject({ timeBase: "arrival", end: expect.closeTo(t0 + 2, 3), span: expect.closeTo(1, 3) });
+  expect(replay.head).toBeCloseTo(t0 + 1.25, 3);
+  expect([...hiddenSeries.value]).toContain("Acceleration.y");
+  const [, y] = document.querySelectorAll(".plot .legend button");
+  expect(y?.getAttribute("aria-pressed")).toBe("false");
+  press("2", { code: "Digit2" });
+  expect(y?.getAttribute("aria-pressed")).toBe("true");
+});
+
+test("one that is closed asks for nothing, hears no keys, and leaves the library", async () => {
+  const page = await open();
+  const { replay, asked } = page;
+  location.hash = "#/recordings";
+  dispatchEvent(new HashChangeEvent("hashchange"));
+  await eventually(() => expect(document.querySelectorAll(".recording-list tbody tr").length).toBe(2));
+  expect(document.querySelector(".replay")).toBeNull();
+  expect(window.imuscopeReplay).toBeUndefined();
+  const windowsBefore = windows(page).length;
+  press(" ", { code: "Space" });
+  expect(replay.playing.value).toBe(false);
+  replay.viewState.actions.select(YARD.t0 + 1, YARD.t0 + 1.1);
+  fireEvent.click(screen.getByText("Harbour"));
+  await eventually(() => expect(text(".detail")).toContain("Length"));
+  expect(windows(page).length).toBe(windowsBefore);
+  expect(asked.some(({ method }) => method === "POST")).toBe(false);
+});
+
+test("while it is decoded its progress is shown, then the recording", async () => {
+  const states = [0.25, 0.75];
+  const answers = {
+    "GET /api/recordings/yard": () => {
+      const progress = states.shift();
+      if (progress === undefined) return YARD;
+      return { id: "yard", progress, message: "Decoding the recording for the first time." };
+    },
+  };
+  const opening = open("", answers);
+  await eventually(() => expect(screen.getByRole("progressbar").getAttribute("aria-label")).toContain("25"));
+  expect(text(".opening")).toContain("Decoding the recording for the first time.");
+  await opening;
+  expect(document.querySelector(".opening")).toBeNull();
+});
+
+test("one that cannot be opened says why, and leads back", async () => {
+  const known = recorded("recordings");
+  await openPage(known, { place: "#/recordings/nowhere" });
+  await eventually(() => expect(text("main")).toContain("Nothing was recorded of /api/recordings/nowhere"));
+  expect(screen.getByRole("link", { name: /library/i }).getAttribute("href")).toBe("#/recordings");
+});
