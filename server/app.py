@@ -45,6 +45,7 @@ from server.previous_names import PreviousPaths
 from server.rate_limit import RateLimiter
 from server.security_headers import Heads
 from server.services import build_services
+from server.timings import ViewerTimings
 from server.version import VERSION
 
 ROUTED = (
@@ -86,16 +87,19 @@ def create_app(
     speech: ProtocolSet | None = None,
     now_ns: Callable[[], int] | None = None,
     page_files: Files | None = None,
+    timings: ViewerTimings | None = None,
 ) -> ASGIApp:
     """The application, guarded.
 
     Args:
-        open_link, speech, now_ns, page_files: links, protocols, clock and page; tests pass their own.
+        open_link, speech, now_ns, page_files, timings: links, protocols, clock, page and time limits; tests pass their
+            own.
 
     Raises:
         ReadingError: the configuration has an invalid option of a source.
     """
-    services = build_services(config, access, open_link, speech, now_ns, page_files or Files())
+    page_files, timings = page_files or Files(), timings or ViewerTimings()
+    services = build_services(config, access, open_link, speech, now_ns, page_files, timings)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

@@ -10,14 +10,41 @@ A connection is active when a part of a request arrives, or a part of an answer 
 
 from __future__ import annotations
 
+import resource
+from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
 
+@dataclass(frozen=True, slots=True)
+class ConnectionLimits:
+    """Limits of connections. Tests pass smaller ones.
+
+    Args:
+        head_s: for the head of a request; precedents: nginx 60, lighttpd 30, for slower networks.
+        handshake_s: for the handshake of TLS; precedent: nginx 60 s; our page is used near the robot.
+        most: number of connections.
+    """
+
+    head_s: float = 10.0
+    handshake_s: float = 5.0
+    most: int = 1000
+
+    @property
+    def connections(self) -> int:
+        """Maximum number of connections of browsers and programs: half of the descriptors at most."""
+        return min(self.most, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
+
+
 class Connections:
-    """Open connections by time of last activity: HTTP, and pending handshakes; `len` counts HTTP."""
+    """Open connections by time of last activity: HTTP, and pending handshakes; `len` counts HTTP.
+
+    Attributes:
+        limits: set once, before the server listens.
+    """
 
     def __init__(self) -> None:
+        self.limits = ConnectionLimits()
         self._moved: dict[Any, None] = {}  # in order of last activity, newest last
         self._handshaking: set[Any] = set()
 

@@ -1,6 +1,6 @@
 """TLS handshake of one connection, from the first byte to its end, in bounded time.
 
-    accepted ──> Handshake ── within HANDSHAKE_S ──> the server's own HTTP, over TLS
+    accepted ──> Handshake ── within handshake_s ──> the server's own HTTP, over TLS
                     │
                     └── too late, or not TLS: closed; too many: the one idle longest is closed for the new one
 
@@ -18,8 +18,6 @@ import ssl
 from collections.abc import Callable
 
 from server.connections import Connections
-
-HANDSHAKE_S = 5.0  # precedent: nginx 60 s; our page is used near the robot
 
 
 class Handshake(asyncio.Protocol):
@@ -63,8 +61,9 @@ class Handshake(asyncio.Protocol):
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
         try:
+            limit_s = self._slots.limits.handshake_s
             secure = await loop.start_tls(
-                self.transport, self, self._context, server_side=True, ssl_handshake_timeout=HANDSHAKE_S
+                self.transport, self, self._context, server_side=True, ssl_handshake_timeout=limit_s
             )
         except OSError:  # not TLS, too late, or gone: it is already closed
             secure = None

@@ -38,7 +38,7 @@ from websockets.protocol import State
 
 from server import shutdown as ending
 from server.config import Config
-from server.connections import connections_of
+from server.connections import ConnectionLimits, connections_of
 from server.errors import status_of
 from server.handshakes import Handshake
 from server.wire import Problem
@@ -49,8 +49,6 @@ if TYPE_CHECKING:
 log = logging.getLogger("imuscope.serving")
 
 LOOK_S = 3600.0  # between two checks of the certificate on disk
-HEAD_S = 10.0  # for the head of a request; precedents: nginx 60, lighttpd 30, for slower networks
-MOST_CONNECTIONS = 1000
 MOST_FILES = 65_536
 SWITCH_S = 0.001  # longest wait of a reading thread for a busy loop, per datagram; 5 ms would lose them
 NOT_SENT_BYTES = 64 * 1024  # precedent: HTTP/2 servers, so that priorities stay meaningful
@@ -80,7 +78,7 @@ class BoundedHttp(H11Protocol):
 
     def _start_request_timer(self) -> None:
         if self._request_timer is None:
-            self._request_timer = self.loop.call_later(HEAD_S, self.transport.abort)
+            self._request_timer = self.loop.call_later(self._room.limits.head_s, self.transport.abort)
 
     def _cancel_request_timer(self) -> None:
         if self._request_timer is not None:
@@ -103,14 +101,14 @@ class BoundedHttp(H11Protocol):
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         self._cancel_request_timer()
-        if len(self.connections) - len(self._room) >= most_connections() // 2:
+        if len(self.connections) - len(self._room) >= self._room.limits.connections // 2:
             self._refuse_websocket()
             return
         self._room.remove(self)
         super().handle_websocket_upgrade(event)
 
     def _refuse_websocket(self) -> None:
-        words = f"The maximum of {most_connections() // 2} WebSockets is open."
+        words = f"The maximum of {self._room.limits.connections // 2} WebSockets is open."
         problem = Problem("full", words, "Close an unused page, or try again later.")
         body = json.dumps(asdict(problem)).encode()
         length = str(len(body)).encode()
@@ -134,11 +132,12 @@ class BoundedHttp(H11Protocol):
 def admitted(one: BoundedHttp | Handshake, state: ServerState) -> bool:
     """Whether there is room for one more connection, after closing an idle one if necessary. If not, it is closed."""
     room = connections_of(state)
-    if len(state.connections) + len(room.shaking) <= most_connections():
+    most = room.limits.connections
+    if len(state.connections) + len(room.shaking) <= most:
         return True
     idle: BoundedHttp | Handshake = room.close_idlest() or one
     peer = (idle.client or ("", 0))[0]
-    text = f"Closed an idle connection of {peer}: {most_connections()} are open, the maximum."
+    text = f"Closed an idle connection of {peer}: {most} are open, the maximum."
     log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
     idle.transport.abort()
     return idle is not one
@@ -159,11 +158,6 @@ def _is_ours(record: logging.LogRecord) -> bool:
     """Whether uvicorn's message is not a duplicate of ours, nor about a normal cancellation."""
     is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
     return record.msg != "Invalid HTTP request received." and not is_cancelled
-
-
-def most_connections() -> int:
-    """Maximum number of connections of browsers and programs: half of the descriptors at most."""
-    return min(MOST_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
 
 
 def raise_limit() -> None:
@@ -245,8 +239,15 @@ def _is_text(frames: Sequence[bytes]) -> bool:
 class Server(uvicorn.Server):
     """uvicorn's server with a callback when it serves, which also renews its certificate."""
 
-    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None], keeper: CertificateManager | None) -> None:
+    def __init__(
+        self,
+        config: uvicorn.Config,
+        on_ready: Callable[[], None],
+        keeper: CertificateManager | None,
+        limits: ConnectionLimits,
+    ) -> None:
         super().__init__(config)
+        connections_of(self.server_state).limits = limits
         self._on_ready = on_ready
         self._keeper = keeper
         self._certificate_task: asyncio.Task[None] | None = None
@@ -332,7 +333,12 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def server(app: ASGIApp, on_ready: Callable[[], None], keeper: CertificateManager | None = None) -> Server:
+def server(
+    app: ASGIApp,
+    on_ready: Callable[[], None],
+    keeper: CertificateManager | None = None,
+    limits: ConnectionLimits | None = None,
+) -> Server:
     """Uvicorn with our settings, not running yet; with a keeper it uses TLS."""
     config = uvicorn.Config(
         app,
@@ -351,7 +357,7 @@ def server(app: ASGIApp, on_ready: Callable[[], None], keeper: CertificateManage
         timeout_graceful_shutdown=1,  # after ending.CUT_S: never reached, unless a request will not be cancelled
     )
     logging.getLogger("uvicorn.error").addFilter(_is_ours)
-    return Server(config, on_ready, keeper)
+    return Server(config, on_ready, keeper, limits or ConnectionLimits())
 
 
 def run(

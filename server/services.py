@@ -44,6 +44,7 @@ from server.page_files import Files
 from server.reference.pages import ReferencePages
 from server.streaming.event_logging import EventLogger
 from server.streaming.telemetry import Telemetry
+from server.timings import ViewerTimings
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +76,7 @@ class Services:
     page_files: Files
     reference: ReferencePages
     capabilities: Capabilities
+    timings: ViewerTimings
     folder_lock: DataFolderLock
     protocols: Callable[[], dict[str, str]] = default_speech.protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -132,6 +134,7 @@ def build_services(
     speech: ProtocolSet | None,
     now_ns: Callable[[], int] | None,
     page_files: Files,
+    timings: ViewerTimings,
 ) -> Services:
     """Create the services without starting them. Arguments and errors as for `create_app`."""
     wall_ns = now_ns or time.time_ns
@@ -171,12 +174,13 @@ def build_services(
         columns=columns,
         recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns),
         exports=ExportJobs(bus, catalogue, columns, config.data),
-        viser=Viser(telemetry),
+        viser=Viser(telemetry, timings.scene_idle_s),
         rerun=Rerun(telemetry, config.rerun_connect),
         foxglove=Foxglove(telemetry, config.foxglove, access),
         tiles=TileSource(config.map),
         page_files=page_files,
         reference=ReferencePages(),
         capabilities=capabilities,
+        timings=timings,
         folder_lock=DataFolderLock(config.data),
     )

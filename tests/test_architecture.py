@@ -54,6 +54,7 @@ SERVER: dict[str, set[str]] = {
     "shutdown": set(),
     "streaming_response": set(),
     "connections": set(),
+    "timings": set(),
     "handshakes": {"connections"},
     "logging_setup": set(),
     "diagnostics": {"jit_cache"},
@@ -75,13 +76,16 @@ SERVER: dict[str, set[str]] = {
     "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
     "services": {
         *("auth", "capability_list", "config", "configuration", "devices", "integrations", "library", "links"),
-        *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming"),
+        *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings"),
     },
     "api": {
         *("analysis", "auth", "configuration", "devices", "http_server", "integrations", "library", "links", "metrics"),
         *("page_files", "reference", "services", "streaming", "streaming_response", "wire_codec"),
     },
-    "app": {"api", "auth", "config", "devices", "links", "page_files", "rate_limit", "security_headers", "services"},
+    "app": {
+        *("api", "auth", "config", "devices", "links", "page_files", "rate_limit", "security_headers", "services"),
+        "timings",
+    },
     "commands": {
         *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "http_server", "jit_cache"),
         *("library", "links", "logging_setup", "login_throttle", "streaming"),

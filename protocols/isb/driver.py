@@ -57,7 +57,7 @@ from protocols.isb.harm import harm
 from protocols.isb.messages import COMMANDS, SET_PREFIX
 from protocols.isb.settings_diff import SAVED, differences
 from protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
-from protocols.isb.stream_discovery import to_wire
+from protocols.isb.stream_discovery import ListeningTimes, to_wire
 from protocols.isb.streams import STREAMS
 from protocols.isb.undisturbed import undisturbed
 from protocols.json_values import jsonable
@@ -170,12 +170,19 @@ def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, require
 
 
 class IsbDriver:
-    """See protocols.transactions.DeviceDriver."""
+    """See protocols.transactions.DeviceDriver.
+
+    Args:
+        listening: how long the streams of a device are listened to.
+    """
 
     name = "isb"
     states: Mapping[str, str] = NO_STATES
     begins: Collection[str] = ()
     ends_rest = ""
+
+    def __init__(self, listening: ListeningTimes | None = None) -> None:
+        self._listening = listening or ListeningTimes()
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
@@ -272,7 +279,7 @@ class IsbDriver:
 
     def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
         if setting == STREAMS_SETTING:
-            return (yield from stream_discovery.streams(lambda did: read_dataset(did), gpx=_is_gpx(known)))
+            return (yield from self._streams(gpx=_is_gpx(known)))
         values = yield from read_dataset(did_of(setting))
         return _trimmed(setting, values)
 
@@ -302,10 +309,13 @@ class IsbDriver:
         ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
         return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
 
+    def _streams(self, *, gpx: bool, **asked: Any) -> Transaction[Values]:
+        return (yield from stream_discovery.streams(lambda did: read_dataset(did), self._listening, gpx=gpx, **asked))
+
     def _write_streams(self, values: Values, *, gpx: bool) -> Transaction[WriteResult]:
         """Stop unwanted streams, start and change the others, check the result, and retry what differs."""
         chosen(values)
-        got = yield from stream_discovery.streams(lambda did: read_dataset(did), gpx=gpx)
+        got = yield from self._streams(gpx=gpx)
         asked: dict[int, int] = {}
         refused = ""
         for _ in range(ATTEMPTS if "streams" in values else 0):
@@ -320,7 +330,7 @@ class IsbDriver:
                 asked[row["did"]] = row.get("period", 1)
                 if not (yield from self._stream(row["did"], asked[row["did"]])):
                     refused = f"{SETS[row['did']].name}: {NO}"
-            got = yield from stream_discovery.streams(lambda did: read_dataset(did), also=asked, asked=asked, gpx=gpx)
+            got = yield from self._streams(also=asked, asked=asked, gpx=gpx)
         if persists(values) and not refused:
             try:
                 yield from write_dataset(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")

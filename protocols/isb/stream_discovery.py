@@ -10,7 +10,7 @@ the source (DID_IMU: the period of inertial data, or that of navigation), the fi
 multiple is used; if there is none, the interval itself.
 
 A streaming data set without a bit (DID_SYS_PARAMS) is found by listening alone. One with its bit that was not received
-within `LISTEN_S` (no RTK, no second receiver) has a size of 0, and the period of a bit alone: 1. Rare events (a strobe)
+within `listen_s` (no RTK, no second receiver) has a size of 0, and the period of a bit alone: 1. Rare events (a strobe)
 have no period and get 1.
 
 The wire values of an event are also computed here. A decoder's columns are in displayed units; a snapshot holds wire
@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,11 +40,25 @@ from protocols.transactions import DeviceRejectedError, Transaction, WaitFor
 Values = Mapping[str, Any]
 Ask = Callable[[int], Transaction[Values]]
 
-LISTEN_S, LEAST_S, QUICK_S = 3.0, 1.0, 0.4
+LONGEST_NS = 3e9  # a longer step of the device's clock between two packets is a jump
 CLOSE = 0.04  # share within which a multiple counts as one
 NOTHING: Mapping[int, int] = {}
 ENOUGH = 3  # samples needed for a reliable period
 GPX_FLASH, GPX_RMC = 121, 126
+
+
+@dataclass(frozen=True, slots=True)
+class ListeningTimes:
+    """Time limits of listening to the streams of a device, s. Tests pass shorter ones.
+
+    Args:
+        least_s: always listened for, so that data sets without a bit are found, too.
+        listen_s: the longest, if a data set that has its bit was not received yet.
+    """
+
+    least_s: float = 1.0
+    listen_s: float = 3.0
+
 
 # -- an event as wire values -------------------------------------------------------------------------------------------
 
@@ -145,7 +159,7 @@ class ObservedStreams:
         if len(times) < 2:
             return None
         device, arrival = np.diff(np.asarray(times, np.int64), axis=0).T
-        steady = (device > 0) & (device < LISTEN_S * 1e9)
+        steady = (device > 0) & (device < LONGEST_NS)
         return float(np.median(device[steady] if steady.any() else arrival)) / 1e6
 
     def count(self, did: int) -> int:
@@ -173,8 +187,8 @@ def sources_of(params: Values, flash: Values) -> dict[str, float]:
 
 def streams(
     ask: Ask,
+    times: ListeningTimes,
     *,
-    quick: bool = False,
     also: Iterable[int] = (),
     asked: Mapping[int, int] = NOTHING,
     gpx: bool = False,
@@ -183,24 +197,23 @@ def streams(
 
     Args:
         ask: reads a data set.
-        quick: only which streams exist; their periods may stay unknown.
+        times: how long to listen.
         also: data sets without a bit to listen for, too.
         asked: multiples just requested from the device: the source's period is then measured.
         gpx: it is a GPX, whose streams are in DID_GPX_RMC.
     """
     rmc = yield from ask(GPX_RMC if gpx else RMC)
     listed = dids_of(rmc.get("bits", 0), gpx=gpx)
-    sources = dict(DEFAULT_MS)
-    if gpx and not quick:
+    if gpx:
         sources = sources_of({}, (yield from _maybe(ask, GPX_FLASH)))
-    elif not quick:
+    else:
         params = yield from _maybe(ask, SYS_PARAMS)
         flash = yield from _maybe(ask, FLASH)
         sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
     observed = ObservedStreams({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
-    yield WaitFor(observed.only, QUICK_S if quick else LEAST_S, "streams")  # also finds sets without a bit
-    if not quick and not observed.enough:
-        yield WaitFor(observed.observe, LISTEN_S - LEAST_S, "streams")
+    yield WaitFor(observed.only, times.least_s, "streams")  # also finds sets without a bit
+    if not observed.enough:
+        yield WaitFor(observed.observe, times.listen_s - times.least_s, "streams")
     rows = [_stream(did, observed, sources, asked.get(did)) for did in dict.fromkeys((*listed, *observed.streaming()))]
     order = {did: place for place, did in enumerate(STREAMS)}
     return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0) & ~PERSISTENT}

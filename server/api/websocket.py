@@ -2,8 +2,8 @@
 
 Two tasks per browser: one reads its requests, one sends from its queue. Sending waits only for the socket, and nothing
 else waits for it; messages that a socket accepts at once bypass this task (server/streaming/send_queue.py). A socket
-that does not accept a byte for `STUCK_S` is closed. Progress is measured in the transport's buffer, so that a very slow
-link is not taken for a dead one.
+that does not accept a byte for `stuck_s` (server/timings.py) is closed. Progress is measured in the transport's buffer,
+so that a very slow link is not taken for a dead one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from server.streaming.send_queue import SendQueue
 log = logging.getLogger("imuscope.live")
 router = APIRouter()
 
-STUCK_S = 5.0
 MOST_WAITING_TEXT = 16 * 1024 * 1024  # bytes; text is never dropped, so a client this slow is disconnected
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 60.0  # a page asks twice a second, and some dozen times when it is opened
 LONGEST_INTERVAL_S = 0.1  # between two flushes, however rarely a page draws; bounds the age of what it shows
@@ -32,11 +31,16 @@ HISTORY_PAUSE_S = 0.002  # between two messages of history: 128 KiB each, so 60 
 
 
 class WebSocketSender:
-    """Sends the queue of one browser, and detects a stalled socket."""
+    """Sends the queue of one browser, and detects a stalled socket.
 
-    def __init__(self, socket: WebSocket, clients: ClientFanout) -> None:
+    Args:
+        stuck_s: a socket that accepts no byte for this long is stalled.
+    """
+
+    def __init__(self, socket: WebSocket, clients: ClientFanout, stuck_s: float) -> None:
         self._socket = socket
         self._clients = clients
+        self._stuck_s = stuck_s
         self._wake_event = asyncio.Event()
         extensions = socket.scope.get("extensions", {})
         self.queue = SendQueue(self._wake_event.set, send_now=extensions.get("imuscope.send_now", lambda frame: False))
@@ -70,7 +74,7 @@ class WebSocketSender:
             queue.sent_bytes += len(message)
 
     def is_stuck(self, now: float) -> bool:
-        """Whether no byte has moved for `STUCK_S`, or too much is queued. Call it about once a second."""
+        """Whether no byte has moved for `stuck_s`, or too much is queued. Call it about once a second."""
         if self.queue.text_bytes > MOST_WAITING_TEXT:
             return True
         if self._stuck_since is None:
@@ -79,7 +83,7 @@ class WebSocketSender:
         if waiting < self._waiting:
             self._stuck_since = now
         self._waiting = waiting
-        return now - self._stuck_since > STUCK_S
+        return now - self._stuck_since > self._stuck_s
 
 
 async def _listen(socket: WebSocket, clients: ClientFanout, queue: SendQueue) -> None:
@@ -141,7 +145,8 @@ async def live(socket: WebSocket, services: TheServices) -> None:
         await socket.close(1002, "subprotocol")
         return
     await socket.accept(wire.SUBPROTOCOL)
-    sender = WebSocketSender(socket, clients)
+    stuck_s = services.timings.stuck_s
+    sender = WebSocketSender(socket, clients, stuck_s)
     clients.attach(sender.queue)
     _log(sender, f"is connected, from {sender.peer or 'an unknown peer'}.", logging.INFO)
     tasks = [
@@ -152,7 +157,7 @@ async def live(socket: WebSocket, services: TheServices) -> None:
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         if tasks[2] in done:
-            _log(sender, f"took no byte for {STUCK_S:g} s, or far too few, and was disconnected.")
+            _log(sender, f"took no byte for {stuck_s:g} s, or far too few, and was disconnected.")
             transport = socket.scope.get("extensions", {}).get("imuscope.transport")
             if transport is not None:
                 transport.abort()

@@ -7,7 +7,7 @@
 viser runs in a subprocess (server/integrations/viser_worker.py), fed by server/integrations/viewer_process.py, and is
 reached through server/integrations/proxy.py. Its page opens a WebSocket at its own address without the last slash.
 
-    not started ──a page or a WebSocket──> starting ──port reported──> running ──no viewers for IDLE_S──> stopped
+    not started ──a page or a WebSocket──> starting ──port reported──> running ──no viewers for idle_s──> stopped
                                               ^                           │ crash: reported as an event
                                               └──────next WebSocket───────┘ (viser's page reconnects by itself)
 
@@ -33,7 +33,6 @@ from server.integrations.viewer_process import ViewerProcess
 from server.streaming.telemetry import Telemetry
 
 MODULE = "server.integrations.viser_worker"
-IDLE_S = 15.0
 START_S = 60.0
 MOST_STARTS, STARTS_WITHIN_S = 5, 60.0
 MOST_SCENES = 16
@@ -55,7 +54,7 @@ class Viser:
         idle_s: how long a scene without viewers is kept.
     """
 
-    def __init__(self, telemetry: Telemetry, idle_s: float = IDLE_S) -> None:
+    def __init__(self, telemetry: Telemetry, idle_s: float) -> None:
         self._bus, self._clients = telemetry.bus, telemetry.clients
         self._idle_s = idle_s
         self._process: ViewerProcess | None = None
@@ -90,7 +89,7 @@ class Viser:
                 scene = self._scenes[key] = SceneState()
                 assert self._process is not None
                 self._process.send(op="open", key=key, secret=self._secret, **self._about(key))
-                self._leave_later(key)
+                self._leave_later(key, START_S + self._idle_s)  # shorter once its port is known
         try:
             async with asyncio.timeout(START_S):
                 return SecretEndpoint(await asyncio.shield(scene.port), self._secret)
@@ -112,7 +111,7 @@ class Viser:
         if scene is not None and scene.viewers:
             scene.viewers -= 1
             if scene.viewers == 0:
-                self._leave_later(key)
+                self._leave_later(key, self._idle_s)
 
     def begin(self, replayed: ReplayFollower) -> str:
         """Register a scene of a recording; returns its key. To be ended with `end`."""
@@ -187,6 +186,8 @@ class Viser:
         scene = self._scenes.get(str(words.get("key")))
         if words["op"] == "scene" and scene is not None and not scene.port.done():
             scene.port.set_result(int(words["port"]))
+            if not scene.viewers:
+                self._leave_later(str(words["key"]), self._idle_s)
 
     def _crashed(self, words: str) -> None:
         text = "The 3D scene (viser) crashed; it restarts when it is opened."
@@ -198,10 +199,12 @@ class Viser:
             if process is not None and self._process is process:
                 await self._stop("viser crashed.")
 
-    def _leave_later(self, key: str) -> None:
+    def _leave_later(self, key: str, idle_s: float) -> None:
         loop = asyncio.get_running_loop()
         scene = self._scenes[key]
-        scene.idle = loop.call_later(self._idle_s, lambda: self._run(self._stop_idle(key, scene)))
+        if scene.idle is not None:
+            scene.idle.cancel()
+        scene.idle = loop.call_later(idle_s, lambda: self._run(self._stop_idle(key, scene)))
 
     async def _stop_idle(self, key: str, scene: SceneState) -> None:
         async with self._starting:

@@ -91,6 +91,19 @@ class LinkError(DomainError):
 
 
 @dataclass(frozen=True, slots=True)
+class ScanWindows:
+    """Listening times at each rate, in the search for the rate of a device, s. Tests pass shorter ones.
+
+    Args:
+        first_s: in the first round over all rates.
+        second_s: in the second round; longer than the period of a 1 Hz device.
+    """
+
+    first_s: float = 0.35
+    second_s: float = 1.6
+
+
+@dataclass(frozen=True, slots=True)
 class LinkSettings:
     """Settings that all links of a server share.
 
@@ -102,6 +115,7 @@ class LinkSettings:
         by_id: folder with udev's persistent names of USB adapters.
         protocol: the protocol given by the user, "" for automatic; its clock determines the timing of a file.
         key: key of a simulator that sends Secure frames; None for a random one.
+        windows: time limits of the search for a rate.
     """
 
     now_ns: Callable[[], int]
@@ -110,6 +124,7 @@ class LinkSettings:
     by_id: Path = Path("/dev/serial/by-id")
     protocol: str = ""
     key: bytes | None = field(default=None, repr=False)
+    windows: ScanWindows = ScanWindows()
 
 
 @dataclass(slots=True)

@@ -25,7 +25,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from server.links.base import Attempt, LinkError, Progress
+from server.links.base import Attempt, LinkError, Progress, ScanWindows
 from server.links.detection_text import DetectionResult, describe_bytes
 from server.links.reader_thread import hung_up
 from server.links.text import grouped
@@ -34,8 +34,7 @@ from server.links.text import grouped
 OTHER_RATES = (
     *(115_200, 921_600, 460_800, 2_000_000, 230_400, 57_600, 38_400, 19_200, 9_600, 1_000_000, 3_000_000, 4_800),
 )
-WINDOW_S = 0.35
-LONG_WINDOW_S = 1.6  # second round: longer than the period of a 1 Hz device
+WINDOWS = ScanWindows()
 ENOUGH_BYTES = 4096  # if nothing is recognised in so many bytes, listening longer does not help
 POLL_S = 0.02
 
@@ -61,7 +60,7 @@ class RateProbe:
         return Attempt(what=f"{grouped(self.baud)} Bd", outcome=self.result.words, time=time.time())
 
 
-async def find_baud(port: Any, place: str, progress: Progress | None = None) -> int:
+async def find_baud(port: Any, place: str, progress: Progress | None = None, windows: ScanWindows = WINDOWS) -> int:
     """Detect the rate of the device on an open port, and leave the port at that rate.
 
     Args:
@@ -73,7 +72,7 @@ async def find_baud(port: Any, place: str, progress: Progress | None = None) -> 
         OSError: the port is gone.
     """
     rates = likely_rates()
-    probes = await scan(port, rates, progress)
+    probes = await scan(port, rates, progress, windows)
     best = probes[-1]
     if best.result.recognised:
         return best.baud
@@ -92,7 +91,9 @@ async def find_baud(port: Any, place: str, progress: Progress | None = None) -> 
     )
 
 
-async def scan(port: Any, rates: Sequence[int] | None = None, progress: Progress | None = None) -> list[RateProbe]:
+async def scan(
+    port: Any, rates: Sequence[int] | None = None, progress: Progress | None = None, windows: ScanWindows = WINDOWS
+) -> list[RateProbe]:
     """Listen at each rate until a protocol is recognised.
 
     Args:
@@ -114,14 +115,14 @@ async def scan(port: Any, rates: Sequence[int] | None = None, progress: Progress
         return probes[-1]
 
     for baud in rates:
-        if (await probe(baud, WINDOW_S)).result.recognised:
+        if (await probe(baud, windows.first_s)).result.recognised:
             return probes
     loudest = max(one.result.size for one in probes)
     silent = [one.baud for one in probes if one.result.size == 0]
     # At a rate with many bytes, listening longer receives the same noise. The right rate may have been silent, because
     # a device that starts when its port is opened sends nothing for a second.
     for baud in rates if loudest < ENOUGH_BYTES else silent:
-        one = await probe(baud, LONG_WINDOW_S)
+        one = await probe(baud, windows.second_s)
         # A wrong rate gives noise, not silence: no bytes at one rate for so long means no bytes at any.
         if one.result.recognised or (loudest == 0 and one.result.size == 0):
             break

@@ -20,7 +20,7 @@ from typing import TextIO
 from serial import SerialException
 from serial.tools import list_ports as system_ports
 
-from server.links.base import Attempt, LinkError
+from server.links.base import Attempt, LinkError, ScanWindows
 from server.links.baud_scan import scan as scan_rates
 from server.links.serial import SerialSettings, gone, holder, lock_of, open_port
 from server.printable import printable
@@ -125,7 +125,7 @@ def _natural(path: str) -> tuple[str, int]:
     return stem, int(path[len(stem) :] or -1)
 
 
-async def listen(port: str, progress: Callable[[Attempt], None] | None = None) -> list[Attempt]:
+async def listen(port: str, progress: Callable[[Attempt], None] | None, windows: ScanWindows) -> list[Attempt]:
     """Listen to one free port at each rate until a protocol is recognised.
 
     Returns:
@@ -144,7 +144,7 @@ async def listen(port: str, progress: Callable[[Attempt], None] | None = None) -
         report(Attempt("open", str(error), time.time()))
         return attempts
     try:
-        found = await scan_rates(opened, progress=report)
+        found = await scan_rates(opened, progress=report, windows=windows)
         if not any(one.result.size for one in found):
             report(Attempt("all rates", "0 B at every rate: is it powered, and set to send?", time.time()))
     except (OSError, SerialException) as failure:
@@ -158,6 +158,7 @@ async def scan(
     ports: Sequence[str] | None = None,
     in_use: Collection[str] = (),
     progress: Callable[[str, Attempt], None] | None = None,
+    windows: ScanWindows | None = None,
 ) -> list[PortInfo]:
     """Listen on every free port, all at the same time.
 
@@ -165,6 +166,7 @@ async def scan(
         ports: only these; None: all from `list_ports`. A path that is not in that list is scanned as well.
         in_use: paths in use by sessions; they are listed and not opened.
         progress: called with the port's path and each attempt.
+        windows: how long each rate is listened at.
     """
     infos = await asyncio.to_thread(list_ports, in_use)
     if ports is not None:
@@ -179,7 +181,7 @@ async def scan(
         elif info.denied:
             attempts = [Attempt("not opened", info.denied, time.time())]
         else:
-            attempts = await listen(info.device, report)
+            attempts = await listen(info.device, report, windows or ScanWindows())
         info.attempts = info.heard = attempts
         if report is not None and (info.busy or info.denied):
             report(attempts[0])

@@ -102,7 +102,7 @@ class SerialLink(ThreadedLink):
         # Opening queries the adapter over USB, which may take long, so not on the loop.
         self._port = await asyncio.to_thread(open_port, where, self.line)
         try:
-            self.baud = self.line.baud or await find_baud(self._port, self.place, progress)
+            self.baud = self.line.baud or await find_baud(self._port, self.place, progress, self.settings.windows)
         except (OSError, serial.SerialException) as error:
             await self.close()
             raise gone(self.place, error) from None

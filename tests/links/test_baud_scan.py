@@ -8,10 +8,13 @@ from typing import Any
 import pytest
 
 from server.links import Attempt, open_link
+from server.links.base import ScanWindows
 from server.links.baud_scan import ENOUGH_BYTES, find_baud, likely_rates, scan
 from server.links.detection_text import describe_bytes
 from server.links.serial import SerialSettings, open_port
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
+
+SHORT = ScanWindows(0.02, 0.05)
 
 
 def run(coroutine: Any) -> Any:
@@ -63,15 +66,12 @@ def test_a_pseudo_terminal_without_a_rate_is_recognised_at_once() -> None:
     run(check())
 
 
-def test_silence_at_every_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.02)
-    monkeypatch.setattr("server.links.baud_scan.LONG_WINDOW_S", 0.05)
-
+def test_silence_at_every_rate_is_reported() -> None:
     async def check() -> None:
         with pty() as port:
             before = left_behind()
             attempts: list[Attempt] = []
-            error = await fails(open_link(port.path, settings()).open(attempts.append))
+            error = await fails(open_link(port.path, settings(windows=SHORT)).open(attempts.append))
             assert error.kind == "refused"
             assert "0 B at every rate: is the device powered?" in error.message
             assert {one.outcome for one in attempts} == {"0 B"}
@@ -81,10 +81,7 @@ def test_silence_at_every_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> N
     run(check())
 
 
-def test_noise_at_every_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.02)
-    monkeypatch.setattr("server.links.baud_scan.LONG_WINDOW_S", 0.02)
-
+def test_noise_at_every_rate_is_reported() -> None:
     async def check() -> None:
         with pty() as port:
 
@@ -95,7 +92,7 @@ def test_noise_at_every_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> Non
 
             talking = asyncio.create_task(talk())
             attempts: list[Attempt] = []
-            error = await fails(open_link(port.path, settings()).open(attempts.append))
+            error = await fails(open_link(port.path, settings(windows=SHORT)).open(attempts.append))
             talking.cancel()
             assert error.kind == "refused"
             assert "no known message" in error.message
@@ -107,7 +104,6 @@ def test_noise_at_every_rate_is_reported(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_a_device_that_was_starting_is_found_where_it_was_silent(monkeypatch: pytest.MonkeyPatch) -> None:
     """Noise at the other rates ended the search, though the right rate had been silent when it was listened at."""
-    monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.1)
 
     class Starting:
         """A port at which an MTi has started by the time the second rate is set."""
@@ -129,7 +125,7 @@ def test_a_device_that_was_starting_is_found_where_it_was_silent(monkeypatch: py
 
     joined_frames = b"".join(frame(i, i) for i in range(40))
     monkeypatch.setattr("server.links.baud_scan._read", read)
-    found = run(scan(port, (115_200, 57_600, 9_600)))
+    found = run(scan(port, (115_200, 57_600, 9_600), windows=SHORT))
     assert [(one.baud, one.result.recognised) for one in found] == [
         (115_200, False),
         (57_600, False),

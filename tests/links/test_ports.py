@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from server.links import ports
+from server.links.base import ScanWindows
 from tests.links.link_fixtures import device, pty
 
 
@@ -55,9 +56,6 @@ def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatc
 
 
 def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.1)
-    monkeypatch.setattr("server.links.baud_scan.LONG_WINDOW_S", 0.05)
-
     async def check() -> None:
         with device(921_600) as bench, pty() as silent, pty() as taken, pty() as refused:
             monkeypatch.setattr(ports, "holder", lambda path: "minicom (process 7)" if path == taken.path else "")
@@ -68,6 +66,7 @@ def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pyt
             infos = await ports.scan(
                 [bench.slave, silent.path, taken.path, refused.path, "/dev/ttyNope"],
                 progress=lambda device, one: told.append(device),
+                windows=ScanWindows(0.1, 0.05),
             )
             speaking, quiet, busy, denied, absent = infos
             assert [one.what for one in speaking.attempts] == ["115 200 Bd", "921 600 Bd"]

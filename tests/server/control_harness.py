@@ -8,7 +8,11 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+from protocols.isb.driver import IsbDriver
+from protocols.isb.stream_discovery import ListeningTimes
+from protocols.transactions import DeviceDriver
 from protocols.xbus.simulator.device import XbusSimulator
+from server.configuration import controllers
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController, QueuedJob
 from server.configuration.timings import ConfigurationTimings
@@ -24,15 +28,23 @@ from server.wire import Job
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
+BRIEF = ListeningTimes(least_s=0.3, listen_s=0.5)  # the product's times are for streams of 1 Hz
+BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # where streams are not what a test looks at
+
 
 class ControlHarness:
     """Telemetry, sessions and desks."""
 
-    def __init__(self, data: Path, timings: ConfigurationTimings) -> None:
+    def __init__(self, data: Path, timings: ConfigurationTimings, listening: ListeningTimes) -> None:
+        quick = IsbDriver(listening)
+
+        def driver_of(protocol: str) -> DeviceDriver | None:
+            return quick if protocol == quick.name else controllers.driver_of(protocol)
+
         now_ns = steady_clock()
         self.telemetry = Telemetry.create(lambda: now_ns() / 1e9)
         self.sessions = Sessions(self.telemetry.bus, open_link, speech(), LinkSettings(now_ns=now_ns))
-        self.desks = ControllerRegistry(self.telemetry.bus, self.sessions, data, timings)
+        self.desks = ControllerRegistry(self.telemetry.bus, self.sessions, data, timings, drivers=driver_of)
 
     async def add(self, source: str) -> DeviceController:
         """Open a source and wait until it streams."""
@@ -54,13 +66,17 @@ class ControlHarness:
 
 
 @asynccontextmanager
-async def house(data: Path, rollback_s: float = 0.5, **timings: Any) -> AsyncIterator[ControlHarness]:
+async def house(
+    data: Path, rollback_s: float = 0.5, listening: ListeningTimes = BRIEF, **timings: Any
+) -> AsyncIterator[ControlHarness]:
     """A server's inside, closed as the server closes it.
 
     Args:
+        listening: how long the streams of a device are listened to.
         timings: further ones of ConfigurationTimings; a port is looked for ten times a second.
     """
-    made = ControlHarness(data, ConfigurationTimings(rollback_s=rollback_s, **{"port_look_s": 0.1, **timings}))
+    limits = ConfigurationTimings(rollback_s=rollback_s, **{"port_look_s": 0.1, **timings})
+    made = ControlHarness(data, limits, listening)
     made.sessions.start()
     try:
         yield made

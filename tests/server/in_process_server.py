@@ -13,10 +13,12 @@ from server import http_server
 from server.app import create_app
 from server.auth import Access
 from server.config import Config
+from server.connections import ConnectionLimits
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sessions import OpenLink
 from server.page_files import Files
 from server.services import Services
+from server.timings import ViewerTimings
 from tests.server.fakes import SPEECH
 from tests.timeouts import PATIENCE_S, http_client
 
@@ -25,16 +27,25 @@ class InProcessServer:
     """`with InProcessServer(config, open_link) as running:` serves on a free port until the block ends."""
 
     def __init__(
-        self, config: Config, open_link: OpenLink, speech: ProtocolSet = SPEECH, *, page_files: Files | None = None
+        self,
+        config: Config,
+        open_link: OpenLink,
+        speech: ProtocolSet = SPEECH,
+        *,
+        page_files: Files | None = None,
+        timings: ViewerTimings | None = None,
+        limits: ConnectionLimits | None = None,
     ) -> None:
-        self._app = create_app(config, Access(config), open_link=open_link, speech=speech, page_files=page_files)
+        self._app = create_app(
+            config, Access(config), open_link=open_link, speech=speech, page_files=page_files, timings=timings
+        )
         self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)
         port = self._listener.getsockname()[1]
         self.url = f"http://127.0.0.1:{port}"
         self.ws = f"ws://127.0.0.1:{port}/ws"
         ready = threading.Event()
-        self._server = http_server.server(self._app, ready.set)
+        self._server = http_server.server(self._app, ready.set, limits=limits)
         self.loop: asyncio.AbstractEventLoop | None = None
         self._thread = threading.Thread(target=asyncio.run, args=(self._serve(),))
         self._thread.start()

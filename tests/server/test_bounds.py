@@ -32,6 +32,7 @@ from server.api.devices import check_path
 from server.config import Config
 from server.configuration.correction_manager import CorrectionManager
 from server.configuration.correction_stream import file_of
+from server.connections import ConnectionLimits
 from server.errors import DomainError
 from server.library import range_query
 from server.links import open_link
@@ -60,16 +61,23 @@ def taken(running: InProcessServer) -> list[int]:
     return found
 
 
+def serving(folder: Path, **limits: float) -> InProcessServer:
+    return InProcessServer(
+        Config(sources=("/dev/one",), data=folder),
+        FakeLink,
+        limits=ConnectionLimits(**limits),  # type: ignore[arg-type]
+    )
+
+
 def answers(running: InProcessServer) -> bool:
     with contextlib.suppress(TransportError):
         return running.client.get("/healthz").status_code == 200
     return False
 
 
-def test_a_request_whose_head_does_not_come_is_not_waited_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(http_server, "HEAD_S", 0.1)
+def test_a_request_whose_head_does_not_come_is_not_waited_for(tmp_path: Path) -> None:
     with (
-        InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        serving(tmp_path, head_s=0.1) as running,
         connected(running) as silent,
         connected(running) as slow,
     ):
@@ -80,11 +88,10 @@ def test_a_request_whose_head_does_not_come_is_not_waited_for(monkeypatch: pytes
         assert running.client.get("/healthz").status_code == 200
 
 
-def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_idle_connections_leave_descriptors_for_recordings(tmp_path: Path) -> None:
     """About 1,010 of them, without a token, stopped a recording and every link that had to be opened again."""
-    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 20)
-    monkeypatch.setattr(http_server, "HEAD_S", 10 * PATIENCE_S)  # their number is what is bounded here
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+    # Their number is what is bounded here.
+    with serving(tmp_path, most=20, head_s=10 * PATIENCE_S) as running:
         block_until(lambda: answers(running), "it answers")
         idle = [connected(running) for _ in range(60)]
         block_until(lambda: len(taken(running)) <= 21, "the listener, and 20 connections")
@@ -94,20 +101,18 @@ def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.M
         block_until(lambda: answers(running), "there is room again")
 
 
-def test_an_idle_connection_makes_room_for_one_that_asks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_idle_connection_makes_room_for_one_that_asks(tmp_path: Path) -> None:
     """Who kept a thousand open, without a token, kept everybody else out: /healthz was refused for as long."""
-    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 20)
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+    with serving(tmp_path, most=20) as running:
         idle = [connected(running) for _ in range(40)]
         assert all(answers(running) for _ in range(3))
         for one in idle:
             one.close()
 
 
-def test_websockets_leave_room_for_requests(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 6)
+def test_websockets_leave_room_for_requests(tmp_path: Path) -> None:
     with (
-        InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        serving(tmp_path, most=6) as running,
         contextlib.ExitStack() as held,
     ):
         protocols = [Subprotocol(wire.SUBPROTOCOL)]
@@ -124,7 +129,7 @@ def test_half_of_the_descriptors_are_not_for_browsers() -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (min(256, hard), hard))
-        assert http_server.most_connections() == 128
+        assert ConnectionLimits().connections == 128
         http_server.raise_limit()
         assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(hard, http_server.MOST_FILES)
     finally:

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from protocols.isb import stream_discovery
 from protocols.isb.baud_change import line_change
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.driver import IsbDriver
@@ -22,7 +21,7 @@ from server.configuration.dangers import dangers_of_write
 from server.configuration.form_builder import forms_of
 from server.configuration.risk_check import plan_command
 from server.devices.decode_options import DecodeOptions
-from tests.server.control_harness import house
+from tests.server.control_harness import BRIEFEST, house
 
 DRIVER = IsbDriver()
 KNOWN = DeviceContext(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
@@ -33,13 +32,6 @@ OLD: dict[str, Any] = {
     "startupNavDtMs": 10,
     "size": 288,
 }
-
-
-@pytest.fixture(autouse=True)
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Streams are not what is looked at here: they are listened to for a moment only."""
-    monkeypatch.setattr(stream_discovery, "LEAST_S", 0.1)
-    monkeypatch.setattr(stream_discovery, "LISTEN_S", 0.1)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +86,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
     assert writes["SET_DID_FLASH_CONFIG"] == "DID_FLASH_CONFIG"
 
     async def check() -> None:
-        async with house(tmp_path) as here:
+        async with house(tmp_path, listening=BRIEFEST) as here:
             desk = await here.add("sim:isb")
             await here.read(desk)
             values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}

@@ -15,10 +15,10 @@ from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from server import wire, wire_codec
-from server.api import websocket
 from server.config import Config
 from server.streaming.channels import ChannelRows
 from server.streaming.telemetry import Telemetry
+from server.timings import ViewerTimings
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
@@ -203,9 +203,8 @@ def _dropped(reader: StreamReader) -> int:
     return sum(device["dropped"] for text in reader.said("health")[-1:] for device in text["devices"])
 
 
-def test_a_browser_that_takes_nothing_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(websocket, "STUCK_S", 0.5)
-    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
+def test_a_browser_that_takes_nothing_is_disconnected() -> None:
+    with InProcessServer(Config(sources=("/dev/one",)), open_link, timings=ViewerTimings(stuck_s=0.5)) as running:
         source = ChunkedSource(running)
         with (
             connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1) as dead,

@@ -21,8 +21,9 @@ import viser
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
-from server import handshakes, http_server, tls
+from server import http_server, tls
 from server.config import Config, ConfigError, load
+from server.connections import ConnectionLimits
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connecting, http_client
 
@@ -173,7 +174,7 @@ def test_the_command_says_it_in_one_line(tmp_path: Path) -> None:
 
 
 @contextlib.asynccontextmanager
-async def serving_with(keeper: tls.CertificateManager) -> AsyncIterator[int]:
+async def serving_with(keeper: tls.CertificateManager, limits: ConnectionLimits | None = None) -> AsyncIterator[int]:
     """An application that does nothing, behind this certificate; its port."""
 
     async def nothing(scope: Any, receive: Any, send: Any) -> None:
@@ -184,7 +185,7 @@ async def serving_with(keeper: tls.CertificateManager) -> AsyncIterator[int]:
                 return
 
     listener, ready = http_server.listen("127.0.0.1", 0), asyncio.Event()
-    server = http_server.server(nothing, ready.set, keeper)
+    server = http_server.server(nothing, ready.set, keeper, limits)
     task = asyncio.create_task(server.serve(sockets=[listener]))
     await ready.wait()
     try:
@@ -304,34 +305,33 @@ async def closed(reader: asyncio.StreamReader) -> bool:
     return True
 
 
-def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path) -> None:
     """Who said nothing, or half a hello, was kept for a minute."""
-    monkeypatch.setattr(handshakes, "HANDSHAKE_S", 0.3)
 
     async def play() -> None:
         keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
-        async with serving_with(keeper) as port:
+        async with serving_with(keeper, ConnectionLimits(handshake_s=0.3)) as port:
             for said in (b"", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"):
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.write(said)
                 assert await closed(reader)
                 writer.close()
-            monkeypatch.setattr(handshakes, "HANDSHAKE_S", PATIENCE_S)
-            assert await shown(port, keeper.tls.cert) == keeper.tls.fingerprint
+            fingerprint = ""
+            async with asyncio.timeout(PATIENCE_S):
+                while not fingerprint:  # on a busy machine this handshake may be late, too
+                    with contextlib.suppress(OSError):
+                        fingerprint = await shown(port, keeper.tls.cert)
+            assert fingerprint == keeper.tls.fingerprint
 
     asyncio.run(play())
 
 
-def test_handshakes_that_do_not_end_leave_room_for_one_that_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_handshakes_that_do_not_end_leave_room_for_one_that_does(tmp_path: Path) -> None:
     """They were counted nowhere: about a thousand, without a token, took every descriptor of a server with TLS."""
-    monkeypatch.setattr(handshakes, "HANDSHAKE_S", PATIENCE_S)
-    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 10)
 
     async def play() -> None:
         keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
-        async with serving_with(keeper) as port:
+        async with serving_with(keeper, ConnectionLimits(handshake_s=PATIENCE_S, most=10)) as port:
             silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
             assert all([await closed(reader) for reader, _ in silent[:20]])
             assert await shown(port, keeper.tls.cert) == keeper.tls.fingerprint
@@ -342,14 +342,13 @@ def test_handshakes_that_do_not_end_leave_room_for_one_that_does(
     asyncio.run(play())
 
 
-def test_a_server_ends_without_waiting_for_handshakes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(handshakes, "HANDSHAKE_S", PATIENCE_S)
-
+def test_a_server_ends_without_waiting_for_handshakes(tmp_path: Path) -> None:
     def shaking() -> bool:
         return any(task.get_name() == "TLS handshake" for task in asyncio.all_tasks())
 
     async def play() -> None:
-        async with serving_with(tls.CertificateManager(Config(data=tmp_path, tls=True))) as port:
+        keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
+        async with serving_with(keeper, ConnectionLimits(handshake_s=PATIENCE_S)) as port:
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             writer.write(b"\x16\x03\x01\x02\x00")
             async with asyncio.timeout(PATIENCE_S):

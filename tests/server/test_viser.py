@@ -16,9 +16,14 @@ import httpx
 import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
+from server.config import Config
+from server.timings import ViewerTimings
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import InProcessServer
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, connecting, get, http_client
 from tests.viser_client import looking, subprotocol, turns
+from tests.waiting import block_until
 
 
 @pytest.fixture(scope="module")
@@ -155,23 +160,25 @@ def children(parent: int) -> list[int]:
     return found
 
 
-def test_it_runs_only_while_a_client_views_it(serve: Callable[..., ServerProcess]) -> None:
-    """And with the server it is gone, whatever happens to the server."""
+def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
+    config = Config(sources=("/dev/one",), data=tmp_path)
+    with InProcessServer(config, FakeLink, timings=ViewerTimings(scene_idle_s=0.5)) as running:
+        assert children(os.getpid()) == []
+        assert get(running.url + "/viser/", timeout=120).status_code == 200
+        [pid] = children(os.getpid())
+        block_until(lambda: not children(os.getpid()), "it has ended")
+        assert get(running.url + "/viser/", timeout=120).status_code == 200
+        [again] = children(os.getpid())
+        assert again != pid
+
+
+def test_with_the_server_it_is_gone_whatever_happens_to_the_server(serve: Callable[..., ServerProcess]) -> None:
     server = serve("sim:xbus")
     assert children(server.process.pid) == []
     assert get(server.url + "/viser/", timeout=120).status_code == 200
     [pid] = children(server.process.pid)
-    deadline = time.monotonic() + 60
-    while children(server.process.pid):
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
-    assert get(server.url + "/viser/", timeout=120).status_code == 200
-    [again] = children(server.process.pid)
-    assert again != pid
     server.process.kill()
-    while Path(f"/proc/{again}").exists():
-        assert time.monotonic() < deadline + 60
-        time.sleep(0.2)
+    block_until(lambda: not Path(f"/proc/{pid}").exists(), "it is gone, too")
 
 
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:

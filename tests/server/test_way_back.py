@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from protocols.isb import stream_discovery
 from protocols.isb.driver import IsbDriver
 from protocols.isb.messages import places
 from protocols.isb.simulator.device import IsbSimulator
@@ -23,18 +22,11 @@ from server.configuration.risk_check import plan_changes
 from server.configuration.settings_diff import SideValues, compare
 from server.errors import DomainError
 from server.links.simulator import SimulatorLink
-from tests.server.control_harness import ControlHarness, house, over
+from tests.server.control_harness import BRIEFEST, ControlHarness, house, over
 from tests.waiting import until
 
 MODEL = 213  # of motion; the table knows no such one
 SOURCE = "sim:isb?baud=921600"
-
-
-@pytest.fixture(autouse=True)
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Streams are not what is looked at here: they are listened to for a moment only."""
-    monkeypatch.setattr(stream_discovery, "LEAST_S", 0.1)
-    monkeypatch.setattr(stream_discovery, "LISTEN_S", 0.1)
 
 
 def run(coroutine: Any) -> Any:
@@ -77,7 +69,7 @@ def test_a_trial_goes_back_to_a_value_that_the_table_does_not_allow(tmp_path: Pa
     """The rollback was refused by our own range: both new values stayed, and the rollback hung in "rolling-back"."""
 
     async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2) as here:
+        async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
             desk, device = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
             assert "rolled back to the old settings" in job.message
@@ -92,7 +84,7 @@ def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_p
     """Only one that the device itself has told; a value that somebody types, or brings in a file, is checked."""
 
     async def check() -> None:
-        async with house(tmp_path) as here:
+        async with house(tmp_path, listening=BRIEFEST) as here:
             desk, device = await strange(here)
             await here.apply(desk, {"DID_FLASH_CONFIG": {"dynamicModel": 4}})
             assert has(device, "dynamicModel", 1) == 4
@@ -128,7 +120,7 @@ def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(IsbDriver, "write", broken)
 
     async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2, rounds=1) as here:
+        async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
             desk, _ = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
             assert job.state == "failed"
@@ -152,7 +144,7 @@ def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
     monkeypatch.setattr(IsbDriver, "write", broken)
 
     async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2, rounds=1) as here:
+        async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
             desk, _ = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
             assert job.message == rollback.NOT_TAKEN
@@ -173,7 +165,7 @@ def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
         write(path, text)
 
     async def check() -> None:
-        async with house(tmp_path, rollback_s=0.2) as here:
+        async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
             desk, device = await strange(here)
             monkeypatch.setattr(atomic_write, "write_atomic", full)
             task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
