@@ -82,6 +82,17 @@ def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: InProcess
     assert client.post(f"{URL}/a/undelete", json={}).json()["title"] == "New mast"
 
 
+def test_a_marker_set_later_is_among_those_of_the_recording(running: InProcessServer, folder: Path) -> None:
+    client = running.client
+    drive(folder / "a.mcap", seconds=0.2)
+    marker = client.post(f"{URL}/a/markers", json={"text": "later", "time": 1.76e9 + 0.1, "kind": "marker"}).json()
+    deadline = time.monotonic() + 60
+    while (found := client.get(f"{URL}/a")).status_code == 202:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert marker in found.json()["markers"]
+
+
 def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcessServer, folder: Path) -> None:
     client = running.client
     drive(folder / "a.mcap", seconds=0.5)
