@@ -183,8 +183,11 @@ class Decoder(Protocol):
 class Remembers(Protocol):
     """A decoder that refuses frames it has seen before, and must remember them across connections.
 
-    It stores the last verified number of each device of the stream.
+    It stores the last verified number of each device of the stream, under a secret that the devices share: None if
+    there is nothing to remember.
     """
+
+    memory_key: bytes | None
 
     def state(self) -> Mapping[int, int]:
         """Replay state of every device with a verified frame so far."""
@@ -229,18 +232,24 @@ class Shared(Protocol):
 
 
 class Doubt(Protocol):
-    """A setting that the stream contradicts, and the reason."""
+    """The value of a decode option that the stream contradicts: what it concerns, a better value, and the reason."""
 
     @property
-    def unit(self) -> str: ...
+    def subject(self) -> str: ...
+    @property
+    def value(self) -> str: ...
     @property
     def reason(self) -> str: ...
 
 
 @runtime_checkable
 class Doubts(Decoder, Protocol):
-    """A decoder whose time unit is a setting; `contradiction` is set once arrival times suggest another."""
+    """A decoder with an option whose value the stream can contradict; `contradiction` is set once it does.
 
+    `doubted` is the name of that option.
+    """
+
+    doubted: str
     contradiction: Doubt | None
 
 

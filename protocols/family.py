@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.composer import ProtocolComposer
+from protocols.decode_options import DecodeOption, settings_of
 from protocols.editor_choices import OutputChoice, StreamChoice
 from protocols.events import Batch, Decoder, Reply
 from protocols.framing import Bytes, Ints, Scan
@@ -126,25 +127,6 @@ class LogFormat:
 
 
 @dataclass(frozen=True, slots=True)
-class DecodeOptionForm:
-    """Input on the page for one of the `settings` of a family.
-
-    Args:
-        name: of the setting: "key", "time_unit" or "rotation".
-        title: display name.
-        choices: (value, words) each; () for a key in hex digits.
-        default: the value in effect if none is given.
-        early: whether it is offered before the protocol is known, too.
-    """
-
-    name: Literal["key", "time_unit", "rotation"]
-    title: str
-    choices: tuple[tuple[str, str], ...] = ()
-    default: str = ""
-    early: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class PanelDefaults:
     """Initial arrangement of the page for a device.
 
@@ -187,11 +169,10 @@ class ProtocolInfo:
         scan: finds frames as strictly as possible without a key; for streams of mixed protocols.
         is_certain: for a table of frames and their bytes, which are hardly chance: for a protocol whose only check is
             one byte. None: all.
-        settings: keyword options of decoder and listing: "key" (bytes), "min_mode" (0 to 2), "replay_check",
-            "show_unverified" (bool), "schema" (rows of `parse_schema`), "time_unit", "rotation"
-            (server/devices/decode_options.py).
-        parse_schema, write_schema: descriptions of a vendor's own messages: rows of a text, and their text.
-            An invalid text is a ValueError.
+        options: information from the user on how to decode, keywords of decoder and listing
+            (protocols/decode_options.py).
+        payload_option: name of the option that describes a vendor's own messages; "" for none.
+        permissive: keywords of a decoder that accepts frames unchecked, for inspecting bytes.
         datagrams: whether the decoder has that keyword: every chunk is a datagram.
         identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
         greeting: harmless request to any device of the protocol for its identity; b"" for none.
@@ -200,7 +181,7 @@ class ProtocolInfo:
         sender: name for senders (Batch.device) if a stream names them: its name is then its serial number, and the
             address of commands.
         driver: configures its devices; None if they cannot be configured.
-        composer: makes frames from words and JSON, with a key and a schema if known.
+        composer: makes frames from words and JSON, with the settings of the given options.
         outputs, streams: choices of the editors of that name (schema.Setting.editor).
         entry_words: title and value of a record of such a list, for display; None for other records.
         utc: UTC of each sample of a batch as reported by the device, ns since the Unix epoch (UNKNOWN of dates.py if
@@ -214,7 +195,6 @@ class ProtocolInfo:
         refusals: reasons for refusing intact frames (framing.REFUSED) → their meaning, and what to do.
         usb_vendors, usb_products: names of USB ids.
         hints: for the page.
-        option_forms: inputs of the page for `settings`.
         panels: initial arrangement of the page for a device.
         abbreviations: parts of its names of flags and choices that stay in capitals: "GPX".
         supported: tables of products, firmware and data for the documentation.
@@ -229,9 +209,9 @@ class ProtocolInfo:
     scan: Scan
     short: str = ""
     is_certain: Callable[[Ints, Bytes], NDArray[np.bool_]] | None = None
-    settings: frozenset[str] = frozenset()
-    parse_schema: Callable[[str], Mapping[int, Any]] | None = None
-    write_schema: Callable[[Mapping[int, Any]], str] | None = None
+    options: tuple[DecodeOption, ...] = ()
+    payload_option: str = ""
+    permissive: Mapping[str, Any] = field(default_factory=dict)
     datagrams: bool = False
     identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
     greeting: bytes = b""
@@ -239,7 +219,7 @@ class ProtocolInfo:
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
     driver: DeviceDriver | None = None
-    composer: Callable[[bytes | None, Mapping[int, Any] | None], ProtocolComposer] | None = None
+    composer: Callable[[Mapping[str, Any]], ProtocolComposer] | None = None
     outputs: Callable[[DeviceContext, Mapping[str, Values]], list[OutputChoice]] = lambda known, values: []
     streams: Callable[[DeviceContext, Mapping[str, Values]], list[StreamChoice]] = lambda known, values: []
     entry_words: Callable[[Mapping[str, Any]], tuple[str, str] | None] = lambda entry: None
@@ -255,7 +235,6 @@ class ProtocolInfo:
     usb_vendors: Mapping[int, str] = field(default_factory=dict)
     usb_products: Mapping[tuple[int, int], str] = field(default_factory=dict)
     hints: FamilyHints = FamilyHints()
-    option_forms: tuple[DecodeOptionForm, ...] = ()
     panels: PanelDefaults = PanelDefaults()
     abbreviations: tuple[str, ...] = ()
     supported: Callable[[], Iterable[SupportTable]] = lambda: ()
@@ -264,3 +243,7 @@ class ProtocolInfo:
     def short_title(self) -> str:
         """Its name for narrow places."""
         return self.short or self.name.upper()
+
+    def settings(self, texts: Mapping[str, str]) -> dict[str, Any]:
+        """Settings of its decoder with these decode options; those of other families are left out."""
+        return settings_of(self.options, texts)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from protocols.decode_options import DecodeOption, merged
 from protocols.events import Batch, Decoder, Reply
 from protocols.family import FrameLister, LogFormat, PositionFix, ProtocolInfo
 from protocols.plugins import ProtocolPlugin, protocol_plugins
@@ -47,6 +48,7 @@ def load_families(plugins: Iterable[ProtocolPlugin]) -> tuple[dict[str, Protocol
             family = _loaded(plugin)
             if family.name in families:
                 raise ValueError(f"there is a protocol {family.name!r} already")
+            merged(option for one in (*families.values(), family) for option in one.options)
         except Exception as error:  # third-party code may raise anything
             if not plugin.package:
                 raise
@@ -70,6 +72,20 @@ def _loaded(plugin: ProtocolPlugin) -> ProtocolInfo:
 PROTOCOLS, PROBLEMS = load_families(protocol_plugins())
 
 
+def decode_options() -> dict[str, DecodeOption]:
+    """The decode options of all families, by name."""
+    return merged(option for family in PROTOCOLS.values() for option in family.options)
+
+
+def url_options() -> list[str]:
+    """Names of the decode options that a source can contain, with "protocol".
+
+    Files are left out: a source can be given over HTTP, which must not give access to the files of the server.
+    """
+    options = (one for one in decode_options().values() if "source" in one.scopes and one.kind != "file")
+    return ["protocol", *(option.name for option in options)]
+
+
 def detect(data: bytes) -> list[Detection]:
     """Detection scores of `data` for each protocol, best first. A few hundred bytes suffice."""
     guesses = [Detection(row.name, *row.likeness(data)) for row in PROTOCOLS.values()]
@@ -79,8 +95,7 @@ def detect(data: bytes) -> list[Detection]:
 def permissive_decoder(protocol: str) -> Decoder:
     """A decoder that accepts frames unchecked: for inspecting bytes, not for trusting them."""
     row = PROTOCOLS[protocol]
-    wanted = {"show_unverified": True, "replay_check": False}
-    return row.decoder(**{name: value for name, value in wanted.items() if name in row.settings})
+    return row.decoder(**row.permissive)
 
 
 def count_messages(data: bytes) -> Counter[str]:

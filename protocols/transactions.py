@@ -151,7 +151,7 @@ class DeviceContext:
     Args:
         baud: present rate of the link; None if it has none.
         device: the addressed one if a link carries several (an IDTP device id, the bus identifier of an MTi).
-        key: for Secure frames; None without.
+        settings: of the family's decoder, as far as given (ProtocolInfo.settings): the key of encrypted frames.
         at_rest: the user sent it to the state in which settings are read, and it stays there (`DeviceDriver.within`).
     """
 
@@ -160,7 +160,7 @@ class DeviceContext:
     firmware: str = ""
     baud: int | None = None
     device: str = ""
-    key: bytes | None = field(default=None, repr=False)
+    settings: Mapping[str, Any] = field(default_factory=dict, repr=False, hash=False)
     at_rest: bool = False
 
 

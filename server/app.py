@@ -96,7 +96,7 @@ def create_app(
             own.
 
     Raises:
-        ReadingError: the configuration has an invalid option of a source.
+        DecodeOptionError: the configuration has an invalid option of a source.
     """
     page_files, timings = page_files or Files(), timings or ViewerTimings()
     services = build_services(config, access, open_link, speech, now_ns, page_files, timings)

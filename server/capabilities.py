@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-DecodeOptionName = Literal["key", "time_unit", "rotation"]
+DecodeOptionKind = Literal["text", "choice", "flag", "secret", "file"]
 
 
 @dataclass(slots=True)
@@ -22,11 +22,15 @@ class DecodeOptionChoice:
 class DecodeOptionInput:
     """An option of how the bytes of a device are decoded, set by the user."""
 
-    name: DecodeOptionName
+    name: str  # as in the request that sets it
     title: str
-    choices: list[DecodeOptionChoice]  # empty: a key, in hex digits
+    kind: DecodeOptionKind  # a secret is typed unseen, and never returned
+    choices: list[DecodeOptionChoice]  # of a choice; an empty value: not given
     default: str = ""  # in effect if the option is not set
     early: bool = False  # also offered while the protocol is not known
+    pattern: str = ""  # regular expression of the whole text; "" for any
+    malformed: str = ""  # error if the text does not match
+    example: str = ""  # one that does
 
 
 @dataclass(slots=True)
@@ -38,7 +42,7 @@ class ProtocolCapability:
     short: str  # short title: "Xbus"
     simulator: bool = False  # `sim:NAME` is a simulated device
     options: list[DecodeOptionInput] = field(default_factory=list)
-    describes_payloads: bool = False  # the user can describe a vendor's own payload types
+    payload_option: str = ""  # option by which the user describes a vendor's own payload types; "" for none
     attitude_hint: str = ""  # outputs to enable for an attitude
     identify_hint: str = ""  # why a device has no name yet, and how to get it
     pause_hint: str = ""  # effect of reading its settings

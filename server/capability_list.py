@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from protocols.decode_options import DecodeOption
 from protocols.family import ProtocolInfo
 from protocols.registry import PROTOCOLS
 from recordings.exporters import FORMATS
@@ -40,6 +41,10 @@ def list_capabilities() -> Capabilities:
     )
 
 
+def _choices(option: DecodeOption) -> tuple[tuple[str, str], ...]:
+    return ((("", option.unset),) if option.unset else ()) + option.choices
+
+
 def _protocol(family: ProtocolInfo) -> ProtocolCapability:
     return ProtocolCapability(
         name=family.name,
@@ -48,15 +53,20 @@ def _protocol(family: ProtocolInfo) -> ProtocolCapability:
         simulator=family.simulator is not None,
         options=[
             DecodeOptionInput(
-                name=form.name,
-                title=form.title,
-                choices=[DecodeOptionChoice(value, words) for value, words in form.choices],
-                default=form.default,
-                early=form.early,
+                name=option.name,
+                title=option.title,
+                kind=option.kind,
+                choices=[DecodeOptionChoice(value, words) for value, words in _choices(option)],
+                default=option.default,
+                early=option.early,
+                pattern=option.pattern,
+                malformed=option.malformed,
+                example=option.example,
             )
-            for form in family.option_forms
+            for option in family.options
+            if option.title
         ],
-        describes_payloads=family.parse_schema is not None,
+        payload_option=family.payload_option,
         attitude_hint=family.hints.attitude,
         identify_hint=family.hints.identify,
         pause_hint=family.hints.pause,

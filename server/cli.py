@@ -23,6 +23,7 @@ from server.commands.common import (
     check_sources,
     checked_protocol,
     decode_options_of,
+    given_options,
     missing_file_text,
     normalized_sources,
     prepare,
@@ -33,7 +34,7 @@ from server.commands.common import (
     size_of,
 )
 from server.config import ConfigError, load
-from server.devices.decode_options import ReadingError, key_text, parse_source_options
+from server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
 from server.jit_cache import BackgroundLoad
 from server.printable import printable
 
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = _RUN[options.command](options) or 0
         sys.stdout.flush()
         return status
-    except (UsageError, ConfigError, ReadingError) as error:
+    except (UsageError, ConfigError, DecodeOptionError) as error:
         end = "" if str(error).endswith((".", "?")) else "."
         print(f"imuscope: {printable(str(error))}{end}", file=sys.stderr)
         return 1
@@ -106,7 +107,7 @@ def _inspect(options: argparse.Namespace) -> None:
     prepare_decoders(options.data, size_of(path))
     from server.commands.inspect import inspect_file
 
-    decode_options = decode_options_of(options, "auto", replay_check=not options.no_replay_check)
+    decode_options = decode_options_of(options, "auto")
     how = {name: getattr(options, name) for name in ("direction", "format", "rejects", "device")}
     try:
         inspect_file(path, sys.stdout, decode_options, notes=sys.stderr, **how)
@@ -125,16 +126,13 @@ def _compose(options: argparse.Namespace) -> None:
     from server.commands.compose import ComposeError, composers, context_of, find_composer, frame_of, frames_of
 
     decode_options = decode_options_of(options)
-    all_composers = composers(decode_options.key, decode_options.schema)
+    all_composers = composers(decode_options)
     try:
         if options.jsonl is None:
             protocol = "" if decode_options.protocol == "auto" else decode_options.protocol
-            frame, _ = frame_of(
-                find_composer(all_composers, options.message, protocol, options.pairs),
-                options.message,
-                options.pairs,
-                context_of(decode_options),
-            )
+            composer = find_composer(all_composers, options.message, protocol, options.pairs)
+            known = context_of(composer.name, decode_options)
+            frame, _ = frame_of(composer, options.message, options.pairs, known)
             print(frame.hex())
             return
         with sys.stdin if options.jsonl == "-" else open(options.jsonl, encoding="utf-8") as lines:
@@ -172,7 +170,7 @@ def _commands(options: argparse.Namespace) -> None:
     from server.commands.compose import ComposeError
 
     try:
-        for line in manual(decode_options.protocol, options.name, decode_options.schema):
+        for line in manual(decode_options, options.name):
             print(line)
     except ComposeError as error:
         raise UsageError(str(error)) from None
@@ -181,7 +179,7 @@ def _commands(options: argparse.Namespace) -> None:
 def _rearm(options: argparse.Namespace) -> None:
     from server.commands.rearm import RearmError, RearmRequest, rearm
 
-    token = key_text(options.token) if options.token else ""
+    token = secret_text(options.token, "token") if options.token else ""
     data = load(data=options.data).data
     try:
         print(printable(rearm(RearmRequest(options.device, options.server, token, data))))
@@ -251,8 +249,8 @@ def _replay(options: argparse.Namespace) -> None:
     from server import logging_setup
     from server.commands import replay
 
-    if options.key is not None:
-        logging_setup.print_or_log("imuscope: --key is not needed: the bytes are sent unchanged.")
+    for name in given_options(options):
+        logging_setup.print_or_log(f"imuscope: --{name.replace('_', '-')} is not needed: the bytes are sent unchanged.")
 
     def sink() -> replay.Sink:
         if options.tcp is not None:
@@ -281,16 +279,15 @@ def _serve(options: argparse.Namespace) -> None:
 def _simulate(options: argparse.Namespace) -> None:
     prepare(options.data)
     from server.commands import replay, simulate
-    from server.devices.decode_options import key_text, reading
 
     try:
         device = simulate.options_of(options.device)
         place = replay.address(options.tcp) if options.tcp is not None else None
-        key = reading(key=key_text(options.key)).key if options.key is not None else None
-        if key is not None and not simulate.has_key(device.protocol):
-            raise UsageError(f"--key is for Secure frames, which {device.protocol} does not have")
+        decode_options = decode_options_of(options)
+        for name in decode_options.values.keys() - simulate.options_of_family(device.protocol):
+            raise UsageError(f"--{name.replace('_', '-')} is not an option of {device.protocol}")
         with BackgroundLoad(print_status):
-            simulate.simulate(device, key, options.pty, place, sys.stdout)
+            simulate.simulate(device, decode_options, options.pty, place, sys.stdout)
     except (simulate.SimulateError, replay.ReplayError) as error:
         raise UsageError(str(error)) from None
 

@@ -5,7 +5,6 @@
     port = 8080
     data = "/var/lib/imuscope"
     sources = ["/dev/ttyUSB0", "tcp://10.0.0.7:4000"]
-    key = "@/etc/imuscope.key"  # of IDTP devices in Secure mode
     view_token = "…"            # read-only access
     control_token = "…"         # full access
     tls = true                  # https with a self-signed certificate; or tls_cert and tls_key: files (server/tls.py)
@@ -35,7 +34,7 @@ import ipaddress
 import re
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -44,13 +43,19 @@ from urllib.parse import urlsplit
 import platformdirs
 
 from server import previous_names
-from server.devices.decode_options import DecodeOptions, key_text, reading, schema_text
+from server.devices.decode_options import (
+    DecodeOptions,
+    checked_options,
+    declared_options,
+    option_text,
+    source_options,
+)
 from server.logging_setup import LEVELS, STYLES
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
 MOST_MEMORY_MB = 65_536
-SECRETS = ("key", "view_token", "control_token")
+SECRETS = ("view_token", "control_token")
 
 
 class ConfigError(ValueError):
@@ -95,10 +100,8 @@ class Config:
         data: folder for recordings and compiled code.
         sources: opened at start; none given: simulators of all device families.
         protocol: of those sources; "" to detect it.
-        key: for their Secure frames, hex or @FILE; min_mode: weakest mode accepted; schema: file that describes
-            vendor types; unverified: show Secure frames without a key, marked (see server/devices/decode_options.py).
-        time_unit: of the timestamps of IDTP, "ns", "us", "ms" or "s"; "" for microseconds, unless arrival times
-            contradict it; rotation: direction of a device's quaternion, "enu_from_body" (also "") or "body_from_enu".
+        decode_options: of those sources, as written: each a setting of its own, by the name that a protocol family
+            declares (protocols/decode_options.py); secrets may be @FILE, files are named.
         rollback_s: time to confirm settings that could have cut the link, before they are rolled back.
         history_s, memory_mb: limits of the sample history, whichever is reached first.
         view_token, control_token: "" to generate one when it is needed.
@@ -124,12 +127,7 @@ class Config:
     data: Path = field(default_factory=default_data)
     sources: tuple[str, ...] = ()
     protocol: str = ""
-    key: str = field(default="", repr=False)
-    min_mode: str = ""
-    schema: str = ""
-    unverified: bool = False
-    time_unit: str = ""
-    rotation: str = ""
+    decode_options: Mapping[str, str | bool] = field(default_factory=dict, repr=False)
     rollback_s: float = 20.0
     history_s: float = 600.0
     memory_mb: int = 256
@@ -157,12 +155,11 @@ class Config:
         """Decode options of the sources.
 
         Raises:
-            ReadingError: an invalid setting, or a file that cannot be read.
+            DecodeOptionError: an invalid setting, or a file that cannot be read.
         """
-        key = key_text(self.key) if self.key else ""
-        schema = schema_text(self.schema) if self.schema else ""
-        checked = (self.protocol, key, self.min_mode, self.unverified, schema)
-        return reading(*checked, time_unit=self.time_unit, rotation=self.rotation)
+        declared = declared_options() if self.decode_options else {}
+        given = ((name, value) for name, value in self.decode_options.items() if value)
+        return checked_options(self.protocol, {name: option_text(declared[name], value) for name, value in given})
 
     @property
     def scheme(self) -> str:
@@ -247,7 +244,11 @@ def load(toml: Path | None = None, **given: Any) -> Config:
 
 def _checked(settings: Mapping[str, Any]) -> Config:
     settings = {previous_names.SETTINGS.get(name, name): value for name, value in settings.items()}
-    config = _typed(Config(), settings)
+    own = {name: value for name, value in settings.items() if name not in _NAMES}
+    options = _decode_options(own) if own else {}
+    config = replace(
+        _typed(Config(), {name: settings[name] for name in settings if name in _NAMES}), decode_options=options
+    )
     for name, (is_allowed, words) in _ALLOWED.items():
         value = attrgetter(name)(config)
         if not is_allowed(value):
@@ -264,6 +265,24 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     if config.view_token and config.view_token == config.control_token:
         raise ConfigError("view_token and control_token must differ, otherwise every viewer could control.")
     return config
+
+
+_NAMES = {one.name for one in fields(Config)} - {"decode_options"}
+
+
+def _decode_options(settings: Mapping[str, Any]) -> dict[str, str | bool]:
+    """Settings that are decode options, each of the type of its option."""
+    declared = {option.name: option for option in source_options()}
+    for name, value in settings.items():
+        option = declared.get(name)
+        if option is None:
+            known = ", ".join(sorted((*_NAMES, *declared)))
+            raise ConfigError(f"{name} is not a valid setting; valid settings: {known}.")
+        kind = bool if option.kind == "flag" else str
+        if not isinstance(value, kind):
+            shown = "…" if option.kind == "secret" else repr(value)
+            raise ConfigError(f"{name} must be {_TYPES[kind]}, not {shown}.")
+    return dict(settings)
 
 
 T = TypeVar("T", Config, MapTiles)

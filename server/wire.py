@@ -181,8 +181,7 @@ class DeviceInfo:
     notices: list[str] = field(default_factory=list)  # permanent notices: a high USB latency timer and its fix
     rearm: list[str] = field(default_factory=list)  # senders whose sequence restarted: an operator may re-arm them
     wants: Wants = ""  # required user action, while no data can be shown
-    time_unit: str = ""  # unit of its timestamps, if it is a setting: "ms"; "" for the default
-    rotation: str = ""  # direction of its quaternion, if it is a setting: "body_from_enu"; "" for the default
+    decode_options: dict[str, str] = field(default_factory=dict)  # given ones by name, without secrets and files
     parent: str = ""  # first device on the same link, if there are several; link, retry and removal belong to it
     is_open: bool = False  # state of its link: a silent device on an open link may still answer
     absent: list[str] = field(default_factory=list)  # flags of its status words that this product does not have

@@ -51,7 +51,7 @@ SHAPES = {
     "ViewError": Shape(None, 0, 1),
     "WireError": Shape(None, 0, 1),
     "bad": Shape(None, 1, 2, "The source {source} cannot be used: {}."),
-    "ReadingError": Shape(None, 0, None, "{}.", hinted=False),  # HTTP puts SETTINGS_HINT beside it
+    "DecodeOptionError": Shape(None, 0, None, "{}.", hinted=False),  # HTTP puts SETTINGS_HINT beside it
     "MeshError": Shape(None, 0, None, hinted=False),  # a notice in the scene: a sentence or two
     "ConfigError": Shape(None, 0, None, hinted=False),  # one line on standard error, as all that follow
     "UsageError": Shape(None, 0, None, hinted=False, stop=True),

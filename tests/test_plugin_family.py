@@ -113,7 +113,7 @@ def test_packets_of_others_are_read_and_made_again(family: ProtocolInfo, vector:
     [line] = [line for line in lister.drain(stalled=True) if "reject" not in line]
     assert line["message"] == vector["of"]
     assert family.composer is not None
-    assert family.composer(None, None).frame_of(line) == packet
+    assert family.composer({}).frame_of(line) == packet
 
 
 def test_it_is_shown_live_and_identified(server: ServerProcess) -> None:

@@ -137,6 +137,8 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         self._time_unit = time_unit
         self._tick_ns = UNITS[time_unit]
         self._watches: dict[int, UnitWatch] = {}  # by source
+        self.memory_key = key if replay_check else None
+        self.doubted = "time_unit"
         self.contradiction: Doubt | None = None  # the unit that the frames' arrival times suggest instead
         self._rotation: Rotation = rotation
         self._schema: Schema = schema or {}

@@ -71,7 +71,7 @@ class IdtpDriver:
             names = {row.id: row.name for row in (*MESSAGES, *self._schema.values())}
             command = names.get(kind, f"0x{kind:02X}")
         record = {"message": command, "fields": {**defaults, **fields}}
-        return frame_from_json(record, known.key, self._schema)
+        return frame_from_json(record, known.settings.get("key"), self._schema)
 
     def setting_frames(
         self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None

@@ -7,27 +7,27 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from protocols.composer import FrameRecord, ProtocolComposer
-from protocols.family import DecodeOptionForm, FamilyHints, ProtocolInfo
-from protocols.idtp.custom_payloads import parse, written
+from protocols.family import FamilyHints, ProtocolInfo
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.detect import detection_score
 from protocols.idtp.driver import IdtpDriver
 from protocols.idtp.frames import LITE, build, scanner
 from protocols.idtp.inspect import IdtpFrameLister
+from protocols.idtp.options import MODES, OPTIONS
 from protocols.idtp.security import protection
 from protocols.idtp.supported import supported
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 
-MODES = ("lite", "safety", "secure")
 CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
 SECURE_BYTES = 56  # a sample's two frames are this much longer in Secure than in Safety mode
 
 
-def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
     from protocols.idtp.commands import DATA, HEADER, reading_fields
     from protocols.idtp.json_codec import frame_from_json
     from protocols.idtp.messages import MESSAGES
 
+    key, schema = settings.get("key"), settings.get("schema")
     rows = {**{row.name: row for row in MESSAGES}, **{row.name: row for row in (schema or {}).values()}}
     messages = {name: (*HEADER, *reading_fields(row)) for name, row in rows.items()}
 
@@ -48,7 +48,7 @@ def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
             start_ns=request.start_ns,
             rate=request.rate,
             mode=MODES.index(mode),
-            key=(request.key or secrets.token_bytes(32)) if mode == "secure" else None,
+            key=(request.settings.get("key") or secrets.token_bytes(32)) if mode == "secure" else None,
             clock_drift_ppm=request.clock_drift_ppm,
             clock_jump=request.clock_jump,
             tick_ns=CLOCKS[request.options["clock"]],
@@ -91,9 +91,9 @@ FAMILY = ProtocolInfo(
     build(4, bytes(36), sequence=1, mode=1) + build(6, bytes(16), sequence=3),
     scanner(None, LITE, show_unverified=True),
     short="IDTP",
-    settings=frozenset(("key", "min_mode", "replay_check", "show_unverified", "schema", "time_unit", "rotation")),
-    parse_schema=parse,
-    write_schema=written,
+    options=OPTIONS,
+    payload_option="schema",
+    permissive={"show_unverified": True, "replay_check": False},
     datagrams=True,
     protection=protection,
     sender="IDTP device",
@@ -105,25 +105,5 @@ FAMILY = ProtocolInfo(
         "successor": ("These bytes are INDT, the successor of IDTP.", "INDT is not supported."),
     },
     hints=FamilyHints(attitude="Configure the device to send ImuQuat payloads to show the horizon."),
-    option_forms=(
-        DecodeOptionForm("key", "Key for Secure frames of IDTP (hex, optional)", early=True),
-        DecodeOptionForm(
-            "time_unit",
-            "Timestamp unit",
-            (
-                ("", "Detected from arrival times, usually µs"),
-                ("us", "Microseconds"),
-                ("ms", "Milliseconds"),
-                ("ns", "Nanoseconds"),
-                ("s", "Seconds"),
-            ),
-        ),
-        DecodeOptionForm(
-            "rotation",
-            "Quaternion direction",
-            (("enu_from_body", "Body to ENU"), ("body_from_enu", "ENU to body")),
-            default="enu_from_body",
-        ),
-    ),
     supported=supported,
 )

@@ -34,8 +34,9 @@ MANY = 64  # from this many rows on arrays are faster
 class Contradiction:
     """A unit that would fit better than the configured one, and why."""
 
-    unit: str
+    value: str
     reason: str
+    subject: str = "timestamps"
 
 
 class UnitWatch:

@@ -349,7 +349,7 @@ class IsbDriver:
         return not (yield WaitFor(refused, 0.03, "NACK"))
 
     def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
-        found: dict[str, str] = {}
+        found: dict[str, Any] = {}
 
         def match(event: Event) -> Any | None:
             if isinstance(event, Reply) and identity(event):
@@ -360,7 +360,7 @@ class IsbDriver:
         for _ in range(ATTEMPTS):
             yield Send(frames.get_data(DEV_INFO, period=0))
             if (yield WaitFor(match, ANSWER_S, "DID_DEV_INFO")):
-                return DeviceContext(**{**_as_dict(known), **found})
+                return replace(known, at_rest=False, **found)
         raise NoReplyError("GET DID_DEV_INFO", ATTEMPTS, ANSWER_S)
 
     def formerly(self, serial_number: str) -> Sequence[str]:
@@ -432,10 +432,6 @@ def _is_gpx(known: DeviceContext) -> bool:
 def _streams_of_gpx(row: Setting) -> Setting:
     """The streams of a GPX: those in DID_GPX_RMC."""
     return replace(row, fields=GPX_STREAM_FIELDS, read="GET_DID_GPX_RMC")
-
-
-def _as_dict(known: DeviceContext) -> dict[str, Any]:
-    return {name: getattr(known, name) for name in ("product", "serial_number", "firmware", "baud", "device", "key")}
 
 
 def _paced(one: Values, now: Mapping[int, Values], asked: Mapping[int, int]) -> Values:

@@ -27,7 +27,7 @@ DRIVER = IsbDriver()
 POSITION_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")
 
 
-def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
     from protocols.isb.json_codec import frame_from_json
     from protocols.isb.messages import BY_NAME, COMMANDS, set_row
 

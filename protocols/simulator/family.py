@@ -60,7 +60,7 @@ class SimulatorRequest:
         baud: rate of the line.
         start_ns: power-on time.
         clock_jump: after how many s the clock jumps ahead, and by how many; None for never.
-        key: for Secure frames; None if unknown.
+        settings: of the family's decoder, as far as given (ProtocolInfo.settings): the key of encrypted frames.
         options: the family's own, by name.
     """
 
@@ -71,7 +71,7 @@ class SimulatorRequest:
     start_ns: int = 0
     clock_drift_ppm: float = 0.0
     clock_jump: tuple[float, float] | None = None
-    key: bytes | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict, repr=False)
     options: Mapping[str, Any] = field(default_factory=dict)
 
 

@@ -48,7 +48,7 @@ def _is_certain(table: Ints, data: Bytes) -> NDArray[np.bool_]:
     return certain
 
 
-def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
     from protocols.xbus.data_identifiers import BY_NAME as ITEMS
     from protocols.xbus.json_codec import frame_from_json
     from protocols.xbus.messages import BY_NAME

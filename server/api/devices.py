@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Response
-from pydantic import BaseModel, ConfigDict, Field, SecretStr
+from pydantic import BaseModel, ConfigDict, Field
 
 from server import wire
+from server.api.decode_options_body import DecodeOptionsBody, bad_setting
 from server.api.dependencies import TheServices
 from server.api.errors import responses, unknown_device
-from server.devices.decode_options import DecodeOptions, ReadingError, changed, parse_source_options
-from server.devices.decode_options import reading as read_as
+from server.devices.decode_options import DecodeOptionError, changed, parse_source_options
 from server.devices.session import Session
 from server.errors import DomainError
 from server.links.base import LinkError
@@ -23,60 +23,11 @@ from server.services import Services
 
 router = APIRouter(prefix="/api/devices", tags=["devices"])
 
-SETTINGS_HINT = "The options of a source are listed at /openapi.json, AddDevice."
-
-
-class DecodeOptionsBody(BaseModel):
-    """Decode options of a source."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    protocol: str = Field("", max_length=40, description="name of the protocol; empty to detect it")
-    key: SecretStr = Field(SecretStr(""), max_length=1000, description="for Secure frames, hex; never returned")
-    min_mode: Literal["", "lite", "safety", "secure"] = Field(
-        "", description="weakest frame mode that is accepted; empty: secure with a key, else lite"
-    )
-    unverified: bool = Field(False, description="without a key, show Secure frames, marked as unverified")
-    time_unit: Literal["", "ns", "us", "ms", "s"] = Field(
-        "",
-        description="unit of timestamps that do not state it; empty: microseconds, unless arrival times contradict it",
-    )
-    rotation: Literal["", "enu_from_body", "body_from_enu"] = Field(
-        "", description="direction of a quaternion where the device does not state it; empty: body to ENU"
-    )
-    schema_text: str = Field(
-        "", alias="schema", max_length=100_000, description="TOML that describes a vendor's own payload types"
-    )
-
-    def reading(self) -> DecodeOptions:
-        """The checked options.
-
-        Raises:
-            DomainError: an option is invalid.
-        """
-        try:
-            key = self.key.get_secret_value()
-            return read_as(
-                self.protocol,
-                key,
-                self.min_mode,
-                self.unverified,
-                self.schema_text,
-                time_unit=self.time_unit,
-                rotation=self.rotation,
-            )
-        except ReadingError as error:
-            raise bad_setting(error) from None
-
 
 class AddDevice(DecodeOptionsBody):
     """A source to open."""
 
     source: str = Field(min_length=1, max_length=1000, description="as on the command line", examples=["/dev/ttyUSB0"])
-
-
-def bad_setting(error: ReadingError) -> DomainError:
-    return DomainError("bad-setting", f"{str(error)[:1].upper()}{str(error)[1:]}.", SETTINGS_HINT)
 
 
 def check_protocol(name: str, services: Services) -> None:
@@ -131,7 +82,7 @@ async def add_device(body: AddDevice, services: TheServices) -> wire.DeviceInfo:
     reading = body.reading()
     try:
         named = parse_source_options(body.source, reading)[1].protocol
-    except ReadingError as error:
+    except DecodeOptionError as error:
         raise bad_setting(error) from None
     check_protocol(named, services)
     await asyncio.to_thread(check_file, parse_source_options(body.source, reading)[0], services.source_folders)
@@ -170,7 +121,7 @@ async def read_device(body: DecodeOptionsBody, services: TheServices, session: O
     stay. A `schema` is added to the existing descriptions.
     """
     check_protocol(body.protocol, services)
-    await session.read_as(changed(session.reading, body.reading(), body.model_fields_set))
+    await session.read_as(changed(session.reading, body.reading(), body.given))
     return session.info
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import NoReturn, TypeAlias
 
+from protocols.decode_options import DecodeOption, Scope
 from protocols.plugins import protocol_names
 from server import logging_setup
 from server.config import default_data
-from server.devices.decode_options import MODES, ROTATIONS, TIME_UNITS
+from server.devices.decode_options import declared_options
 from server.version import VERSION
 
 COMMANDS = (
@@ -29,13 +30,7 @@ stored (it may round rates) is printed. Commands that lose settings, stop output
 reason, unless --yes is given. `imuscope commands` lists commands and settings, `imuscope commands NAME` their
 fields."""
 
-SCHEMA_HELP = """schema file (TOML), describing vendor payload types:
-  [[message]]                     type = 0x80, name = "WheelSpeed", doc = "…"; then its fields, in order:
-  [[message.field]]               name, type = i8…i64, u8…u64, f32, f64; count, axes, unit, scale, bias, decimals, doc
-"""
-CONFIG_HELP = """configuration file (TOML): the options above with _ for - (host, port, data, sources, protocol, key,
-min_mode, schema, unverified, time_unit, rotation, record, tls, tls_cert, tls_key, foxglove, rerun_connect, log_format,
-log_level), and:
+CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sources, and:
   view_token, control_token       tokens to use, at least 20 characters each
   allowed_hosts, allowed_origins  lists of host names and page origins that may use this server
   rollback_s                      time to confirm settings that could cut the link, s (default 20)
@@ -49,12 +44,23 @@ log_level), and:
 ENVIRONMENT_HELP = """environment variables, used if the option is not given:
   IMUSCOPE_DATA                   --data
   IMUSCOPE_CONFIG                 --config
-  IMUSCOPE_KEY                    --key (not visible in the process list)
   IMUSCOPE_TOKEN                  --token
-  XDG_DATA_HOME, NUMBA_CACHE_DIR  default places of the data folder and of compiled code
+{secrets}  XDG_DATA_HOME, NUMBA_CACHE_DIR  default places of the data folder and of compiled code
 """
-ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "key": "IMUSCOPE_KEY", "token": "IMUSCOPE_TOKEN"}
-"""Option → variable that stands in for it."""
+ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
+"""Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""
+DECODE_SCOPES: Mapping[str, Scope] = {
+    **dict.fromkeys(("serve", "send", "record", "decode", "analyse"), "source"),
+    **{"inspect": "inspect", "compose": "compose", "commands": "commands"},
+}
+"""Commands with decode options, and which of them. None is accepted and then ignored."""
+PROTOCOL_HELP = {
+    "serve": "protocol of the sources (default: detected)",
+    "inspect": f"{ANY_OF}, or auto (the default)",
+    "compose": f"{ANY_OF} (default: found by the name of the message)",
+    "commands": f"{ANY_OF} (default: all)",
+    **dict.fromkeys(("decode", "analyse"), "protocol of a capture (default: detected)"),
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -91,22 +97,33 @@ class _Registered:
     source_options: str = ""  # options of each form, in full
     outputs: str = ""  # suffixes that can be written
     analyses: str = ""  # names of analyses, with their options
+    environment: str = ENVIRONMENT_HELP.format(secrets="")
+    details: str = ""  # further lines on decode options
 
 
 def _registered() -> _Registered:
     from server.commands import registered_help  # imports every registered part, which takes a moment
 
+    secrets = [option for option in declared_options().values() if option.kind == "secret"]
+    rows = (f"  {variable_of(one):<32}--{one.flag} (not visible in the process list)\n" for one in secrets)
     return _Registered(
         registered_help.source_list(),
         registered_help.source_help(),
         registered_help.output_list(),
         registered_help.analysis_list(),
+        ENVIRONMENT_HELP.format(secrets="".join(rows)),
+        "\n".join(option.details for option in declared_options().values() if option.details),
     )
+
+
+def variable_of(secret: DecodeOption) -> str:
+    """Environment variable that stands in for a secret decode option: IMUSCOPE_KEY."""
+    return f"IMUSCOPE_{secret.name.upper()}"
 
 
 def parse(given: Sequence[str]) -> argparse.Namespace:
     """The options of a command line whose first word is a command, --help or --version."""
-    root = parser(with_help=not {"-h", "--help"}.isdisjoint(given))
+    root = parser(with_help=not {"-h", "--help"}.isdisjoint(given), command=given[0])
     command = root.commands.get(given[0])
     if command is None:
         return root.parse_args(list(given))
@@ -116,26 +133,28 @@ def parse(given: Sequence[str]) -> argparse.Namespace:
             rest[at] = f"--foxglove={FOXGLOVE_PORT}"
     options = command.parse_intermixed_args(rest)
     options.command = given[0]
-    for name, variable in ENVIRONMENT.items():
-        if (given[0], name) == ("replay", "key"):
-            continue  # it needs none, and would say so each time
+    variables = dict(ENVIRONMENT)
+    if given[0] in DECODE_SCOPES or given[0] == "simulate":
+        variables |= {one.name: variable_of(one) for one in declared_options().values() if one.kind == "secret"}
+    for name, variable in variables.items():
         if getattr(options, name, 0) in (None, "") and os.environ.get(variable):
             value = os.environ[variable]
             setattr(options, name, Path(value) if name in ("data", "config") else value)
     return options
 
 
-def parser(*, with_help: bool = True) -> _Parser:
+def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     """All commands and options.
 
     Args:
         with_help: whether help is complete; what is registered takes a moment to import.
+        command: the one whose decode options are needed, because the protocol families take a moment too; "" for all.
     """
     about = _registered() if with_help else _Registered()
     root = _Parser(
         prog="imuscope",
         description="Serve a page that shows inertial sensors live: simulators of every family if no source is given.",
-        epilog=ENVIRONMENT_HELP,
+        epilog=about.environment,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     root.add_argument("--version", action="version", version=f"imuscope {VERSION}")
@@ -155,6 +174,8 @@ def parser(*, with_help: bool = True) -> _Parser:
     _add_analyse(commands.add_parser, about)
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)
+    for name in root.commands if not command else [command] if command in root.commands else ():
+        _add_decode_options(root.commands[name], name)
     return root
 
 
@@ -162,7 +183,7 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
     command = add_parser(
         "serve",
         help="serve the page (the default command)",
-        epilog="\n".join((about.source_options, SCHEMA_HELP, CONFIG_HELP, ENVIRONMENT_HELP)),
+        epilog="\n".join(filter(None, (about.source_options, about.details, CONFIG_HELP, about.environment))),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("sources", nargs="*", metavar="SOURCE", help=about.sources)
@@ -173,7 +194,6 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument("--tls", action="store_true", default=None, help="serve HTTPS with a self-signed certificate")
     command.add_argument("--tls-cert", metavar="FILE", help="certificate to serve HTTPS with (PEM); requires --tls-key")
     command.add_argument("--tls-key", metavar="FILE", help="private key of --tls-cert (PEM, without a passphrase)")
-    _add_reading(command, "protocol of the sources (default: detected)")
     command.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
     command.add_argument(
         "--foxglove",
@@ -213,7 +233,6 @@ def _add_doctor(add_parser: _AddParser) -> None:
 def _add_inspect(add_parser: _AddParser) -> None:
     command = add_parser("inspect", help="list the frames of a file, one per line")
     command.add_argument("file", metavar="FILE", help='capture, recording or vendor log; "-" reads standard input')
-    _add_reading(command, f"{ANY_OF}, or auto (the default)", FRAMES)
     command.add_argument(
         "--direction",
         choices=("rx", "tx"),
@@ -223,7 +242,6 @@ def _add_inspect(add_parser: _AddParser) -> None:
     _add_format(command, ("table", "jsonl"), "table for people (the default), jsonl: one JSON object a line")
     command.add_argument("--device", default="", metavar="D", help="device to list, if a recording has several")
     command.add_argument("--rejects", action="store_true", help="also list rejected frames")
-    command.add_argument("--no-replay-check", action="store_true", help="accept frames with any sequence number")
     _add_data(command)
 
 
@@ -241,7 +259,6 @@ def _add_compose(add_parser: _AddParser) -> None:
     command.add_argument(
         "--jsonl", metavar="FILE", help='output of inspect --json, one frame per line ("-" reads standard input)'
     )
-    _add_reading(command, f"{ANY_OF} (default: found by the name of the message)", TABLES)
     _add_data(command)
 
 
@@ -256,14 +273,12 @@ def _add_send(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument(
         "--device", type=_bus_id, metavar="ID", help="bus identifier of the device, if several share the line"
     )
-    _add_reading(command, "protocol of the source (default: detected)")
     _add_data(command)
 
 
 def _add_commands(add_parser: _AddParser) -> None:
     command = add_parser("commands", help="list commands and settings of the devices, with ranges and sources")
     command.add_argument("name", nargs="?", default="", metavar="NAME", help="command or setting to describe in full")
-    _add_reading(command, f"{ANY_OF} (default: all)", ("protocol", "schema"))
     _add_data(command)
 
 
@@ -282,7 +297,6 @@ def _add_record(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument("sources", nargs="+", metavar="SOURCE", help=about.sources)
     command.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="recording to write (.mcap)")
     command.add_argument("--duration", type=float, metavar="S", help="stop after this many seconds of data")
-    _add_reading(command, "protocol of the source (default: detected)")
     _add_data(command)
 
 
@@ -302,7 +316,6 @@ def _add_replay(add_parser: _AddParser) -> None:
     )
     command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
     command.add_argument("--device", default="", metavar="D", help="device to replay, if there are several")
-    command.add_argument("--key", metavar="KEY", help="not needed: bytes are sent unchanged")
     command.add_argument("--protocol", default="", metavar="NAME", help="protocol of a capture (default: detected)")
     _add_data(command)
 
@@ -313,7 +326,6 @@ def _add_simulate(add_parser: _AddParser) -> None:
     door = command.add_mutually_exclusive_group(required=True)
     door.add_argument("--pty", type=Path, metavar="PATH", help="create a pseudo-terminal with a link at this path")
     door.add_argument("--tcp", metavar="[HOST]:PORT", help="listen on this TCP address (default host 127.0.0.1)")
-    command.add_argument("--key", metavar="KEY", help="key for Secure frames: hexadecimal, or @FILE containing it")
     _add_data(command)
 
 
@@ -333,7 +345,6 @@ def _add_decode(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument(
         "--channel", action="append", metavar="NAME", help="channel to decode; may be repeated (default: all)"
     )
-    _add_reading(command, "protocol of a capture (default: detected)")
     _add_data(command)
 
 
@@ -363,7 +374,6 @@ def _add_analyse(add_parser: _AddParser, about: _Registered) -> None:
         "--option", action="append", metavar="NAME=VALUE", help="option of the analysis; may be repeated"
     )
     _add_format(command, ("table", "json"), "table for people (the default), json for programs")
-    _add_reading(command, "protocol of a capture (default: detected)")
     _add_data(command)
 
 
@@ -384,37 +394,40 @@ def _add_format(command: argparse.ArgumentParser, known: tuple[str, str], words:
     command.add_argument("--json", dest="format", action="store_const", const=known[1], help=words)
 
 
-_READING: Mapping[str, Mapping[str, Any]] = {
-    "protocol": {"metavar": "NAME"},
-    "key": {"metavar": "KEY", "help": "key for Secure frames: hexadecimal, or @FILE containing it"},
-    "min-mode": {
-        "choices": MODES,
-        "help": "weakest protection mode accepted (default: secure with a key, else lite)",
-    },
-    "time-unit": {
-        "choices": TIME_UNITS,
-        "help": "unit of timestamps, if the device does not report it (default: us, unless arrival times disagree)",
-    },
-    "rotation": {
-        "choices": ROTATIONS,
-        "help": "direction of quaternions, if the device does not report it (default: body to ENU)",
-    },
-    "schema": {"metavar": "FILE", "help": "TOML file that describes vendor payload types"},
-    "unverified": {
-        "action": "store_true",
-        "default": None,
-        "help": "without a key, show Secure frames marked as unverified",
-    },
-}
-"""Decode options of a source or file; see server/devices/decode_options.py."""
-FRAMES = ("protocol", "key", "min-mode", "schema", "unverified")  # what a list of frames as they are depends on
-TABLES = ("protocol", "key", "schema")  # what making a frame depends on
+def _add_decode_options(command: argparse.ArgumentParser, name: str) -> None:
+    """Add the decode options that the command uses."""
+    if name not in (*DECODE_SCOPES, "simulate", "replay"):
+        return
+    group = command.add_argument_group("decode options")
+    scope = DECODE_SCOPES.get(name)
+    if scope is not None:
+        words = PROTOCOL_HELP.get(name, "protocol of the source (default: detected)")
+        group.add_argument("--protocol", metavar="NAME", help=words)
+    for option in declared_options().values():
+        if scope in option.scopes:
+            _add_decode_option(group, option)
+        elif scope is None and option.kind == "secret":
+            words = "not needed: bytes are sent unchanged" if name == "replay" else _with_file(option)
+            group.add_argument(f"--{option.flag}", metavar=option.name.upper(), help=words)
 
 
-def _add_reading(command: argparse.ArgumentParser, protocol: str, names: Iterable[str] = _READING) -> None:
-    """Add the decode options that the command uses: none is taken and then ignored."""
-    for name in names:
-        command.add_argument(f"--{name}", **{"help": protocol, **_READING[name]})
+def _add_decode_option(group: argparse._ArgumentGroup, option: DecodeOption) -> None:
+    flag, words = f"--{option.flag}", option.help.replace("%", "%%")
+    match option.kind:
+        case "flag":
+            group.add_argument(flag, action="store_true", default=None, help=words)
+        case "choice":
+            group.add_argument(flag, choices=option.values, help=words)
+        case "secret":
+            group.add_argument(flag, metavar=option.name.upper(), help=_with_file(option))
+        case "file":
+            group.add_argument(flag, metavar="FILE", help=words)
+        case "text":
+            group.add_argument(flag, metavar=option.name.upper(), help=words)
+
+
+def _with_file(option: DecodeOption) -> str:
+    return f"{option.help.replace('%', '%%')}; or @FILE containing it"
 
 
 def _add_data(command: argparse.ArgumentParser) -> None:

@@ -11,32 +11,32 @@ from __future__ import annotations
 
 import difflib
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 from protocols.schema import Bits, Command, Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.validation import bounds, is_whole
 from server.commands.compose import ComposeError, composers
+from server.devices.decode_options import DecodeOptions
 
 CommandListRow = Command | Setting
 WIDTH = 120
 KINDS = {"ask": "asks, changes nothing", "set": "writes a setting", "do": "starts something"}
 
 
-def manual(protocol: str = "", name: str = "", schema: Mapping[int, Any] | None = None) -> Iterator[str]:
+def manual(reading: DecodeOptions = DecodeOptions(), name: str = "") -> Iterator[str]:  # noqa: B008 - frozen
     """Lines of text on one command or setting, or on all.
 
     Args:
-        schema: a vendor's own messages, for protocols that have them.
+        reading: decode options, for the protocol and descriptions of a vendor's own messages.
 
     Raises:
         ComposeError: no command or setting has that name.
     """
     tables: dict[str, list[CommandListRow]] = {
         one.name: [*one.driver.commands(DeviceContext()), *one.driver.settings(DeviceContext())]
-        for one in composers(schema=schema).values()
-        if protocol in ("", "auto", one.name)
+        for one in composers(reading).values()
+        if reading.protocol in ("", "auto", one.name)
     }
     if not name:
         for family, rows in tables.items():

@@ -13,11 +13,14 @@ from pathlib import Path
 from server import jit_cache, logging_setup
 from server.commands.arguments import COMMANDS
 from server.config import load
-from server.devices.decode_options import OPTIONS, DecodeOptions, key_text, parse_source_options, reading, schema_text
-
-KEY_AND_UNVERIFIED = (
-    "--unverified is for Secure frames without a key, but a key is given (--key or IMUSCOPE_KEY); leave one out"
+from server.devices.decode_options import (
+    DecodeOptions,
+    checked_options,
+    declared_options,
+    option_text,
+    parse_source_options,
 )
+
 PIPE_BYTES = 1 << 20
 
 
@@ -53,26 +56,31 @@ def size_of(path: Path) -> int | None:
     return path.stat().st_size if path.is_file() else None
 
 
-def decode_options_of(options: argparse.Namespace, protocol: str = "", *, replay_check: bool = True) -> DecodeOptions:
+def given_options(options: argparse.Namespace) -> dict[str, str | bool]:
+    """Decode options given to a command, as written.
+
+    Raises:
+        UsageError: two of them contradict each other.
+    """
+    declared = declared_options()
+    given = {name: value for name in declared if (value := getattr(options, name, None)) not in (None, False)}
+    for name in given:
+        for other, reason in declared[name].conflicts.items():
+            if other in given:
+                raise UsageError(reason)
+    return given
+
+
+def decode_options_of(options: argparse.Namespace, protocol: str = "") -> DecodeOptions:
     """Decode options given to a command.
 
     Raises:
         UsageError: two options contradict each other.
-        ReadingError: an option is invalid.
+        DecodeOptionError: an option is invalid.
     """
-    given = {name: getattr(options, name, None) for name in (*OPTIONS, "schema")}
-    if given["key"] is not None and given["unverified"]:
-        raise UsageError(KEY_AND_UNVERIFIED)
-    return reading(
-        given["protocol"] or protocol,
-        key_text(given["key"]) if given["key"] is not None else "",
-        given["min_mode"] or "",
-        bool(given["unverified"]),
-        schema_text(given["schema"]) if given["schema"] else "",
-        replay_check,
-        given["time_unit"] or "",
-        given["rotation"] or "",
-    )
+    declared = declared_options()
+    texts = {name: option_text(declared[name], value) for name, value in given_options(options).items()}
+    return checked_options(getattr(options, "protocol", None) or protocol, texts)
 
 
 def checked_protocol(options: DecodeOptions) -> DecodeOptions:

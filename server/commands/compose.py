@@ -46,19 +46,19 @@ class ComposeError(ValueError):
     """The reason why a frame cannot be composed, in one sentence."""
 
 
-def composers(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -> dict[str, ProtocolComposer]:
+def composers(reading: DecodeOptions = DecodeOptions()) -> dict[str, ProtocolComposer]:  # noqa: B008 - frozen
     """Composers of all protocols that have one, by name.
 
     Args:
-        key: for Secure frames.
-        schema: a vendor's own messages, for protocols that have them (ProtocolInfo.parse_schema).
+        reading: decode options, for a key and descriptions of a vendor's own messages.
     """
-    return {name: family.composer(key, schema) for name, family in PROTOCOLS.items() if family.composer is not None}
+    made = ((name, family.composer) for name, family in PROTOCOLS.items())
+    return {name: make(reading.settings(name)) for name, make in made if make is not None}
 
 
-def context_of(reading: DecodeOptions) -> DeviceContext:
+def context_of(protocol: str, reading: DecodeOptions) -> DeviceContext:
     """Device context of a device that is not connected: the key."""
-    return DeviceContext(key=reading.key)
+    return DeviceContext(settings=reading.settings(protocol))
 
 
 # -- one message, as text ----------------------------------------------------------------------------------------------

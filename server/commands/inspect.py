@@ -72,12 +72,12 @@ def inspect_file(
     with _opened(Path(path), reading.protocol, device, direction) as (row, pieces):
         detector = MixedProtocolDetector(row.name)
         counts: Counter[str] = Counter()
-        lines = _counted(_lines(pieces, row, reading.settings(row.settings), detector), counts, rejects)
+        lines = _counted(_lines(pieces, row, reading.settings(row.name), detector), counts, rejects)
         if format == "jsonl":
             for line in lines:
                 out.write(json_text(line, allow_nan=False, default=str) + "\n")
         else:
-            table = InspectTable(reading.schema)
+            table = InspectTable(reading)
             out.write(table.head + "\n")
             for line in lines:
                 out.write(table.row(line) + "\n")

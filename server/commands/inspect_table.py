@@ -20,6 +20,7 @@ from protocols.labels import device_label
 from protocols.schema import Field
 from server.commands.compose import composers
 from server.configuration.value_format import output_title
+from server.devices.decode_options import DecodeOptions
 from server.printable import printable
 
 LONGEST_WORD = 64  # characters of a text or of bytes; jsonl has all of them
@@ -62,13 +63,13 @@ class InspectTable:
     """Lines of a table.
 
     Args:
-        schema: a vendor's own messages, for protocols that have them.
+        reading: decode options, for descriptions of a vendor's own messages.
     """
 
     head = f"{'offset':>10}  {'size':>5}  {'message':<{WIDTH}}  fields"
 
-    def __init__(self, schema: Mapping[int, Any] | None = None) -> None:
-        self._composers = composers(schema=schema)
+    def __init__(self, reading: DecodeOptions = DecodeOptions()) -> None:  # noqa: B008 - frozen
+        self._composers = composers(reading)
         self._fields = lru_cache(maxsize=1024)(self._fields_of)
 
     def row(self, line: Line) -> str:

@@ -71,10 +71,10 @@ def rearm(request: RearmRequest) -> str:
 
 
 def _may_restart(protocol: str) -> bool:
-    """True if the protocol checks sequence numbers, or is not known yet."""
+    """True if the protocol's decoder can be re-armed (events.Remembers), or is not known yet."""
     from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
-    return protocol not in PROTOCOLS or "replay_check" in PROTOCOLS[protocol].settings
+    return protocol not in PROTOCOLS or hasattr(PROTOCOLS[protocol].decoder, "rearm")
 
 
 def _ask(request: RearmRequest, path: str, body: Any = None) -> Any:

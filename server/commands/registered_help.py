@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
+
+from server.devices.decode_options import url_options
 from server.links.registry import LinkDefinition, link_kinds
 
 _COLUMN = 34
@@ -16,13 +19,14 @@ def source_list() -> str:
 def source_help() -> str:
     """Sources with their options, a line or more for each."""
     lines = [line for one in link_kinds() for line in _usage(one)]
-    return "\n".join(["sources, with their options after a question mark:", *lines, _ANY, ""])
+    return "\n".join(["sources, with their options after a question mark:", *lines, *_of_any(), ""])
 
 
-_ANY = (
-    "  any of them                     protocol=, key=, min_mode=, unverified=, time_unit=, rotation=: like the "
-    "options above"
-)
+def _of_any() -> list[str]:
+    """Options of any source."""
+    names = ", ".join(f"{name}=" for name in url_options())
+    wrapped = textwrap.wrap(f"{names}: like the options above", 120 - _COLUMN)
+    return [f"{'  any of them' if line == wrapped[0] else '':<{_COLUMN}}{line}" for line in wrapped]
 
 
 def _usage(kind: LinkDefinition) -> list[str]:

@@ -155,12 +155,13 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
     Raises:
         SendError, compose.ComposeError: with the reason.
     """
-    all_composers = composers(reading.key, reading.schema)
+    all_composers = composers(reading)
     try:
         # Reports an invalid message before a port is opened.
         guess = _find_composer(all_composers, request.message, reading.protocol)
         link = open_link(
-            request.source, LinkSettings(steady_clock(), protocol=reading.protocol or guess.name, key=reading.key)
+            request.source,
+            LinkSettings(steady_clock(), protocol=reading.protocol or guess.name, decode_options=reading.values),
         )
         await link.open()
         try:
@@ -171,11 +172,11 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
                 else _find_composer(all_composers, request.message, name)
             )
             row = PROTOCOLS[name]
-            channel = LinkChannel(link, lambda: row.decoder(**reading.settings(row.settings)), request.device)
+            channel = LinkChannel(link, lambda: row.decoder(**reading.settings(name)), request.device)
             channel.start(first)
             try:
                 device = await _choose_device(channel, request.device)
-                known = DeviceContext(baud=link.baud, key=reading.key, device=device)
+                known = DeviceContext(baud=link.baud, settings=reading.settings(name), device=device)
                 await _transact(_SendContext(composer, request, known), channel, out, notes)
             finally:
                 await channel.close()
@@ -253,7 +254,7 @@ async def _transact(context: _SendContext, channel: LinkChannel, out: TextIO, no
     command = context.composer.command(request.message)
     if command is None or not _continues(context.composer, command, request, known):
         with contextlib.suppress(NoReplyError, DeviceRejectedError):
-            known = replace(await play(driver.identify(known)), baud=known.baud, key=known.key)
+            known = replace(await play(driver.identify(known)), baud=known.baud, settings=known.settings)
     setting = _setting(driver, request.message, known)
     if setting is not None and command is None:
         await _run_setting(context.composer, setting, request, known, play, out, notes)

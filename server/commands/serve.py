@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from server import logging_setup
 from server.analysis.registry import load_analyses
-from server.commands.common import KEY_AND_UNVERIFIED, UsageError, check_sources, normalized_sources, prepare
+from server.commands.common import UsageError, check_sources, given_options, normalized_sources, prepare
 from server.config import Config, load
-from server.devices.decode_options import key_text
+from server.devices.decode_options import declared_options, option_text
 from server.devices.protocol_set import problems
 from server.links.simulated_device import simulators
 from server.version import VERSION
@@ -26,18 +26,18 @@ def serve(options: argparse.Namespace) -> None:
 
     Raises:
         UsageError: the options cannot be fulfilled.
-        ConfigError, ReadingError: invalid options or configuration file.
+        ConfigError, DecodeOptionError: invalid options or configuration file.
     """
     started = time.monotonic()
-    if options.key is not None and options.unverified:
-        raise UsageError(KEY_AND_UNVERIFIED)
     config = _config(options)
     from server import http_server
     from server.auth import Access
 
     decode_options, access = config.reading(), Access(config)
-    keys = (access.view_token, access.control_token, config.key, decode_options.key.hex() if decode_options.key else "")
-    logging_setup.install(config.log_format, config.log_level, logging_setup.secrets_of(*keys))
+    secrets = decode_options.secrets
+    given = [str(value) for name, value in config.decode_options.items() if name in secrets]
+    keys = logging_setup.secrets_of(access.view_token, access.control_token, *given, *secrets.values())
+    logging_setup.install(config.log_format, config.log_level, keys)
     tls_renewal = http_server.keeper_of(config)
     prepare(config.data)
     from server.app import create_app
@@ -63,18 +63,17 @@ def serve(options: argparse.Namespace) -> None:
 
 
 def _config(options: argparse.Namespace) -> Config:
+    declared = declared_options()
+    given = {
+        name: option_text(declared[name], value) if declared[name].kind == "secret" else value
+        for name, value in given_options(options).items()
+    }
     return load(
         options.config,
         host=options.host,
         port=options.port,
         data=options.data,
         protocol="" if options.protocol == "auto" else options.protocol,
-        key=None if options.key is None else key_text(options.key),
-        min_mode=options.min_mode,
-        schema=options.schema,
-        unverified=options.unverified,
-        time_unit=options.time_unit,
-        rotation=options.rotation,
         sources=normalized_sources(options.sources) or None,
         tls=options.tls,
         tls_cert=options.tls_cert,
@@ -84,6 +83,7 @@ def _config(options: argparse.Namespace) -> Config:
         rerun_connect=options.rerun_connect,
         log_format=options.log_format,
         log_level=options.log_level,
+        **given,
     )
 
 

@@ -19,6 +19,7 @@ import termios
 from pathlib import Path
 from typing import TextIO
 
+from server.devices.decode_options import DecodeOptions
 from server.links.base import LinkError
 from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.simulator import SimulatorThread
@@ -45,20 +46,20 @@ def options_of(text: str) -> SimulatorOptions:
         raise SimulateError(str(error).replace(PREFIXES[0], "")) from None
 
 
-def has_key(protocol: str) -> bool:
-    """True for a protocol with Secure frames."""
+def options_of_family(protocol: str) -> set[str]:
+    """Names of the decode options of a protocol."""
     from protocols.registry import PROTOCOLS
 
-    return "key" in PROTOCOLS[protocol].settings
+    return {option.name for option in PROTOCOLS[protocol].options}
 
 
 def simulate(
-    options: SimulatorOptions, key: bytes | None, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO
+    options: SimulatorOptions, reading: DecodeOptions, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO
 ) -> None:
     """Run the device until a signal ends it.
 
     Args:
-        key: key for Secure frames (IDTP).
+        reading: decode options, for a key.
         pty: path of the symbolic link to the port.
         tcp: (host, port) to listen on, if there is no `pty`.
         out: stream on which the address of the device is printed.
@@ -66,7 +67,7 @@ def simulate(
     Raises:
         SimulateError: the link cannot be created, or the address cannot be used.
     """
-    simulator_thread = SimulatorThread(lambda start_ns: make_device(options, start_ns, key), options)
+    simulator_thread = SimulatorThread(lambda start_ns: make_device(options, start_ns, reading.values), options)
     try:
         asyncio.run(_run(simulator_thread, options, pty, tcp, out))
     finally:

@@ -44,7 +44,7 @@ def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any]
     row = PROTOCOLS.get(protocol)
     if row is None:
         return None
-    listing = row.listing(**session.reading.settings(row.settings))
+    listing = row.listing(**session.reading.settings(row.name))
     listing.feed(frame)
     return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
 

@@ -165,7 +165,7 @@ class DeviceController:
             firmware=info.firmware or self.firmware,
             baud=self.session.baud,
             device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
-            key=self.session.reading.key,
+            settings=self.session.reading.settings(info.protocol),
             at_rest=self.at_rest,
         )
 

@@ -408,7 +408,7 @@ class RollbackRun:
         return found
 
     def _known_values(self, baud: int | None) -> DeviceContext:
-        return replace(self.record.known, baud=baud, key=self._controller.session.reading.key)
+        return replace(self.record.known, baud=baud, settings=self._controller.context.settings)
 
     def _report_state(self, words: str) -> None:
         self._controller.step(self._task, words)

@@ -1,11 +1,11 @@
-"""Options for decoding the bytes of a source: information from the user that the bytes do not contain.
+"""Decode options of a source: the protocol, and what the protocol families declare (protocols/decode_options.py).
 
-    --protocol idtp --key @robot.key --min-mode secure        on the command line, for all sources
-    udp://:5000?protocol=idtp&key=00112233&min_mode=secure    in a source, for this source only
-    {"source": …, "protocol": "idtp", "key": "00112233"}      over HTTP
+    --protocol NAME --key @robot.key                          on the command line, for all sources
+    udp://:5000?protocol=NAME&key=00112233                    in a source, for this source only
+    {"source": …, "protocol": NAME, "key": "00112233"}        over HTTP
 
-Options in a source override the others. A key is a secret: it is removed from the source before any other code sees
-it, it is never printed, and no answer, event or error message contains it.
+Options in a source override the others. A secret is removed from the source before any other code sees it, it is never
+printed, and no answer, event or error message contains it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_plus
 
-MODES = ("lite", "safety", "secure")
-TIME_UNITS = ("ns", "us", "ms", "s")
-ROTATIONS = ("enu_from_body", "body_from_enu")
-OPTIONS = ("protocol", "key", "min_mode", "unverified", "time_unit", "rotation")
-ON, OFF = ("1", "", "true", "yes", "on"), ("0", "false", "no", "off")
+from protocols.decode_options import DecodeOption
+
+PROTOCOL = "protocol"
 
 
-class ReadingError(ValueError):
-    """An invalid option: its name and the allowed values. Never contains the key."""
+class DecodeOptionError(ValueError):
+    """An invalid option: its name and the allowed values. Never contains a secret."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,94 +32,85 @@ class DecodeOptions:
 
     Args:
         protocol: "" to detect it.
-        key: for Secure frames of IDTP.
-        min_mode: weakest mode of IDTP that is accepted, 0 to 2; None: Secure with a key, else Lite.
-        unverified: without a key, show Secure frames, marked as unverified.
-        replay_check: whether frames with an old sequence number are rejected.
-        schema: rows of the vendor's own payload types (protocols/idtp/custom_payloads.py).
-        time_unit: unit of IDTP timestamps, of TIME_UNITS; "" for microseconds, unless arrival times contradict it.
-        rotation: direction of the quaternion of an IDTP device, of ROTATIONS; "" for body to ENU.
+        values: name → text of each given option, in its usual notation; see `checked_options`.
     """
 
     protocol: str = ""
-    key: bytes | None = field(default=None, repr=False)
-    min_mode: int | None = None
-    unverified: bool = False
-    replay_check: bool = True
-    schema: Mapping[int, Any] | None = field(default=None, repr=False)
-    time_unit: str = ""
-    rotation: str = ""
+    values: Mapping[str, str] = field(default_factory=dict, repr=False, hash=False)
 
-    def settings(self, known: Collection[str]) -> dict[str, Any]:
-        """Settings passed to a protocol that supports them (registry.ProtocolInfo.settings)."""
-        values = {
-            "key": self.key,
-            "min_mode": self.min_mode,
-            "show_unverified": self.unverified,
-            "replay_check": self.replay_check,
-            "schema": self.schema,
-            "time_unit": self.time_unit or None,
-            "rotation": self.rotation or None,
-        }
-        return {name: value for name, value in values.items() if name in known and value is not None}
+    def settings(self, protocol: str) -> dict[str, Any]:
+        """Settings of the decoder of a protocol; options of other protocols are left out."""
+        from protocols.registry import PROTOCOLS  # imported on first use: the command line starts without it
+
+        family = PROTOCOLS.get(protocol)
+        return family.settings(self.values) if family is not None and self.values else {}
+
+    def replaced(self, values: Mapping[str, str], protocol: str | None = None) -> DecodeOptions:
+        """These options with others in their place; "" removes one."""
+        texts = {**self.values, **values}
+        values = {name: text for name, text in texts.items() if text}
+        return replace(self, protocol=self.protocol if protocol is None else protocol, values=values)
+
+    @property
+    def secrets(self) -> dict[str, str]:
+        """The secret ones."""
+        return {name: text for name, text in self._declared() if _option(name).kind == "secret"}
+
+    @property
+    def shown(self) -> dict[str, str]:
+        """Those that the page may show: neither secrets nor whole files."""
+        return {name: text for name, text in self._declared() if _option(name).kind not in ("secret", "file")}
+
+    @property
+    def recorded(self) -> dict[str, str]:
+        """Those that are properties of the device and stored in its recordings."""
+        return {name: text for name, text in self._declared() if _option(name).recorded}
+
+    def _declared(self) -> list[tuple[str, str]]:
+        return [(name, text) for name, text in self.values.items() if name in declared_options()] if self.values else []
 
 
-def reading(
-    protocol: str = "",
-    key: str = "",
-    min_mode: str = "",
-    unverified: bool = False,
-    schema: str = "",
-    replay_check: bool = True,
-    time_unit: str = "",
-    rotation: str = "",
-) -> DecodeOptions:
-    """Decode options from texts.
+def declared_options() -> Mapping[str, DecodeOption]:
+    """The options of all protocol families, by name."""
+    from protocols.registry import decode_options  # imported on first use: the command line starts without it
 
-    Args:
-        key: hex, "" for none.
-        min_mode: of MODES, or "".
-        schema: text of the schema, "" for none.
+    return decode_options()
+
+
+def _option(name: str) -> DecodeOption:
+    return declared_options()[name]
+
+
+def source_options() -> list[DecodeOption]:
+    """Options of a source."""
+    return [option for option in declared_options().values() if "source" in option.scopes]
+
+
+def url_options() -> list[str]:
+    """Names of the options that a source can contain."""
+    from protocols.registry import url_options
+
+    return url_options()
+
+
+def checked_options(protocol: str = "", texts: Mapping[str, str] | None = None) -> DecodeOptions:
+    """Decode options from texts; "" for one that is not given, and the content of files.
 
     Raises:
-        ReadingError: an option is invalid.
+        DecodeOptionError: an option is invalid.
     """
-    secret = _key(key) if key else None
-    units = (_one_of("time_unit", time_unit, TIME_UNITS), _one_of("rotation", rotation, ROTATIONS))
-    return DecodeOptions(protocol, secret, _mode(min_mode), unverified, replay_check, _schema(schema), *units)
+    return DecodeOptions(protocol).replaced(
+        {name: _checked(name, text) for name, text in (texts or {}).items() if text}
+    )
 
 
 def changed(old: DecodeOptions, new: DecodeOptions, given: Collection[str]) -> DecodeOptions:
-    """`old` with the options of `new` that are in `given`: names of OPTIONS, and "schema_text".
+    """`old` with the options of `new` that are in `given`: names, and "protocol".
 
-    Schemas of vendor types are added to the existing ones; one of the same type replaces it.
+    Descriptions of a vendor's own messages are added to the existing ones.
     """
-    changes = {name: getattr(new, name) for name in OPTIONS if name in given}
-    if "schema_text" in given:
-        changes["schema"] = {**(old.schema or {}), **(new.schema or {})} or None
-    return replace(old, **changes)
-
-
-def to_text_options(options: DecodeOptions) -> dict[str, Any]:
-    """The inverse of `reading`, for another process; without the protocol, which each file has for itself."""
-    return {
-        "key": options.key.hex() if options.key else "",
-        "min_mode": "" if options.min_mode is None else MODES[options.min_mode],
-        "unverified": options.unverified,
-        "schema": schema_words(options.schema),
-        "time_unit": options.time_unit,
-        "rotation": options.rotation,
-    }
-
-
-def schema_words(schema: Mapping[int, Any] | None) -> str:
-    """The schema (TOML) of these rows, "" for none."""
-    if not schema:
-        return ""
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
-    write = next((write for family in PROTOCOLS.values() if (write := family.write_schema) is not None), None)
-    return write(schema) if write is not None else ""
+    values = {name: _merged(name, old, new) for name in given if name != PROTOCOL}
+    return old.replaced(values, new.protocol if PROTOCOL in given else None)
 
 
 def recorded(options: DecodeOptions, about: Mapping[str, Any], usual: DecodeOptions) -> DecodeOptions:
@@ -131,124 +120,100 @@ def recorded(options: DecodeOptions, about: Mapping[str, Any], usual: DecodeOpti
         about: the recording's information on the device; anything but options is ignored.
         usual: the server's options for its own sources.
     """
-    values = {name: about.get(name, "") for name in ("time_unit", "rotation", "schema")}
+    texts = {option.name: str(about.get(option.name, "")) for option in source_options() if option.recorded}
     try:
-        stored = reading(
-            time_unit=str(values["time_unit"]), rotation=str(values["rotation"]), schema=str(values["schema"])
-        )
-    except ReadingError:
+        stored = checked_options("", texts)
+    except DecodeOptionError:
         stored = DecodeOptions()
-    schema = {**(usual.schema or {}), **(stored.schema or {}), **(options.schema or {})}
-    return replace(
-        options,
-        key=options.key or usual.key,
-        min_mode=usual.min_mode if options.min_mode is None else options.min_mode,
-        unverified=options.unverified or usual.unverified,
-        schema=schema or None,
-        time_unit=options.time_unit or stored.time_unit or usual.time_unit,
-        rotation=options.rotation or stored.rotation or usual.rotation,
-    )
+    made = DecodeOptions(options.protocol, usual.values)
+    for more in (stored, options):
+        made = changed(made, more, more.values.keys())
+    return made
 
 
-def key_text(given: str) -> str:
-    """The hex digits of a key that is given directly, or as @FILE.
+def secret_text(given: str, name: str = "key") -> str:
+    """A secret that is given directly, or as @FILE.
 
     Raises:
-        ReadingError: the key is empty, or the file cannot be read or is empty.
+        DecodeOptionError: the secret is empty, or the file cannot be read or is empty.
     """
     if not given:
-        raise ReadingError("an empty key is not valid: give an even number of hex digits, or @FILE containing them")
+        raise DecodeOptionError(f"an empty {name} is not valid: give the {name}, or @FILE containing it")
     if not given.startswith("@"):
         return given
     try:
         text = Path(given[1:]).expanduser().read_text(encoding="ascii").strip()
     except OSError as error:
-        raise ReadingError(f"the key cannot be read from {given[1:]}: {error.strerror}") from None
+        raise DecodeOptionError(f"the {name} cannot be read from {given[1:]}: {error.strerror}") from None
     except UnicodeDecodeError:
         text = ""
     if not text:
-        raise ReadingError(f"{given[1:]} contains no key: it must contain hex digits")
+        raise DecodeOptionError(f"{given[1:]} contains no {name}: it must contain its characters and nothing else")
     return text
 
 
-def schema_text(path: str) -> str:
-    """Text of a schema file.
+def file_text(path: str, name: str) -> str:
+    """Text of a file that an option names.
 
     Raises:
-        ReadingError: it cannot be read.
+        DecodeOptionError: it cannot be read.
     """
     try:
         return Path(path).expanduser().read_text(encoding="utf-8")
     except OSError as error:
-        raise ReadingError(f"the schema cannot be read from {path}: {error.strerror}") from None
+        raise DecodeOptionError(f"the {name} cannot be read from {path}: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise ReadingError(f"{path} is not a text file") from None
+        raise DecodeOptionError(f"{path} is not a text file") from None
+
+
+def option_text(option: DecodeOption, given: str | bool) -> str:
+    """Text of an option as written on the command line or in the settings: secrets and files may be in a file.
+
+    Raises:
+        DecodeOptionError: the file cannot be read.
+    """
+    if isinstance(given, bool):
+        return "1" if given else ""
+    if option.kind == "secret":
+        return secret_text(given, option.name)
+    return file_text(given, option.name) if option.kind == "file" and given else given
 
 
 def parse_source_options(source: str, given: DecodeOptions) -> tuple[str, DecodeOptions]:
     """A source without its decode options, and `given` overridden by these options.
 
     Raises:
-        ReadingError: invalid value.
+        DecodeOptionError: invalid value.
     """
     if "?" not in source or os.path.exists(source):
         return source, given
     place, _, query = source.partition("?")
+    names = url_options()
     rest = []
     for part in query.split("&"):
         name, _, value = part.partition("=")
         value = unquote_plus(value)
-        match name:
-            case "protocol":
-                given = replace(given, protocol="" if value == "auto" else value)
-            case "key":
-                given = replace(given, key=_key(value))
-            case "min_mode":
-                given = replace(given, min_mode=_mode(value))
-            case "time_unit":
-                given = replace(given, time_unit=_one_of(name, value, TIME_UNITS))
-            case "rotation":
-                given = replace(given, rotation=_one_of(name, value, ROTATIONS))
-            case "unverified":
-                if value not in ON + OFF:
-                    raise ReadingError("unverified must be 1 or 0")
-                given = replace(given, unverified=value in ON)
-            case _:
-                rest.append(part)
+        if name == PROTOCOL:
+            given = given.replaced({}, "" if value == "auto" else value)
+        elif name in names:
+            given = given.replaced({name: _checked(name, value)})
+        else:
+            rest.append(part)
     return f"{place}?{'&'.join(rest)}" if rest else place, given
 
 
-def _key(text: str) -> bytes:
+def _checked(name: str, text: str) -> str:
+    option = _option(name)
     try:
-        key = bytes.fromhex(text)
-    except ValueError:
-        key = b""
-    if not key:
-        raise ReadingError("a key must be an even number of hex digits, at least two")
-    return key
-
-
-def _mode(text: str) -> int | None:
-    if not text:
-        return None
-    return MODES.index(_one_of("min_mode", text, MODES))
-
-
-def _one_of(name: str, text: str, known: tuple[str, ...]) -> str:
-    if text and text not in known:
-        raise ReadingError(f"{name} is {text!r:.40}, not one of {', '.join(known)}")
-    return text
-
-
-def _schema(text: str) -> Mapping[int, Any] | None:
-    if not text.strip():
-        return None
-    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
-
-    parse = next((parse for family in PROTOCOLS.values() if (parse := family.parse_schema) is not None), None)
-    if parse is None:
-        raise ReadingError("no available protocol uses a schema")
-    try:
-        return parse(text)
+        checked = option.checked(text)
+        if option.kind == "secret" and not checked:
+            option.read(text)  # an empty one is no secret
     except ValueError as error:
-        raise ReadingError(f"the schema cannot be used: {error!s:.300}") from None
+        raise DecodeOptionError(str(error)) from None
+    return checked
+
+
+def _merged(name: str, old: DecodeOptions, new: DecodeOptions) -> str:
+    before, after = old.values.get(name, ""), new.values.get(name, "")
+    merge = _option(name).merge
+    return merge(before, after) if merge is not None and before and after else after or (before if merge else "")

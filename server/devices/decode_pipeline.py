@@ -10,7 +10,6 @@ sequence numbers of Secure devices continue.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 from protocols.events import Event
 from server.devices.decode_options import DecodeOptions
@@ -80,18 +79,18 @@ class DecodePipeline:
         options = self.options
         decoder = self.decoder = self._protocols.decoder(protocol, options, self._link.kind)
         about = self._protocols.about(protocol)
-        self._restarts.begin(decoder, options)
+        self._restarts.begin(decoder)
         self._link.flow.keep_datagrams = about.datagrams
         line = LinkTiming.of(self._link)
         self.stream = LinkDecoder(self._sink, self._devices, decoder, line=line, about=about, on_events=self._on_events)
         name = self._state.name(self._state.info.product, protocol)
-        self._state.set(protocol=protocol, name=name, time_unit=options.time_unit, rotation=options.rotation)
+        self._state.set(protocol=protocol, name=name, decode_options=options.shown)
         for chunk in self.detector.take():
             self._feed(chunk)
 
-    def set_time_unit(self, unit: str) -> None:
-        """Interpret timestamps in another unit, with a new decoder."""
-        self.options = replace(self.options, time_unit=unit)
+    def set_option(self, name: str, value: str) -> None:
+        """Decode with another value of an option, with a new decoder."""
+        self.options = self.options.replaced({name: value})
         self.begin(self._state.info.protocol)
 
     def put(self, chunk: Chunk) -> None:

@@ -38,7 +38,7 @@ def speech() -> ProtocolSet:
 
         row = PROTOCOLS[name]
         datagrams = {"datagrams": True} if row.datagrams and link_kind == "udp" else {}
-        return row.decoder(**reading.settings(row.settings), **datagrams)
+        return row.decoder(**reading.settings(name), **datagrams)
 
     def guess(data: bytes) -> Sequence[ProtocolGuess]:
         from protocols.registry import detect

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from protocols.events import Batch, Decoder, Event, RejectedFrame, Remembers
-from server.devices.decode_options import DecodeOptions
 from server.devices.sequence_store import SequenceStore
 
 FEWEST_STALE = 3  # old frames in a row, without an accepted one
@@ -46,16 +45,17 @@ class Restarts:
         self._stale: dict[str, _Stale] = {}
         self._secure = False
 
-    def begin(self, decoder: Decoder, reading: DecodeOptions) -> None:
+    def begin(self, decoder: Decoder) -> None:
         """Use a new decoder, and restore its numbers."""
         self.save()
-        if reading.key != self._key:
+        key = decoder.memory_key if isinstance(decoder, Remembers) else None
+        if key != self._key:
             self._numbers = {}
-        self._key, self._decoder = reading.key, None
+        self._key, self._decoder = key, None
         self._stale.clear()
-        self._secure = reading.key is not None
-        if isinstance(decoder, Remembers) and reading.key is not None and reading.replay_check and not self._plays:
-            stored = self._store.restore(reading.key) if self._store is not None else {}
+        self._secure = key is not None
+        if isinstance(decoder, Remembers) and key is not None and not self._plays:
+            stored = self._store.restore(key) if self._store is not None else {}
             self._numbers = {**stored, **self._numbers}
             decoder.restore(self._numbers)
             self._decoder = decoder

@@ -167,12 +167,12 @@ class Session(Audience):
 
         A simulator has the key of its source, so it is restarted; any other link stays open.
         """
-        rekeyed = self._task is not None and self._link.kind == "simulator" and reading.key != self.reading.key
+        rekeyed = self._task is not None and self._link.kind == "simulator" and reading.secrets != self.reading.secrets
         if rekeyed and self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
             await self._link.close()
-            self._link.settings = replace(self._link.settings, key=reading.key)
+            self._link.settings = replace(self._link.settings, decode_options=reading.values)
         self._drain(final=True)
         self._pipeline.options = reading
         self.devices.reset_decoding()
@@ -404,12 +404,13 @@ class Session(Audience):
                 self._set(message=self._diagnostics.message, wants=self._diagnostics.needed)
         decoder = self._pipeline.decoder
         if isinstance(decoder, Doubts) and decoder.contradiction is not None and self._link.speed == 1:
-            self._on_doubt(decoder.contradiction)
+            self._on_doubt(decoder.doubted, decoder.contradiction)
 
-    def _on_doubt(self, doubt: Doubt) -> None:
-        """Use another unit of the timestamps if arrival times indicate it and the user has not set one."""
-        if self._diagnostics.on_doubts(doubt, given=bool(self.reading.time_unit)) and not self.reading.time_unit:
-            self._pipeline.set_time_unit(doubt.unit)
+    def _on_doubt(self, option: str, doubt: Doubt) -> None:
+        """Use another value of an option if arrival times indicate it and the user has not set one."""
+        given = option in self.reading.values
+        if self._diagnostics.on_doubts(option, doubt, given=given) and not given:
+            self._pipeline.set_option(option, doubt.value)
         self._set(notices=self._notices)
 
     @property

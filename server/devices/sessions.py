@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from server import wire
-from server.devices.decode_options import OPTIONS, DecodeOptions, ReadingError, parse_source_options
+from server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
 from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sequence_store import EVERY_S, SequenceStore
@@ -27,7 +27,6 @@ HEALTH_EVERY = 5  # ticks
 SAVE_EVERY = round(EVERY_S / TICK_S)
 WALL_STEP_S = 0.05  # NTP slews at most 0.5 ms/s; more than this between two ticks is a step
 MOST_DEVICES = 64
-OPTIONS_HINT = f"After its question mark a source accepts: {', '.join(OPTIONS)}."
 
 OpenLink = Callable[[str, LinkSettings], Link]
 
@@ -39,7 +38,7 @@ class Sessions:
         bus: receives everything they publish.
         open_link: creates a (closed) link for a source; raises LinkError "bad-source".
         speech: the protocols.
-        settings: for the links; `protocol` and `key` are filled in per source.
+        settings: for the links; `protocol` and `decode_options` are filled in per source.
         wall_ns: the wall clock, which may step; a step is reported as an event and does not move samples.
         sequences: store of the last numbers of Secure devices; None: in this process only.
         sample_interval: present interval at which samples are needed, s.
@@ -94,15 +93,17 @@ class Sessions:
         """
         try:
             source, reading = parse_source_options(source, reading)
-        except ReadingError as error:
+        except DecodeOptionError as error:
             place = source.partition("?")[0]
-            raise LinkError("bad-source", f"The source {place!r} cannot be used: {error}.", OPTIONS_HINT) from None
+            hint = f"After its question mark a source accepts: {', '.join(url_options())}."
+            raise LinkError("bad-source", f"The source {place!r} cannot be used: {error}.", hint) from None
         session = self.at(source)
         if session is not None:
             raise LinkError("busy", f"{source} is already open, as device {session.info.id}.", "Retry or remove it.")
         if len(self._sessions) >= MOST_DEVICES:
             raise LinkError("full", f"The maximum of {MOST_DEVICES} devices is open.", "Remove one first.")
-        link = self._open_link(source, replace(self._settings, protocol=reading.protocol, key=reading.key))
+        settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
+        link = self._open_link(source, settings)
         device = str(self._next_id)
         self._next_id += 1
         session = self._sessions[device] = Session(

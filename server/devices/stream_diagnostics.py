@@ -66,6 +66,12 @@ def _refusals() -> Mapping[str, tuple[str, str]]:
     return {**REFUSALS, **dict(own)}
 
 
+def doubt_text(option: str, doubt: Doubt) -> str:
+    """Report of an option whose value follows from the stream instead of from the user."""
+    words = f"{doubt.subject.capitalize()} are read with {option}={doubt.value}: {doubt.reason}."
+    return f"{words} Set {option} to confirm it."
+
+
 class StreamDiagnostics:
     """Diagnostics of the stream of one device.
 
@@ -151,16 +157,16 @@ class StreamDiagnostics:
         self._report("warning", f"Frames in {UNPROTECTED} mode {words} {EXPOSED_HINT}", {"reason": "exposed"})
         return True
 
-    def on_doubts(self, doubt: Doubt, *, given: bool) -> bool:
-        """Report that arrival times contradict the unit of the timestamps; True if that is new."""
-        if "unit" in self._reported:
+    def on_doubts(self, option: str, doubt: Doubt, *, given: bool) -> bool:
+        """Report that arrival times contradict the value of an option; True if that is new."""
+        if option in self._reported:
             return False
-        self._reported.add("unit")
+        self._reported.add(option)
         if given:
-            words = f"The timestamps contradict their arrival: {doubt.reason}. Consider time_unit={doubt.unit}."
+            words = f"The {doubt.subject} contradict their arrival: {doubt.reason}. Consider {option}={doubt.value}."
         else:
-            words = f"Timestamps are read with time_unit={doubt.unit}: {doubt.reason}. Set time_unit to confirm it."
-        self._report("warning", words, {"reason": "unit", "unit": doubt.unit})
+            words = doubt_text(option, doubt)
+        self._report("warning", words, {"reason": "unit", "unit": doubt.value})
         return True
 
     def update(self, now: float, protocol: str, *, samples: int, at_once: bool = False) -> bool:

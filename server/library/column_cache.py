@@ -27,7 +27,7 @@ from pathlib import Path
 
 from recordings.column_store import VERSION, ColumnStore
 from recordings.mcap_writer import RecordingError
-from server.devices.decode_options import DecodeOptions, to_text_options
+from server.devices.decode_options import DecodeOptions
 from server.library.sources import decoding_mark
 from server.workers import Worker
 
@@ -71,7 +71,7 @@ class ColumnCache:
     ) -> None:
         self._cache = data / CACHE / "columns"
         self._path_of = path_of
-        self._usual = to_text_options(usual)
+        self._usual = dict(usual.values)
         self._open: OrderedDict[Path, ColumnStore] = OrderedDict()
         self._opening: dict[Path, DecodeJob] = {}
         self._slots = asyncio.Semaphore(AT_ONCE)

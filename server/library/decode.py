@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
@@ -42,7 +42,7 @@ from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import DeviceState, short_source
 from server.devices.ingest import LinkTiming
 from server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
-from server.devices.stream_diagnostics import REMEDIES
+from server.devices.stream_diagnostics import REMEDIES, doubt_text
 from server.library.collector import RecordingSink
 from server.library.decode_tables import decode_tables
 from server.links.registry import link_kind
@@ -103,14 +103,14 @@ class _Device:
             self._begin()
 
     def _probe(self) -> Doubts | None:
-        """Decoder that checks the time unit by arrival; None if no check is needed."""
-        if not self._timed or self._reading.time_unit:
+        """Decoder that checks an option by arrival; None if no check is needed."""
+        if not self._timed:
             return None
         decoder: object = self._protocols.decoder(self.protocol, self._reading, self._link)
-        return decoder if isinstance(decoder, Doubts) else None
+        return decoder if isinstance(decoder, Doubts) and decoder.doubted not in self._reading.values else None
 
-    def _settle_unit(self) -> None:
-        """Determine an unconfigured unit of timestamps from the arrival of the first seconds."""
+    def _settle_doubts(self) -> None:
+        """Determine an option that is not given from the arrival of the first seconds."""
         probe = self._probe()
         if probe is None:
             return
@@ -118,14 +118,14 @@ class _Device:
             probe.feed_many(part.data, part.ends, part.times)
         probe.drain()
         if (doubt := probe.contradiction) is not None:
-            self._reading = replace(self._reading, time_unit=doubt.unit)
-            text = f"Timestamps are read with time_unit={doubt.unit}: {doubt.reason}. Set time_unit to confirm it."
-            self.devices.own.events.report("device", "warning", text, data={"reason": "unit", "unit": doubt.unit})
+            self._reading = self._reading.replaced({probe.doubted: doubt.value})
+            data = {"reason": "unit", "unit": doubt.value}
+            self.devices.own.events.report("device", "warning", doubt_text(probe.doubted, doubt), data=data)
 
     def _begin(self) -> None:
         byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
         line = LinkTiming(byte_time_ns, self._link, capacity, timed=self._timed)
-        self._settle_unit()
+        self._settle_doubts()
         decoder = self._protocols.decoder(self.protocol, self._reading, self._link)
         about = self._protocols.about(self.protocol)
         self.state.set(protocol=self.protocol)

@@ -1,7 +1,7 @@
 """`python -m server.library.decode_worker`: decode one recording in a subprocess, for column_cache.py.
 
-The request comes on standard input, one JSON object: path, store, and decode options (to_text_options of
-server/devices/decode_options.py; a key is never on a command line). The output are JSON lines: {"progress": 0..1},
+The request comes on standard input, one JSON object: path, store, and decode options (DecodeOptions.values; a key is
+never on a command line). The output are JSON lines: {"progress": 0..1},
 {"shown": a folder} when the part decoded so far can be read there, and {"message", "hint"} for an error.
 """
 
@@ -20,7 +20,7 @@ from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
 from server import jit_cache
-from server.devices.decode_options import DecodeOptions, reading
+from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import speech
 from server.library.decode import decode
 
@@ -50,7 +50,7 @@ def main() -> int:
     try:
         bounded_by(Path(request["path"]))
         source = open_file(Path(request["path"]))
-        usual = reading(**request.get("reading", {}))
+        usual = DecodeOptions("", request.get("reading", {}))
         shown = lambda folder: _send(shown=str(folder))  # noqa: E731
         decode(source, Path(request["store"]), speech(), DecodeOptions(), progress, shown, usual)
     except RecordingError as error:

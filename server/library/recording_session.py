@@ -23,7 +23,6 @@ from recordings.recording_writer import RecordingWriter
 from server import wire, wire_codec
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController
-from server.devices.decode_options import schema_words
 from server.devices.member import address_of
 from server.devices.session import Session
 from server.library.api_models import Mark
@@ -32,7 +31,6 @@ from server.streaming.bus import TelemetryBus
 
 RATE_S = 10.0  # averaging time of the rate for `seconds_left`
 METADATA_FIELDS = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
-RECORDED_OPTIONS = ("time_unit", "rotation")  # recorded decode options, besides the schema of vendor types
 
 
 class RecordingSession:
@@ -82,7 +80,7 @@ class RecordingSession:
         """Also record this session."""
         device, writer = session.info.id, self.writer
         self._sessions[device] = session
-        writer.device(device, {**about(session.info), **described(session)})
+        writer.device(device, {**about(session.info), **session.reading.recorded})
 
         def take(data: bytes, time_ns: int, way: Direction) -> None:
             writer.chunk(device, way, data, time_ns)
@@ -165,7 +163,7 @@ class RecordingSession:
 
     def _device(self, info: wire.DeviceInfo) -> None:
         if info.id in self._unsubscribe_traffic:
-            self.writer.device(info.id, {**about(info), **described(self._sessions[info.id])})
+            self.writer.device(info.id, {**about(info), **self._sessions[info.id].reading.recorded})
             self._request_header(info)
 
     def _job_report(self, state: wire.DeviceJobs) -> None:
@@ -185,14 +183,7 @@ class RecordingSession:
 
 def about(info: wire.DeviceInfo) -> dict[str, Any]:
     """Device metadata for a recording; unknown values are omitted."""
-    names = METADATA_FIELDS + RECORDED_OPTIONS
-    return {name: value for name in names if (value := getattr(info, name)) not in ("", None)}
-
-
-def described(session: Session) -> dict[str, str]:
-    """The schema of vendor types used for decoding; without it, a recording would show only bytes."""
-    words = schema_words(session.reading.schema)
-    return {"schema": words} if words else {}
+    return {name: value for name in METADATA_FIELDS if (value := getattr(info, name)) not in ("", None)}
 
 
 def seconds_left(sizes: Sequence[tuple[float, int]], free: int | None) -> float | None:

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -114,7 +114,7 @@ class LinkSettings:
         sys_root: mount point of sysfs, for the latency timer of USB adapters.
         by_id: folder with udev's persistent names of USB adapters.
         protocol: the protocol given by the user, "" for automatic; its clock determines the timing of a file.
-        key: key of a simulator that sends Secure frames; None for a random one.
+        decode_options: of the source, as text: a simulator that encrypts has its key from them, else a random one.
         windows: time limits of the search for a rate.
     """
 
@@ -123,7 +123,7 @@ class LinkSettings:
     sys_root: Path = Path("/sys")
     by_id: Path = Path("/dev/serial/by-id")
     protocol: str = ""
-    key: bytes | None = field(default=None, repr=False)
+    decode_options: Mapping[str, str] = field(default_factory=dict, repr=False, hash=False)
     windows: ScanWindows = ScanWindows()
 
 

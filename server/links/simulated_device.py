@@ -138,12 +138,16 @@ def _fitting(family: SimulatorInfo, bytes_per_s: float) -> int:
     return next(fitting, LINE_RATES[-1])
 
 
-def make_device(options: SimulatorOptions, start_ns: int, key: bytes | None = None) -> SimulatedDevice:
+def make_device(
+    options: SimulatorOptions, start_ns: int, decode_options: Mapping[str, str] | None = None
+) -> SimulatedDevice:
     """Create a freshly powered device.
 
     Args:
-        key: for Secure frames; None for a random one.
+        decode_options: of the source, as text: a device that encrypts has its key from them, else a random one.
     """
+    from protocols.registry import PROTOCOLS
+
     family = simulators()[options.protocol]
     products = family.products()
     own = {option.name: option.default for option in family.options}
@@ -156,7 +160,7 @@ def make_device(options: SimulatorOptions, start_ns: int, key: bytes | None = No
             start_ns=start_ns,
             clock_drift_ppm=options.drift_ppm,
             clock_jump=(options.jump_s, JUMP_S) if options.jump_s else None,
-            key=key,
+            settings=PROTOCOLS[options.protocol].settings(decode_options or {}),
             options={**own, **options.own},
         )
     )

@@ -256,7 +256,7 @@ class SimulatorLink(Link):
     ) -> None:
         super().__init__(source, settings)
         self.options = options
-        self._make = make or (lambda start_ns: make_device(options, start_ns, self.settings.key))
+        self._make = make or (lambda start_ns: make_device(options, start_ns, self.settings.decode_options))
         self._open_baud = options.faults.baud if baud is None else baud or None
         self._simulator: SimulatorThread | None = None
         self._serial: SerialLink | None = None

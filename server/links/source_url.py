@@ -55,7 +55,12 @@ def is_host(name: str) -> bool:
     return True
 
 
-READING_OPTIONS = "protocol, key, min_mode, unverified, time_unit and rotation"  # see server/devices/decode_options.py
+def _decode_options() -> str:
+    """The options that any source can contain (server/devices/decode_options.py)."""
+    from protocols.registry import url_options  # imported on first use, because it takes a moment
+
+    *first, last = url_options()
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +117,7 @@ class SourceUrl:
         for name in self.options:
             if name not in names:
                 own = f"It has {', '.join(names)}; any" if names else "Any"
-                allowed = f"{own} source has {READING_OPTIONS}."
+                allowed = f"{own} source has {_decode_options()}."
                 near = get_close_matches(name, names, 1)
                 raise bad(
                     self.text,

@@ -45,7 +45,7 @@ from recordings.probe import probe
 from recordings.sidecar import VERSION, Edits
 from server.config import ConfigError, load
 from server.configuration.snapshots import SnapshotError, from_text
-from server.devices.decode_options import ReadingError, reading
+from server.devices.decode_options import DecodeOptionError, checked_options
 from server.devices.protocol_set import speech
 from server.integrations import meshes
 from server.library.decode import decode
@@ -111,7 +111,7 @@ def _snapshot(path: Path, cut: bool) -> None:
 def _configuration(path: Path, cut: bool) -> None:
     try:
         load(path).reading()
-    except (ConfigError, ReadingError) as error:
+    except (ConfigError, DecodeOptionError) as error:
         _sentence(str(error))
 
 
@@ -158,7 +158,7 @@ KINDS = {
     "csv": FileKind("drive.csv", _recording),
     "sidecar": FileKind("drive.mcap.json", _listed, ("packed",)),
     "snapshot": FileKind("a.yaml", _snapshot),
-    "schema": FileKind("a.toml", _refused(ReadingError, lambda text: reading(schema=text))),
+    "schema": FileKind("a.toml", _refused(DecodeOptionError, lambda text: checked_options("", {"schema": text}))),
     "configuration": FileKind("a.toml", _configuration),
     "glb": FileKind("a.glb", _mesh),
     "stl": FileKind("a.stl", _mesh),

@@ -246,7 +246,7 @@ def test_simulators_of_the_other_families_stream(source: str, baud: int, names: 
     async def check() -> None:
         before = left_behind()
         key = b"0123456789abcdef"
-        link = open_link(source, settings(key=key))
+        link = open_link(source, settings(decode_options={"key": key.hex()}))
         await link.open()
         assert (link.baud, link.kind) == (baud, "simulator")
         chunks = await gather(link, 12_000)

@@ -29,7 +29,7 @@ def test_every_standard_type_in_every_mode_is_read_back(mode: int) -> None:
     for number, command in enumerate(DRIVER.commands(DeviceContext())[:7], 1):
         readings = {field.name: 0.5 for field in command.arguments if field.dtype == "<f4"}
         values = {"timestamp": 1000, "sequence": number, "device_id": 7, "mode": mode, **readings}
-        frame = DRIVER.frame(command.name, values, DeviceContext(key=KEY))
+        frame = DRIVER.frame(command.name, values, DeviceContext(settings={"key": KEY}))
         decoder = IdtpDecoder(key=KEY, min_mode=0)
         decoder.feed(frame, 0)
         [batch] = batches(decoder.drain(stalled=True))

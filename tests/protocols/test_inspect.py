@@ -17,6 +17,7 @@ from protocols.xbus.frames import build
 from protocols.xbus.json_codec import frame_from_json
 from server.commands.inspect import EXPLAINED, inspect_file
 from server.devices.decode_options import DecodeOptions
+from tests.decode_options import decode_options
 from tests.protocols.xbus_vectors import everything
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"
@@ -149,17 +150,17 @@ def test_idtp_keys_modes_and_replays(tmp_path: Path) -> None:
     secure = IdtpSimulator(mode=2, key=KEY).advance(200_000_000)
     path.write_bytes(secure + IdtpSimulator(mode=1, device_id=7).advance(100_000_000))
     assert {line["reject"] for line in lines_of(path, rejects=True) if "reject" in line} == {"no_key"}
-    lines = lines_of(path, DecodeOptions("auto", KEY), rejects=True)
+    lines = lines_of(path, decode_options("auto", key=KEY), rejects=True)
     assert {line["reject"] for line in lines if "reject" in line} == {"below_min_mode"}
-    lines = lines_of(path, DecodeOptions("auto", KEY, min_mode=1), rejects=True)
+    lines = lines_of(path, decode_options("auto", key=KEY, min_mode="safety"), rejects=True)
     assert not [line for line in lines if "reject" in line or "verified" in line]
-    assert {line["reject"] for line in lines_of(path, DecodeOptions("idtp", b"x"), rejects=True)} >= {"bad_hmac"}
-    shown = [line for line in lines_of(path, DecodeOptions("idtp", unverified=True)) if line["fields"]["mode"] == 2]
+    assert {line["reject"] for line in lines_of(path, decode_options("idtp", key=b"x"), rejects=True)} >= {"bad_hmac"}
+    shown = [line for line in lines_of(path, decode_options("idtp", unverified=True)) if line["fields"]["mode"] == 2]
     assert {line["verified"] for line in shown} == {False}
     path.write_bytes(secure + secure)
-    assert "stale" in {line.get("reject") for line in lines_of(path, DecodeOptions("idtp", KEY), rejects=True)}
-    twice = lines_of(path, DecodeOptions("idtp", KEY, replay_check=False))
-    assert len(twice) == 2 * len(lines_of(path, DecodeOptions("idtp", KEY)))
+    assert "stale" in {line.get("reject") for line in lines_of(path, decode_options("idtp", key=KEY), rejects=True)}
+    twice = lines_of(path, decode_options("idtp", key=KEY, no_replay_check=True))
+    assert len(twice) == 2 * len(lines_of(path, decode_options("idtp", key=KEY)))
 
 
 def test_a_mixed_file_is_reported(tmp_path: Path) -> None:

@@ -9,11 +9,11 @@ import pytest
 
 from protocols.idtp.frames import LITE, SAFETY, build
 from protocols.idtp.simulator import IdtpSimulator
-from server.devices.decode_options import OPTIONS, DecodeOptions
+from server.devices.decode_options import DecodeOptions, url_options
 from server.devices.protocol_detection import unknown_hint
 from server.devices.session import Session
-from server.links.base import LinkSettings
-from server.links.source_url import READING_OPTIONS
+from server.links import open_link
+from server.links.base import LinkError, LinkSettings
 from tests.protocols.idtp_frames import with_version
 from tests.server.fakes import FakeLink
 from tests.server.family_harness import FamilyHarness
@@ -91,4 +91,7 @@ def test_nobody_said_that_lite_frames_over_a_network_are_unprotected(
 
 def test_the_options_that_any_source_has_are_named() -> None:
     """A misspelt option of udp:// was answered with: It takes no options."""
-    assert READING_OPTIONS.replace(" and ", ", ").split(", ") == list(OPTIONS)
+    with pytest.raises(LinkError) as caught:
+        open_link("udp://:5000?keys=00")
+    words = caught.value.hint.partition("Any source has ")[2].removesuffix(".")
+    assert words.replace(" and ", ", ").split(", ") == url_options()

@@ -34,6 +34,7 @@ from server.config import MapTiles, load
 from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.configuration.snapshots import SnapshotError, from_text, to_text
 from server.devices.decode_options import DecodeOptions
+from tests.decode_options import decode_options
 from tests.server_process import ROOT
 
 KEPT = ROOT / "tests" / "golden" / "previous_formats"
@@ -129,8 +130,8 @@ def test_a_configuration_file_is_read(kept: Path) -> None:
     config = load(kept / "imuscope.toml")
     assert (config.host, config.port, config.data) == ("0.0.0.0", 8081, Path("/var/lib/imuscope"))
     assert config.sources == ("/dev/ttyUSB0", "tcp://10.0.0.7:4000")
-    assert config.reading().key == bytes(range(16))
-    assert (config.min_mode, config.rollback_s, config.history_s, config.memory_mb) == ("safety", 30, 300, 128)
+    assert config.reading() == decode_options("xbus", key=bytes(range(16)), min_mode="safety")
+    assert (config.rollback_s, config.history_s, config.memory_mb) == (30, 300, 128)
     assert (config.view_token, config.control_token) == ("look-but-do-not-touch", "touch-if-you-must")
     assert (config.record, config.recordings_quota_gb, config.split_mb, config.split_min) == (True, 20, 2000, 60)
     assert (config.foxglove, config.rerun_connect) == (8765, "rerun+http://desk.local:9876/proxy")

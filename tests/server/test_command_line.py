@@ -18,10 +18,12 @@ from typing import Any
 
 import pytest
 
+from protocols.decode_options import DecodeOption
 from protocols.idtp.frames import SAFETY, SECURE, build
 from server.commands import arguments
 from server.commands.completion import script
 from server.config import Config
+from server.devices.decode_options import source_options
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S
 
@@ -129,12 +131,18 @@ def test_usage_errors_are_one_line_without_a_traceback(name: str, capsys: pytest
         assert f"See `imuscope {name} --help`." in said
 
 
+def secrets() -> list[DecodeOption]:
+    return [option for option in source_options() if option.kind == "secret"]
+
+
 def test_the_guide_names_every_command_variable_and_setting() -> None:
     commands = (ROOT / "docs" / "guide" / "command-line.md").read_text()
     for name in COMMANDS:
         assert re.search(rf"imuscope {name}\b", commands), name
     settings = (ROOT / "docs" / "guide" / "settings.md").read_text()
-    for name in [*arguments.ENVIRONMENT.values(), *(field.name for field in dataclasses.fields(Config))]:
+    variables = [*arguments.ENVIRONMENT.values(), *map(arguments.variable_of, secrets())]
+    fields = {field.name for field in dataclasses.fields(Config)} - {"decode_options"}
+    for name in [*variables, *fields, *(option.name for option in source_options())]:
         assert f"`{name}`" in settings or f"`[{name}]`" in settings, name
 
 
@@ -149,10 +157,15 @@ def test_older_spellings_still_do() -> None:
     assert arguments.parse(["doctor", "--json"]).format == "json"
 
 
-def test_the_environment_stands_in_for_options(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in arguments.ENVIRONMENT.values():
+def test_the_environment_stands_in_for_options(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        arguments.parse(["serve", "--help"])
+    words = capsys.readouterr().out
+    for name in [*arguments.ENVIRONMENT.values(), *map(arguments.variable_of, secrets())]:
         monkeypatch.setenv(name, "there")
-        assert name in arguments.ENVIRONMENT_HELP
+        assert name in words
     assert arguments.parse(["serve"]).key == "there"
     assert arguments.parse(["serve", "--key", "here"]).key == "here"
     assert arguments.parse(["serve"]).data == Path("there")
@@ -208,7 +221,7 @@ def test_messages_name_the_cause(words: str, said: str) -> None:
         ("inspect README.md --key 00 --unverified", "leave one out"),
         ("doctor --udev-rule --systemd-unit", "give one of the two"),
         ("doctor --udev-rule --format json", "leave one out"),
-        ("simulate xbus --key 00 --tcp :0", "--key is for Secure frames"),
+        ("simulate xbus --key 00 --tcp :0", "--key is not an option of xbus"),
         ("compose Imu3Acc --min-mode lite", "unrecognized arguments: --min-mode"),
         ("inspect README.md --rotation enu_from_body", "unrecognized arguments: --rotation"),
         ("commands --key 00", "unrecognized arguments: --key"),

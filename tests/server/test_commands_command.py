@@ -11,6 +11,7 @@ from protocols.transactions import DeviceContext
 from server.commands.commands import WIDTH, CommandListRow, manual
 from server.commands.compose import ComposeError
 from server.configuration.form_builder import all_forms
+from server.devices.decode_options import DecodeOptions
 from tests.server_process import imuscope
 
 
@@ -22,22 +23,22 @@ def test_every_command_and_setting_is_listed_and_described() -> None:
         rows: list[CommandListRow] = [*one.driver.commands(DeviceContext()), *one.driver.settings(DeviceContext())]
         for row in rows:
             assert row.name in listed
-            text = list(manual(one.name, row.name))
+            text = list(manual(DecodeOptions(one.name), row.name))
             assert text[0].startswith(row.name)
             assert all(len(line) <= WIDTH for line in text), row.name
     assert {forms.protocol for forms in all_forms()} == {"xbus", "isb", "idtp"}
 
 
 def test_a_command_is_described_with_ranges_meaning_and_source() -> None:
-    text = "\n".join(manual("xbus", "SetPeriod"))
+    text = "\n".join(manual(DecodeOptions("xbus"), "SetPeriod"))
     assert "period  u2, 1/115200 s, 225 to 65535, usually 1152" in text
     assert "Source: MT0101P 5.3.5" in text
-    assert "`send` requires --yes" in " ".join("\n".join(manual("", "RestoreFactoryDef")).split())
+    assert "`send` requires --yes" in " ".join("\n".join(manual(name="RestoreFactoryDef")).split())
 
 
 def test_missing_names_are_answered_with_the_nearest() -> None:
     with pytest.raises(ComposeError, match="similar: SetPeriod"):
-        list(manual("", "SetPeriot"))
+        list(manual(name="SetPeriot"))
 
 
 def test_described_types_are_listed(tmp_path: Path) -> None:

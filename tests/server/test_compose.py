@@ -19,6 +19,7 @@ from protocols.xbus.simulator.device import XbusSimulator
 from server.commands.compose import ComposeError, composers, find_composer, frame_of, frames_of, parse
 from server.commands.inspect import inspect_file
 from server.devices.decode_options import DecodeOptions
+from tests.decode_options import decode_options
 from tests.server_process import imuscope
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -27,8 +28,9 @@ S = 10**9
 
 
 def composed(message: str, *pairs: str, protocol: str = "", key: bytes | None = None) -> str:
-    spoken = composers(key)
-    return frame_of(find_composer(spoken, message, protocol, pairs), message, pairs, DeviceContext(key=key))[0].hex()
+    known = DeviceContext(settings={"key": key} if key else {})
+    spoken = composers(decode_options(key=key) if key else DecodeOptions())
+    return frame_of(find_composer(spoken, message, protocol, pairs), message, pairs, known)[0].hex()
 
 
 def both_ways(data: bytes, path: Path, reading: DecodeOptions, **how: Any) -> None:
@@ -37,7 +39,7 @@ def both_ways(data: bytes, path: Path, reading: DecodeOptions, **how: Any) -> No
     inspect_file(path, out := io.StringIO(), reading, format="jsonl", **how)
     lines = out.getvalue().splitlines()
     assert lines
-    frames = frames_of(lines, composers(reading.key))
+    frames = frames_of(lines, composers(reading))
     for line, frame in zip(lines, frames, strict=True):
         record = json.loads(line)
         assert frame == data[record["offset"] : record["offset"] + record["size"]], line
@@ -69,7 +71,7 @@ def test_every_golden_message_of_xsens(tmp_path: Path) -> None:
 def test_every_golden_frame_of_idtp(tmp_path: Path) -> None:
     for number, row in enumerate(_vectors("idtp/vectors.json")):
         key = bytes.fromhex(row["key_hex"]) if row["key_hex"] else None
-        reading = DecodeOptions("idtp", key, min_mode=0, replay_check=False)
+        reading = decode_options("idtp", key=key or "", min_mode="lite", no_replay_check=True)
         both_ways(bytes.fromhex(row["frame_hex"]), tmp_path / f"{number}.bin", reading)
 
 
@@ -77,7 +79,7 @@ def test_what_simulators_send_with_what_passes_through_their_ports(tmp_path: Pat
     isb = IsbSimulator().advance(3 * S)
     both_ways(isb + sentence("INFO,1,2") + isb, tmp_path / "isb.bin", DecodeOptions("isb"))
     both_ways(XbusSimulator().advance(2 * S), tmp_path / "xbus.bin", DecodeOptions("xbus"))
-    both_ways(IdtpSimulator(mode=2, key=KEY).advance(S), tmp_path / "idtp.bin", DecodeOptions("idtp", KEY))
+    both_ways(IdtpSimulator(mode=2, key=KEY).advance(S), tmp_path / "idtp.bin", decode_options("idtp", key=KEY))
 
 
 @pytest.mark.parametrize("name", ["mti_float32.bin", "mti_float32_satinfo_ecef.bin"])

@@ -22,6 +22,7 @@ from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
 from tests import virtual_time
+from tests.decode_options import decode_options
 from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
 
 # What the table must say, written another way: the letters of the events (in their order) that a state knows.
@@ -154,7 +155,7 @@ def test_whatever_happens_to_a_session_its_machine_agrees_with_what_is_shown(ste
                     with contextlib.suppress(LinkError):
                         await session.reopen()
                 case "rekey":
-                    await session.read_as(DecodeOptions("fake", key=bytes([sent % 250])))
+                    await session.read_as(decode_options("fake", key=bytes([sent % 250])))
                 case "silence":
                     for _ in range(40):
                         clock.move(0.1)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -16,13 +15,14 @@ from protocols.events import batches
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.registry import PROTOCOLS
-from protocols.schema import Message
+from protocols.schema import Field, Message
 from protocols.xbus.simulator.device import XbusSimulator
 from server import wire, wire_codec
 from server.devices.decode_options import DecodeOptions, changed
 from server.devices.protocol_set import speech
 from server.links.base import LinkError
 from server.streaming.telemetry import Telemetry
+from tests.decode_options import decode_options
 from tests.server.fakes import FakeLink
 from tests.server.family_harness import FamilyHarness, FamilyWire
 
@@ -136,8 +136,8 @@ def test_a_clock_jump_is_reported_once(device: Any) -> None:
     [
         (0, DecodeOptions(), "Lite, CRC-8 of the header alone", True, ""),
         (1, DecodeOptions(), "Safety, CRC-32", True, ""),
-        (2, DecodeOptions(key=KEY), "Secure, verified", True, ""),
-        (2, DecodeOptions(unverified=True), "Secure, unverified: no key", False, "?"),
+        (2, decode_options(key=KEY), "Secure, verified", True, ""),
+        (2, decode_options(unverified=True), "Secure, unverified: no key", False, "?"),
     ],
 )
 def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, verified: bool, suffix: str) -> None:
@@ -173,7 +173,7 @@ def test_without_a_key_one_event_and_the_remedy() -> None:
 
 @pytest.mark.parametrize(
     ("reading", "mode", "reason"),
-    [(DecodeOptions(key=b"other"), 2, "bad_hmac"), (DecodeOptions(min_mode=2), 1, "below_min_mode")],
+    [(decode_options(key=b"other"), 2, "bad_hmac"), (decode_options(min_mode="secure"), 1, "below_min_mode")],
 )
 def test_the_wrong_key_and_a_weak_mode_are_reported(reading: DecodeOptions, mode: int, reason: str) -> None:
     async def test(stage: FamilyHarness) -> None:
@@ -193,7 +193,7 @@ def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
         assert stage.health.rejects_by["bad_hmac"] > 0
         assert stage.info.notices == []
 
-    play(test, DecodeOptions("idtp", key=KEY))
+    play(test, decode_options("idtp", key=KEY))
 
 
 class Several:
@@ -392,7 +392,7 @@ def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
         before = stage.health.unverified
         assert before
         kept = len(unverified["Quaternion?"].ring)
-        await stage.session.read_as(replace(stage.session.reading, key=KEY))
+        await stage.session.read_as(stage.session.reading.replaced({"key": KEY.hex()}))
         assert stage.info.id == "1"
         await stage.run(device, 2)
         assert (stage.info.status, stage.info.protection) == ("live", "Secure, verified")
@@ -402,7 +402,7 @@ def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
         assert "Quaternion" in {channel.info.name for channel in stage.telemetry.store.all}
         assert stage.link.opened == 1, "the link stays open"
 
-    play(test, DecodeOptions(unverified=True))
+    play(test, decode_options(unverified=True))
 
 
 def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
@@ -410,7 +410,7 @@ def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
         device = IdtpSimulator(mode=2, key=KEY)
         await stage.run(device, 3)
         assert stage.health.rejects_by.keys() == {"no_key"}
-        await stage.session.read_as(DecodeOptions(key=KEY))
+        await stage.session.read_as(decode_options(key=KEY))
         await stage.run(device, 2)
         assert (stage.info.status, stage.info.notices, stage.info.hint) == ("live", [], "")
         assert stage.health.rejects_by == {}
@@ -419,9 +419,12 @@ def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
 
 
 def test_given_options_change_and_the_rest_stays() -> None:
-    row, other = Message(0x80, "A"), Message(0x81, "B")
-    old = DecodeOptions("idtp", key=b"k", min_mode=1, schema={0x80: row})
-    assert changed(old, DecodeOptions(key=b"new"), {"key"}) == DecodeOptions("idtp", b"new", 1, schema={0x80: row})
-    added = changed(old, DecodeOptions(schema={0x81: other}), {"schema_text"})
-    assert added.schema == {0x80: row, 0x81: other}
-    assert added.key == b"k"
+    speed = Field("Speed", dtype="<i2")
+    row, other, newer = (Message(id, name, (speed,)) for id, name in ((0x80, "A"), (0x81, "B"), (0x80, "C")))
+    old = decode_options("idtp", key=b"k", min_mode="safety", schema={0x80: row})
+    rekeyed = decode_options("idtp", key=b"new", min_mode="safety", schema={0x80: row})
+    assert changed(old, decode_options(key=b"new"), {"key"}) == rekeyed
+    added = changed(old, decode_options(schema={0x81: other, 0x80: newer}), {"schema"})
+    assert {row.id: row.name for row in added.settings("idtp")["schema"].values()} == {0x80: "C", 0x81: "B"}
+    assert added.settings("idtp")["key"] == b"k"
+    assert changed(added, DecodeOptions(), {"schema", "min_mode"}).values.keys() == {"key", "schema"}

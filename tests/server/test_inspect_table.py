@@ -17,6 +17,7 @@ from protocols.xbus.frames import build as xbus_frame
 from server.commands.inspect import inspect_file
 from server.devices.decode_options import DecodeOptions
 from server.printable import json_text, printable
+from tests.decode_options import decode_options
 
 SCHEMA = """
 [[message]]
@@ -57,9 +58,9 @@ def test_irregularities_are_described_in_words(tmp_path: Path) -> None:
 
 def test_described_types_are_in_their_unit(tmp_path: Path) -> None:
     frame = build(0x80, struct.pack("<2h", 1500, -20), mode=SAFETY)
-    (row,) = rows(frame, tmp_path / "a.bin", DecodeOptions("idtp", schema=parse(SCHEMA)))
+    (row,) = rows(frame, tmp_path / "a.bin", decode_options("idtp", schema=parse(SCHEMA)))
     assert "Speed [1.5, -0.02] m/s" in row
-    (line,) = rows(frame, tmp_path / "a.bin", DecodeOptions("idtp", schema=parse(SCHEMA)), "jsonl")
+    (line,) = rows(frame, tmp_path / "a.bin", decode_options("idtp", schema=parse(SCHEMA)), "jsonl")
     assert json.loads(line)["fields"]["Speed"] == [1500, -20], "wire values for programs"
 
 

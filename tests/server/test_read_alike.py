@@ -11,10 +11,11 @@ import pytest
 from protocols.idtp.custom_payloads import parse, written
 from protocols.idtp.frames import SAFETY, SECURE, build
 from recordings.importers import open_file
-from server.devices.decode_options import DecodeOptions, reading, recorded, to_text_options
+from server.devices.decode_options import DecodeOptions, recorded
 from server.devices.protocol_set import speech
 from server.library.column_cache import ColumnCache
 from server.library.decode import decode
+from tests.decode_options import decode_options
 from tests.server_process import imuscope
 
 KEY = bytes(range(16))
@@ -36,7 +37,7 @@ name = "Steering"
 type = "f32"
 bias = 1.5
 """
-SAID = DecodeOptions(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_enu")
+SAID = decode_options(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_enu")
 
 
 def capture(folder: Path, mode: int = SAFETY) -> Path:
@@ -51,18 +52,18 @@ def test_a_schema_is_written_as_it_is_read() -> None:
     assert parse(written(parse(SCHEMA))) == parse(SCHEMA)
 
 
-def test_what_another_process_is_told_says_the_same() -> None:
-    said = DecodeOptions("idtp", KEY, 1, True, True, parse(SCHEMA), "ms", "body_from_enu")
-    assert reading("idtp", **to_text_options(said)) == said
-
-
 def test_the_first_device_seen() -> None:
     """A person who speaks of this file, then the recording, then what is usual here."""
     about: dict[str, Any] = {"time_unit": "s", "rotation": "nonsense"}
-    assert recorded(DecodeOptions(), about, SAID).time_unit == "ms", "nothing of a recording that makes no sense"
-    assert recorded(DecodeOptions(), {"time_unit": "s"}, SAID).time_unit == "s"
-    assert recorded(DecodeOptions(time_unit="us"), {"time_unit": "s"}, SAID).time_unit == "us"
-    assert recorded(DecodeOptions(key=b"own"), {}, DecodeOptions(key=b"usual")).key == b"own"
+
+    def settings(options: DecodeOptions, about: dict[str, Any], usual: DecodeOptions) -> dict[str, Any]:
+        return recorded(options, about, usual).settings("idtp")
+
+    assert settings(DecodeOptions(), about, SAID)["time_unit"] == "ms", "nothing of a recording that makes no sense"
+    assert settings(DecodeOptions(), {"time_unit": "s"}, SAID)["time_unit"] == "s"
+    assert settings(decode_options(time_unit="us"), {"time_unit": "s"}, SAID)["time_unit"] == "us"
+    assert settings(decode_options(key=b"own"), {}, decode_options(key=b"usual"))["key"] == b"own"
+    assert "key" not in settings(DecodeOptions(), {"key": "00"}, SAID), "a recording gives no key"
 
 
 def test_a_dropped_capture_had_only_the_key_of_the_server(tmp_path: Path) -> None:
@@ -75,7 +76,7 @@ def test_a_dropped_capture_had_only_the_key_of_the_server(tmp_path: Path) -> Non
 
 def test_the_cache_reports_to_its_process(tmp_path: Path) -> None:
     capture(tmp_path, SECURE)
-    told = DecodeOptions(key=KEY, schema=SAID.schema)
+    told = decode_options(key=KEY, schema=parse(SCHEMA))
 
     async def names(usual: DecodeOptions) -> set[str]:
         shelf = ColumnCache(tmp_path / "data", lambda name: tmp_path / f"{name}.bin", usual)

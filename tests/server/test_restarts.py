@@ -21,12 +21,13 @@ from server.devices.sequence_store import MOST, SequenceStore, check_format_vers
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
+from tests.decode_options import decode_options
 from tests.server.fakes import FakeClock, FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.waiting import until
 
 KEY = bytes(range(32))
-SECURELY = DecodeOptions("idtp", KEY)
+SECURELY = decode_options("idtp", key=KEY)
 
 
 class RestartHarness:
@@ -252,7 +253,7 @@ def secured(tmp_path: Path) -> Iterator[tuple[InProcessServer, FakeLink]]:
         links.append(FakeLink(source, settings))
         return links[-1]
 
-    config = Config(sources=("/dev/one",), protocol="idtp", key=KEY.hex(), data=tmp_path)
+    config = Config(sources=("/dev/one",), protocol="idtp", decode_options={"key": KEY.hex()}, data=tmp_path)
     with InProcessServer(config, open_link, protocol_set.speech()) as running:
         for sequence in (1000, 0):
             running.call(links[0].send, b"".join(captured(sequence)))
@@ -306,7 +307,7 @@ def test_seconds_of_data_lay_on_milliseconds(unit: str, ticks: float, every: flo
 
     async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY, stamp=round(1000 + k * ticks)) for k in range(250)), every=every)
-        assert stage.info.time_unit == unit
+        assert stage.info.decode_options == {"time_unit": unit}
         (notice,) = stage.info.notices
         assert notice.startswith(f"Timestamps are read with time_unit={unit}: they advance by")
         channel = next(iter(stage.telemetry.store.all))
@@ -319,12 +320,12 @@ def test_seconds_of_data_lay_on_milliseconds(unit: str, ticks: float, every: flo
 def test_a_named_unit_is_kept_and_the_contradiction_told() -> None:
     async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY, stamp=1000 + k * 10) for k in range(150)))
-        assert stage.info.time_unit == "us"
+        assert stage.info.decode_options == {"time_unit": "us"}
         (notice,) = stage.info.notices
         assert "contradict their arrival" in notice
         assert "time_unit=ms" in notice
 
-    play(test, lambda: RestartHarness(DecodeOptions("idtp", time_unit="us")))
+    play(test, lambda: RestartHarness(decode_options("idtp", time_unit="us")))
 
 
 def test_a_backlog_says_nothing_of_the_unit() -> None:
@@ -333,7 +334,7 @@ def test_a_backlog_says_nothing_of_the_unit() -> None:
     async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY) for k in range(6000)), every=0.0)
         await stage.send(*(frame(6000 + k, SAFETY) for k in range(200)))
-        assert stage.info.time_unit == ""
+        assert stage.info.decode_options == {}
         assert stage.info.notices == []
 
     play(test, lambda: RestartHarness(DecodeOptions("idtp")))

@@ -21,7 +21,7 @@ USB_VENDOR = 0x199B
 BYTES_A_SAMPLE = 152
 
 
-def _composer(key: bytes | None, schema: Mapping[int, Any] | None) -> ProtocolComposer:
+def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
     single = {row.name: row.fields for row in ROWS}
     fields: dict[str, Field] = {field.name: field for row in ROWS for field in row.fields}
     messages = _AnyPacket(single, tuple(fields.values()))

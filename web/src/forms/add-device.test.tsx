@@ -8,6 +8,8 @@ import { AddDevice, type Begin } from "./add-device";
 
 afterEach(cleanup);
 
+const ANY = { pattern: "", malformed: "", example: "" };
+
 function open(begin?: Begin): unknown[] {
   capabilities.value = {
     exports: [],
@@ -18,17 +20,21 @@ function open(begin?: Begin): unknown[] {
         name: "secret",
         title: "Secret talk",
         options: [
-          { name: "key", title: "Key of the talk", choices: [], default: "", early: true },
+          { name: "key", title: "Key of the talk", kind: "secret", choices: [], default: "", early: true, ...ANY },
           {
             name: "time_unit",
             title: "Ticks",
+            kind: "choice",
             choices: [
               { value: "", words: "By itself" },
               { value: "ms", words: "Milliseconds" },
             ],
             default: "",
             early: false,
+            ...ANY,
           },
+          { name: "loud", title: "Loud", kind: "flag", choices: [], default: "", early: false, ...ANY },
+          { name: "motto", title: "Motto", kind: "text", choices: [], default: "", early: false, ...ANY },
         ],
       }),
     ],
@@ -66,4 +72,15 @@ it("changes how a device is read, once something was changed", async () => {
   fireEvent.click(screen.getByText("Apply"));
   await waitFor(() => expect(bodies).toHaveLength(1));
   expect(bodies[0]).toEqual({ protocol: "secret", time_unit: "" });
+});
+
+it("sends a flag as such, and whatever text an option takes", async () => {
+  const bodies = open({ id: "1", source: "post://pigeon", protocol: "secret", options: { loud: "1", motto: "veni" } });
+  expect(screen.getByLabelText<HTMLSelectElement>("Loud").value).toBe("1");
+  expect(screen.getByLabelText<HTMLInputElement>("Motto").value).toBe("veni");
+  fireEvent.change(screen.getByLabelText("Loud"), { target: { value: "" } });
+  fireEvent.input(screen.getByLabelText("Motto"), { target: { value: "vidi " } });
+  fireEvent.click(screen.getByText("Apply"));
+  await waitFor(() => expect(bodies).toHaveLength(1));
+  expect(bodies[0]).toEqual({ protocol: "secret", loud: false, motto: "vidi" });
 });

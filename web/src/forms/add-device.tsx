@@ -11,14 +11,14 @@ import { Message } from "../ui/message";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 import { capabilities } from "../wire/capabilities";
-import type { DecodeOptionChoice, DecodeOptionInput, DecodeOptionName } from "../wire/capability-types";
+import type { DecodeOptionChoice, DecodeOptionInput } from "../wire/capability-types";
 
 export interface Begin {
   readonly id: string;
   readonly source: string;
   readonly protocol: string;
-  /** Options of its decoding, "" where none was given; a key is never included. */
-  readonly options: Readonly<Partial<Record<DecodeOptionName, string>>>;
+  /** The given options of its decoding; a secret is never included. */
+  readonly options: Readonly<Record<string, string>>;
 }
 
 interface Props {
@@ -31,25 +31,21 @@ interface Props {
   readonly onAdded: (id: string | undefined) => void;
 }
 
-/** Problem of a typed key. */
-function wrongKey(text: string): Problem | undefined {
-  if (text === "" || (/^[0-9a-f\s]+$/i.test(text) && text.replace(/\s/g, "").length % 2 === 0)) return undefined;
-  return {
-    kind: "bad-setting",
-    message: TEXT.keyFormat,
-    hint: TEXT.keyExample,
-    status: 0,
-  };
+/** Problem of a typed text, before it is sent. */
+function malformed(input: DecodeOptionInput, text: string): Problem | undefined {
+  if (text === "" || input.pattern === "" || new RegExp(`^(?:${input.pattern})$`).test(text)) return undefined;
+  const hint = input.example === "" ? "" : TEXT.example(input.example);
+  return { kind: "bad-setting", message: input.malformed, hint, status: 0 };
 }
 
-const isKey = ({ choices }: DecodeOptionInput): boolean => choices.length === 0;
+const isSecret = ({ kind }: DecodeOptionInput): boolean => kind === "secret";
 
 /** Content of the form. */
 class Entry {
   readonly source: Signal<string>;
   readonly protocol: Signal<string>;
   /** Decoding options, as far as changed here. */
-  readonly #options = signal<Readonly<Partial<Record<DecodeOptionName, string>>>>({});
+  readonly #options = signal<Readonly<Record<string, string>>>({});
 
   constructor(
     readonly begin: Begin | undefined,
@@ -73,10 +69,14 @@ class Entry {
     return this.#options.value[name] ?? "";
   }
 
+  /** Text of an option, as typed. */
+  textOf(input: DecodeOptionInput): string {
+    return this.#options.value[input.name] ?? (this.begin?.options[input.name] || input.default);
+  }
+
   /** Value of an option. */
   valueOf(input: DecodeOptionInput): string {
-    const value = this.#options.value[input.name] ?? (this.begin?.options[input.name] || input.default);
-    return isKey(input) ? value.trim() : value;
+    return isSecret(input) || input.kind === "text" ? this.textOf(input).trim() : this.textOf(input);
   }
 
   set({ name }: DecodeOptionInput, value: string): void {
@@ -85,22 +85,26 @@ class Entry {
 
   /** Whether there are changes to send for an existing device. */
   get isChanged(): boolean {
-    return this.isChangedBesideKey || this.inputs.some((input) => this.#isSet(input));
+    return this.isChangedBesideSecrets || this.inputs.some((input) => this.#isSet(input));
   }
 
-  get isChangedBesideKey(): boolean {
+  get isChangedBesideSecrets(): boolean {
     if (this.begin && this.protocol.value !== this.begin.protocol) return true;
-    return this.inputs.some((input) => !isKey(input) && this.#isSet(input));
+    return this.inputs.some((input) => !isSecret(input) && this.#isSet(input));
   }
 
   /** Add the described device, or change the decoding of an existing one. */
   async send(): Promise<Outcome<{ readonly id: string }>> {
     const said = this.inputs.filter((input) => this.#isSet(input));
-    const how = {
+    const how: HowToRead = {
       ...(this.protocol.value ? { protocol: this.protocol.value } : {}),
-      ...Object.fromEntries(said.map((input) => [input.name, this.valueOf(input)])),
-    } as HowToRead; // the server said which values there are
+      ...Object.fromEntries(said.map((input) => [input.name, this.#sent(input)])),
+    };
     return this.begin === undefined ? api.addDevice(this.source.value.trim(), how) : api.readDevice(this.begin.id, how);
+  }
+
+  #sent(input: DecodeOptionInput): string | boolean {
+    return input.kind === "flag" ? this.valueOf(input) !== "" : this.valueOf(input);
   }
 
   #isSet(input: DecodeOptionInput): boolean {
@@ -118,12 +122,12 @@ export function AddDevice({ begin, address, onClose, onAdded }: Props) {
   const focus = (): void => (begin ? keyField : field).current?.focus();
   // biome-ignore lint/correctness/useExhaustiveDependencies: focused once, as the dialog opens
   useEffect(focus, []);
-  const choices = inputs.filter((input) => !isKey(input));
+  const others = inputs.filter((input) => !isSecret(input));
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     if (source.value.trim() === "" || busy.value) return;
-    const keys = inputs.filter(isKey).map((input) => wrongKey(entry.valueOf(input)));
-    problem.value = keys.find((one) => one !== undefined);
+    const problems = inputs.map((input) => malformed(input, entry.valueOf(input)));
+    problem.value = problems.find((one) => one !== undefined);
     if (problem.value) return focus();
     busy.value = true;
     const outcome = await entry.send();
@@ -173,21 +177,14 @@ export function AddDevice({ begin, address, onClose, onAdded }: Props) {
               ...capabilities.value.protocols.map(({ name, title }) => ({ value: name, words: title })),
             ]}
           />
-          {inputs.filter(isKey).map((input) => (
-            <KeyField key={input.name} entry={entry} input={input} field={keyField} />
+          {inputs.filter(isSecret).map((input) => (
+            <SecretInput key={input.name} entry={entry} input={input} field={keyField} />
           ))}
         </div>
-        {choices.length > 0 && (
+        {others.length > 0 && (
           <div class="pair">
-            {choices.map((input) => (
-              <Choice
-                key={input.name}
-                id={input.name}
-                label={input.title}
-                value={entry.valueOf(input)}
-                onChange={(value) => entry.set(input, value)}
-                choices={input.choices}
-              />
+            {others.map((input) => (
+              <OptionInput key={input.name} entry={entry} input={input} />
             ))}
           </div>
         )}
@@ -202,7 +199,13 @@ export function AddDevice({ begin, address, onClose, onAdded }: Props) {
             class="btn main"
             disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !entry.isChanged)}
           >
-            {busy.value ? COMMON.sending : !begin ? TEXT.add : entry.isChangedBesideKey ? COMMON.apply : TEXT.useKey}
+            {busy.value
+              ? COMMON.sending
+              : !begin
+                ? TEXT.add
+                : entry.isChangedBesideSecrets
+                  ? COMMON.apply
+                  : TEXT.useKey}
           </button>
         </div>
       </form>
@@ -236,13 +239,52 @@ function Choice({ id, label, value, onChange, choices }: ChoiceProps) {
   );
 }
 
-interface KeyFieldProps {
+const FLAG: readonly DecodeOptionChoice[] = [
+  { value: "", words: TEXT.no },
+  { value: "1", words: TEXT.yes },
+];
+
+interface OptionProps {
   readonly entry: Entry;
   readonly input: DecodeOptionInput;
+}
+
+/** Input of an option that is not a secret. */
+function OptionInput({ entry, input }: OptionProps) {
+  if (input.kind === "text" || input.kind === "file") return <TextInput entry={entry} input={input} />;
+  return (
+    <Choice
+      id={input.name}
+      label={input.title}
+      value={entry.valueOf(input)}
+      onChange={(value) => entry.set(input, value)}
+      choices={input.kind === "flag" ? FLAG : input.choices}
+    />
+  );
+}
+
+function TextInput({ entry, input }: OptionProps) {
+  const common = {
+    id: input.name,
+    class: "mono",
+    value: entry.textOf(input),
+    onInput: ({ currentTarget }: { readonly currentTarget: { readonly value: string } }) =>
+      entry.set(input, currentTarget.value),
+    spellcheck: false,
+  };
+  return (
+    <div>
+      <label for={input.name}>{input.title}</label>
+      <div class="field">{input.kind === "file" ? <textarea rows={4} {...common} /> : <input {...common} />}</div>
+    </div>
+  );
+}
+
+interface SecretProps extends OptionProps {
   readonly field: { current: HTMLInputElement | null };
 }
 
-function KeyField({ entry, input, field }: KeyFieldProps) {
+function SecretInput({ entry, input, field }: SecretProps) {
   return (
     <div>
       <label for={input.name}>{input.title}</label>

@@ -164,8 +164,8 @@ export async function scanPorts(app: App): Promise<void> {
 
 /** Asks for the key of an open device, used from then on. All devices of a link have one key. */
 export function askKey(app: App, device: DeviceInfo): void {
-  const { source, protocol, time_unit, rotation } = device;
-  app.keyFor.value = { id: linkOf(device), source, protocol, options: { time_unit, rotation } };
+  const { source, protocol, decode_options: options } = device;
+  app.keyFor.value = { id: linkOf(device), source, protocol, options };
   app.overlay.value = "add";
 }
 

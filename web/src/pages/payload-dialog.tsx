@@ -4,6 +4,7 @@ import { descriptionOf } from "../panels/hex";
 import { api, type Problem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Message } from "../ui/message";
+import { protocolOf } from "../wire/capabilities";
 import type { UnknownPayload } from "../wire/types";
 import { type App, linkOf } from "./app-state";
 import { COMMON } from "../texts/common";
@@ -19,12 +20,14 @@ export function Describe({ app, payload, onClose }: Props) {
   const text = useSignal(descriptionOf(payload.id, payload.size)); // of the first sample: later ones leave it as typed
   const problem = useSignal<Problem | undefined>(undefined);
   const busy = useSignal(false);
+  const protocol = app.store.devices.value.find(({ id }) => id === payload.device)?.protocol;
+  const option = protocolOf(protocol)?.payload_option ?? "";
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     const device = app.store.devices.value.find(({ id }) => id === payload.device);
     if (!device || busy.value) return;
     busy.value = true;
-    const outcome = await api.readDevice(linkOf(device), { schema: text.value });
+    const outcome = await api.readDevice(linkOf(device), { [option]: text.value });
     busy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) onClose();
@@ -46,7 +49,7 @@ export function Describe({ app, payload, onClose }: Props) {
           aria-describedby="description-hint"
         />
         <p class="hint" id="description-hint">
-          {TEXT.definitionLifetime} <code>{TEXT.schemaOption}</code>.
+          {TEXT.definitionLifetime} <code>{TEXT.fileOption(option.replaceAll("_", "-"))}</code>.
         </p>
         {problem.value && (
           <div class="problem" role="alert">

@@ -80,7 +80,7 @@ function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
       if (names === known && !due(now)) return;
       if (names !== known) {
         known = names;
-        const told = protocolOf(device?.protocol)?.describes_payloads === true;
+        const told = (protocolOf(device?.protocol)?.payload_option ?? "") !== "";
         entries = new Map(
           payloads.map((one, k) => [
             key(one),

@@ -90,8 +90,7 @@ export const DEVICE: DeviceInfo = {
   notices: [],
   rearm: [],
   wants: "",
-  time_unit: "",
-  rotation: "",
+  decode_options: {},
   parent: "",
 };
 

@@ -7,7 +7,7 @@ export function protocol(part: Partial<ProtocolCapability> & { readonly name: st
     short: part.name,
     simulator: false,
     options: [],
-    describes_payloads: false,
+    payload_option: "",
     attitude_hint: "",
     identify_hint: "",
     pause_hint: "",

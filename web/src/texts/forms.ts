@@ -3,8 +3,9 @@ import { count, type Value } from "./plural";
 
 export const TEXT = {
   // add device
-  keyFormat: "The key must consist of hex digits, two per byte.",
-  keyExample: "Example: 00112233445566778899aabbccddeeff.",
+  example: (text: Value) => `Example: ${text}.`,
+  no: "No",
+  yes: "Yes",
   decodeOptions: "Decoding options",
   address: "Address",
   addressPlaceholder: "/dev/ttyUSB0",

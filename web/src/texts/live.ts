@@ -92,7 +92,7 @@ export const TEXT = {
   definePayload: (name: Value) => `Define payload ${name}`,
   payloadFields: "Fields, in byte order",
   definitionLifetime: "Applies until imuscope stops. To make it permanent, save this text to a file and start with",
-  schemaOption: "--schema FILE",
+  fileOption: (name: Value) => `--${name} FILE`,
   useDefinition: "Use this definition",
 
   // record button

@@ -1,7 +1,7 @@
 /**
  * Requests to the server, typed by its OpenAPI document (wire/routes.ts). Every failure is a Problem with words for a person.
  */
-import type { DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
+import type { AddDevice, DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
 import { COMMON } from "../texts/common";
 
 /** The only shape of errors: what went wrong, and what to do next. */
@@ -118,15 +118,16 @@ export function problemOf(value: unknown, status: number): Problem {
   };
 }
 
-/** Decoding options of a source given by the user. A key goes to the server and is stored nowhere else. */
-export type HowToRead = DecodeOptionsBody;
+/** Decoding options of a source given by the user, by the names that the server lists. A secret goes to the server and is stored nowhere else. */
+export type HowToRead = Readonly<Record<string, string | boolean>>;
 export type Port = PortInfo;
 
 export const api = {
-  addDevice: (source: string, how: HowToRead = {}) => request("POST /api/devices", { body: { source, ...how } }),
+  addDevice: (source: string, how: HowToRead = {}) =>
+    request("POST /api/devices", { body: { source, ...how } as AddDevice }),
   /** Given options change from now on; the device, its history and its other options stay. */
   readDevice: (device: string, how: HowToRead) =>
-    request("POST /api/devices/{device}/decode-options", { path: { device }, body: how }),
+    request("POST /api/devices/{device}/decode-options", { path: { device }, body: how as DecodeOptionsBody }),
   removeDevice: (device: string) => request("DELETE /api/devices/{device}", { path: { device } }),
   retryDevice: (device: string) => request("POST /api/devices/{device}/retry", { path: { device } }),
   /** Accept any sequence number next from a Secure device of this link. */

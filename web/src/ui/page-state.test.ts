@@ -24,8 +24,7 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   notices: [],
   rearm: [],
   wants: "",
-  time_unit: "",
-  rotation: "",
+  decode_options: {},
   parent: "",
 });
 

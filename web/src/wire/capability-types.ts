@@ -1,6 +1,6 @@
 /** Types of what the server can do. Generated from server/capabilities.py by `python -m server.generate_ts_types`; do not edit. */
 
-export type DecodeOptionName = "key" | "time_unit" | "rotation";
+export type DecodeOptionKind = "text" | "choice" | "flag" | "secret" | "file";
 
 export interface DecodeOptionChoice {
   readonly value: string;
@@ -9,14 +9,23 @@ export interface DecodeOptionChoice {
 
 /** An option of how the bytes of a device are decoded, set by the user. */
 export interface DecodeOptionInput {
-  readonly name: DecodeOptionName;
+  /** as in the request that sets it */
+  readonly name: string;
   readonly title: string;
-  /** empty: a key, in hex digits */
+  /** a secret is typed unseen, and never returned */
+  readonly kind: DecodeOptionKind;
+  /** of a choice; an empty value: not given */
   readonly choices: readonly DecodeOptionChoice[];
   /** in effect if the option is not set */
   readonly default: string;
   /** also offered while the protocol is not known */
   readonly early: boolean;
+  /** regular expression of the whole text; "" for any */
+  readonly pattern: string;
+  /** error if the text does not match */
+  readonly malformed: string;
+  /** one that does */
+  readonly example: string;
 }
 
 /** A protocol family. */
@@ -30,8 +39,8 @@ export interface ProtocolCapability {
   /** `sim:NAME` is a simulated device */
   readonly simulator: boolean;
   readonly options: readonly DecodeOptionInput[];
-  /** the user can describe a vendor's own payload types */
-  readonly describes_payloads: boolean;
+  /** option by which the user describes a vendor's own payload types; "" for none */
+  readonly payload_option: string;
   /** outputs to enable for an attitude */
   readonly attitude_hint: string;
   /** why a device has no name yet, and how to get it */

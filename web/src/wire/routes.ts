@@ -12,18 +12,18 @@ export type Defaulted<T, K extends keyof T> = Omit<T, K> & { readonly [P in K]?:
 export interface AddDevice {
   /** name of the protocol; empty to detect it */
   readonly protocol?: string;
-  /** for Secure frames, hex; never returned */
+  /** key for Secure frames, hexadecimal; never returned */
   readonly key?: string;
-  /** weakest frame mode that is accepted; empty: secure with a key, else lite */
+  /** weakest protection mode accepted (default: secure with a key, else lite) */
   readonly min_mode?: "" | "lite" | "safety" | "secure";
+  /** unit of timestamps, if the device does not report it (default: us, unless arrival times disagree) */
+  readonly time_unit?: "" | "us" | "ms" | "ns" | "s";
+  /** direction of quaternions, if the device does not report it (default: body to ENU) */
+  readonly rotation?: "" | "enu_from_body" | "body_from_enu";
+  /** description of vendor payload types, TOML */
+  readonly schema?: string;
   /** without a key, show Secure frames, marked as unverified */
   readonly unverified?: boolean;
-  /** unit of timestamps that do not state it; empty: microseconds, unless arrival times contradict it */
-  readonly time_unit?: "" | "ns" | "us" | "ms" | "s";
-  /** direction of a quaternion where the device does not state it; empty: body to ENU */
-  readonly rotation?: "" | "enu_from_body" | "body_from_enu";
-  /** TOML that describes a vendor's own payload types */
-  readonly schema?: string;
   /** as on the command line */
   readonly source: string;
 }
@@ -91,18 +91,18 @@ export interface ColumnStatistics {
 export interface DecodeOptionsBody {
   /** name of the protocol; empty to detect it */
   readonly protocol?: string;
-  /** for Secure frames, hex; never returned */
+  /** key for Secure frames, hexadecimal; never returned */
   readonly key?: string;
-  /** weakest frame mode that is accepted; empty: secure with a key, else lite */
+  /** weakest protection mode accepted (default: secure with a key, else lite) */
   readonly min_mode?: "" | "lite" | "safety" | "secure";
+  /** unit of timestamps, if the device does not report it (default: us, unless arrival times disagree) */
+  readonly time_unit?: "" | "us" | "ms" | "ns" | "s";
+  /** direction of quaternions, if the device does not report it (default: body to ENU) */
+  readonly rotation?: "" | "enu_from_body" | "body_from_enu";
+  /** description of vendor payload types, TOML */
+  readonly schema?: string;
   /** without a key, show Secure frames, marked as unverified */
   readonly unverified?: boolean;
-  /** unit of timestamps that do not state it; empty: microseconds, unless arrival times contradict it */
-  readonly time_unit?: "" | "ns" | "us" | "ms" | "s";
-  /** direction of a quaternion where the device does not state it; empty: body to ENU */
-  readonly rotation?: "" | "enu_from_body" | "body_from_enu";
-  /** TOML that describes a vendor's own payload types */
-  readonly schema?: string;
 }
 
 /** A range of seconds of one device: a list holds one value a second from `first` on; None: unknown. */

@@ -144,10 +144,8 @@ export interface DeviceInfo {
   readonly rearm: readonly string[];
   /** required user action, while no data can be shown */
   readonly wants: Wants;
-  /** unit of its timestamps, if it is a setting: "ms"; "" for the default */
-  readonly time_unit: string;
-  /** direction of its quaternion, if it is a setting: "body_from_enu"; "" for the default */
-  readonly rotation: string;
+  /** given ones by name, without secrets and files */
+  readonly decode_options: Readonly<Record<string, string>>;
   /** first device on the same link, if there are several; link, retry and removal belong to it */
   readonly parent: string;
   /** state of its link: a silent device on an open link may still answer */
