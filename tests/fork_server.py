@@ -29,9 +29,10 @@ import socket
 import subprocess
 import sys
 import threading
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, NoReturn
 
 ROOT = Path(__file__).resolve().parent.parent
 PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -200,15 +201,42 @@ def _settle(nursery: int, env: dict[str, str], streams: Sequence[int]) -> None:
     os.environ.update(env)
 
 
-def _main(line: socket.socket) -> int:
-    _learn()
-    words = _forking(line)
-    if words is None:
-        return 0
+def _run(words: list[str]) -> int:
+    """Run a command line; its exit status, as the interpreter has it."""
     from server.cli import main
 
     sys.argv = ["imuscope", *words]
-    return main(words)
+    try:
+        return main(words)
+    except SystemExit as ended:
+        if ended.code is None or isinstance(ended.code, int):
+            return ended.code or 0
+        print(ended.code, file=sys.stderr)
+    except BaseException:
+        traceback.print_exc()
+    return 1
+
+
+def _end(status: int) -> NoReturn:
+    """End a child as the interpreter does, but leave its memory to the system. To free what was imported would copy
+    all of it first, which took most of the time of a short command.
+    """
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    try:
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+    except OSError:
+        status = 120
+    os._exit(status)
+
+
+def _main(line: socket.socket) -> int:
+    _learn()
+    words = _forking(line)
+    if words is not None:
+        _end(_run(words))
+    return 0
 
 
 if __name__ == "__main__":
