@@ -46,7 +46,7 @@ BURST_NS = 2e6  # an adapter that holds bytes no longer than this is harmless
 STALL_NS = 0.1e9  # a delay that only a host or a network causes
 UNSURE = 0.4
 STALLS = 8
-MOST = 0.9  # share of the delays that must fit the known adapter
+MIN_FIT_SHARE = 0.9  # share of the delays that must fit the known adapter
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ class DelayStatistics:
         inside = delays[: int(np.searchsorted(delays, hold + WAKE_NS if hold else STALL_NS))]
         top = float(inside[len(inside) * 49 // 50]) if len(inside) else 0.0
         sure = min(self._holds_ns, WAKE_NS) * UNSURE  # the delay of the least late ones is never known exactly
-        longer = len(inside) < MOST * count  # it keeps bytes for longer than assumed
+        longer = len(inside) < MIN_FIT_SHARE * count  # it keeps bytes for longer than assumed
         return DelaySpread(low, top, gap, gap if longer or not hold else max(sure, hold - top), bursts, hold)
 
     def _filled_after(self, newest: float) -> float:

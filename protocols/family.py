@@ -175,7 +175,7 @@ class ProtocolInfo:
         permissive: keywords of a decoder that accepts frames unchecked, for inspecting bytes.
         datagrams: whether the decoder has that keyword: every chunk is a datagram.
         identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
-        greeting: harmless request to any device of the protocol for its identity; b"" for none.
+        identify_request: harmless request to any device of the protocol for its identity; b"" for none.
         bauds: default rates of its devices' serial lines; a search for the rate tries them first.
         protection: protection of the frames of a batch, in words; None if it is the same for all.
         sender: name for senders (Batch.device) if a stream names them: its name is then its serial number, and the
@@ -214,7 +214,7 @@ class ProtocolInfo:
     permissive: Mapping[str, Any] = field(default_factory=dict)
     datagrams: bool = False
     identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
-    greeting: bytes = b""
+    identify_request: bytes = b""
     bauds: tuple[int, ...] = ()
     protection: Callable[[Batch], str] | None = None
     sender: str = ""

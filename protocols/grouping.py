@@ -17,7 +17,7 @@ from protocols.jit import INT, INTS, compiled, unsigned
 
 Ints = NDArray[np.int64]
 
-_MOST_SLOTS = 4096  # a stream has a handful of keys; noise with more only makes chains longer and slower
+_MAX_SLOTS = 4096  # a stream has a handful of keys; noise with more only makes chains longer and slower
 
 
 @compiled(INT, INTS, INTS, INTS)
@@ -34,7 +34,7 @@ def group(keys: Ints, order: Ints, bounds: Ints) -> int:
     """
     n = len(keys)
     slots = 16
-    while slots < 2 * n and slots < _MOST_SLOTS:
+    while slots < 2 * n and slots < _MAX_SLOTS:
         slots *= 2
     newest = np.full(slots, -1, np.int64)  # slot → the newest group whose key hashes to it …
     before = np.empty(n, np.int64)  # … → the group before it

@@ -47,7 +47,7 @@ def device_label(number: int) -> str:
     return f"{high << 32 | low:010X}" if low & _IS_LONG else f"{high << 32 | low:08X}"
 
 
-def spoken(name: str) -> str:
+def constant_label(name: str) -> str:
     """A constant as words, starting with a capital; any other name unchanged."""
     if not _CONSTANT.match(name) or name.startswith("DID_") or ("_" not in name and name not in WORDS):
         return name

@@ -27,7 +27,7 @@ from protocols.stream_parser import StreamParser
 FEW = 3  # frames of another protocol; fewer may be chance
 
 
-class _Bare(StreamParser):
+class _BareStream(StreamParser):
     """Frames alone: messages that pass through any port do not count."""
 
     def __init__(self, scan: Scan) -> None:
@@ -50,7 +50,7 @@ class _Frames:
     """Start and end of the frames of one protocol in a stream."""
 
     def __init__(self, family: ProtocolInfo) -> None:
-        self._stream = _Bare(family.scan)
+        self._stream = _BareStream(family.scan)
         self._is_certain = family.is_certain
         self._fed = 0
         self.spans: Ints = np.empty((2, 0), np.int64)

@@ -31,7 +31,7 @@ _XYZ = ("x", "y", "z")
 _NED = ("north", "east", "down")
 _SIDES = re.compile(r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$")  # fields with the direction of the number before
 _NEGATIVE = frozenset("SWLPB")  # south, west, left (port); in PHTRO bow down and port down
-_MOST_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
+_MAX_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
 TOGETHER: Mapping[tuple[str, ...], Field] = {
     ("q0", "q1", "q2", "q3"): Field(
@@ -114,7 +114,7 @@ class NmeaQuantities:
 
     def _batch(self, kind: tuple[str, ...], found: Sequence[tuple[Text, list[float]]]) -> Batch:
         if kind not in self._messages:
-            if len(self._messages) >= _MOST_KINDS:
+            if len(self._messages) >= _MAX_KINDS:
                 self._messages.clear()
             self._messages[kind] = _message(kind)
         table = np.array([numbers for _, numbers in found])

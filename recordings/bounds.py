@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import NoReturn
 
 MEMORY = 3 << 30  # bytes; opening an hour of 2 kHz takes less than 500 MB
-LEAST_MEMORY = 1 << 30  # on a small machine: libraries reserve stacks for each core, which count but are not used
+MIN_MEMORY = 1 << 30  # on a small machine: libraries reserve stacks for each core, which count but are not used
 SHARE = 2  # one process may use 1/SHARE of the machine's memory
 CPU_S = 1800  # a day of 1 kHz takes minutes
-LEAST_CPU_S, CPU_S_PER_MB = 60, 5  # a slow machine takes seconds to import, and one to read a megabyte of text
+MIN_CPU_S, CPU_S_PER_MB = 60, 5  # a slow machine takes seconds to import, and one to read a megabyte of text
 
 TO_END_S = 10  # from the end of its time to the next signal
 
@@ -55,12 +55,12 @@ def bounded_by(path: Path) -> None:
 
 def seconds_for(size: int) -> int:
     """CPU time allowed for a file of this size, s."""
-    return min(CPU_S, LEAST_CPU_S + CPU_S_PER_MB * (size >> 20))
+    return min(CPU_S, MIN_CPU_S + CPU_S_PER_MB * (size >> 20))
 
 
 def memory_of_one() -> int:
     """Memory allowed for one process on this machine, bytes."""
-    return max(LEAST_MEMORY, min(MEMORY, min(_memories(), default=MEMORY * SHARE) // SHARE))
+    return max(MIN_MEMORY, min(MEMORY, min(_memories(), default=MEMORY * SHARE) // SHARE))
 
 
 def _memories() -> Iterator[int]:

@@ -38,7 +38,7 @@ BLIND_BYTES = 1 << 16
 BLIND_RATE = 11_520  # bytes/s: a full line at 115 200 Bd, 8N1
 LONGEST_PAUSE_NS = 5_000_000_000  # the longest wait while a capture is played
 LONGEST_LOG_NS = 30 * 86_400 * 1_000_000_000  # a clock that advanced by more was set, not paused
-MOST_DATES = 2  # blocks: the first UTC after a fix may be off by one interval
+MAX_DATES = 2  # blocks: the first UTC after a fix may be off by one interval
 PAUSE_NS = 1_000_000_000  # a device whose clock advanced by more, while another's did not, was set
 
 Kind = tuple[str, ...]  # the message's name and those of its fields
@@ -181,7 +181,7 @@ class CaptureTiming:
     @property
     def is_dated(self) -> bool:
         """Whether reading on would not improve the start time of the capture."""
-        return self._dates == MOST_DATES
+        return self._dates == MAX_DATES
 
     @property
     def lasted_ns(self) -> int:
@@ -223,7 +223,7 @@ class CaptureTiming:
         unknown = not self._clocks  # then the first frame sets the clock and ends no piece
         steps = [event for event in events if isinstance(event, ClockStep)]
         starts, due = self._due(found, steps)
-        if self._dates < MOST_DATES:
+        if self._dates < MAX_DATES:
             self._date(found)
         if not len(starts):
             return

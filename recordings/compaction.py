@@ -33,7 +33,7 @@ from recordings.mcap_writer import RecordingError, disk_error
 from recordings.parent_death import die_with_parent
 
 MEMORY = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
-ASIDE = ".packing"  # suffix of the temporary file beside the other
+TEMPORARY_SUFFIX = ".packing"  # suffix of the temporary file beside the other
 
 
 def compact(
@@ -51,7 +51,7 @@ def compact(
             the file is unchanged.
     """
     # One per process: that of a killed server may still be working when the next server starts.
-    temporary = path.with_name(f".{path.name}.{os.getpid()}{ASIDE}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
         with path.open("rb") as held, McapReader(path) as source, temporary.open("w+b") as out:
             if not file_lock.share(held.fileno()):

@@ -78,7 +78,7 @@ def _with_edits(file: BinaryIO, edits: sidecar.Edits, format: str, out: BinaryIO
     """Copy a file of another program with the user's changes."""
     values = edits.as_metadata()
     if values and format == "csv":
-        first = file.readline(sidecar.MOST_BYTES)
+        first = file.readline(sidecar.MAX_BYTES)
         mark = BOM if first.startswith(BOM) else b""
         line = f"{sidecar.CSV_EDIT}{json.dumps(values, ensure_ascii=False)}\n".encode()
         out.write(mark + line)

@@ -18,7 +18,7 @@ from recordings.importers import GUESS_BYTES, GUESS_SCORE, paced
 from recordings.mcap_reader import MAGIC, TIME, McapReader
 from recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
 
-ASK_ANYWAY = (".mcap", *vendor_logs.log_suffixes(), ".bin", ".csv")  # listed even if nothing known is found in them
+ALWAYS_LISTED = (".mcap", *vendor_logs.log_suffixes(), ".bin", ".csv")  # listed even if nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
 
 
@@ -69,7 +69,7 @@ def probe(path: Path) -> RecordingProbe | None:
     if head.startswith(MAGIC):
         return _mcap(path)
     if not head:
-        return RecordingProbe(suffix[1:], damaged="It is empty.") if suffix in ASK_ANYWAY else None
+        return RecordingProbe(suffix[1:], damaged="It is empty.") if suffix in ALWAYS_LISTED else None
     if suffix == ".csv":
         return RecordingProbe("csv", devices=[ProbedDevice("1", path.name)], edits=_csv_edits(path, head))
     return _capture(path, suffix, head)
@@ -80,7 +80,7 @@ def _csv_edits(path: Path, head: bytes) -> sidecar.Edits:
     if len(first) == len(head):  # many markers make a long line
         try:
             with path.open("rb") as file:
-                first = file.readline(sidecar.MOST_BYTES)
+                first = file.readline(sidecar.MAX_BYTES)
         except OSError:
             return sidecar.Edits()
     return sidecar.from_csv(first)
@@ -150,7 +150,7 @@ def _capture(path: Path, suffix: str, head: bytes) -> RecordingProbe | None:
         protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
     found = RecordingProbe(suffix[1:] if suffix in vendor_logs.log_suffixes() else "bin")
     if not protocol:
-        if suffix not in ASK_ANYWAY:
+        if suffix not in ALWAYS_LISTED:
             return None
         found.damaged = "It is not a format imuscope knows."
         return found

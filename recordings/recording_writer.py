@@ -32,7 +32,7 @@ log = logging.getLogger("imuscope.recording")
 
 GATHER_S = 0.008  # one write for all that arrives within; a killed process may lose 20 ms, 9 of them in its link
 SYNC_S = 1.0
-MOST_WAITING = 256 << 20  # bytes
+MAX_WAITING = 256 << 20  # bytes
 HOLD_S = 0.05
 _BATCH = 4096  # chunks per write, so that a part ends near its size
 
@@ -96,7 +96,7 @@ class RecordingWriter:
         self._queue: deque[tuple[Any, ...]] = deque()
         self._wake_event = threading.Event()
         self._counting = threading.Lock()
-        self._put_bytes = self._taken_bytes = 0
+        self._queued_bytes = self._written_bytes = 0
         self._stopping = False
         self._preambles = Preamble()
         self._full: deque[McapWriter] = deque()
@@ -122,7 +122,7 @@ class RecordingWriter:
         if self.error is not None:
             return
         with self._counting:
-            self._put_bytes += len(data)
+            self._queued_bytes += len(data)
         self._queue.append(("chunk", arrival_ns + self.shift_ns, device, direction, data))
         if not self._wake_event.is_set():
             self._wake_event.set()
@@ -133,7 +133,7 @@ class RecordingWriter:
         Queued data is never dropped. But a disk that is slower than a link for minutes must not fill the memory; when
         delayed, a link fills its own buffers, and TCP its sender's.
         """
-        if self._put_bytes - self._taken_bytes > MOST_WAITING:
+        if self._queued_bytes - self._written_bytes > MAX_WAITING:
             time.sleep(HOLD_S)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
@@ -234,7 +234,7 @@ class RecordingWriter:
         chunks: list[tuple[str, Direction, bytes, int]] = []
         while queue and queue[0][0] == "chunk" and len(chunks) < _BATCH:
             _, time_ns, device, direction, data = queue.popleft()
-            self._taken_bytes += len(data)
+            self._written_bytes += len(data)
             chunks.append((device, direction, data, time_ns))
         if chunks:
             self._writer.chunks(chunks)
@@ -328,11 +328,11 @@ class RecordingWriter:
         if writer is not self._writer or not self.running:
             return
         if not writer.is_there():
-            self._gone(writer)
+            self._file_lost(writer)
         elif writer is not self._shortened and writer.is_shortened():
             self._cut_by_others(writer)
 
-    def _gone(self, writer: McapWriter) -> None:
+    def _file_lost(self, writer: McapWriter) -> None:
         """Handle a removed or moved file: put its contents back where possible."""
         path = writer.path
         cause = f"{path.name} was removed or moved while it was being recorded."

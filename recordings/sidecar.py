@@ -27,7 +27,7 @@ from recordings.tolerant_json import loads
 
 SUFFIX = ".json"
 VERSION = 1
-MOST_BYTES = 4 << 20
+MAX_BYTES = 4 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def refused(path: Path) -> RecordingError | None:
     """Reason why the edits of the recording at `path` are refused; None if they are read, or absent."""
     target = sidecar_path(path)
     try:
-        body = json.loads(target.read_text(encoding="utf-8")) if 0 < target.stat().st_size <= MOST_BYTES else {}
+        body = json.loads(target.read_text(encoding="utf-8")) if 0 < target.stat().st_size <= MAX_BYTES else {}
     except (OSError, ValueError, RecursionError):
         return None
     return check_format_version(target.name, body.get("imuscope"), VERSION) if isinstance(body, dict) else None
@@ -179,7 +179,7 @@ def from_csv(first: bytes) -> Edits:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        if path.stat().st_size > MOST_BYTES:
+        if path.stat().st_size > MAX_BYTES:
             return {}
         body = loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

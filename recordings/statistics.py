@@ -21,7 +21,7 @@ from recordings.column_store import ColumnStore
 
 Floats = NDArray[np.float64]
 
-LEAST_RESULTANT = 0.05  # of unit vectors; below it the direction is meaningless: the mean is NaN
+MIN_RESULTANT = 0.05  # of unit vectors; below it the direction is meaningless: the mean is NaN
 PASSES = 3
 SETTLED = 1e-6  # of the period: an anchor that moves by less has converged
 
@@ -111,7 +111,7 @@ def _around(parts: Callable[[], Iterator[Floats]], period: float, other: float) 
     for values in parts():
         total += complex(np.exp(2j * np.pi / period * values).sum())
         n += len(values)
-    has_direction = abs(total) / n >= LEAST_RESULTANT
+    has_direction = abs(total) / n >= MIN_RESULTANT
     anchor = float(np.angle(total)) * period / (2 * np.pi) if has_direction else other
     moments = _Moments()
     for _ in range(PASSES):

@@ -18,7 +18,7 @@ from recordings.column_store import ColumnStore, ExactRows
 
 BUCKETS = 64
 FINE = 32  # summaries for each bucket
-MOST_LOSSES = 200
+MAX_LOSSES = 200
 _PREFERRED = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",), ("acceleration",), ("acc",))
 
 
@@ -65,7 +65,7 @@ def losses(manifest: Mapping[str, Any]) -> list[float]:
         if event.get("kind") == "gap" and event.get("t0") is not None
     }
     found = sorted(places)
-    return found[:: -(-len(found) // MOST_LOSSES)] if found else []
+    return found[:: -(-len(found) // MAX_LOSSES)] if found else []
 
 
 def summarize(columns: ColumnStore) -> dict[str, Any]:

@@ -50,7 +50,7 @@ SINCE_1970 = 1e8  # s; smaller times are counted from another epoch
 BLOCK_BYTES = 4 << 20
 LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
 FAR_OFF_S = 86_400.0  # a stamp further from the arrival is of another clock
-MOST_COLUMNS = 500
+MAX_COLUMNS = 500
 _TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
@@ -243,8 +243,8 @@ def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
         )
     heads = next(csv.reader([line], delimiter=delimiter))
     first = next(csv.reader([second], delimiter=delimiter), [])
-    if len(heads) > MOST_COLUMNS:
-        raise RecordingError(f"{path.name} has {len(heads)} columns; {MOST_COLUMNS} are read.", "Leave some out.")
+    if len(heads) > MAX_COLUMNS:
+        raise RecordingError(f"{path.name} has {len(heads)} columns; {MAX_COLUMNS} are read.", "Leave some out.")
     return skip, delimiter, heads, first
 
 
@@ -360,7 +360,7 @@ class MessageSource(TableSource):
                         arrival = np.repeat(arrival, [len(body.rows) for body in bodies])
                         bodies = [row for body in bodies for row in body.rows]
                     described = columns_of(topic.schema, topic.schema_data) if topic.encoding == "json" else {}
-                    names = headings.setdefault(number, list(described)[:MOST_COLUMNS] or _names(bodies))
+                    names = headings.setdefault(number, list(described)[:MAX_COLUMNS] or _names(bodies))
                     stamps = np.array([body.stamp for body in bodies])
                     time = np.where(np.abs(stamps - arrival) < FAR_OFF_S, stamps, arrival)
                     columns = {}
@@ -379,7 +379,7 @@ def _other(topic: McapChannel | None) -> str:
 
 
 def _names(bodies: list[NumericMessage]) -> list[str]:
-    return list(dict.fromkeys(name for body in bodies for name in body.of))[:MOST_COLUMNS]
+    return list(dict.fromkeys(name for body in bodies for name in body.of))[:MAX_COLUMNS]
 
 
 def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -84,7 +84,7 @@ def create_app(
     access: Access,
     *,
     open_link: OpenLink = open_link,
-    speech: ProtocolSet | None = None,
+    protocol_set: ProtocolSet | None = None,
     now_ns: Callable[[], int] | None = None,
     page_files: Files | None = None,
     timings: ViewerTimings | None = None,
@@ -92,14 +92,14 @@ def create_app(
     """The application, guarded.
 
     Args:
-        open_link, speech, now_ns, page_files, timings: links, protocols, clock, page and time limits; tests pass their
-            own.
+        open_link, protocol_set, now_ns, page_files, timings: links, protocols, clock, page and time limits; tests pass
+            their own.
 
     Raises:
         DecodeOptionError: the configuration has an invalid option of a source.
     """
     page_files, timings = page_files or Files(), timings or ViewerTimings()
-    services = build_services(config, access, open_link, speech, now_ns, page_files, timings)
+    services = build_services(config, access, open_link, protocol_set, now_ns, page_files, timings)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

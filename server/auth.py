@@ -51,7 +51,7 @@ Role = Literal["view", "control"]
 PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/viser", "/rerun", "/foxglove")
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-MOST_BODY = 1024 * 1024
+MAX_BODY = 1024 * 1024
 READ_ONLY_POST = re.compile(r"/api/(devices/[^/]+/(preview|fit-rates|compare)|analysis/[^/]+)\Z")  # they carry values
 UPLOAD = ("PUT", "/api/recordings/upload")  # the only body that is not JSON: a recording, up to `upload_gb`
 UPLOAD_TYPE = "application/octet-stream"
@@ -204,7 +204,7 @@ class Access:
             raise RefusedError("not-a-file", "The upload has the wrong content type.", hint)
         if has_body and not upload and kind != "application/json":
             raise RefusedError("not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
-        most = round(self.config.upload_gb * 1e9) if upload else MOST_BODY
+        most = round(self.config.upload_gb * 1e9) if upload else MAX_BODY
         if not length.isascii() or not length.isdigit() or int(length) > most:
             hint = "Raise upload_gb in the configuration file, or copy the file into the recordings folder."
             raise RefusedError("too-large", f"The body may have at most {most} bytes.", hint if upload else "")

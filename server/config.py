@@ -54,7 +54,7 @@ from server.logging_setup import LEVELS, STYLES
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
-MOST_MEMORY_MB = 65_536
+MAX_MEMORY_MB = 65_536
 SECRETS = ("view_token", "control_token")
 
 
@@ -209,7 +209,7 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
     ),
     "split_mb": (lambda size: size == 0 or 0.1 <= size <= 1e6, "is neither 0 (no limit) nor 0.1 … 1 000 000 MB"),
     "split_min": (lambda age: age == 0 or 0.01 <= age <= 1e6, "is neither 0 (no limit) nor 0.01 … 1 000 000 min"),
-    "memory_mb": (lambda size: 1 <= size <= MOST_MEMORY_MB, f"is outside 1 … {MOST_MEMORY_MB} MB"),
+    "memory_mb": (lambda size: 1 <= size <= MAX_MEMORY_MB, f"is outside 1 … {MAX_MEMORY_MB} MB"),
     "upload_gb": (lambda size: 0 < size <= 1e6, "is outside 0 … 1 000 000"),
     "view_token": (_is_token, _TOKEN),
     "control_token": (_is_token, _TOKEN),

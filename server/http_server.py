@@ -48,14 +48,14 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("imuscope.serving")
 
-LOOK_S = 3600.0  # between two checks of the certificate on disk
-MOST_FILES = 65_536
+CHECK_INTERVAL_S = 3600.0  # between two checks of the certificate on disk
+MAX_FILES = 65_536
 SWITCH_S = 0.001  # longest wait of a reading thread for a busy loop, per datagram; 5 ms would lose them
 NOT_SENT_BYTES = 64 * 1024  # precedent: HTTP/2 servers, so that priorities stay meaningful
-MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
-MOST_PINGS = 20  # WebSocket pings per second; a browser sends none, a library one in twenty seconds
-MOST_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
-MOST_FROM_VIEWER = 1024 * 1024  # meshes for the 3D scene are sent in pieces of half that size
+MAX_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
+MAX_PINGS = 20  # WebSocket pings per second; a browser sends none, a library one in twenty seconds
+MAX_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
+MAX_FROM_VIEWER = 1024 * 1024  # meshes for the 3D scene are sent in pieces of half that size
 
 
 class BoundedHttp(H11Protocol):
@@ -163,7 +163,7 @@ def _is_ours(record: logging.LogRecord) -> bool:
 def raise_limit() -> None:
     """Raise the limit of file descriptors; the usual 1024 is for programs that use select(2)."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, MOST_FILES)
+    wanted = MAX_FILES if hard == resource.RLIM_INFINITY else min(hard, MAX_FILES)
     if soft < wanted:
         with contextlib.suppress(OSError, ValueError):
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
@@ -176,7 +176,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
 
     def handle_connect(self, event: Request) -> None:
         if event.path.startswith("/viser"):
-            self.conn.max_message_size = MOST_FROM_VIEWER
+            self.conn.max_message_size = MAX_FROM_VIEWER
         super().handle_connect(event)
         scope = getattr(self, "scope", None)
         if scope is not None:  # the handshake was a WebSocket's
@@ -196,7 +196,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         """Count pings, which the library answers at once, and disconnect a client that sends a flood of them."""
         now = self.loop.time()
         self._pings = [at for at in self._pings if now - at < 1] + [now]
-        if len(self._pings) > MOST_PINGS:
+        if len(self._pings) > MAX_PINGS:
             self.transport.abort()
         elif not self.transport.is_closing():
             super().handle_ping()
@@ -205,7 +205,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         """Bound the number of fragments of a message; the library only bounds its size."""
         if self.transport.is_closing():
             return  # the rest of the data that had too many fragments
-        if len(self.frames) >= MOST_FRAGMENTS:
+        if len(self.frames) >= MAX_FRAGMENTS:
             self.frames = []
             self.conn.send_close(1009)
             self.handle_parser_exception()
@@ -298,7 +298,7 @@ def keeper_of(config: Config) -> CertificateManager | None:
     return CertificateManager(config)
 
 
-async def watch_certificate(keeper: CertificateManager, every_s: float = LOOK_S) -> None:
+async def watch_certificate(keeper: CertificateManager, every_s: float = CHECK_INTERVAL_S) -> None:
     """Reload a renewed certificate, as long as the server runs."""
     while True:
         await asyncio.sleep(every_s)
@@ -345,7 +345,7 @@ def server(
         http=BoundedHttp if keeper is None else _over_tls(keeper),
         ws=WebSocketProtocol,
         ws_per_message_deflate=False,
-        ws_max_size=MOST_FROM_BROWSER,
+        ws_max_size=MAX_FROM_BROWSER,
         ws_ping_interval=20.0,
         ws_ping_timeout=20.0,
         proxy_headers=False,

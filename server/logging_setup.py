@@ -30,7 +30,7 @@ LEVELS = ("debug", "info", "warning", "error")
 PERIOD_S = 10.0
 PER_PERIOD = 5
 SHORTEST = 8  # characters of a secret
-_MOST_KEYS = 256
+_MAX_KEYS = 256
 _PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 _OURS = ("imuscope", "server")
 
@@ -48,9 +48,9 @@ class RateLimitFilter(logging.Filter):
         if key is None:
             return True
         now = self._now()
-        if key not in self._counts and len(self._counts) >= _MOST_KEYS:
+        if key not in self._counts and len(self._counts) >= _MAX_KEYS:
             self._counts = {one: limit for one, limit in self._counts.items() if now - limit.began < PERIOD_S}
-            if len(self._counts) >= _MOST_KEYS:
+            if len(self._counts) >= _MAX_KEYS:
                 self._counts.clear()
         limit = self._counts.setdefault(key, PeriodLimit(PER_PERIOD, PERIOD_S))
         record.held = limit.begin(now)

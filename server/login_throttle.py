@@ -1,6 +1,7 @@
 """Rate limit for wrong tokens: ten at once, then ten per minute; further tokens are not checked.
 
-    Each failure takes one of the address's `MOST` tries; they refill at MOST / WITHIN_S. None left: 429, Retry-After.
+    Each failure takes one of the address's `MAX_FAILURES` attempts; they refill at MAX_FAILURES / WITHIN_S.
+    None left: 429, Retry-After.
 
 Many users may share one address (NAT, a proxy), and one who guesses must not lock out the others. But if a valid token
 always passed, a correct guess would always succeed, and guessing would not be limited. So it depends on whether the
@@ -27,7 +28,7 @@ from collections.abc import Callable
 from server.config import Config
 from server.limiters import TokenBuckets
 
-MOST = 10
+MAX_FAILURES = 10
 WITHIN_S = 60.0
 UNGUESSABLE = 20
 ADDRESSES = 1024
@@ -42,7 +43,7 @@ class LoginThrottle:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._failures = TokenBuckets(MOST / WITHIN_S, MOST, ADDRESSES)
+        self._failures = TokenBuckets(MAX_FAILURES / WITHIN_S, MAX_FAILURES, ADDRESSES)
 
     def __len__(self) -> int:
         return len(self._failures)

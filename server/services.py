@@ -21,9 +21,10 @@ from server.config import Config
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.correction_manager import CorrectionManager
 from server.configuration.timings import ConfigurationTimings
-from server.devices import protocol_set as default_speech
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_detection import ProtocolSet
+from server.devices.protocol_set import all_protocols
+from server.devices.protocol_set import protocols as installed_protocols
 from server.devices.sequence_store import SequenceStore
 from server.devices.sessions import OpenLink, Sessions
 from server.integrations.foxglove import Foxglove
@@ -78,7 +79,7 @@ class Services:
     capabilities: Capabilities
     timings: ViewerTimings
     folder_lock: DataFolderLock
-    protocols: Callable[[], dict[str, str]] = default_speech.protocols
+    protocols: Callable[[], dict[str, str]] = installed_protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     history_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
 
@@ -131,7 +132,7 @@ def build_services(
     config: Config,
     access: Access,
     open_link: OpenLink,
-    speech: ProtocolSet | None,
+    protocol_set: ProtocolSet | None,
     now_ns: Callable[[], int] | None,
     page_files: Files,
     timings: ViewerTimings,
@@ -151,7 +152,7 @@ def build_services(
     sessions = Sessions(
         bus,
         open_link,
-        speech or default_speech.speech(),
+        protocol_set or all_protocols(),
         LinkSettings(now_ns=now_ns),
         sequences=SequenceStore(config.data),
         sample_interval=lambda: telemetry.clients.sample_interval,

@@ -20,7 +20,7 @@ from typing import Any, Self
 from recordings.mcap_writer import RecordingError
 
 ROOT = Path(__file__).resolve().parents[1]
-MOST_LINE = 1024 * 1024
+MAX_LINE = 1024 * 1024
 
 
 class Worker:
@@ -46,7 +46,7 @@ class Worker:
             stdin=asyncio.subprocess.DEVNULL if arguments else asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE if capture_stderr else None,
-            limit=MOST_LINE,
+            limit=MAX_LINE,
         )
         return cls(process)
 

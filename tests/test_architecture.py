@@ -22,7 +22,7 @@ import pytest
 
 from protocols.plugins import protocol_plugins
 from server.reference.blocks import anchor
-from tests.browser.guide_pictures import FOLDER, MOST_BYTES, PAINTERS
+from tests.browser.guide_pictures import FOLDER, MAX_BYTES, PAINTERS
 from tests.source_files import ROOT, nodes_of, python_files, text_of
 
 HOUSES = ("protocols", "recordings", "server")
@@ -376,4 +376,4 @@ def test_pictures_of_the_guide_are_used_and_small() -> None:
     pictures = [path for path in tracked() if path.parent == FOLDER]
     assert {path.stem for path in pictures} == set(PAINTERS)
     assert [path.name for path in pictures if f"images/{path.name})" not in documents] == []
-    assert [path.name for path in pictures if path.stat().st_size > MOST_BYTES] == []
+    assert [path.name for path in pictures if path.stat().st_size > MAX_BYTES] == []

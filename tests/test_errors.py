@@ -7,7 +7,7 @@ import re
 from server.errors import KINDS
 from tests.error_catalog import ErrorText, everything, kinds
 
-MOST = 200  # characters, with what is filled in
+MAX_LENGTH = 200  # characters, with what is filled in
 FILLED = 12  # that a brace is counted as
 JARGON = re.compile(
     r"\b(None|NoneType|Traceback|[Ee]rrno|[A-Z]\w*(Error|Exception)\b|dict|tuple|str\b|int\b|bool\b|NaN|stderr|stdin"
@@ -43,7 +43,7 @@ def test_each_is_a_sentence() -> None:
         for said in everything()
         if not re.match(r"--|[A-Z0-9{“`]|[a-z_]+[ _.{:]", said.message)
         or not said.message.endswith((".", "?", "}"))
-        or len(re.sub(r"\{\w*\}", "x" * FILLED, said.message)) > MOST
+        or len(re.sub(r"\{\w*\}", "x" * FILLED, said.message)) > MAX_LENGTH
     ]
     assert not wrong, listed(wrong)
 
@@ -69,7 +69,10 @@ def test_hints_are_sentences() -> None:
         said
         for said in everything()
         if said.hint
-        and (not said.hint.endswith((".", "?", "}", "…")) or len(re.sub(r"\{\w*\}", "x" * FILLED, said.hint)) > MOST)
+        and (
+            not said.hint.endswith((".", "?", "}", "…"))
+            or len(re.sub(r"\{\w*\}", "x" * FILLED, said.hint)) > MAX_LENGTH
+        )
     ]
     assert not wrong, listed(wrong)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.timeouts import PATIENCE_S
 
-LOOK_S = 0.01
+CHECK_INTERVAL_S = 0.01
 
 
 async def until(condition: Callable[[], object], what: str) -> None:
@@ -21,7 +21,7 @@ async def until(condition: Callable[[], object], what: str) -> None:
     end = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < end, f"after {PATIENCE_S:g} s still not: {what}"
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(CHECK_INTERVAL_S)
 
 
 def block_until(condition: Callable[[], Any], what: str) -> Any:
@@ -36,5 +36,5 @@ def block_until(condition: Callable[[], Any], what: str) -> Any:
     end = time.monotonic() + PATIENCE_S
     while not (found := condition()):
         assert time.monotonic() < end, f"after {PATIENCE_S:g} s still not: {what}"
-        time.sleep(LOOK_S)
+        time.sleep(CHECK_INTERVAL_S)
     return found

@@ -225,7 +225,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         clock = self._clocks.get(key >> SOURCE_SHIFT) or self._clock(key >> SOURCE_SHIFT)
         arrival = int(arrivals[0])
         if self._watches and (watch := self._watches.get(key >> SOURCE_SHIFT)) is not None:
-            watch.look_at(stamp, arrival)
+            watch.add(stamp, arrival)
             self._judge_unit(key >> SOURCE_SHIFT, watch)
         time = clock.tick(stamp, arrival) * self._tick_ns
         for _, step, by in clock.steps:

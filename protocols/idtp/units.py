@@ -25,7 +25,7 @@ STRETCH_NS = 500_000_000
 STRETCHES = 2
 FEWEST_TICKS = 4  # a clock of seconds needs some time
 NEAR = 0.5  # tolerance of the ticks, powers of ten
-MOST_ROWS = 20_000  # examined; a file without arrival times never gives a result
+MAX_ROWS = 20_000  # examined; a file without arrival times never gives a result
 WRAP = 1 << 32
 MANY = 64  # from this many rows on arrays are faster
 
@@ -57,7 +57,7 @@ class UnitWatch:
     @property
     def done(self) -> bool:
         """No more rows are needed."""
-        return len(self._said) == STRETCHES or self._rows > MOST_ROWS
+        return len(self._said) == STRETCHES or self._rows > MAX_ROWS
 
     def observe(self, raw: Ints, arrival_ns: Ints) -> None:
         """Add rows of the device, in stream order."""
@@ -67,9 +67,9 @@ class UnitWatch:
         for stamp, arrival in zip(raw.tolist(), arrival_ns.tolist(), strict=True):
             if self.done:
                 return
-            self.look_at(stamp, arrival)
+            self.add(stamp, arrival)
 
-    def look_at(self, stamp: int, arrival_ns: int) -> None:
+    def add(self, stamp: int, arrival_ns: int) -> None:
         """The same for one row, while more are needed."""
         self._rows += 1
         if self._begin_ns >= 0:
@@ -85,7 +85,7 @@ class UnitWatch:
         """The same for many rows, a stretch at a time."""
         row = 0
         while row < len(raw) and not self.done:
-            stop = min(len(raw), row + MOST_ROWS + 1 - self._rows)
+            stop = min(len(raw), row + MAX_ROWS + 1 - self._rows)
             arrivals = arrival_ns[row:stop]
             if self._begin_ns < 0:
                 self._begin_ns, self._raw = int(arrivals[0]), int(raw[row])

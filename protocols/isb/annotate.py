@@ -19,7 +19,7 @@ from protocols.layouts import size_of, unpack
 from protocols.schema import Field
 from protocols.transactions import ByteRange
 
-MOST_ELEMENTS = 64  # list elements annotated one by one; a longer list is one span
+MAX_ELEMENTS = 64  # list elements annotated one by one; a longer list is one span
 
 
 def name_of(frame: bytes) -> str:
@@ -83,7 +83,7 @@ def _field(field: Field, payload: bytes, at: int, begin: int, path: str) -> Iter
     count = 1
     for n in field.shape:
         count *= n
-    if field.dtype in ("bytes", "ascii") or count > MOST_ELEMENTS:
+    if field.dtype in ("bytes", "ascii") or count > MAX_ELEMENTS:
         yield ByteRange(begin + at, size, field.name, path)
         return
     step = size // count

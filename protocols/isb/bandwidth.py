@@ -59,7 +59,7 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
     """
     rows = {one["did"]: one for one in settings.get(STREAMS_SETTING, {}).get("streams", []) if one.get("source_ms")}
     periods = {**sources_of(settings), **in_effect(settings)}
-    alike = {STREAMS[did].paces: float(one["source_ms"]) for did, one in rows.items() if one.get("size")}
+    period_by_pace = {STREAMS[did].paces: float(one["source_ms"]) for did, one in rows.items() if one.get("size")}
     found = {}
     for did, row in STREAMS.items():
         if row.pace == EVENT:
@@ -68,7 +68,7 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
             found[did] = float(rows[did]["source_ms"])
         else:
             guess = next((periods[pace] for pace in row.paces if pace in periods), DEFAULT_MS[row.paces[0]])
-            found[did] = alike.get(row.paces, guess)
+            found[did] = period_by_pace.get(row.paces, guess)
     return found
 
 

@@ -69,7 +69,7 @@ RAW_OBSERVATION = 1
 VELOCITY_STATUS_AT, VELOCITY_NED = 20, 0x8000
 TOW_OFFSET_AT = 80
 FIRMWARE_AT = 12  # in a device information
-MOST_COUNT = 255
+MAX_COUNT = 255
 FAMILIES = 3
 NO_FIRMWARE = 15
 
@@ -112,7 +112,7 @@ def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
     if there <= 0:
         return 0
     said = _number(data, body + rules[did, COUNT_AT], rules[did, COUNT_SIZE])
-    return min(min(said, there), MOST_COUNT)
+    return min(min(said, there), MAX_COUNT)
 
 
 @compiled(INT, BYTES, INT, INT)

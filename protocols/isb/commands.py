@@ -40,7 +40,7 @@ from protocols.isb.stored_settings import (
     select,
 )
 from protocols.isb.streams import GPX_PRESETS, PRESETS
-from protocols.labels import spoken
+from protocols.labels import constant_label
 from protocols.schema import Caution, Command, Field
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
@@ -237,7 +237,7 @@ def _system() -> list[Command]:
             G_SYSTEM,
             "ACK",
             basic=name in _SIMPLE_COMMANDS,
-            title=spoken(name),
+            title=constant_label(name),
             doc=_does(name),
             source=SOURCE,
         )
@@ -249,7 +249,7 @@ def _does(name: str) -> str:
     """Effect of a system command."""
     effect = TABLES.help.get(("eSystemCommand", name), ("", ""))[1]
     if not effect and "_BRIDGE_" in name:
-        ends = spoken(name.partition("_BRIDGE_")[2]).replace(" to ", " and ")
+        ends = constant_label(name.partition("_BRIDGE_")[2]).replace(" to ", " and ")
         effect = f"Passes bytes between two ports: {ends}."
     return f"{effect} Sent with its bitwise inverse.".strip()
 

@@ -20,7 +20,7 @@ from protocols.isb.messages import ROWS
 from protocols.stream_parser import ParseResult, StreamParser
 
 _OLD = re.compile(rb"\xff(?:[^\x0a\x24\xb5\xd3\xfd\xfe\xff]|\xfd[\xf5\xdb\x4a\x2c\x02\x01\x00]){7,2100}\xfe")
-_MOST = 1 << 16
+_SEARCH_BYTES = 1 << 16
 _OLD_SCORE = 0.25
 
 
@@ -43,8 +43,8 @@ def detection_score(data: bytes) -> tuple[float, str]:
         count = sum(cut.table.shape[1] for cut in cuts)
         kinds = ", ".join(name for name, _ in names.most_common(3))
         return score, f"{count} ISB packet{'s' * (count > 1)} ({kinds}) in {framed} of {len(data)} B"
-    old = _OLD.findall(data[:_MOST])
-    if len(old) > 1 and sum(map(len, old)) > len(data[:_MOST]) // 2:
+    old = _OLD.findall(data[:_SEARCH_BYTES])
+    if len(old) > 1 and sum(map(len, old)) > len(data[:_SEARCH_BYTES]) // 2:
         words = f"{len(old)} packets of Inertial Sense protocol 1.x, which is not supported: update the firmware to 2.x"
         return _OLD_SCORE, words
     if texts:

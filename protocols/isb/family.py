@@ -121,7 +121,7 @@ FAMILY = ProtocolInfo(
     scan,
     short="ISB",
     identity=identity,
-    greeting=get_data(1, period=0),  # device information, once; streams are not affected
+    identify_request=get_data(1, period=0),  # device information, once; streams are not affected
     bauds=(921_600,),
     driver=DRIVER,
     composer=_composer,

@@ -37,7 +37,7 @@ from protocols.isb.frames import DATA, build
 MARKER = bytes.fromhex("32EA05FC")
 HEADER = struct.Struct("<4sBBBB4s4sIIIIHH4B")
 MAX_CHUNK = 1 << 20  # the vendor writes 131 072 bytes; more is damage
-MOST_RECORD, MOST_SET = 1024, 2048  # bytes of a packet's data, and of a whole data set
+MAX_RECORD, MAX_SET = 1024, 2048  # bytes of a packet's data, and of a whole data set
 CHAIN = 4  # consecutive records that are not a coincidence
 _RECORD = struct.Struct("<BHH")
 _INDEX = np.dtype([("ms", "<u4"), ("offset", "<u4"), ("count", "<u4"), ("reserved", "<u4")])
@@ -133,7 +133,7 @@ def _record(body: bytes, at: int) -> tuple[int, int, int, int] | None:
         return None
     did, size, offset = _RECORD.unpack_from(body, at)
     end = at + _RECORD.size + size
-    if did == 0 or size == 0 or size > MOST_RECORD or offset + size > MOST_SET or end > len(body):
+    if did == 0 or size == 0 or size > MAX_RECORD or offset + size > MAX_SET or end > len(body):
         return None
     return did, size, offset, end
 

@@ -10,7 +10,7 @@ A GET_DATA of period 0 ends the stream of its data set: the document says so ("S
 broadcast and pull a single packet"), and so does the vendor's code, where a single request replaces the broadcast of
 the same port, data set, size and offset. So a streaming data set is not requested at all: its next packet is awaited.
 Streams are known from DID_RMC and, for data sets without a bit there, by listening: during the transaction, and for
-`LOOK_S` before the first request of a streamable data set. A slower stream without a bit is not detected.
+`OBSERVE_S` before the first request of a streamable data set. A slower stream without a bit is not detected.
 
 A transaction that starts and stops streams itself is not corrected: its changes stay.
 
@@ -41,7 +41,7 @@ from protocols.transactions import (
 )
 
 PREAMBLE = bytes((frames.FIRST, frames.SECOND))
-LOOK_S = 0.25
+OBSERVE_S = 0.25
 PASSIVE_S = 5.0  # for the next packet of a stream, instead of an answer
 ANSWER_S = 0.3
 BACK_TRIES = 2
@@ -69,7 +69,7 @@ def undisturbed(body: Transaction[T], ask: Ask) -> Transaction[T]:
         try:
             answer = yield from watch.do(act)
         except TransactionCancelledError as stopped:
-            yield from watch.mend_blindly()
+            yield from watch.restore_at_once()
             error = stopped
         except Exception as thrown:
             error = thrown
@@ -83,7 +83,7 @@ class _Watch:
     def __init__(self, ask: Ask) -> None:
         self._request = ask
         self._received = ObservedStreams(set())
-        self._looked = False
+        self._observed = False
         self._listed: set[int] = set()  # in DID_RMC
         self._started: dict[int, int] = {}  # by the body: data set → multiple
         self._answers: Counter[int] = Counter()  # requested packets, which are not part of a stream
@@ -127,10 +127,10 @@ class _Watch:
         yield act
 
     def _check(self) -> Transaction[None]:
-        if self._looked:
+        if self._observed:
             return
-        self._looked = True
-        yield WaitFor(self._is_receiving(lambda _: None), LOOK_S, "streams")
+        self._observed = True
+        yield WaitFor(self._is_receiving(lambda _: None), OBSERVE_S, "streams")
         try:
             self._listed = set(dids_of((yield from self._request(RMC)).get("bits", 0)))
         except (DeviceRejectedError, NoReplyError):  # a GPX has another; for a silent one the body raises
@@ -152,7 +152,7 @@ class _Watch:
         elif kind in (-1, STOP_ALL_PORTS, STOP_CURRENT_PORT) or (kind == SET_DATA and packet[3] in (RMC, SYS_CMD)):
             for did in STREAMS:
                 self._forget(did)
-            self._looked = False  # a sentence may stop everything, too
+            self._observed = False  # a sentence may stop everything, too
 
     def _forget(self, did: int) -> None:
         self._listed.discard(did)
@@ -173,7 +173,7 @@ class _Watch:
                     continue
                 yield Send(frames.get_data(did, period=self._period(did)))
 
-    def mend_blindly(self) -> Transaction[None]:
+    def restore_at_once(self) -> Transaction[None]:
         """Restart, without waiting, every stream that was requested although it streamed."""
         for did in sorted(self._requested):
             yield Send(frames.get_data(did, period=self._period(did)))

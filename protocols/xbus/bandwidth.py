@@ -38,7 +38,7 @@ from protocols.xbus.output_configuration import (
 )
 from protocols.xbus.products import Model, as_built
 
-MOST_ENTRIES = 32
+MAX_ENTRIES = 32
 ECEF = 0x5030
 
 _SENTENCES: Mapping[str, int] = {  # bytes of the longest usual line, line end included
@@ -94,8 +94,8 @@ def _part(path: str, pair: Pair, bytes_per_s: int) -> OutputLoad:
 
 def _limits(entries: Sequence[Setting]) -> list[str]:
     found = []
-    if len(entries) > MOST_ENTRIES:
-        found.append(f"An output configuration has at most {MOST_ENTRIES} entries; this one has {len(entries)}.")
+    if len(entries) > MAX_ENTRIES:
+        found.append(f"An output configuration has at most {MAX_ENTRIES} entries; this one has {len(entries)}.")
     if any(entry["data_identifier"] & 0xFFF0 == ECEF and entry["data_identifier"] & 3 in (1, 2) for entry in entries):
         found.append("A fixed-point format cannot represent a position in ECEF; select Float32 or Float64.")
     return found

@@ -77,7 +77,7 @@ TICK_NS = 100_000
 WRAP = 2**32
 WRAP_DAY = 864_000_000
 WAKE_UP = 0x3E
-SURE = 3  # frames of a bus identifier; noise occasionally contains a valid one
+CONFIRMED_FRAMES = 3  # frames of a bus identifier; noise occasionally contains a valid one
 DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32
 
 Flags = NDArray[np.bool_]
@@ -208,14 +208,14 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             is_own = "" not in self.addresses and ("" not in self._names.values() or bid == MASTER)
             name = known if known is not None else "" if is_own else str(bid)
             if name == "":
-                self._give_way()
+                self._drop_own_device()
             self._names[bid] = name
         self._frames[bid] = self._frames.get(bid, 0) + frames
-        if self._frames[bid] >= SURE and bid not in self.addresses.values():
+        if self._frames[bid] >= CONFIRMED_FRAMES and bid not in self.addresses.values():
             self.addresses[self._names[bid]] = bid
         return self._names[bid]
 
-    def _give_way(self) -> None:
+    def _drop_own_device(self) -> None:
         """Drop the assumed own device of the line; it was noise, or is a further device."""
         before = next((bid for bid, name in self._names.items() if name == ""), None)
         if before is not None:

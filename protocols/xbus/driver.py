@@ -118,7 +118,7 @@ class XbusDriver:
         if state == "any":
             return (yield from body)
         if state == "measuring":
-            if not (yield WaitFor(_sample, requests.SEEN_S)):  # it measures; GoToMeasurement would fail
+            if not (yield WaitFor(_sample, requests.FIRST_SAMPLE_S)):  # it measures; GoToMeasurement would fail
                 yield from requests.to_measurement()
             return (yield from body)
         try:

@@ -116,7 +116,7 @@ WALKED = 7
 NO_GNSS, NO_FIX, FIX, FIX_NOT_SAID = range(4)  # GNSS: fix of the receiver, for a message with nothing but GNSS items
 GNSS_PVT, PVT_SIZE, FIX_TYPE_AT, FIX_2D = 0x7010, 94, 20, 2
 _SPOTS = 7
-_MOST_ITEMS = MAX_ACCEPTED // 3 + 1
+_MAX_ITEMS = MAX_ACCEPTED // 3 + 1
 ONE, TWO = unsigned(1), unsigned(2)
 
 
@@ -166,7 +166,7 @@ def follow_items(data: Bytes, start: int, stop: int, spots: Ints, headers: Ints)
             SampleTimeCoarse, UtcTime and a GNSS solution's type of fix; 0 if absent. Of repeated ones the last counts.
             Then 1 if the message has GNSS items and, counters, clocks and status aside, no others; and the number of
             items.
-        headers: (_MOST_ITEMS,), written: offset from `start` of each item.
+        headers: (_MAX_ITEMS,), written: offset from `start` of each item.
 
     Returns:
         End of the items that fit, and a hash that is equal for equal sequences of (identifier, size).
@@ -263,7 +263,7 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
     # Most frames have the layout of one of the two frames before: those are compared first.
     recent = np.full(2, -1, np.int64)
     spots = np.zeros((2, _SPOTS), np.int64)
-    headers = np.empty((2, _MOST_ITEMS), np.int64)
+    headers = np.empty((2, _MAX_ITEMS), np.int64)
     for f in range(n):
         start, size = int(body[f]), int(length[f])
         same = -1

@@ -101,7 +101,7 @@ def _data(payload: bytes, wire: Plain) -> tuple[list[Field], Plain]:
         described[field.name] = field
         where[field.name] = position
     listed = tuple((identifier, size) for identifier, _, size in sequence)
-    if not _says_it_all(listed):
+    if not _is_unambiguous(listed):
         wire["items"] = [list(entry) for entry in listed]
     if repeated:
         wire["repeated"] = repeated
@@ -135,7 +135,7 @@ def _chain(payload: bytes, at: int, size: int) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _says_it_all(sequence: tuple[tuple[int, int], ...]) -> bool:
+def _is_unambiguous(sequence: tuple[tuple[int, int], ...]) -> bool:
     """Whether the names alone reproduce this sequence of (identifier, size)."""
     names = [item(identifier, size).name for identifier, size in sequence]
     known = all(_usual(name, size) == entry for name, entry, (_, size) in zip(names, sequence, sequence, strict=True))

@@ -60,7 +60,7 @@ SYNC_ON: Mapping[int, frozenset[int]] = {  # table 11
     PULSE: GNSS,
 }
 _LINES_OUT, _LINES_IN = (4, 7, 8), (0, 1, 2, 5, 9)  # table 12; In3 of the MTi-680G has the pulse of its own receiver
-MOST_ICC = 3  # table 36; further commands are from the vendor's own software
+MAX_ICC = 3  # table 36; further commands are from the vendor's own software
 LONGEST_PERIOD = 1152  # 10 ms; a longer one is made from it and a skip factor (5.3.5)
 SOFTWARE = 6
 
@@ -128,7 +128,7 @@ def fitted(message: str, field: Field, model: Model | None) -> Field:
         gone = {2} if model is None or model.number not in GNSS else {1, 2}
         return replace(field, choices={code: name for code, name in RESET_CODES.items() if code not in gone}, default=3)
     if message == "IccCommand" and model is not None:
-        return replace(field, choices={code: name for code, name in ICC_COMMANDS.items() if code <= MOST_ICC})
+        return replace(field, choices={code: name for code, name in ICC_COMMANDS.items() if code <= MAX_ICC})
     if message == "ResetOrientation.Stored":
         known = fitted("ResetOrientation", field, model)
         return replace(known, choices={code: name for code, name in known.choices.items() if code})

@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 from recordings.rrd.chunks import DEVICE_TIME, name_of
 from recordings.rrd.entities import MAP, WORLD, DeviceEntity, Info
 
-SHOWN = 4  # plots of a device; the others are one click away in the viewer's own list
+PLOTS_PER_DEVICE = 4  # plots of a device; the others are one click away in the viewer's own list
 PREFERRED = ("euler", "vector", "scalar", "quaternion", "matrix")
 _DULL = ("SampleTime", "PacketCounter")
 
@@ -84,7 +84,7 @@ def _plots(device: DeviceEntity, infos: Mapping[int, Info], live_s: float) -> An
     seen: set[str] = set()
     views: list[Any] = []
     for info in selected:
-        if str(info["title"]) in seen or len(views) == SHOWN:
+        if str(info["title"]) in seen or len(views) == PLOTS_PER_DEVICE:
             continue
         seen.add(str(info["title"]))
         paths = [curve.path for curve in device.curves[info["id"]]]

@@ -2,8 +2,8 @@
 
 A viewer in a browser keeps samples in memory, which is limited to 4 GB (32-bit addresses in WebAssembly), and drops the
 oldest before that; without a GPU it also draws each of them. So there are two limits, in rows of all quantities
-together: up to WHOLE a range is opened whole; up to MOST it is on request. Beyond, every quantity with more than `most`
-rows is thinned to as many (recordings/rrd/writer.py explains how), and the page reports it.
+together: up to WHOLE a range is opened whole; up to MAX_ROWS it is on request. Beyond, every quantity with more than
+`most` rows is thinned to as many (recordings/rrd/writer.py explains how), and the page reports it.
 
     rows of the quantities      900 000   900 000    6 000
     kept, most = 20 000          20 000    20 000    6 000      one of 45 samples of those that have the most
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from recordings.column_store import ColumnStore
 
 WHOLE = 1_000_000
-MOST = 4_000_000
+MAX_ROWS = 4_000_000
 EACH = 20_000  # rows of a quantity when thinned to the default limit
 
 
@@ -52,9 +52,9 @@ def amount_of(columns: ColumnStore, t0: float = -math.inf, t1: float = math.inf,
 def amount(counts: Sequence[int], as_much: bool = False) -> Amount:
     """The same, from the number of rows of each quantity."""
     rows = sum(counts)
-    if rows <= (MOST if as_much else WHOLE):
+    if rows <= (MAX_ROWS if as_much else WHOLE):
         return Amount(rows, rows, 0, 1)
-    most = _share(counts, MOST) if as_much else min(EACH, _share(counts, WHOLE))
+    most = _share(counts, MAX_ROWS) if as_much else min(EACH, _share(counts, WHOLE))
     return Amount(rows, sum(min(count, most) for count in counts), most, math.ceil(max(counts) / most))
 
 

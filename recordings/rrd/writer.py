@@ -35,7 +35,7 @@ from recordings.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of
 from recordings.rrd.entities import DeviceEntity, Info, PositionEntity, devices_of
 from recordings.rrd.enu import Origin, is_place
 
-MOST_TEXTS = 20_000  # of one status word: one that changes with every sample is better shown as a curve
+MAX_TEXTS = 20_000  # of one status word: one that changes with every sample is better shown as a curve
 EVENTS, MARKERS = ("events",), ("markers",)
 
 
@@ -310,11 +310,11 @@ class _Flags:
 
     def _add(self, i: int, path: tuple[str, ...], times: Times, words: Any) -> None:
         column = self._info["columns"][i]
-        if not column["bits"] or self._count >= MOST_TEXTS:
+        if not column["bits"] or self._count >= MAX_TEXTS:
             return
         at, texts, levels = chunks.changes(column, self._before.get(i), words)
         self._before[i] = int(words[-1])
-        room = MOST_TEXTS - self._count
+        room = MAX_TEXTS - self._count
         self._count += len(texts)
         if len(texts) > room:
             at, texts, levels = at[:room], texts[:room], levels[:room]

@@ -22,7 +22,7 @@ from server.wire import ChannelInfo
 
 Floats = NDArray[np.float64]
 
-MOST_VALUES = 50_000_000  # of one signal: 800 MB; an hour at 2 kHz has 7.2 million
+MAX_VALUES = 50_000_000  # of one signal: 800 MB; an hour at 2 kHz has 7.2 million
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def recorded_signal(store: ColumnStore, column: SignalColumn, t0: float, t1: flo
     """A signal of a recording, t0 ≤ t ≤ t1.
 
     Raises:
-        DomainError: "too-many": more than MOST_VALUES samples.
+        DomainError: "too-many": more than MAX_VALUES samples.
     """
     channel = column.info.id
     lo, hi = store.between(channel, t0, t1, base)
@@ -139,6 +139,6 @@ def live_signals(
 
 
 def _check_size(column: SignalColumn, n: int) -> None:
-    if n > MOST_VALUES:
-        hint = f"Request a shorter range; at most {MOST_VALUES:,} samples are analysed at once.".replace(",", " ")
+    if n > MAX_VALUES:
+        hint = f"Request a shorter range; at most {MAX_VALUES:,} samples are analysed at once.".replace(",", " ")
         raise DomainError("too-many", f"{column.name} has too many samples in that range.", hint)

@@ -24,8 +24,8 @@ from server.services import Services
 
 router = APIRouter(prefix="/api/analysis", tags=["analysis"])
 
-MOST_SIGNALS = 64
-MOST_TIME = 9e9  # unix s
+MAX_SIGNALS = 64
+MAX_TIME = 9e9  # unix s
 ARROW = "application/vnd.apache.arrow.stream"
 AHEAD_S = 60.0  # the device's clock may be ahead of this host's
 
@@ -56,7 +56,7 @@ class AnalysisRequest(BaseModel):
     source: str = Field(description="id of a live device or of a recording")
     signals: list[str] = Field(
         min_length=1,
-        max_length=MOST_SIGNALS,
+        max_length=MAX_SIGNALS,
         description="`CHANNEL.COLUMN`, or `CHANNEL` for all its columns; `DEVICE/…` if a recording has several",
     )
     t0: float | None = Field(None, description="unix seconds; null for the beginning")
@@ -128,7 +128,7 @@ async def _signals(
         columns = columns_named(own.values(), body.signals)
         return columns, live_signals(telemetry.store, columns, t0, t1, body.base)
     store = await _recording(body.source, services)
-    t0, t1 = _range(body, MOST_TIME)
+    t0, t1 = _range(body, MAX_TIME)
     return columns_named(channels_of(store).values(), body.signals), lambda column: recorded_signal(
         store, column, t0, t1, body.base
     )
@@ -146,6 +146,6 @@ async def _recording(source: str, services: Services) -> ColumnStore:
 
 def _range(body: AnalysisRequest, end: float) -> tuple[float, float]:
     t0, t1 = 0.0 if body.t0 is None else body.t0, end if body.t1 is None else body.t1
-    if not (abs(t0) <= MOST_TIME and abs(t1) <= MOST_TIME and t0 <= t1) or math.isnan(t0 + t1):
+    if not (abs(t0) <= MAX_TIME and abs(t1) <= MAX_TIME and t0 <= t1) or math.isnan(t0 + t1):
         raise DomainError("bad-span", f"From {t0:g} to {t1:g} is not a valid time range.", "Unix seconds, t0 ≤ t1.")
     return t0, t1

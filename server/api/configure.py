@@ -27,7 +27,7 @@ from server.errors import DomainError
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 
-MOST_RAW = 4096
+MAX_RAW = 4096
 
 
 def controllers_of(services: TheServices) -> ControllerRegistry:
@@ -138,8 +138,8 @@ async def send_raw(body: Raw, controller: OneController, controllers: AllControl
         data = bytes.fromhex(body.hex)
     except ValueError:
         raise DomainError("bad-request", "Invalid hex.", "Write two digits for each byte: FA FF 30 00 D1.") from None
-    if not 0 < len(data) <= MOST_RAW:
-        raise DomainError("bad-request", f"1 to {MOST_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
+    if not 0 < len(data) <= MAX_RAW:
+        raise DomainError("bad-request", f"1 to {MAX_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
     words = "The bytes are sent to the device unchecked; they may change anything in it."
     confirmed([Risk("", words)], body.confirmed)
     return controller.add(f"Send {len(data)} bytes", controllers.jobs.raw(controller, data)).job

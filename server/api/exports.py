@@ -16,7 +16,7 @@ from server.library.api_models import Export, ExportPart, ExportSizes
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
 
-MOST_CHANNELS = 10_000
+MAX_CHANNELS = 10_000
 
 
 @router.post("/{recording}/exports", status_code=202, responses=responses(404, 409, 422))
@@ -48,8 +48,8 @@ def _check(body: ExportPart) -> None:
             raise DomainError("bad-span", f"{name} is not a time.", "Unix seconds, or null for all.")
     if body.t0 is not None and body.t1 is not None and body.t1 < body.t0:
         raise DomainError("bad-span", "The range ends before it begins.", "Unix seconds, t0 ≤ t1.")
-    if len(body.channels or ()) > MOST_CHANNELS:
-        raise DomainError("bad-request", f"At most {MOST_CHANNELS} channels can be named.", "null for all.")
+    if len(body.channels or ()) > MAX_CHANNELS:
+        raise DomainError("bad-request", f"At most {MAX_CHANNELS} channels can be named.", "null for all.")
 
 
 @router.get("/exports")

@@ -8,12 +8,12 @@ from fastapi import APIRouter, WebSocket
 
 from server.api.dependencies import TheServices
 from server.errors import DomainError
-from server.integrations.foxglove_server import MOST_UP, SUBPROTOCOLS
+from server.integrations.foxglove_server import MAX_UP, SUBPROTOCOLS
 from server.integrations.proxy import reject, relay
 
 router = APIRouter()
 
-MOST_DOWN = 16 * 1024 * 1024  # all advertised topics come in one message
+MAX_DOWN = 16 * 1024 * 1024  # all advertised topics come in one message
 
 
 @router.websocket("/foxglove")
@@ -21,8 +21,8 @@ MOST_DOWN = 16 * 1024 * 1024  # all advertised topics come in one message
 async def foxglove(socket: WebSocket, services: TheServices) -> None:
     """Relay between a Foxglove viewer and the bridge, until either side disconnects."""
     try:
-        endpoint = await services.foxglove.door()
+        endpoint = await services.foxglove.endpoint()
     except DomainError as error:
         await reject(socket, error)
         return
-    await relay(socket, endpoint, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)
+    await relay(socket, endpoint, speaks=lambda name: name in SUBPROTOCOLS, most_up=MAX_UP, most_down=MAX_DOWN)

@@ -13,8 +13,8 @@ from server.library.api_models import Mark, Start
 
 router = APIRouter(tags=["recorder"])
 
-MOST_TEXT = 2000
-MOST_TITLE = 200
+MAX_TEXT = 2000
+MAX_TITLE = 200
 
 
 def _bounded(text: str, most: int, what: str) -> None:
@@ -33,7 +33,7 @@ async def get_recorder(services: TheServices) -> wire.RecorderState:
 @router.post("/api/recordings/start", responses=responses(404, 409, 422, 507))
 async def start(body: Start, services: TheServices) -> wire.RecorderState:
     """Record these devices, or all of them, into a new file."""
-    _bounded(body.title, MOST_TITLE, "The title")
+    _bounded(body.title, MAX_TITLE, "The title")
     try:
         return await services.recorder.start(body.devices, body.title)
     except RecordingError as error:
@@ -49,5 +49,5 @@ async def stop(services: TheServices) -> wire.RecorderState:
 @router.post("/api/recordings/mark", responses=responses(409, 422))
 async def mark(body: Mark, services: TheServices) -> wire.RecorderState:
     """Add a marker or a note to the running recording."""
-    _bounded(body.text, MOST_TEXT, "The text")
+    _bounded(body.text, MAX_TEXT, "The text")
     return services.recorder.mark(body)

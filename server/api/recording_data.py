@@ -41,10 +41,10 @@ from server.library.recording_detail import as_json, channels_of, detail
 
 router = APIRouter(tags=["recordings"])
 
-MOST_WIDTH = 8000
-MOST_SECONDS = 7200
-MOST_TIME = 9e9  # unix s; in ns, times beyond the year 2255 do not fit an int64
-MOST_ROWS = 5_000_000  # in one response without buckets; longer ranges are requested in pieces
+MAX_WIDTH = 8000
+MAX_SECONDS = 7200
+MAX_TIME = 9e9  # unix s; in ns, times beyond the year 2255 do not fit an int64
+MAX_ROWS = 5_000_000  # in one response without buckets; longer ranges are requested in pieces
 SAMPLES = "application/octet-stream"
 ARROW = "application/vnd.apache.arrow.stream"
 
@@ -67,7 +67,7 @@ TABLE: dict[int | str, dict[str, Any]] = {
 
 Recording = Annotated[str, "id of a recording"]
 Time = Annotated[float | None, Query(description="unix seconds")]
-Width = Annotated[int, Query(ge=0, le=MOST_WIDTH, description="buckets wanted; 0 for every row")]
+Width = Annotated[int, Query(ge=0, le=MAX_WIDTH, description="buckets wanted; 0 for every row")]
 Format = Annotated[Literal["arrow", "json"], Query()]
 Partial = Annotated[bool, Query(description="while it is decoded for the first time: use the part decoded so far")]
 
@@ -132,7 +132,7 @@ def get_window(  # not async, so in a thread: it may read from the disk, and liv
     store: SoFar,
     t0: float,
     t1: float,
-    width: Annotated[int, Query(ge=1, le=MOST_WIDTH)] = 1000,
+    width: Annotated[int, Query(ge=1, le=MAX_WIDTH)] = 1000,
     base: Base = "device",
     channels: Annotated[str, Query(description="ids, separated by commas; empty for all")] = "",
 ) -> Response:
@@ -174,9 +174,9 @@ def get_health_history(
     if device not in known:
         there = ", ".join(known)
         raise DomainError("not-found", f"The recording has no device {device:.40}.", f"It has: {there:.400}.")
-    if t1 - t0 > MOST_SECONDS:
+    if t1 - t0 > MAX_SECONDS:
         raise DomainError(
-            "too-many", f"At most {MOST_SECONDS} seconds can be requested at once.", "Request a shorter range."
+            "too-many", f"At most {MAX_SECONDS} seconds can be requested at once.", "Request a shorter range."
         )
     names = store.manifest.get("health") or store.manifest.get("fared", {})  # "fared": older stores
     return health_history(store.folder, names, device, known[device] or device, math.floor(t0), math.floor(t1))
@@ -206,8 +206,8 @@ def query_recording(
     info = infos[_number(channel, infos, device)]
     whole = store.span(info.id, base) or (0.0, 0.0)
     t0, t1 = _span(whole[0] if t0 is None else t0, whole[1] if t1 is None else t1)
-    if not width and store.row_at(info.id, t1, base) - store.row_at(info.id, t0, base) > MOST_ROWS:
-        hint = f"Request a shorter range, or give `width`; at most {MOST_ROWS} rows are sent at once."
+    if not width and store.row_at(info.id, t1, base) - store.row_at(info.id, t0, base) > MAX_ROWS:
+        hint = f"Request a shorter range, or give `width`; at most {MAX_ROWS} rows are sent at once."
         raise DomainError("too-many", "The range has too many rows for one response.", hint)
     _only_one(request)
     answer = recorded(store, info, t0, t1, width, columns=_positions(info, columns), base=base)
@@ -246,7 +246,7 @@ async def query_device(
 
 
 def _span(t0: float, t1: float) -> tuple[float, float]:
-    if not (abs(t0) < MOST_TIME and abs(t1) < MOST_TIME) or t1 < t0:  # nor NaN
+    if not (abs(t0) < MAX_TIME and abs(t1) < MAX_TIME) or t1 < t0:  # nor NaN
         raise DomainError("bad-span", f"From {t0:g} to {t1:g} is not a valid time range.", "Unix seconds, t0 ≤ t1.")
     return t0, t1
 

@@ -25,7 +25,7 @@ from server.streaming_response import streamed, with_first_chunk
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
-MOST_TITLE, MOST_NOTES, MOST_TAGS, MOST_TAG, MOST_TEXT, MOST_MARKERS = 200, 20_000, 50, 60, 2000, 5000
+MAX_TITLE, MAX_NOTES, MAX_TAGS, MAX_TAG, MAX_TEXT, MAX_MARKERS = 200, 20_000, 50, 60, 2000, 5000
 BUFFER = 1 << 20
 BYTES = "application/octet-stream"
 Changed = TypeVar("Changed")
@@ -110,13 +110,13 @@ async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> Non
 @router.patch("/{recording}", responses=responses(404, 409, 422, 507))
 async def edit_recording(recording: str, body: Edit, services: TheServices) -> RecordingInfo:
     """Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id."""
-    _bounded(body.title, MOST_TITLE, "The title")
-    _bounded(body.file, MOST_TITLE, "The name")
-    _bounded(body.notes, MOST_NOTES, "The notes")
-    if len(body.tags or ()) > MOST_TAGS:
-        raise DomainError("bad-request", f"At most {MOST_TAGS} tags can be given.", "Notes hold any text.")
+    _bounded(body.title, MAX_TITLE, "The title")
+    _bounded(body.file, MAX_TITLE, "The name")
+    _bounded(body.notes, MAX_NOTES, "The notes")
+    if len(body.tags or ()) > MAX_TAGS:
+        raise DomainError("bad-request", f"At most {MAX_TAGS} tags can be given.", "Notes hold any text.")
     for tag in body.tags or ():
-        _bounded(tag, MOST_TAG, "A tag")
+        _bounded(tag, MAX_TAG, "A tag")
     tags = (
         None if body.tags is None else tuple(dict.fromkeys(" ".join(tag.split()) for tag in body.tags if tag.strip()))
     )
@@ -135,17 +135,17 @@ async def edit_recording(recording: str, body: Edit, services: TheServices) -> R
 @router.post("/{recording}/markers", status_code=201, responses=responses(404, 409, 422, 507))
 async def add_marker(recording: str, body: Mark, services: TheServices, entry: OneEntry) -> MarkerInfo:
     """Add a marker or a note to a finished recording."""
-    _bounded(body.text, MOST_TEXT, "The text")
-    _bounded(body.device, MOST_TAG, "The device")
+    _bounded(body.text, MAX_TEXT, "The text")
+    _bounded(body.device, MAX_TAG, "The device")
     if services.catalogue.is_recording(entry):
         raise DomainError(
             "busy", "The recording is still running.", "Stop the recording first, or put a marker into it."
         )
     if body.time is None or not math.isfinite(body.time):
         raise DomainError("bad-request", "A marker needs a time.", "Unix seconds, within the recording.")
-    if len(entry.edits.markers) >= MOST_MARKERS:
+    if len(entry.edits.markers) >= MAX_MARKERS:
         raise DomainError(
-            "bad-request", f"A recording can have at most {MOST_MARKERS} added markers.", "Notes hold any text."
+            "bad-request", f"A recording can have at most {MAX_MARKERS} added markers.", "Notes hold any text."
         )
     marker = sidecar.Marker(body.time, body.kind, body.text, body.device)
     stored = await _in_thread(recording, lambda: services.catalogue.library.mark(recording, marker))

@@ -25,7 +25,7 @@ from fastapi.responses import FileResponse, RedirectResponse, Response, Streamin
 from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
-from recordings.rrd.size_limit import MOST, WHOLE, amount_of
+from recordings.rrd.size_limit import MAX_ROWS, WHOLE, amount_of
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses
 from server.api.recording_data import OneStore
@@ -118,7 +118,7 @@ async def get_rrd(
     store: OneStore,
     t0: Time = None,
     t1: Time = None,
-    most: Annotated[int, Query(ge=0, le=MOST, description="rows of a quantity; 0 for all")] = 0,
+    most: Annotated[int, Query(ge=0, le=MAX_ROWS, description="rows of a quantity; 0 for all")] = 0,
 ) -> Response:
     """The recording for a Rerun viewer, sent while it is converted; static data first."""
     _stretch(t0, t1)

@@ -13,7 +13,7 @@ import json
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.auth import MOST_BODY, refuse
+from server.auth import MAX_BODY, refuse
 from server.errors import DomainError
 
 SURROGATE = b"\\ud"
@@ -33,7 +33,7 @@ class UnicodeGuard:
             return
         messages: list[Message] = []
         size, more = 0, True
-        while more and size <= MOST_BODY:
+        while more and size <= MAX_BODY:
             messages.append(await receive())
             size += len(messages[-1].get("body", b""))
             more = messages[-1].get("more_body", False)

@@ -24,7 +24,7 @@ from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.api.static_files import HEADERS
 from server.errors import DomainError
-from server.http_server import MOST_FROM_VIEWER
+from server.http_server import MAX_FROM_VIEWER
 from server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
 from server.integrations.replay_sync import ReplayFollower
 from server.integrations.viewer_process import PER_S
@@ -32,9 +32,9 @@ from server.integrations.viser import Viser
 
 router = APIRouter()
 
-MOST_PAGE = 8 * 1024 * 1024  # viser's page has 0.8 MB
+MAX_PAGE = 8 * 1024 * 1024  # viser's page has 0.8 MB
 
-MOST_DOWN = 64 * 1024 * 1024  # a scene with an uploaded mesh, in one message
+MAX_DOWN = 64 * 1024 * 1024  # a scene with an uploaded mesh, in one message
 PAGE_HEADERS = {**HEADERS, "content-security-policy": "; ".join(VIEWER_POLICY), "vary": "accept-encoding"}
 
 
@@ -49,7 +49,7 @@ async def begin_scene(
     services: TheServices, device: Annotated[str, Query(description="id of a device; all devices if omitted")] = ""
 ) -> SceneAddress:
     """Begin a 3D scene; returns its address as soon as it can be opened."""
-    await services.viser.door(device)
+    await services.viser.endpoint(device)
     return SceneAddress(address=f"/viser/{device}/" if device else "/viser/")
 
 
@@ -66,7 +66,7 @@ async def with_slash(request: Request, key: str = "") -> RedirectResponse:
 async def scene(request: Request, services: TheServices, key: str = "") -> Response:
     """Viser's page for all devices, or for one; starts viser if it is not running."""
     gzip = "gzip" in request.headers.get("accept-encoding", "")
-    page = await fetch(await services.viser.door(key), "/", most=MOST_PAGE, gzip=gzip)
+    page = await fetch(await services.viser.endpoint(key), "/", most=MAX_PAGE, gzip=gzip)
     headers = {**PAGE_HEADERS, "content-type": page.kind, "cache-control": "no-cache"}
     if page.encoding:
         headers["content-encoding"] = page.encoding
@@ -79,18 +79,18 @@ async def live_scene(socket: WebSocket, services: TheServices, key: str = "") ->
     """Relay viser's WebSocket until either side disconnects."""
     viser = services.viser
     try:
-        endpoint = await viser.door(key)
+        endpoint = await viser.endpoint(key)
     except DomainError as error:
         await reject(socket, error)
         return
-    viser.looked_at(key)
+    viser.add_viewer(key)
     try:
         await relay(
             socket,
             endpoint,
             speaks=lambda name: name.startswith("viser-v"),
-            most_up=MOST_FROM_VIEWER,
-            most_down=MOST_DOWN,
+            most_up=MAX_FROM_VIEWER,
+            most_down=MAX_DOWN,
             passes=is_viser_message if socket.state.role == "control" else is_view_message,
         )
     finally:

@@ -24,7 +24,7 @@ from server.streaming.send_queue import SendQueue
 log = logging.getLogger("imuscope.live")
 router = APIRouter()
 
-MOST_WAITING_TEXT = 16 * 1024 * 1024  # bytes; text is never dropped, so a client this slow is disconnected
+MAX_WAITING_TEXT = 16 * 1024 * 1024  # bytes; text is never dropped, so a client this slow is disconnected
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 60.0  # a page asks twice a second, and some dozen times when it is opened
 LONGEST_INTERVAL_S = 0.1  # between two flushes, however rarely a page draws; bounds the age of what it shows
 HISTORY_PAUSE_S = 0.002  # between two messages of history: 128 KiB each, so 60 MB/s at most, for all browsers together
@@ -75,7 +75,7 @@ class WebSocketSender:
 
     def is_stuck(self, now: float) -> bool:
         """Whether no byte has moved for `stuck_s`, or too much is queued. Call it about once a second."""
-        if self.queue.text_bytes > MOST_WAITING_TEXT:
+        if self.queue.text_bytes > MAX_WAITING_TEXT:
             return True
         if self._stuck_since is None:
             return False

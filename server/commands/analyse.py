@@ -18,7 +18,7 @@ from server.analysis.report import Figures, figures_of
 from server.analysis.signals import columns_named, recorded_signal
 from server.commands.decode import Bar
 from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.errors import DomainError
 from server.library.decode import decode
 from server.library.recording_detail import channels_of
@@ -69,7 +69,7 @@ def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, no
     try:
         with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
             source = open_file(path, reading.protocol)
-            store = decode(source, Path(folder) / "columns", speech(), reading, bar.show)
+            store = decode(source, Path(folder) / "columns", all_protocols(), reading, bar.show)
             return _reports(store, path.name, request)
     except (RecordingError, DomainError) as error:
         raise AnalyseError(f"{error.message} {error.hint}".strip()) from None

@@ -323,9 +323,9 @@ def _add_replay(add_parser: _AddParser) -> None:
 def _add_simulate(add_parser: _AddParser) -> None:
     command = add_parser("simulate", help="simulate a device for other programs")
     command.add_argument("device", metavar="FAMILY[?OPTIONS]", help=f"{NAMES}, with the options of sim: sources")
-    door = command.add_mutually_exclusive_group(required=True)
-    door.add_argument("--pty", type=Path, metavar="PATH", help="create a pseudo-terminal with a link at this path")
-    door.add_argument("--tcp", metavar="[HOST]:PORT", help="listen on this TCP address (default host 127.0.0.1)")
+    target = command.add_mutually_exclusive_group(required=True)
+    target.add_argument("--pty", type=Path, metavar="PATH", help="create a pseudo-terminal with a link at this path")
+    target.add_argument("--tcp", metavar="[HOST]:PORT", help="listen on this TCP address (default host 127.0.0.1)")
     _add_data(command)
 
 

@@ -20,7 +20,7 @@ from recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
 from server.printable import printable
 
@@ -104,7 +104,7 @@ def decode_file(
         with tempfile.TemporaryDirectory(prefix=".decode-", dir=out.parent) as folder:
             source = open_file(path, reading.protocol)
             store = Path(folder) / "columns"
-            columns = decode(source, store, speech(), reading, lambda share: bar.show(share / 2))
+            columns = decode(source, store, all_protocols(), reading, lambda share: bar.show(share / 2))
             rejected = [
                 one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in OPTION_REASONS
             ]

@@ -38,7 +38,7 @@ from server.printable import printable
 from server.streaming.telemetry import Telemetry
 
 POLL_S = 0.25
-MOST_MESSAGES = 20
+MAX_MESSAGES = 20
 QUIET_ROUNDS = 8  # without data, before the reason is printed
 
 
@@ -111,7 +111,7 @@ async def _record(request: RecordRequest, notes: TextIO) -> tuple[RecordStatus, 
     now_ns = steady_clock()
     bus = Telemetry.create(lambda: now_ns() / 1e9, history_s=1).bus
     sessions = Sessions(
-        bus, open_link, protocol_set.speech(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(request.data)
+        bus, open_link, protocol_set.all_protocols(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(request.data)
     )
     controllers = ControllerRegistry(bus, sessions, request.data, ConfigurationTimings())
     recorder = Recorder(
@@ -181,7 +181,7 @@ async def _until_end(
                 session.info.status != "live"
                 and text
                 and text not in printed_texts
-                and len(printed_texts) < MOST_MESSAGES
+                and len(printed_texts) < MAX_MESSAGES
             ):
                 printed_texts.add(text)
                 print(f"imuscope: {printable(text)}", file=notes, flush=True)

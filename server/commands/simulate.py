@@ -27,7 +27,7 @@ from server.links.source_url import SourceUrl
 
 PREFIXES = ("sim:", "twin:")
 RATE_POLL_S = 0.05  # delay until the TCP side follows a new baud rate of the device
-MOST_WAITING = 1 << 20  # bytes queued for a TCP client; a client further behind is disconnected
+MAX_WAITING = 1 << 20  # bytes queued for a TCP client; a client further behind is disconnected
 
 
 class SimulateError(Exception):
@@ -161,7 +161,7 @@ class Bridge:
         except OSError:
             return
         for client in list(self._clients):
-            if client.transport.get_write_buffer_size() > MOST_WAITING:
+            if client.transport.get_write_buffer_size() > MAX_WAITING:
                 self._clients.discard(client)
                 client.transport.abort()
             else:

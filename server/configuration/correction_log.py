@@ -19,7 +19,7 @@ from typing import Protocol
 from protocols.plural import counted
 from server.wire import Level
 
-MOST_KINDS = 8
+MAX_KINDS = 8
 
 
 class LogSink(Protocol):
@@ -88,7 +88,7 @@ class CorrectionLog:
             return "nothing"
         size = counted(self._bytes, "byte") if self._bytes < 10_000 else f"{self._bytes / 1000:.0f} kB"
         kinds = [f"{name} × {n}" for name, n in sorted(self.messages.items())]
-        if len(kinds) > MOST_KINDS:
-            kinds[MOST_KINDS:] = [counted(len(kinds) - MOST_KINDS, "more kind")]
+        if len(kinds) > MAX_KINDS:
+            kinds[MAX_KINDS:] = [counted(len(kinds) - MAX_KINDS, "more kind")]
         refused = f", {self._refused} refused" if self._refused else ""
         return f"{counted(count, 'message')}, {size} ({', '.join(kinds)}){refused}"

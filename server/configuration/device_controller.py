@@ -48,7 +48,7 @@ from server.wire import DeviceJobs, Job, PendingRollback
 log = logging.getLogger("imuscope.configuration")
 T = TypeVar("T")
 
-MOST_WAITING = 16
+MAX_WAITING = 16
 DONE_KEPT = 5
 REST_HINT = "It was set to the state {state}, in which it sends no data; send {command} to resume measuring."
 UNANSWERED_HINT = "Check its power, its cable and the baud rate, then read its settings again."
@@ -220,9 +220,9 @@ class DeviceController:
         Raises:
             ControlError: the queue is full.
         """
-        if len(self._queue) >= MOST_WAITING:
+        if len(self._queue) >= MAX_WAITING:
             hint = "Wait, or remove one from the queue."
-            raise ControlError("full", f"The queue of this device is full ({MOST_WAITING} jobs).", hint)
+            raise ControlError("full", f"The queue of this device is full ({MAX_WAITING} jobs).", hint)
         job = Job(id=self._next_job, device=self.device, title=title, state="waiting")
         self._next_job += 1
         task = QueuedJob(job, work, stoppable)

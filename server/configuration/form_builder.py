@@ -21,7 +21,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from protocols.labels import spoken
+from protocols.labels import constant_label
 from protocols.layouts import is_open
 from protocols.registry import PROTOCOLS
 from protocols.schema import Command, Field, Setting
@@ -146,7 +146,7 @@ def field_form(field: Field) -> FieldForm:
         length=_length(field),
         max_length=field.max_length,
         axes=list(field.axes),
-        choices={str(number): spoken(meaning) for number, meaning in field.choices.items()},
+        choices={str(number): constant_label(meaning) for number, meaning in field.choices.items()},
         bits=_bits(field),
         fields=field_forms(field.fields),
         basic=field.basic,
@@ -205,7 +205,7 @@ def _bits(field: Field) -> list[BitsInfo]:
             bits.name,
             bits.low,
             bits.width,
-            {str(number): spoken(meaning) for number, meaning in bits.choices.items()},
+            {str(number): constant_label(meaning) for number, meaning in bits.choices.items()},
             bits.severity,
             bits.normal_set,
             bits.doc,

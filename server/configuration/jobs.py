@@ -40,7 +40,7 @@ from server.devices.member import address_of, name_of
 from server.links.base import LinkError
 from server.wire_codec import to_json_safe
 
-MOST_WORDS = 12  # changes that a pending rollback lists
+MAX_WORDS = 12  # changes that a pending rollback lists
 CHANGED_HINT = (
     "Nothing was written. Check the edits, which are now based on the present values of the device, then apply them."
 )
@@ -261,7 +261,7 @@ class Jobs:
             new_baud=bauds[-1] if bauds and baud is not None else baud,
             other_bauds=[] if baud is None else list(dict.fromkeys(rate for cut in cuts for rate in cut.others)),
             restart=change.restart,
-            changes=changes[:MOST_WORDS],
+            changes=changes[:MAX_WORDS],
             deadline=controller.bus.now() + 60 + self._timings.rollback_s,
             seconds=self._timings.rollback_s,
             device=name_of(controller.session),

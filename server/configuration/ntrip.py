@@ -32,11 +32,11 @@ from server.version import VERSION
 
 CONNECT_S = 10.0
 HEAD_S = 15.0
-MOST_HEAD = 16_384
-MOST_TABLE = 262_144
+MAX_HEAD = 16_384
+MAX_TABLE = 262_144
 TABLE_S = 15.0
 READ = 4096
-MOST_NAMED = 5  # mount points listed in an error
+MAX_NAMED = 5  # mount points listed in an error
 PORT, TLS_PORT = 2101, 443
 TRIED = "imuscope keeps retrying; no action is needed."
 
@@ -115,7 +115,7 @@ class CasterStream:
             CorrectionError: the response begins as HTTP but is invalid.
         """
         data = b""
-        while b"\r\n" not in data and len(data) <= MOST_HEAD and (more := await self._reader.read(READ)):
+        while b"\r\n" not in data and len(data) <= MAX_HEAD and (more := await self._reader.read(READ)):
             data += more
         line, _, rest = data.partition(b"\r\n")
         self.status = line.decode("latin-1")
@@ -223,7 +223,7 @@ async def _attempt(caster: Caster, gga: bytes, *, version: int) -> CasterStream 
         ) from None
     except OSError as error:
         raise CorrectionError(f"{where} cannot be reached: {error.strerror or error}.", "Check the address.") from None
-    http = h11.Connection(h11.CLIENT, max_incomplete_event_size=MOST_HEAD)
+    http = h11.Connection(h11.CLIENT, max_incomplete_event_size=MAX_HEAD)
     stream = CasterStream(reader, writer, http)
     try:
         writer.write(_request(caster, version, gga, http))
@@ -295,7 +295,7 @@ async def _table(stream: CasterStream) -> str:
         async with asyncio.timeout(TABLE_S):
             async for data in stream.data():
                 table += data
-                if b"ENDSOURCETABLE" in table or len(table) >= MOST_TABLE:
+                if b"ENDSOURCETABLE" in table or len(table) >= MAX_TABLE:
                     break
     return table.decode("latin-1")
 
@@ -318,10 +318,10 @@ def _no_mount(caster: Caster, table: str) -> CorrectionError:
         return CorrectionError(message, "Ask its provider for the mount points.")
     by_casefold = {name.casefold(): name for name in available}
     close = [
-        by_casefold[one] for one in difflib.get_close_matches(caster.mount.casefold(), by_casefold, MOST_NAMED, 0.3)
+        by_casefold[one] for one in difflib.get_close_matches(caster.mount.casefold(), by_casefold, MAX_NAMED, 0.3)
     ]
     named = ", ".join(
-        f"{name} ({available[name]})" if available[name] else name for name in (close or list(available))[:MOST_NAMED]
+        f"{name} ({available[name]})" if available[name] else name for name in (close or list(available))[:MAX_NAMED]
     )
-    more = f", and {len(available) - MOST_NAMED} more" if len(available) > MOST_NAMED else ""
+    more = f", and {len(available) - MAX_NAMED} more" if len(available) > MAX_NAMED else ""
     return CorrectionError(message, f"It has {named}{more}.")

@@ -31,7 +31,7 @@ from server.configuration.settings_diff import SideValues, compare
 from server.configuration.value_format import numbers
 from server.wire_codec import to_json_safe
 
-MOST_FRAMES = 32
+MAX_FRAMES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
     merged = {**present.values, name: {**present.values.get(name, {}), **values}}
     baud = change.baud if change is not None and change.baud is not None else present.line.baud
     return PreviewAnswer(
-        frames=[frame_info(driver, frame) for frame in frames[:MOST_FRAMES]],
+        frames=[frame_info(driver, frame) for frame in frames[:MAX_FRAMES]],
         problems=[],
         load=load_of(present, merged, baud),
         line=change.words if change is not None else "",

@@ -20,14 +20,14 @@ def base_name(product: str) -> str:
     return found[0] if found else product.strip()
 
 
-def alike(one: str, other: str) -> bool:
+def same_product(one: str, other: str) -> bool:
     """Whether two devices are of the same product, as far as both are known."""
     return not one or not other or base_name(one) == base_name(other)
 
 
 def mismatch(profile: str, product: str) -> str:
     """Effect of writing the profile of one product to another; "" if they are the same product."""
-    if alike(profile, product):
+    if same_product(profile, product):
         return ""
     ours, theirs = base_name(product), base_name(profile)
     return (

@@ -47,8 +47,8 @@ UNREACHABLE = (
     "The device answers neither at the new rate nor at the old one: it is unreachable until its power is cycled."
 )
 SLOWER = "Request less data, or a baud rate that its cable can carry."
-NOT_TAKEN = "The device answers, but did not accept its old settings."
-NOT_TAKEN_HINT = "Read its settings; the snapshot taken before the change has the old ones."
+NOT_ACCEPTED = "The device answers, but did not accept its old settings."
+NOT_ACCEPTED_HINT = "Read its settings; the snapshot taken before the change has the old ones."
 BROKEN = "An internal error of imuscope interrupted the rollback; the device may still have the new settings."
 RESTORE_HINT = "Start “Restore communication”, then switch the device off and on while it runs."
 
@@ -300,7 +300,7 @@ class RollbackRun:
             raise
         if answered is None:
             return
-        words, hint = (NOT_TAKEN, NOT_TAKEN_HINT) if answered else (UNREACHABLE, RESTORE_HINT)
+        words, hint = (NOT_ACCEPTED, NOT_ACCEPTED_HINT) if answered else (UNREACHABLE, RESTORE_HINT)
         await self._report("unreachable", words)
         raise JobError(words, hint)
 

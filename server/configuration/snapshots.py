@@ -55,10 +55,10 @@ from server.configuration.value_format import comment, entry_comment
 
 FORMAT = 1
 RECENT = 20  # newest snapshots that are searched for an earlier value; reading all would take seconds
-MOST_FILES = 200  # of one device; the oldest that are not pinned are deleted first
-MOST_BYTES = 1 << 18  # ten times the largest device; reading this much takes seconds
-MOST_DEEP = 40  # nesting; reading time grows with its square, so a file of 3 kB could take seconds
-MOST_TITLE = 120
+MAX_FILES = 200  # of one device; the oldest that are not pinned are deleted first
+MAX_BYTES = 1 << 18  # ten times the largest device; reading this much takes seconds
+MAX_DEEP = 40  # nesting; reading time grows with its square, so a file of 3 kB could take seconds
+MAX_TITLE = 120
 _PLAIN_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*\Z")
 _OPENING = (
     yaml.FlowSequenceStartToken,
@@ -249,7 +249,7 @@ def from_text(text: str) -> Snapshot:
         product=str(head.get("product", "")),
         serial_number=str(head.get("serial_number", "")),
         firmware=str(head.get("firmware", "")),
-        title=str(head.get("title", ""))[:MOST_TITLE],
+        title=str(head.get("title", ""))[:MAX_TITLE],
         reason=str(head.get("reason", "")),
         taken=_time(head.get("taken")),
         pinned=head.get("pinned") is True,
@@ -260,8 +260,8 @@ def from_text(text: str) -> Snapshot:
 
 
 def _loaded(text: str) -> Any:
-    if len(text) > MOST_BYTES:
-        raise SnapshotError("This file is too large for a snapshot.", f"The maximum is {MOST_BYTES} characters.")
+    if len(text) > MAX_BYTES:
+        raise SnapshotError("This file is too large for a snapshot.", f"The maximum is {MAX_BYTES} characters.")
     try:
         deep = 0
         for token in yaml.scan(text):
@@ -270,7 +270,7 @@ def _loaded(text: str) -> Any:
                     f"Line {token.start_mark.line + 1} contains an unpaired surrogate.", "Check whether it was edited."
                 )
             deep += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
-            if deep > MOST_DEEP:
+            if deep > MAX_DEEP:
                 raise SnapshotError(
                     f"Line {token.start_mark.line + 1}: nested too deeply for a snapshot.",
                     "Check whether it was truncated or edited.",
@@ -439,10 +439,10 @@ class Snapshots:
     def _prune(self, folder: Path) -> None:
         """Delete the oldest files that are not pinned, beyond the maximum number."""
         paths = self._paths(folder)
-        if len(paths) <= MOST_FILES:
+        if len(paths) <= MAX_FILES:
             return
         removable = [name for name, path in sorted(paths.items()) if (info := self._info(path)) and not info.pinned]
-        for name in removable[: len(paths) - MOST_FILES]:
+        for name in removable[: len(paths) - MAX_FILES]:
             atomic_write.remove(paths[name])
 
 

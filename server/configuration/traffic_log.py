@@ -6,7 +6,7 @@
     note                                         12 of 12 entries as asked
 
 The log contains every frame that is sent, and every answer and indication of the device; samples are not logged. Frames
-are decoded by the protocol's own lister (protocols/*/inspect.py). Unsolicited answers are limited to `MOST_A_SECOND`,
+are decoded by the protocol's own lister (protocols/*/inspect.py). Unsolicited answers are limited to `MAX_A_SECOND`,
 and the number left out is logged. The number of entries is bounded; new entries are sent to browsers at once, older
 ones can be read over HTTP.
 """
@@ -27,8 +27,8 @@ from server.limiters import PeriodLimit
 from server.streaming.bus import TelemetryBus
 from server.wire import Level, TrafficEntry
 
-MOST_ENTRIES = 2000
-MOST_A_SECOND = 40  # unsolicited answers
+MAX_ENTRIES = 2000
+MAX_A_SECOND = 40  # unsolicited answers
 STREAMED = ("ForwardGnssDataAck",)  # corrections are sent continuously; they are counted on their own panel
 HEX_BYTES = 2048  # of a frame, shown
 SHOWN_VALUES = 4
@@ -60,11 +60,11 @@ class TrafficLog:
         self._decode = decode
         self._name_of = name_of
         self._bytes_at = bytes_at
-        self._entries: deque[TrafficEntry] = deque(maxlen=MOST_ENTRIES)
+        self._entries: deque[TrafficEntry] = deque(maxlen=MAX_ENTRIES)
         self._pending: list[tuple[Event, bool]] = []
         self._asked_at: float | None = None
         self._last_sent, self._repeated = b"", 0
-        self._unsolicited = PeriodLimit(MOST_A_SECOND, 1.0)
+        self._unsolicited = PeriodLimit(MAX_A_SECOND, 1.0)
 
     def tail(self, before: int | None = None, limit: int = 200) -> list[TrafficEntry]:
         """The newest entries (older than `before` if given), newest last."""

@@ -29,7 +29,7 @@ from server.links.base import LinkError
 log = logging.getLogger("imuscope.runner")
 T = TypeVar("T")
 
-MOST_EVENTS = 4096  # events stored for the next WaitFor
+MAX_EVENTS = 4096  # events stored for the next WaitFor
 FINAL_STEPS_S = 2.0  # for the final steps of a stopped transaction
 
 
@@ -65,7 +65,7 @@ class Runner:
     def __init__(self, channel: TransactionPort, watcher: TrafficListener) -> None:
         self._channel = channel
         self._watcher = watcher
-        self._received: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._received: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._awaited: tuple[WaitFor, asyncio.Future[Any]] | None = None
 
     async def run(self, transaction: Transaction[T]) -> T:

@@ -11,13 +11,13 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from protocols.labels import device_label, spoken
+from protocols.labels import constant_label, device_label
 from protocols.registry import entry_words
 from protocols.schema import Field
 
 LONGEST = 120
 DIGITS = 7  # of a float32
-MOST = 1e300  # larger than any device value; arithmetic fails beyond it, and an uploaded file may contain such values
+MAX_VALUE = 1e300  # above any device value; arithmetic fails beyond it, and an uploaded file may contain such values
 _WHOLE = re.compile(r"-?\d{1,20}\Z")
 
 
@@ -41,14 +41,14 @@ def _one(field: Field, value: Any) -> str:
         return ", ".join(f"{name} {part}" for name, part in value.items())
     if isinstance(value, str) or not isinstance(value, int | float):
         return str(value)
-    if not abs(value) < MOST:
+    if not abs(value) < MAX_VALUE:
         return (
             f"{value:g}"
             if isinstance(value, float)
             else f"{'-' if value < 0 else ''}2^{value.bit_length() - 1} or more"
         )
     if field.choices:
-        return spoken(field.choices.get(int(value), str(value)))
+        return constant_label(field.choices.get(int(value), str(value)))
     if field.bits:
         return flags(field, int(value))
     if field.base == 16 and isinstance(value, int):
@@ -65,9 +65,9 @@ def flags(field: Field, word: int) -> str:
     for bits in field.bits:
         part = bits.of(word)
         if bits.width > 1:
-            names.append(f"{spoken(bits.name)}: {spoken(str(bits.choices.get(part, part)))}")
+            names.append(f"{constant_label(bits.name)}: {constant_label(str(bits.choices.get(part, part)))}")
         elif part:
-            names.append(spoken(bits.name))
+            names.append(constant_label(bits.name))
     return ", ".join(names) or "none"
 
 

@@ -29,7 +29,7 @@ class DecodePipeline:
     Args:
         link: source of the chunks; its flow limits how much is read at once.
         devices: the devices on it.
-        speech: the protocols.
+        protocol_set: the protocols.
         options: decode options; without a protocol it is detected.
         on_events: called with all decoded events, after the sink has them.
         on_restart: called before a file that is played again gets a new decoder.
@@ -45,21 +45,21 @@ class DecodePipeline:
         link: Link,
         sink: TelemetrySink,
         devices: LinkDevices,
-        speech: ProtocolSet,
+        protocol_set: ProtocolSet,
         options: DecodeOptions,
         restarts: Restarts,
         *,
         on_events: Callable[[Sequence[Event]], None],
         on_restart: Callable[[], None],
     ) -> None:
-        self._link, self._sink, self._devices, self._protocols = link, sink, devices, speech
+        self._link, self._sink, self._devices, self._protocols = link, sink, devices, protocol_set
         self._state = devices.own.state
         self._restarts = restarts
         self._on_events, self._on_restart = on_events, on_restart
         self.options = options
         self.stream: LinkDecoder | None = None
         self.decoder: object = None
-        self.detector = ProtocolDetector(speech.guess)
+        self.detector = ProtocolDetector(protocol_set.guess)
         self._slices = Slices()
         link.flow.at_once = self._slices.size
         self._dirty = False  # there is something to decode or to detect
@@ -115,7 +115,7 @@ class DecodePipeline:
         assert self.stream is not None
         self.stream.feed(chunk)
 
-    def look_again(self) -> None:
+    def mark_dirty(self) -> None:
         """Let the next turn process the stored bytes even if no more arrive."""
         self._dirty = True
 
@@ -158,7 +158,7 @@ class DecodePipeline:
         if not self.detector.is_due(now, final=final):
             self._dirty = True  # look again when the time is over
             return
-        guess, why = self.detector.look(now)
+        guess, why = self.detector.detect(now)
         source = self._state.info.source
         if guess is not None:
             self._devices.own.events.report("device", "info", f"{source}: {why}")

@@ -1,7 +1,7 @@
 """Detection of a live link whose bytes no longer decode, because the device changed its rate or protocol.
 
 A wrong rate is not silence: bytes still arrive, but without frames. Some are rejected, most never look like a frame. So
-the criterion is missing frames: for `UNDECODABLE_S` no frame, sentence or answer, in at least `LEAST_BYTES`.
+the criterion is missing frames: for `UNDECODABLE_S` no frame, sentence or answer, in at least `MIN_BYTES`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from server.devices.link_stats import LinkStatistics
 from server.links.base import Link, LinkError
 
 UNDECODABLE_S = 2.0
-LEAST_BYTES = 100  # fewer may be one long frame that is still incomplete
+MIN_BYTES = 100  # fewer may be one long frame that is still incomplete
 
 
 class DecodeWatchdog:
@@ -35,7 +35,7 @@ class DecodeWatchdog:
         if frames != self._frames or configuring:
             self._frames, self._since, self._bytes = frames, now, received_bytes
             return False
-        return now - self._since > UNDECODABLE_S and received_bytes - self._bytes > LEAST_BYTES
+        return now - self._since > UNDECODABLE_S and received_bytes - self._bytes > MIN_BYTES
 
 
 def undecodable_text(link: Link) -> tuple[str, str]:

@@ -9,7 +9,7 @@ The first device is the link's own, managed by server/devices/session.py. A furt
 figures, clock, name and events; link, bytes and state of the link are shared. Each may fall silent while the others
 continue, which is reported within seconds.
 
-At most `MOST_SENDERS` devices of a link are shown; messages of others are counted as "other devices".
+At most `MAX_SENDERS` devices of a link are shown; messages of others are counted as "other devices".
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from server.streaming.channels import ChannelRegistry
 from server.streaming.sink import TelemetrySink
 from server.streaming.unknown_payloads import UnknownPayloadTracker
 
-MOST_SENDERS = 16  # on one link; more are probably noise
+MAX_SENDERS = 16  # on one link; more are probably noise
 SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)
 TAIL_BYTES = 1 << 17  # of the stream, stored for the traffic log
 SILENT_HINT = "Check that it is powered and in range; it is shown again when it sends."
@@ -123,7 +123,7 @@ class LinkDevices:
         if name in ("", self.own.name):
             return self.own
         sender = self.others.get(name)
-        if sender is None and len(self.others) < MOST_SENDERS - 1:
+        if sender is None and len(self.others) < MAX_SENDERS - 1:
             sender = self.others[name] = self._make(name)
             self.created.call(sender)
         elif sender is None:
@@ -170,9 +170,9 @@ class LinkDevices:
 
     def _reject_device(self, name: str) -> None:
         if not self._rejected_names:
-            text = f"More than {MOST_SENDERS} devices send on this link: data of the others is counted, not shown."
-            self.own.events.report("device", "warning", text, data={"most": MOST_SENDERS})
-        if len(self._rejected_names) < MOST_SENDERS:
+            text = f"More than {MAX_SENDERS} devices send on this link: data of the others is counted, not shown."
+            self.own.events.report("device", "warning", text, data={"most": MAX_SENDERS})
+        if len(self._rejected_names) < MAX_SENDERS:
             self._rejected_names.add(name)
 
     def reset_decoding(self) -> None:

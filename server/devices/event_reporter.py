@@ -22,7 +22,7 @@ from server.wire_codec import to_json_safe
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10
 RESTART_LEAD_S = 0.02
-MOST_S, QUIET_S = 60.0, 10.0  # longest interval between sums of continuing rejects; pause after which they are new
+MAX_S, QUIET_S = 60.0, 10.0  # longest interval between sums of continuing rejects; pause after which they are new
 ENDED_S = 0.5  # without rejects: the series has ended and is summed up
 REPLIES_PER_PERIOD = 20
 SHOWN_VALUES = 4
@@ -179,7 +179,7 @@ class EventReporter:
             self._rejected, self._rejected_wait = set(), PERIOD_S
         self._rejected |= suppressed.parts.keys()
         self._rejected_due = now + self._rejected_wait
-        self._rejected_wait = min(2 * self._rejected_wait, MOST_S)
+        self._rejected_wait = min(2 * self._rejected_wait, MAX_S)
         self._sum_up("reject", suppressed)
 
     def _sum_up(self, sort: str, suppressed: _Sum) -> None:

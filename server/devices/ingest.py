@@ -34,7 +34,7 @@ from server.devices.link_stats import LinkStatistics
 from server.links.base import Link
 from server.links.line_timing import byte_time_ns, holds_ns, port_of
 from server.links.registry import is_network
-from server.streaming.channels import MOST_CHANNELS, ChannelRegistry
+from server.streaming.channels import MAX_CHANNELS, ChannelRegistry
 from server.streaming.sink import TelemetrySink
 from server.streaming.unknown_payloads import UnknownPayloadTracker
 from server.wire import JitterCause
@@ -50,7 +50,7 @@ PAUSE_S = 5.0  # shortest reported pause of a capture, by the device's clock
 NEAR_S = 0.5  # a jump that ends this near the end of a pause is that pause
 REMAP_INTERVAL_S = 10.0  # between reports, so that an unsettled mapping does not fill the log
 REPORTED_ONCE = ("no_key",)  # by server/devices/stream_diagnostics.py, not for every frame
-MOST_PROTECTIONS = 8  # listed for one device
+MAX_PROTECTIONS = 8  # listed for one device
 EMBEDDED_NAMES = {"ubx": "u-blox receiver (UBX)", "rtcm3": "RTCM 3 source", "nmea": "NMEA 0183 device"}
 """Name of a device that sends only such messages, the most specific kind first: any device may send NMEA."""
 
@@ -63,7 +63,7 @@ def _nothing(reply: Reply) -> Mapping[str, str]:
 class ProtocolTraits:
     """Properties of a protocol for ingest and session, besides its decoder; see registry.ProtocolInfo."""
 
-    greeting: bytes = b""
+    identify_request: bytes = b""
     identity: Callable[[Reply], Mapping[str, str]] = _nothing
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
@@ -105,7 +105,7 @@ class DeviceIdentity:
         """Note the protection of received frames; True if it is new."""
         if self.serial_number == sender and (protection == "" or protection in self._protections):
             return False
-        if protection and len(self._protections) < MOST_PROTECTIONS:
+        if protection and len(self._protections) < MAX_PROTECTIONS:
             self._protections[protection] = None
         before = (self.serial_number, self.product, self.protection)
         self.protection = "; ".join(self._protections)
@@ -212,8 +212,8 @@ class Ingest:
         full = self._channels.is_full
         self._sink.publish(self._channels.split([*zip(batches, times, strict=True), *sentence_rows]))
         if self._channels.is_full and not full:
-            words = f"More than {MOST_CHANNELS} quantities from one device: further ones are counted, not shown."
-            self._events.report("device", "warning", words, data={"most": MOST_CHANNELS})
+            words = f"More than {MAX_CHANNELS} quantities from one device: further ones are counted, not shown."
+            self._events.report("device", "warning", words, data={"most": MAX_CHANNELS})
         if (archive := self._sink.archive) is not None:
             dated = zip(batches, times, self._dating.utc_of(batches, steps), strict=True)
             archive.keep_clocks(self._channels.device, list(dated))

@@ -12,7 +12,7 @@ from server.prometheus_text import Histogram
 from server.rate_meter import RateMeter
 from server.wire import MessageHealth
 
-MOST_MESSAGES = 256  # counted by name; a healthy device has a few dozen, noise can produce any number
+MAX_MESSAGES = 256  # counted by name; a healthy device has a few dozen, noise can produce any number
 OTHERS = "other messages"
 LATENCIES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # a flush may wait 8 or 16 ms
 
@@ -53,7 +53,7 @@ class LinkStatistics:
         """Count decoded samples of a message."""
         meter = self.messages.get(message)
         if meter is None:
-            if len(self.messages) >= MOST_MESSAGES:
+            if len(self.messages) >= MAX_MESSAGES:
                 message = OTHERS
             meter = self.messages.setdefault(message, RateMeter())
         meter.add(count, now)

@@ -20,7 +20,7 @@ from server.links.base import Chunk
 GUESS_BYTES = 1024
 GUESS_S = 0.4  # time-out with fewer bytes
 GUESS_SCORE = 0.5
-LOOK_BYTES = 4 * 1024  # newest bytes that one guess uses
+SAMPLE_BYTES = 4 * 1024  # newest bytes that one guess uses
 UNKNOWN_BYTES = 16 * 1024  # stored while the protocol is unknown
 NEVER = 1 << 60
 
@@ -83,13 +83,13 @@ class ProtocolDetector:
         self._next = self._next or now + GUESS_S
         return final or self.size >= self._enough or now >= self._next
 
-    def look(self, now: float) -> tuple[ProtocolGuess | None, str]:
+    def detect(self, now: float) -> tuple[ProtocolGuess | None, str]:
         """The protocol and the reason; or None and the best guess ("" for none). A guess costs as much as decoding, so
         the next one is due at twice the number of bytes, later only after a time-out.
         """
         self._next = now + GUESS_S
         self._enough = 2 * self.size if 2 * self.size <= UNKNOWN_BYTES else NEVER
-        guesses = self._guess(b"".join(chunk.data for chunk in self._chunks)[-LOOK_BYTES:])
+        guesses = self._guess(b"".join(chunk.data for chunk in self._chunks)[-SAMPLE_BYTES:])
         if guesses and guesses[0].score >= GUESS_SCORE:
             return guesses[0], guesses[0].reason
         return None, guesses[0].reason if guesses and guesses[0].score > 0 else ""

@@ -30,7 +30,7 @@ def problems() -> list[str]:
     return [*PROBLEMS, *OF_EXPORTERS, *load_links()]
 
 
-def speech() -> ProtocolSet:
+def all_protocols() -> ProtocolSet:
     """All protocols of the registry."""
 
     def decoder(name: str, reading: DecodeOptions, link_kind: str) -> Decoder:
@@ -49,7 +49,7 @@ def speech() -> ProtocolSet:
         from protocols.registry import PROTOCOLS
 
         row = PROTOCOLS[name]
-        return ProtocolTraits(row.greeting, row.identity, row.protection, row.sender, row.utc, row.datagrams)
+        return ProtocolTraits(row.identify_request, row.identity, row.protection, row.sender, row.utc, row.datagrams)
 
     def messages_in(data: bytes) -> Mapping[str, int]:
         from protocols.registry import count_messages

@@ -5,7 +5,7 @@
 A frame that was captured earlier must not be accepted again after a restart of the server. So the numbers are written
 every few seconds while they change, and when the server ends; frames of the last seconds before a power cut can be
 replayed, but no older ones. Keys are stored as keyed hashes only. The file is replaced atomically; an unreadable file
-counts as empty. At most `MOST` devices are stored, the latest.
+counts as empty. At most `MAX_DEVICES` devices are stored, the latest.
 
 Only real links are tracked: playing a recording again is not an attack.
 """
@@ -27,7 +27,7 @@ from recordings import atomic_write
 log = logging.getLogger("imuscope.sequences")
 
 FILE = "secure-sequences.json"
-MOST = 4096
+MAX_DEVICES = 4096
 EVERY_S = 5.0
 _HALF, _MASK = 1 << 31, (1 << 32) - 1
 
@@ -118,7 +118,7 @@ class SequenceStore:
         entries = sorted(
             ((seen, key_mark, one) for key_mark, all_ in self._states.items() for one, (_, seen) in all_.items())
         )
-        for _, key_mark, one in entries[:-MOST]:
+        for _, key_mark, one in entries[:-MAX_DEVICES]:
             del self._states[key_mark][one]
         if self._path is not None:
             atomic_write.write_atomic(

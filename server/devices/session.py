@@ -30,7 +30,7 @@ from server.devices.decode_scheduler import DecodeScheduler
 from server.devices.decode_watchdog import DecodeWatchdog, undecodable_text
 from server.devices.device_demux import LinkDevices
 from server.devices.device_state import DeviceState, short_source
-from server.devices.greeting import Greeting
+from server.devices.identify import IdentifyRequest
 from server.devices.left_out import LeftOut
 from server.devices.outage import Outage
 from server.devices.protocol_detection import ProtocolSet
@@ -45,9 +45,9 @@ log = logging.getLogger("imuscope.session")
 
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
-IDLE_LOOK_S = 0.05
+IDLE_POLL_S = 0.05
 STALL_S = 0.25  # without bytes, after which an incomplete frame is dropped; a frame at 9600 Bd takes 0.1 s
-STALL_LOOKS = 3  # ticks without new bytes, also required, in case this process itself was delayed
+STALL_TICKS = 3  # ticks without new bytes, also required, in case this process itself was delayed
 
 
 class Session(Audience):
@@ -67,7 +67,7 @@ class Session(Audience):
         device: str,
         link: Link,
         sink: TelemetrySink,
-        speech: ProtocolSet,
+        protocol_set: ProtocolSet,
         reading: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
         sequences: SequenceStore | None = None,
         scheduler: DecodeScheduler | None = None,
@@ -82,22 +82,22 @@ class Session(Audience):
             protocol=reading.protocol,
             message=f"Opening {link.source}.",
         )
-        self._state = DeviceState(sink, info, speech.title)
+        self._state = DeviceState(sink, info, protocol_set.title)
         self._set = self._state.set
         self._link = link
-        self._sink, self._protocols = sink, speech
-        self._identification = Greeting(self.send, link.source)
-        self.devices = LinkDevices(sink, self._state, speech.title)
+        self._sink, self._protocols = sink, protocol_set
+        self._identification = IdentifyRequest(self.send, link.source)
+        self.devices = LinkDevices(sink, self._state, protocol_set.title)
         self._stats = self.devices.own.stats
         self.latency = self._stats.latency  # s, from the arrival of bytes until their samples are published
         self._reporter = self.devices.own.events
-        self._diagnostics = StreamDiagnostics(self._reporter, speech.messages_in, speech.title)
+        self._diagnostics = StreamDiagnostics(self._reporter, protocol_set.messages_in, protocol_set.title)
         self.restarts = Restarts(link.kind, sequences)
         self._pipeline = DecodePipeline(
             link,
             sink,
             self.devices,
-            speech,
+            protocol_set,
             reading,
             self.restarts,
             on_events=self._on_events,
@@ -312,7 +312,7 @@ class Session(Audience):
     async def wait_idle(self) -> None:
         """Wait until the device is not being configured, so that data cannot get between a request and its answer."""
         while self._silence.suppressed:
-            await asyncio.sleep(IDLE_LOOK_S)
+            await asyncio.sleep(IDLE_POLL_S)
 
     def decode(self) -> None:
         """Decode the received bytes now instead of in the next turn."""
@@ -384,7 +384,7 @@ class Session(Audience):
         self._set(status="live", message="", hint=hint, wants="", next_attempt=None, last_arrival=last)
         stream = self._pipeline.stream
         if stream is not None and not stream.identity.product and self._link.kind != "file":
-            self._identification.request(self._protocols.about(self.info.protocol).greeting)
+            self._identification.request(self._protocols.about(self.info.protocol).identify_request)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._reporter.report("link", "info", text, data={"kind": "back" if back else "live"})
         self._outage.end(self._pipeline.decoder, self.devices.own, last if back else None)
@@ -404,12 +404,12 @@ class Session(Audience):
                 self._set(message=self._diagnostics.message, wants=self._diagnostics.needed)
         decoder = self._pipeline.decoder
         if isinstance(decoder, Doubts) and decoder.contradiction is not None and self._link.speed == 1:
-            self._on_doubt(decoder.doubted, decoder.contradiction)
+            self._on_contradiction(decoder.doubted, decoder.contradiction)
 
-    def _on_doubt(self, option: str, doubt: Doubt) -> None:
+    def _on_contradiction(self, option: str, doubt: Doubt) -> None:
         """Use another value of an option if arrival times indicate it and the user has not set one."""
         given = option in self.reading.values
-        if self._diagnostics.on_doubts(option, doubt, given=given) and not given:
+        if self._diagnostics.on_contradiction(option, doubt, given=given) and not given:
             self._pipeline.set_option(option, doubt.value)
         self._set(notices=self._notices)
 
@@ -443,10 +443,10 @@ class Session(Audience):
         last, stream = self._stats.last_arrival, self._pipeline.stream
         if self._notices != self.info.notices:  # a link may learn later who is connected, or what was lost
             self._set(notices=self._notices)
-        self._ticks_since_bytes, looked = self._ticks_since_bytes + 1, self._ticks_since_bytes + 1 >= STALL_LOOKS
+        self._ticks_since_bytes, looked = self._ticks_since_bytes + 1, self._ticks_since_bytes + 1 >= STALL_TICKS
         quiet = self._silence.silence(now, max(last or 0.0, self._opened_at))
         if stream is None and self._pipeline.detector:
-            self._pipeline.look_again()
+            self._pipeline.mark_dirty()
             self._scheduler.request()
         if quiet > STALL_S and looked and not self._stalled and stream is not None and stream.buffered:
             self._stalled = True

@@ -26,7 +26,7 @@ TICK_S = 0.1
 HEALTH_EVERY = 5  # ticks
 SAVE_EVERY = round(EVERY_S / TICK_S)
 WALL_STEP_S = 0.05  # NTP slews at most 0.5 ms/s; more than this between two ticks is a step
-MOST_DEVICES = 64
+MAX_DEVICES = 64
 
 OpenLink = Callable[[str, LinkSettings], Link]
 
@@ -37,7 +37,7 @@ class Sessions:
     Args:
         bus: receives everything they publish.
         open_link: creates a (closed) link for a source; raises LinkError "bad-source".
-        speech: the protocols.
+        protocol_set: the protocols.
         settings: for the links; `protocol` and `decode_options` are filled in per source.
         wall_ns: the wall clock, which may step; a step is reported as an event and does not move samples.
         sequences: store of the last numbers of Secure devices; None: in this process only.
@@ -48,7 +48,7 @@ class Sessions:
         self,
         bus: TelemetryBus,
         open_link: OpenLink,
-        speech: ProtocolSet,
+        protocol_set: ProtocolSet,
         settings: LinkSettings,
         *,
         wall_ns: Callable[[], int] = time.time_ns,
@@ -58,7 +58,7 @@ class Sessions:
         self._bus = bus
         self._scheduler = DecodeScheduler(sample_interval)
         self._open_link = open_link
-        self._protocols = speech
+        self._protocols = protocol_set
         self._settings = settings
         self._wall_ns = wall_ns
         self._sequences = sequences or SequenceStore(None)
@@ -100,8 +100,8 @@ class Sessions:
         session = self.at(source)
         if session is not None:
             raise LinkError("busy", f"{source} is already open, as device {session.info.id}.", "Retry or remove it.")
-        if len(self._sessions) >= MOST_DEVICES:
-            raise LinkError("full", f"The maximum of {MOST_DEVICES} devices is open.", "Remove one first.")
+        if len(self._sessions) >= MAX_DEVICES:
+            raise LinkError("full", f"The maximum of {MAX_DEVICES} devices is open.", "Remove one first.")
         settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
         link = self._open_link(source, settings)
         device = str(self._next_id)

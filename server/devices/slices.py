@@ -20,11 +20,11 @@ from collections import deque
 from collections.abc import Callable
 
 SLICE_S = 0.003
-LEAST, FIRST, MOST = 1 << 11, 1 << 12, 1 << 18  # bytes
+MIN_BYTES, INITIAL_BYTES, MAX_BYTES = 1 << 11, 1 << 12, 1 << 18  # bytes
 TURN_S = 0.012
 FORGETTING = 0.9  # weight of older slices, per slice
 FLATTEST = 0.05  # minimum share of the mean cost per byte that depends on size, whatever the noise
-ALIKE = 0.01  # sizes with a smaller variance, relative to their mean square, do not determine a line
+MIN_VARIANCE = 0.01  # sizes with a smaller variance, relative to their mean square, do not determine a line
 FEW = 4.0  # slices
 SHORTER = 0.6  # of a slice
 
@@ -56,9 +56,9 @@ class Costs:
         return int(max(SLICE_S, constant) / byte_s)
 
     @property
-    def are_alike(self) -> bool:
+    def are_uniform(self) -> bool:
         """Whether all of the last slices had the same size, and there were enough of them."""
-        return self._sums[0] > FEW and self._spread() <= ALIKE * self._sums[3]
+        return self._sums[0] > FEW and self._spread() <= MIN_VARIANCE * self._sums[3]
 
     def _spread(self) -> float:
         n, sizes, _, squares, _ = self._sums
@@ -70,7 +70,7 @@ class Costs:
         if not n:
             return 0.0, 0.0
         byte_s, spread = times / sizes, self._spread()
-        if spread > ALIKE * squares:
+        if spread > MIN_VARIANCE * squares:
             byte_s *= min(max((products - sizes * times / n) / spread / byte_s, FLATTEST), 1.0)
         return (times - byte_s * sizes) / n, byte_s
 
@@ -86,10 +86,10 @@ class Slices:
     """
 
     def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
-        self.size = FIRST
+        self.size = INITIAL_BYTES
         self._clock = clock
         self._costs = Costs()
-        self._most = FIRST  # largest size known to fit
+        self._most = INITIAL_BYTES  # largest size known to fit
         self._began = 0.0
         self._taken = 0
         self._has_room = asyncio.Event()
@@ -123,10 +123,10 @@ class Slices:
         self._costs.add(size, spent)
         fitting = self._costs.fitting()
         if fitting < self._most and spent > SLICE_S:
-            self._most = max(LEAST, fitting)
+            self._most = max(MIN_BYTES, fitting)
         elif size > self._most // 2:  # smaller ones are mostly fixed cost
-            self._most = min(MOST, 2 * self._most, max(self._most, fitting))
-        is_limited = self._most < MOST and self._costs.are_alike
+            self._most = min(MAX_BYTES, 2 * self._most, max(self._most, fitting))
+        is_limited = self._most < MAX_BYTES and self._costs.are_uniform
         self.size = int(SHORTER * self._most) if is_limited else self._most
 
 

@@ -24,7 +24,7 @@ from server.devices.link_stats import LinkStatistics
 from server.links.registry import is_network
 from server.wire import DeviceInfo, Level, Wants
 
-LOOK_S = 5.0
+CHECK_INTERVAL_S = 5.0
 RECENT_BYTES, RECENT_CHUNKS = 4096, 64
 REARM = (
     "If it was restarted, re-arm it, here or with `imuscope rearm`. If not, this may be a replay of captured frames."
@@ -95,7 +95,7 @@ class StreamDiagnostics:
         self._messages_in = messages_in
         self._title = title
         self._recent: deque[bytes] = deque(maxlen=RECENT_CHUNKS)
-        self._looked_at = 0.0
+        self._checked_at = 0.0
         self._reported: set[str] = set()
         self.notices: list[str] = []
         self.message = self.hint = ""
@@ -157,7 +157,7 @@ class StreamDiagnostics:
         self._report("warning", f"Frames in {UNPROTECTED} mode {words} {EXPOSED_HINT}", {"reason": "exposed"})
         return True
 
-    def on_doubts(self, option: str, doubt: Doubt, *, given: bool) -> bool:
+    def on_contradiction(self, option: str, doubt: Doubt, *, given: bool) -> bool:
         """Report that arrival times contradict the value of an option; True if that is new."""
         if option in self._reported:
             return False
@@ -176,9 +176,9 @@ class StreamDiagnostics:
             protocol: protocol used for decoding.
             samples: samples decoded since the link was opened.
         """
-        if "mixed" in self._reported or not self._recent or (now - self._looked_at < LOOK_S and not at_once):
+        if "mixed" in self._reported or not self._recent or (now - self._checked_at < CHECK_INTERVAL_S and not at_once):
             return False
-        self._looked_at = now
+        self._checked_at = now
         found = self._messages_in(b"".join(self._recent)[-RECENT_BYTES:])
         self._recent.clear()
         others = [name for name, count in found.items() if count >= FEW and name != protocol]

@@ -65,7 +65,7 @@ class Foxglove:
             self._served = asyncio.get_running_loop().create_future()
             self._task = asyncio.create_task(self._keep_running(), name="foxglove")
 
-    async def door(self) -> SecretEndpoint:
+    async def endpoint(self) -> SecretEndpoint:
         """Loopback address of the worker, and its secret.
 
         Raises:

@@ -35,9 +35,9 @@ from websockets.typing import Subprotocol
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 DATA = struct.Struct("<BIQ")
 BACKLOG = 4096  # messages queued for one viewer: two seconds at 2 kHz
-MOST_UP = 64 * 1024  # a subscribe to all of a few thousand channels
-MOST_SUBSCRIPTIONS = 10_000  # of one viewer
-MOST_VIEWERS = 32
+MAX_UP = 64 * 1024  # a subscribe to all of a few thousand channels
+MAX_SUBSCRIPTIONS = 10_000  # of one viewer
+MAX_VIEWERS = 32
 START_S = 30.0
 
 Admit = Callable[[ServerConnection, Request], Response | None]
@@ -141,7 +141,7 @@ class FoxgloveServer:
                 process_request=admit,
                 subprotocols=SUBPROTOCOLS,
                 compression=None,
-                max_size=MOST_UP,
+                max_size=MAX_UP,
                 server_header=None,
                 ping_timeout=60.0,
             )
@@ -154,14 +154,14 @@ class FoxgloveServer:
     async def _serve_client(self, socket: ServerConnection) -> None:
         viewer = FoxgloveClient()
         with self._lock:
-            is_full = len(self._viewers) >= MOST_VIEWERS
+            is_full = len(self._viewers) >= MAX_VIEWERS
             if not is_full:
                 self._viewers[viewer] = None
                 info = {"op": "serverInfo", "name": self._name, "capabilities": [], "supportedEncodings": []}
                 viewer.words.append(json.dumps(info))
                 viewer.words.append(_advertise(list(self._channels.values())))
         if is_full:
-            await socket.close(1013, f"{MOST_VIEWERS} viewers are attached already")
+            await socket.close(1013, f"{MAX_VIEWERS} viewers are attached already")
             return
         sending = asyncio.create_task(_send(socket, viewer), name="viewer: send")
         try:
@@ -197,7 +197,7 @@ class FoxgloveServer:
     def _subscribe(self, viewer: FoxgloveClient, subscription: int, channel: int) -> None:
         if type(subscription) is not int or not 0 <= subscription < 1 << 32 or subscription in viewer.channels:
             raise ValueError
-        if channel in self._channels and len(viewer.channels) < MOST_SUBSCRIPTIONS:  # it may have been removed
+        if channel in self._channels and len(viewer.channels) < MAX_SUBSCRIPTIONS:  # it may have been removed
             viewer.channels[subscription] = channel
             self._listeners.setdefault(channel, []).append((viewer, subscription))
 

@@ -20,7 +20,7 @@ from server.config import MapTiles
 from server.errors import DomainError
 from server.version import VERSION
 
-MOST_BYTES = 1 << 20  # of one tile; usual ones have some tens of kB
+MAX_BYTES = 1 << 20  # of one tile; usual ones have some tens of kB
 KEPT_BYTES = 32 << 20
 AT_ONCE = 4
 TIMEOUT_S = 10.0
@@ -72,7 +72,7 @@ class TileSource:
         try:
             with self._opener.open(request, timeout=TIMEOUT_S) as answer:
                 kind = str(answer.headers.get_content_type())
-                data = answer.read(MOST_BYTES + 1)
+                data = answer.read(MAX_BYTES + 1)
         except urllib.error.HTTPError as error:
             error.close()
             if error.code in (404, 410):
@@ -82,7 +82,7 @@ class TileSource:
             raise _unusable(f"answered {error.code}") from None
         except (OSError, ValueError) as error:  # unknown host, refused, time-out, invalid address
             raise _unusable(f"cannot be reached: {getattr(error, 'reason', error)}") from None
-        if kind not in KINDS or len(data) > MOST_BYTES:
+        if kind not in KINDS or len(data) > MAX_BYTES:
             raise _unusable("sent data that is not an image of a tile's size")
         return kind, data
 

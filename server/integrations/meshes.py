@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_BYTES = 20 * 1024 * 1024
-MOST_TRIANGLES = 300_000
+MAX_BYTES = 20 * 1024 * 1024
+MAX_TRIANGLES = 300_000
 # Their decoders are not part of the viewer, which would fetch them from another host.
 FETCHED = {"KHR_draco_mesh_compression", "KHR_texture_basisu", "EXT_meshopt_compression"}
 _STL = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -57,8 +57,8 @@ def read(name: str, data: bytes) -> Mesh:
     Raises:
         MeshError: too large, neither GLB nor STL, damaged, or with external references.
     """
-    if len(data) > MOST_BYTES:
-        raise MeshError(f"A mesh may have at most {MOST_BYTES >> 20} MB.")
+    if len(data) > MAX_BYTES:
+        raise MeshError(f"A mesh may have at most {MAX_BYTES >> 20} MB.")
     name = re.sub(r"[^\w .()-]", "", name)[:60] or "mesh"
     if data[:4] == b"glTF":
         return _glb(name, data)
@@ -78,8 +78,8 @@ def read(name: str, data: bytes) -> Mesh:
 def _stl(name: str, points: NDArray[np.float32]) -> Mesh:
     if len(points) < 3 or len(points) % 3:
         raise MeshError("This STL contains no complete triangle.")
-    if len(points) > 3 * MOST_TRIANGLES:
-        raise MeshError(f"A mesh may have at most {MOST_TRIANGLES} triangles.")
+    if len(points) > 3 * MAX_TRIANGLES:
+        raise MeshError(f"A mesh may have at most {MAX_TRIANGLES} triangles.")
     if not np.isfinite(points).all():
         raise MeshError("This STL contains a vertex that is not a number.")
     wide = points.astype(np.float64)  # a sum of large float32 values would overflow
@@ -105,8 +105,8 @@ def _glb(name: str, data: bytes) -> Mesh:
         if isinstance(one, dict) and "uri" in one and not str(one["uri"]).startswith("data:"):
             raise MeshError("This GLB refers to another file. Export it with all data included.")
     accessors = [one for one in _list(document, "accessors") if isinstance(one, dict)]
-    if sum(one["count"] for one in accessors if isinstance(one.get("count"), int)) > 12 * MOST_TRIANGLES:
-        raise MeshError(f"A mesh may have at most {MOST_TRIANGLES} triangles.")
+    if sum(one["count"] for one in accessors if isinstance(one.get("count"), int)) > 12 * MAX_TRIANGLES:
+        raise MeshError(f"A mesh may have at most {MAX_TRIANGLES} triangles.")
     empty = np.zeros((0, 3))
     return Mesh(name, 1 / _extent(document), data, empty.astype(np.float32), empty.astype(np.uint32))
 

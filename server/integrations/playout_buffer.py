@@ -25,7 +25,7 @@ ON_ITS_WAY_S = 0.012
 DELAY_S = 1 / MESSAGES_PER_S + ON_ITS_WAY_S  # a message's rows are shown while the next one arrives
 FAR_S = 1.0  # device time further than that from arrival cannot be trusted
 OVERDUE_S = 0.5  # rows that wait longer have an invalid time
-MOST_WAITING = 32  # messages, without viewers
+MAX_WAITING = 32  # messages, without viewers
 
 
 class PlayoutBuffer:
@@ -38,7 +38,7 @@ class PlayoutBuffer:
     def __init__(self, delay_s: float = DELAY_S) -> None:
         self._delay_s = delay_s
         self._ahead = -math.inf
-        self._pending: deque[tuple[float, NDArray[np.float64], list[NDArray[Any]]]] = deque(maxlen=MOST_WAITING)
+        self._pending: deque[tuple[float, NDArray[np.float64], list[NDArray[Any]]]] = deque(maxlen=MAX_WAITING)
 
     @property
     def waits(self) -> bool:

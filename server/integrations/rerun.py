@@ -33,10 +33,10 @@ log = logging.getLogger("imuscope.views")
 
 STREAM, FEED = "server.integrations.rrd_stream_worker", "server.integrations.rerun_worker"
 PIECE = 1 << 16
-MOST_STREAMS = 4  # at once: each is a process of a hundred MB
-MOST_FEEDS = 4
+MAX_STREAMS = 4  # at once: each is a process of a hundred MB
+MAX_FEEDS = 4
 KEPT_BYTES = 32 << 20  # of a feed: about half a minute of three devices
-MOST_LIVE = 20  # live batches queued for a browser: one second
+MAX_LIVE = 20  # live batches queued for a browser: one second
 PAST_BYTES = 16 << 20  # stored batches queued for a browser
 AHEAD = 4  # batches sent to a browser before it acknowledges them; more would only become stale in it
 IDLE_S = 10.0
@@ -79,7 +79,7 @@ class RerunViewer:
     def offer(self, newest: float, batch: bytes) -> None:
         """Queue a live batch; if too many are queued, the oldest are dropped."""
         self.live.append((newest, batch))
-        while len(self.live) > MOST_LIVE:
+        while len(self.live) > MAX_LIVE:
             self.live.popleft()
             self.dropped += 1
         self.wake_event.set()
@@ -210,7 +210,7 @@ class Rerun:
         self._starting = asyncio.Lock()
         self._remote = RemoteRerun(telemetry, connect) if connect else None
         self.feeds: dict[str, RerunFeed] = {}
-        self.slots = asyncio.Semaphore(MOST_STREAMS)
+        self.slots = asyncio.Semaphore(MAX_STREAMS)
 
     async def start(self) -> None:
         """Start the stream to a remote viewer, if configured."""
@@ -232,8 +232,8 @@ class Rerun:
         async with self._starting:
             feed = self.feeds.get(device)
             if feed is None or not feed.is_running:
-                if feed is None and len(self.feeds) >= MOST_FEEDS:
-                    raise ViewError(f"The maximum of {MOST_FEEDS} streams is running.", "Close one of their pages.")
+                if feed is None and len(self.feeds) >= MAX_FEEDS:
+                    raise ViewError(f"The maximum of {MAX_FEEDS} streams is running.", "Close one of their pages.")
                 feed = RerunFeed(self._telemetry, device)
                 await feed.start()
                 self.feeds[device] = feed

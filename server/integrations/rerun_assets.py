@@ -27,7 +27,7 @@ from server.integrations.proxy import ViewError
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
 LEVEL = 6  # of compression: 9 takes three times as long for 1 % less
 START_S = 20.0
-MOST_BYTES = 200 << 20  # of one file: several times what it is today
+MAX_BYTES = 200 << 20  # of one file: several times what it is today
 
 
 def folder_of(data: Path) -> Path:
@@ -108,7 +108,7 @@ def _address(process: subprocess.Popen[bytes], log: Path) -> str:
 
 def _keep(address: str, path: Path) -> None:
     with urllib.request.urlopen(address, timeout=60) as answer:
-        data = answer.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
+        data = answer.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
         raise ViewError("The viewer of the installed Rerun is too large.", "Install the version that imuscope names.")
     write_atomic(path, gzip.compress(data, LEVEL, mtime=0))

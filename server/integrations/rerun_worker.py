@@ -37,9 +37,9 @@ PAUSE_S = 0.5  # minimum time between two layouts
 HISTORY_S = 30.0
 SHOWN_S = 30.0  # of plots
 TRACK_S, TRACK_POINTS = 1.0, 3600  # an hour
-TAKEN_S = 0.5  # longest wait for a remote viewer to accept the sent data
+FLUSH_TIMEOUT_S = 0.5  # longest wait for a remote viewer to accept the sent data
 STEADY_S = 5.0  # a remote viewer that has accepted everything for so long counts as reached
-SAID_BYTES = 700_000  # maximum of one batch: lines of standard output are limited
+MAX_BATCH_BYTES = 700_000  # maximum of one batch: lines of standard output are limited
 
 
 class RerunBatcher:
@@ -142,7 +142,7 @@ class RerunBatcher:
             return True
         taken = True
         try:
-            self._stream.flush(timeout_sec=TAKEN_S)
+            self._stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except RuntimeError:
             taken = False
         now = time.monotonic()
@@ -221,7 +221,7 @@ class RerunBatcher:
             return
         data = self._bytes.read()
         if data:
-            if len(data) > SAID_BYTES:
+            if len(data) > MAX_BATCH_BYTES:
                 self._client.send(op="left-out", bytes=len(data))
                 return
             text = base64.b64encode(data).decode()

@@ -30,16 +30,16 @@ import viser
 from viser import _messages
 
 from recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
-from server.integrations.meshes import MOST_BYTES, Mesh, MeshError, read
+from server.integrations.meshes import MAX_BYTES, Mesh, MeshError, read
 from server.integrations.poses import DeviceView
 from server.integrations.shared_secret import require_secret
 
 SLOW_PER_S = 15.0
 TRACK_PER_S = 2.0
-LEAST_TURN = math.radians(0.3)  # of an arrow; less is not visible
-APART = 2.4  # m between two devices; a body is at most 1 m
+MIN_TURN = math.radians(0.3)  # of an arrow; less is not visible
+SPACING_M = 2.4  # m between two devices; a body is at most 1 m
 TRAIL_S, LONGEST_TRAIL_S = 60, 600
-MOST_UPLOADS = 2  # under way at once
+MAX_UPLOADS = 2  # under way at once
 BODY, LID = (66, 82, 110), (240, 178, 50)
 AXES = ((213, 94, 0), (0, 158, 115), (0, 114, 178))  # x, y, z: distinguishable by colour-blind users (Okabe and Ito)
 FRAME = (120, 120, 125)
@@ -71,7 +71,7 @@ class Arrow:
     def point(self, to: Vector | None) -> None:
         """Point it in this direction; None hides it."""
         self.node.visible = to is not None
-        if to is not None and (self.to is None or _angle(self.to, to) > LEAST_TURN):
+        if to is not None and (self.to is None or _angle(self.to, to) > MIN_TURN):
             self.to = to
             _turn(self.node, from_x(to))
 
@@ -183,7 +183,7 @@ class Scene:
         scene.add_grid("/ground", infinite_grid=True, position=(0.0, 0.0, -0.9), **GRID)
         for i, view in enumerate(shown):
             scene_device = self._device_nodes[view.id] = self._device_node(
-                f"/d{i}", view, (APART * (i - (len(shown) - 1) / 2), 0.0, 0.0)
+                f"/d{i}", view, (SPACING_M * (i - (len(shown) - 1) / 2), 0.0, 0.0)
             )
             scene_device.heading, scene_device.start = headings.get(view.id, (0.0, None))
         far = 1.0 + 0.45 * max(0, len(shown) - 1)
@@ -256,7 +256,7 @@ class Scene:
         here = gui.add_button("Reset heading", hint="Show the present heading as 0; nothing is sent to the device")
         true = gui.add_button("True heading", visible=False, hint="Show the heading as sent by the device")
         self._shape: viser.GuiDropdownHandle[str] = gui.add_dropdown("Body", (BOX,))
-        load = gui.add_upload_button("Load a mesh", mime_type=".glb,.stl", hint=f"GLB or STL, {MOST_BYTES >> 20} MB")
+        load = gui.add_upload_button("Load a mesh", mime_type=".glb,.stl", hint=f"GLB or STL, {MAX_BYTES >> 20} MB")
 
         def settle(_: Any) -> None:
             with self._lock:
@@ -344,13 +344,13 @@ def _restrict_clients(server: viser.ViserServer) -> None:
 
     def bounded_start(client: Any, message: _messages.FileTransferStartUpload) -> None:
         parts = math.ceil(message.size_bytes / 1024)
-        fits = 0 <= message.size_bytes <= MOST_BYTES and 0 <= message.part_count <= parts
-        if fits and len(gui._current_file_upload_states) < MOST_UPLOADS:
+        fits = 0 <= message.size_bytes <= MAX_BYTES and 0 <= message.part_count <= parts
+        if fits and len(gui._current_file_upload_states) < MAX_UPLOADS:
             begin(client, message)
             return
         handle = server.get_clients().get(client)
         if handle is not None:
-            words = f"A mesh may have at most {MOST_BYTES >> 20} MB."
+            words = f"A mesh may have at most {MAX_BYTES >> 20} MB."
             handle.add_notification("Not a body", words, color="red", auto_close_seconds=10)
 
     def bounded_part(client: Any, message: _messages.FileTransferPart) -> None:

@@ -11,7 +11,7 @@ reached through server/integrations/proxy.py. Its page opens a WebSocket at its 
                                               ^                           │ crash: reported as an event
                                               └──────next WebSocket───────┘ (viser's page reconnects by itself)
 
-A viser that crashes repeatedly is not started more than `MOST_STARTS` times in `STARTS_WITHIN_S`.
+A viser that crashes repeatedly is not started more than `MAX_STARTS` times in `STARTS_WITHIN_S`.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from server.streaming.telemetry import Telemetry
 
 MODULE = "server.integrations.viser_worker"
 START_S = 60.0
-MOST_STARTS, STARTS_WITHIN_S = 5, 60.0
-MOST_SCENES = 16
+MAX_STARTS, STARTS_WITHIN_S = 5, 60.0
+MAX_SCENES = 16
 
 
 @dataclass(slots=True)
@@ -61,7 +61,7 @@ class Viser:
         self._secret = new_secret()
         self._scenes: dict[str, SceneState] = {}
         self._replays: dict[str, ReplayFollower] = {}
-        self._starts: deque[float] = deque(maxlen=MOST_STARTS)
+        self._starts: deque[float] = deque(maxlen=MAX_STARTS)
         self._starting = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -70,7 +70,7 @@ class Viser:
         """Process ID of viser; None while it is not running."""
         return None if self._process is None else self._process.pid
 
-    async def door(self, key: str) -> SecretEndpoint:
+    async def endpoint(self, key: str) -> SecretEndpoint:
         """Address of the scene of this key; starts it if necessary.
 
         Raises:
@@ -84,8 +84,8 @@ class Viser:
                 await self._start()
             scene = self._scenes.get(key)
             if scene is None:
-                if len(self._scenes) >= MOST_SCENES:
-                    raise ViewError(f"The maximum of {MOST_SCENES} scenes is open.", "Close one of their pages.")
+                if len(self._scenes) >= MAX_SCENES:
+                    raise ViewError(f"The maximum of {MAX_SCENES} scenes is open.", "Close one of their pages.")
                 scene = self._scenes[key] = SceneState()
                 assert self._process is not None
                 self._process.send(op="open", key=key, secret=self._secret, **self._about(key))
@@ -96,7 +96,7 @@ class Viser:
         except TimeoutError:
             raise ViewError(f"viser did not start within {START_S:g} s.", "See the server's log.") from None
 
-    def looked_at(self, key: str) -> None:
+    def add_viewer(self, key: str) -> None:
         """Count a new viewer of a scene; call `remove_viewer` when it disconnects."""
         scene = self._scenes.get(key)
         if scene is not None:
@@ -155,7 +155,7 @@ class Viser:
 
     async def _start(self) -> None:
         now = time.monotonic()
-        if len(self._starts) == MOST_STARTS and now - self._starts[0] < STARTS_WITHIN_S:
+        if len(self._starts) == MAX_STARTS and now - self._starts[0] < STARTS_WITHIN_S:
             raise ViewError("viser crashed several times.", "Try again in a minute; see the events for the reason.")
         self._starts.append(now)
         self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed, MESSAGES_PER_S)

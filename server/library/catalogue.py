@@ -6,7 +6,8 @@
 
 Information beyond the file (motion, losses, counts) is stored when the columns of a recording are first found. A
 recording made here is opened for that as soon as it is compacted, others one after the other while the library is
-viewed and nothing is recorded. A file copied into the folder is reported within `LOOK_S` while the library is viewed.
+viewed and nothing is recorded. A file copied into the folder is reported within `CHECK_INTERVAL_S` while the library is
+viewed.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ from server.streaming.clients import ClientFanout
 
 log = logging.getLogger("imuscope.library")
 
-LOOK_S = 2.0
+CHECK_INTERVAL_S = 2.0
 LOOKED_AT_S = 60.0  # after a listing the library counts as viewed
-MOST_BYTES = 100_000_000  # of a file opened only for its thumbnail: seconds of a core, at low priority
+MAX_BYTES = 100_000_000  # of a file opened only for its thumbnail: seconds of a core, at low priority
 
 
 class Catalogue:
@@ -156,7 +157,7 @@ class Catalogue:
             return
         for entry in entries:
             mark = (entry.path, entry.size, entry.modified)
-            if entry.indexed or entry.deleted is not None or not 0 < entry.size <= MOST_BYTES or mark in self._tried:
+            if entry.indexed or entry.deleted is not None or not 0 < entry.size <= MAX_BYTES or mark in self._tried:
                 continue
             self._tried.add(mark)
             self._cache(self._open_for_list(entry.id), f"looking at {entry.path.name}")
@@ -182,7 +183,7 @@ class Catalogue:
 
     async def _watch(self) -> None:
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_INTERVAL_S)
             if not self._clients.browsers:
                 continue
             try:

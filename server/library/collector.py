@@ -27,8 +27,8 @@ from server.streaming.channels import ChannelRows, clock_alone
 from server.streaming.sink import Dated
 from server.streaming.unknown_payloads import Payloads, described
 
-MOST_EVENTS = 20_000  # of each device; beyond that only errors of the link are stored
-MOST_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not create unlimited files
+MAX_EVENTS = 20_000  # of each device; beyond that only errors of the link are stored
+MAX_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not create unlimited files
 CLOCKS = {
     "utc": "UTC as the device says it, unix time.",
     "timestamp": "Timestamp of the frame's header, as sent.",
@@ -56,7 +56,7 @@ class RecordingSink:
         self._derived: dict[int, int] = {}  # channel of a rotation → that of its angles
         self.clocks: dict[tuple[Any, ...], wire.ChannelInfo] = {}  # clock readings; channels, but not shown
         self.payloads: dict[tuple[Any, ...], dict[str, Any]] = {}  # kinds of payloads, described like channels
-        self.payloads_left_out: Counter[str] = Counter()  # number of payloads above MOST_KINDS, by device
+        self.payloads_left_out: Counter[str] = Counter()  # number of payloads above MAX_KINDS, by device
         self._bytes = PayloadsWriter(writer.temporary)
 
     @property
@@ -156,7 +156,7 @@ class RecordingSink:
         first = parts[0]
         info = self.payloads.get(first.kind)
         if info is None:
-            if sum(device == first.device for device, *_ in self.payloads) >= MOST_KINDS:
+            if sum(device == first.device for device, *_ in self.payloads) >= MAX_KINDS:
                 self.payloads_left_out[first.device] += sum(len(part.rows) for part in parts)
                 return
             info = self.payloads[first.kind] = self._described(first)
@@ -223,7 +223,7 @@ class RecordingSink:
         t0, t1 = span or (None, None)
         number, when = len(self.events) + self.left_out, self.time if time is None else time
         event = wire.EventInfo(number, when, device, kind, level, text, t0, t1, samples, data or {})
-        if len(self.events) < MOST_EVENTS or kind == "gap":
+        if len(self.events) < MAX_EVENTS or kind == "gap":
             self.events.append(event)
         else:
             self.left_out += 1

@@ -97,7 +97,7 @@ def uncompacted(folder: Path) -> list[Path]:
 
     Files that another process writes or compacts are left alone.
     """
-    for temporary in folder.glob(f".*{compaction.ASIDE}"):
+    for temporary in folder.glob(f".*{compaction.TEMPORARY_SUFFIX}"):
         if not file_lock.is_in_use(temporary):
             temporary.unlink(missing_ok=True)
     return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if compaction.is_uncompacted(path)]

@@ -49,9 +49,9 @@ from server.links.registry import link_kind
 
 DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this size
 DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval
-DERIVED_AGAIN = ("gap", "reject", "clock", "reply", "text")
+DERIVED_EVENTS = ("gap", "reject", "clock", "reply", "text")
 GUESS_BYTES = 1 << 16
-MOST_TIME = 9e9  # unix s
+MAX_TIME = 9e9  # unix s
 PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # examined before decoding, to find the unit of timestamps
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # time until the first partial result; doubles after each, up to the second
 EVENTS_SHOWN = 2000  # maximum in a partial result: writing all events of a very bad line would exceed decoding
@@ -65,14 +65,14 @@ class _Device:
         sink: RecordingSink,
         name: str,
         source: Source,
-        speech: ProtocolSet,
+        protocol_set: ProtocolSet,
         reading: DecodeOptions,
         usual: DecodeOptions,
     ) -> None:
         recorded_device = source.devices.get(name)
         about: Mapping[str, str] = recorded_device.identity if recorded_device is not None else {}
         self._sink = sink
-        self._protocols = speech
+        self._protocols = protocol_set
         self._reading = reading = recorded(reading, about, usual)
         self.protocol = reading.protocol or (recorded_device.protocol if recorded_device is not None else "")
         link = previous_names.LINKS.get(kind := about.get("link", "file"), kind)
@@ -88,8 +88,8 @@ class _Device:
             firmware=about.get("firmware", ""),
             baud=int(about["baud"]) if about.get("baud", "").isdecimal() else None,
         )
-        self.state = DeviceState(sink, info, speech.title)
-        self.devices = LinkDevices(sink, self.state, speech.title)
+        self.state = DeviceState(sink, info, protocol_set.title)
+        self.devices = LinkDevices(sink, self.state, protocol_set.title)
         self._link = info.link
         self._timed = source.timed
         self._baud = info.baud
@@ -235,7 +235,7 @@ class ProgressPublisher:
 def decode(
     source: Source,
     folder: Path,
-    speech: ProtocolSet,
+    protocol_set: ProtocolSet,
     reading: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
     progress: Callable[[float], None] = lambda share: None,
     shown: Callable[[Path], None] = lambda folder: None,
@@ -260,12 +260,12 @@ def decode(
         health_history = HealthHistoryWriter(writer.temporary)
         sink = RecordingSink(writer, health_history)
         showing = ProgressPublisher(shown)
-        devices = {name: _Device(sink, name, source, speech, reading, usual) for name in source.devices}
+        devices = {name: _Device(sink, name, source, protocol_set, reading, usual) for name in source.devices}
         spans: dict[str, list[int]] = {}
         for part in source.parts():
             if part.direction == "rx":
                 if part.device not in devices:
-                    devices[part.device] = _Device(sink, part.device, source, speech, reading, usual)
+                    devices[part.device] = _Device(sink, part.device, source, protocol_set, reading, usual)
                 devices[part.device].feed(part)
             span = spans.setdefault(part.device, [int(part.times[0]), int(part.times[-1])])
             span[:] = min(span[0], int(part.times[0])), max(span[1], int(part.times[-1]))
@@ -308,7 +308,7 @@ def _manifest(
     markers: list[dict[str, Any]] = []
     snapshots: dict[str, Any] = {}
     for channel, time_ns, body in source.metadata():
-        if channel == EVENTS and (body.get("kind") not in DERIVED_AGAIN or _is_outage(body)):
+        if channel == EVENTS and (body.get("kind") not in DERIVED_EVENTS or _is_outage(body)):
             event = _event(body, time_ns)
             if event.kind != "gap" or not _is_counted(event, found):
                 events.append(event)
@@ -366,7 +366,7 @@ def _is_outage(body: Mapping[str, Any]) -> bool:
     """Whether an event is a link outage. It is not derived again, since the bytes do not show that any are missing."""
     data = body.get("data")
     times = (body.get("t0"), body.get("t1"))
-    numbers = all(isinstance(time, int | float) and abs(time) < MOST_TIME for time in times)  # nor NaN
+    numbers = all(isinstance(time, int | float) and abs(time) < MAX_TIME for time in times)  # nor NaN
     return body.get("kind") == "gap" and numbers and isinstance(data, Mapping) and data.get("by") == "link"
 
 

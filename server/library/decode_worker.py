@@ -21,7 +21,7 @@ from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
 from server import jit_cache
 from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
 
 STEP = 0.005
@@ -52,7 +52,7 @@ def main() -> int:
         source = open_file(Path(request["path"]))
         usual = DecodeOptions("", request.get("reading", {}))
         shown = lambda folder: _send(shown=str(folder))  # noqa: E731
-        decode(source, Path(request["store"]), speech(), DecodeOptions(), progress, shown, usual)
+        decode(source, Path(request["store"]), all_protocols(), DecodeOptions(), progress, shown, usual)
     except RecordingError as error:
         _send(message=error.message, hint=error.hint)
         return 1

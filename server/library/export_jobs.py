@@ -37,7 +37,7 @@ FOLDER = "exports"
 LAST_DATE = 253_402_300_800.0  # the year 10000
 MAX_RESULTS = 50
 KEPT_S = 86_400.0
-MOST_WAITING = 20
+MAX_WAITING = 20
 PROGRESS_INTERVAL_S = 0.25  # between two progress reports
 STOP_S = 0.8  # from SIGTERM to SIGKILL; less than the time for a shutdown of the server (server/shutdown.py)
 
@@ -85,8 +85,8 @@ class ExportJobs:
             )
         if info.recording:
             raise DomainError("busy", "The recording is still running.", "Stop the recording first.")
-        if sum(job.published.state in ("waiting", "running") for job in self._jobs.values()) >= MOST_WAITING:
-            raise DomainError("full", f"The maximum of {MOST_WAITING} exports is waiting.", "Wait, or cancel one.")
+        if sum(job.published.state in ("waiting", "running") for job in self._jobs.values()) >= MAX_WAITING:
+            raise DomainError("full", f"The maximum of {MAX_WAITING} exports is waiting.", "Wait, or cancel one.")
         if self._next == 1:
             self._remove_expired()
         number = self._next

@@ -18,7 +18,7 @@ A closed link may be opened again. One task reads; any task of the same event lo
 
 ## When bytes arrive faster than they are read
 
-`read` returns about `Flow.at_once` bytes, which bounds the work of one decoding step. At most `MOST_HELD` bytes are
+`read` returns about `Flow.at_once` bytes, which bounds the work of one decoding step. At most `MAX_HELD` bytes are
 queued. Beyond that, a link whose sender can be held back is not read (`waits`: TCP, a file); for any other the oldest
 bytes are dropped and counted in `Flow.dropped`. `Flow.arrivals` receives every chunk before that, in the reading
 thread: a recording also has the dropped bytes, and does not wait for the event loop.
@@ -45,7 +45,7 @@ from server.wire import Attempt
 __all__ = ["Attempt", "Chunk", "ErrorKind", "Link", "LinkError", "LinkSettings", "Progress", "steady_clock"]
 
 AT_ONCE = 1 << 16
-MOST_HELD = 8 << 20  # bytes queued for decoding: some ten seconds of the fastest serial line
+MAX_HELD = 8 << 20  # bytes queued for decoding: some ten seconds of the fastest serial line
 CHUNK_COST = 128  # overhead of a chunk in memory and work, in bytes
 
 ErrorKind = Literal["gone", "denied", "busy", "full", "refused", "not-found", "bad-source", "ended"]

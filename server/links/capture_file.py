@@ -60,7 +60,7 @@ class FileLink(Link):
         progress_line(progress, self.path.name, detected.words)
         self._stop.clear()
         self._mixed_notices = []
-        self._notice([] if self._protocol else [f"{self.path.name}: {_blind_words()}"])
+        self._notice([] if self._protocol else [f"{self.path.name}: {_undecoded_text()}"])
         if self._protocol and self.path.stat().st_size <= AT_ONCE_BYTES:
             await asyncio.to_thread(self._examine)
         elif self._protocol:
@@ -149,7 +149,7 @@ class FileLink(Link):
         """The pieces; deviations from the timing of the capture are reported in a notice."""
         for piece in timing:
             if piece.blind or timing.skipped_ns:
-                notices = [f"{self.path.name}: {_blind_words()}"] if piece.blind else []
+                notices = [f"{self.path.name}: {_undecoded_text()}"] if piece.blind else []
                 if timing.skipped_ns:
                     notices.append(f"Pauses of {timing.skipped_ns / 1e9:.0f} s in {self.path.name} are skipped.")
                 self._notice(notices)
@@ -203,5 +203,5 @@ class FileLink(Link):
             self._queue = None
 
 
-def _blind_words() -> str:
+def _undecoded_text() -> str:
     return f"no device clock is known in it, so it is played at {BLIND_RATE} B/s, a full line at 115 200 Bd."

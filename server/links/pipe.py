@@ -30,7 +30,7 @@ from server.links.text import progress_line
 
 STDIN = "/dev/stdin"
 HEAD_BYTES, HEAD_S = 1024, 0.4  # bytes for protocol detection; longest wait for them after the first byte
-LOOK_MS = 100  # period at which a waiting reader checks whether the link is closed
+POLL_MS = 100  # period at which a waiting reader checks whether the link is closed
 
 
 def is_pipe(place: str) -> bool:
@@ -75,7 +75,7 @@ class _Pipe:
             return data
         while not self._stop.is_set():
             flush_s = self._flush()
-            if self._poll.poll(LOOK_MS if flush_s is None else min(1e3 * flush_s, LOOK_MS)):
+            if self._poll.poll(POLL_MS if flush_s is None else min(1e3 * flush_s, POLL_MS)):
                 return os.read(self._fd, most)
         return b""
 

@@ -26,16 +26,16 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from server.links.base import CHUNK_COST, MOST_HELD, Chunk, Link, LinkError
+from server.links.base import CHUNK_COST, MAX_HELD, Chunk, Link, LinkError
 
 log = logging.getLogger(__name__)
 
 WAKE_NS = 9_000_000  # longer than the flush interval of a browser, 8 ms, so that a flush comes first
 ANSWER_NS, AWAITED_NS = 2_000_000, 1_000_000_000  # wake-up interval while an answer is expected, and for how long
 HOLD_S = 0.005  # between two checks whether a sender must still be held back
-LEAST_BYTES = 1024  # a chunk is not cut into smaller pieces
+MIN_BYTES = 1024  # a chunk is not cut into smaller pieces
 READ_BYTES = 1 << 16  # a tty returns at most 4 kB at once, a socket the requested size
-GONE = frozenset({errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, errno.ENOENT})
+DISCONNECTED_ERRNOS = frozenset({errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, errno.ENOENT})
 
 
 class ChunkQueue:
@@ -65,12 +65,12 @@ class ChunkQueue:
         with self._lock:
             self._chunks.append(chunk)
             self._size += len(chunk.data) + CHUNK_COST
-            if self._size > MOST_HELD and not self._link.waits:
+            if self._size > MAX_HELD and not self._link.waits:
                 self._drop_oldest()
 
     def _drop_oldest(self) -> None:
         """Drop the oldest half: one long gap does less harm than many short ones."""
-        while self._size > MOST_HELD // 2:
+        while self._size > MAX_HELD // 2:
             size = len(self._chunks.popleft().data)
             self._size -= size + CHUNK_COST
             self._link.flow.dropped += size
@@ -126,7 +126,7 @@ class ChunkQueue:
         most, taken, chunks = self._link.flow.at_once, 0, []
         while self._chunks and taken < most:
             chunk = self._chunks.popleft()
-            room = max(most - taken, LEAST_BYTES)
+            room = max(most - taken, MIN_BYTES)
             if len(chunk.data) > room and not (self._link.datagrams and self._link.flow.keep_datagrams):
                 self._chunks.appendleft(Chunk(chunk.data[room:], chunk.arrival_ns))
                 chunk = Chunk(chunk.data[:room], chunk.arrival_ns, chunk.restart)
@@ -194,7 +194,7 @@ class ReaderThread(threading.Thread):
                     if key.data is not None and not self._stopped:
                         key.data()
                 timeout = self.queue.flush()
-                self.queue.wait(MOST_HELD, self._sleep)
+                self.queue.wait(MAX_HELD, self._sleep)
         except LinkError as error:
             self.queue.fail(error)
         except Exception as error:  # top of the thread: a link must never fail silently

@@ -36,7 +36,7 @@ import serial
 
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.baud_scan import find_baud
-from server.links.reader_thread import GONE, READ_BYTES, ThreadedLink, closed, hung_up, write_all
+from server.links.reader_thread import DISCONNECTED_ERRNOS, READ_BYTES, ThreadedLink, closed, hung_up, write_all
 from server.links.registry import LinkDefinition, register_link
 from server.links.source_url import SourceUrl
 from server.links.usb_adapters import adapter_at, moved, port_now
@@ -300,7 +300,7 @@ def present_ports() -> str:
 def gone(place: str, error: Exception | None = None) -> LinkError:
     """Error for a port that is no longer present."""
     number = getattr(error, "errno", None)
-    why = f" ({os.strerror(number)})" if number is not None and number not in GONE else ""
+    why = f" ({os.strerror(number)})" if number is not None and number not in DISCONNECTED_ERRNOS else ""
     return LinkError("gone", f"{place} is gone{why}.", "Plug it in again; it is opened as soon as it is back.")
 
 

@@ -23,7 +23,7 @@ BUFFER_BYTES = 4 << 20
 MAX_DATAGRAM = 65_535
 AT_ONCE = 64  # datagrams read per wake-up of the thread: a burst costs one wait, and the thread still stops promptly
 SO_RXQ_OVFL = 40  # Linux, asm-generic/socket.h; not in the socket module
-MOST_SENDERS = 64  # senders stored; bounded because a device may use a new port for each datagram
+MAX_SENDERS = 64  # senders stored; bounded because a device may use a new port for each datagram
 NAMED = 4  # senders listed in a notice
 OTHER_SENDER_NS = 2_000_000_000  # two senders within this time are two devices, not one that changed its address
 _ANCILLARY = socket.CMSG_SPACE(4)
@@ -95,7 +95,7 @@ class UdpLink(ThreadedLink):
         senders.pop(sender, None)
         senders[sender] = now_ns  # the latest sender is the last entry
         self._peer = sender
-        if len(senders) > MOST_SENDERS:
+        if len(senders) > MAX_SENDERS:
             del senders[next(iter(senders))]
 
     @property
@@ -107,7 +107,7 @@ class UdpLink(ThreadedLink):
         newest = senders[-1][1]
         names = sorted(place_of(*who[:2]) for who, at in senders if newest - at < OTHER_SENDER_NS)
         places = " and ".join(names) if len(names) <= NAMED else f"{len(names)} places"
-        notices = [f"Datagrams come from {places if len(names) < MOST_SENDERS else f'{places} or more'}."]
+        notices = [f"Datagrams come from {places if len(names) < MAX_SENDERS else f'{places} or more'}."]
         if len(names) > 1:
             notices.append("Their bytes are mixed into one stream: give each device its own port.")
         if self.lost:

@@ -49,8 +49,8 @@ SHOWN: Mapping[str, tuple[str, float, int]] = {
     "mm": ("m", 1e-3, -3),
     "mm/s": ("m/s", 1e-3, -3),
 }
-_MOST_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
-MOST_CHANNELS = 1000  # of one device; a vendor's tables give at most some 300
+_MAX_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
+MAX_CHANNELS = 1000  # of one device; a vendor's tables give at most some 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class ChannelRegistry:
         advertise: called once for each new channel with its description (id 0); returns the id.
 
     Attributes:
-        is_full: `MOST_CHANNELS` is reached; further channels are not created.
+        is_full: `MAX_CHANNELS` is reached; further channels are not created.
     """
 
     def __init__(self, device: str, advertise: Advertise) -> None:
@@ -114,7 +114,7 @@ class ChannelRegistry:
         known = self._plans.get(key)
         if known is not None and known[0] is batch.message:
             return known[1]
-        if len(self._plans) >= _MOST_PLANS:
+        if len(self._plans) >= _MAX_PLANS:
             self._plans.clear()
         cuts = self._cuts(batch)
         self._plans[key] = (batch.message, cuts)
@@ -150,7 +150,7 @@ class ChannelRegistry:
         """The id of this description; a changed unit, frame or dtype is a new channel. 0 above the maximum number."""
         key = repr(info)
         if key not in self._ids:
-            if len(self._ids) >= MOST_CHANNELS:
+            if len(self._ids) >= MAX_CHANNELS:
                 self.is_full = True
                 return 0
             self._ids[key] = self._advertise(info)

@@ -23,9 +23,9 @@ from protocols.schema import Field, Message
 from server import wire
 from server.rate_meter import RateMeter
 
-MOST_KINDS = 32  # of one device; noise that passes the checksum must not fill memory
-MOST_BYTES = 1024  # reported of one payload, besides its true size
-_MOST_PLANS = 256
+MAX_KINDS = 32  # of one device; noise that passes the checksum must not fill memory
+MAX_BYTES = 1024  # reported of one payload, besides its true size
+_MAX_PLANS = 256
 
 
 @dataclass(slots=True)
@@ -90,7 +90,7 @@ class UnknownPayloadTracker:
         self._drained: dict[tuple[str, str, str, bool], list[Payloads]] = {}
         self._kinds: dict[tuple[str, bool], _PayloadKind] = {}
         self._plans: dict[int, tuple[Message, tuple[Field, ...]]] = {}
-        self.beyond = 0  # number of payloads of kinds above `MOST_KINDS`
+        self.beyond = 0  # number of payloads of kinds above `MAX_KINDS`
 
     def __bool__(self) -> bool:
         return bool(self._kinds)
@@ -103,7 +103,7 @@ class UnknownPayloadTracker:
         """
         known = self._plans.get(id(batch.message))
         if known is None or known[0] is not batch.message:
-            if len(self._plans) >= _MOST_PLANS:
+            if len(self._plans) >= _MAX_PLANS:
                 self._plans.clear()
             opaque = tuple(field for field in batch.message.fields if is_opaque(field))
             known = self._plans[id(batch.message)] = (batch.message, opaque)
@@ -166,7 +166,7 @@ class UnknownPayloadTracker:
         name = _name(message, one)
         kind = self._kinds.get((name, verified))
         if kind is None:
-            if len(self._kinds) >= MOST_KINDS:
+            if len(self._kinds) >= MAX_KINDS:
                 self.beyond += count
                 return
             number = one.id if one.id >= 0 else message.id
@@ -188,7 +188,7 @@ class UnknownPayloadTracker:
                 count=kind.meter.total,
                 rate=kind.meter.rate(now),
                 size=len(kind.newest),
-                hex=bytes(kind.newest[:MOST_BYTES]).hex(),
+                hex=bytes(kind.newest[:MAX_BYTES]).hex(),
                 arrival=kind.arrival,
             )
             for kind in self._kinds.values()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 EVERY_S = 5.0
-MOST_KEPT = 240  # points of a curve that is kept
+MAX_KEPT = 240  # points of a curve that is kept
 
 
 def resident_mb(pid: int) -> float:
@@ -31,7 +31,7 @@ def curve(points: Sequence[tuple[float, float]], unit: str = "min") -> dict[str,
     if len(late) >= 3:
         times, megabytes = np.array(late).T
         slope = float(np.polyfit(times, megabytes, 1)[0])
-    thin = points[:: max(1, -(-len(points) // MOST_KEPT))]
+    thin = points[:: max(1, -(-len(points) // MAX_KEPT))]
     return {
         f"mb_per_{unit}": slope,
         "first_mb": points[0][1] if points else None,

@@ -92,7 +92,7 @@ def measure(path: Path, store: Path) -> dict[str, float]:
     from protocols import jit
     from recordings.column_store import ColumnStore
     from recordings.sources import McapSource
-    from server.devices.protocol_set import speech
+    from server.devices.protocol_set import all_protocols
     from server.library.decode import decode
 
     jit.load()
@@ -109,7 +109,7 @@ def measure(path: Path, store: Path) -> dict[str, float]:
                 part.query(number, *span, WIDTH)
             firsts.append(time.perf_counter() - start)
 
-    columns = decode(McapSource(path), store, speech(), shown=shown)
+    columns = decode(McapSource(path), store, all_protocols(), shown=shown)
     decoded = time.perf_counter() - start
     cpu = time.process_time() - cpu
     first = firsts[0] if firsts else decoded

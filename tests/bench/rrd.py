@@ -114,10 +114,10 @@ def main() -> None:
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
         from recordings.sources import McapSource
-        from server.devices.protocol_set import speech
+        from server.devices.protocol_set import all_protocols
         from server.library.decode import decode
 
-        decode(McapSource(path), folder / "store", speech())
+        decode(McapSource(path), folder / "store", all_protocols())
         out = folder / "hour.rrd"
         command = [sys.executable, __file__, "--export", str(folder / "store"), str(out)]
         figures = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)

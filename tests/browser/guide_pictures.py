@@ -3,7 +3,7 @@
     python -m tests.browser.guide_pictures              all of them, into docs/guide/images
     python -m tests.browser.guide_pictures live-dark    only those named
 
-A picture is reduced to a palette of 128 colours, which keeps it below `MOST_BYTES`.
+A picture is reduced to a palette of 128 colours, which keeps it below `MAX_BYTES`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tests.timeouts import PATIENCE_S
 FOLDER = ROOT / "docs" / "guide" / "images"
 WIDE, PHONE = (1440, 900), (390, 844)
 COLOURS = 128
-MOST_BYTES = 150_000
+MAX_BYTES = 150_000
 FILLED_S = 40  # the simulators have turned by then, and the window is full
 RECORDED_S = 25
 WAIT_MS = 120_000
@@ -124,8 +124,8 @@ def keep(page: Page, name: str, of: str = "") -> None:
     reduced.save(path, optimize=True)
     size = path.stat().st_size
     print(f"{path.relative_to(ROOT)}: {size} bytes", flush=True)
-    if size > MOST_BYTES:
-        sys.exit(f"{path.name} has more than {MOST_BYTES} bytes: show less of the page, or use fewer colours")
+    if size > MAX_BYTES:
+        sys.exit(f"{path.name} has more than {MAX_BYTES} bytes: show less of the page, or use fewer colours")
 
 
 def configured(page: Page, shows: str) -> None:

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.links import open_link
@@ -28,7 +28,9 @@ class FaultHarness:
     def __init__(self, source: str, by_id: Path) -> None:
         now_ns = steady_clock()
         self.telemetry = Telemetry.create(lambda: now_ns() / 1e9)
-        self.sessions = Sessions(self.telemetry.bus, open_link, speech(), LinkSettings(now_ns=now_ns, by_id=by_id))
+        self.sessions = Sessions(
+            self.telemetry.bus, open_link, all_protocols(), LinkSettings(now_ns=now_ns, by_id=by_id)
+        )
         self.heard: list[bytes] = []
         self.session: Session = self.sessions.add(source)
         self.session.chunks(lambda data, time_ns, way: self.heard.append(data) if way == "rx" else None)

@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from server.config import Config
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.links import open_link
 from tests.server.control_harness import outputs
 from tests.server.in_process_server import InProcessServer
@@ -48,7 +48,7 @@ def send_and_vanish(url: str, data: bytes) -> None:
 
 
 def test_clients_that_disconnect_midway(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    with InProcessServer(Config(sources=("sim:xbus",), data=tmp_path), open_link, speech()) as running:
+    with InProcessServer(Config(sources=("sim:xbus",), data=tmp_path), open_link, all_protocols()) as running:
         http, url = running.client, running.url
         block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
         control = "/api/devices/1/jobs"
@@ -69,7 +69,7 @@ def test_clients_that_disconnect_midway(tmp_path: Path, caplog: pytest.LogCaptur
 
 
 def test_two_users_at_once(tmp_path: Path) -> None:
-    with InProcessServer(Config(sources=("sim:xbus",), data=tmp_path), open_link, speech()) as running:
+    with InProcessServer(Config(sources=("sim:xbus",), data=tmp_path), open_link, all_protocols()) as running:
         http = running.client
         block_until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
         answers: list[dict[str, Any]] = []

@@ -34,7 +34,7 @@ from recordings.exporters import ExportRequest, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from server.config import Config
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
 from tests.fault_injection.recorded_files import received
 from tests.recordings.recorded_drive import drive
@@ -144,7 +144,7 @@ def test_a_file_size_limit(running: InProcessServer, links: Links, tmp_path: Pat
 
 def test_an_export_onto_a_full_disk(tmp_path: Path) -> None:
     drive(tmp_path / "a.mcap", seconds=2.0)
-    columns = decode(open_file(tmp_path / "a.mcap"), tmp_path / "store", speech())
+    columns = decode(open_file(tmp_path / "a.mcap"), tmp_path / "store", all_protocols())
     (tmp_path / "out").mkdir()
     wish = ExportRequest(columns, tmp_path / "a.mcap", "A drive", device="1")
     for suffix in ("csv", "parquet", "mcap"):
@@ -198,7 +198,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes, int]:
     folder = tmp_path_factory.mktemp("whole")
     drive(folder / "a.mcap")
     loose = (folder / "a.mcap").read_bytes()
-    rows = rows_of(decode(open_file(folder / "a.mcap"), folder / "store", speech()))
+    rows = rows_of(decode(open_file(folder / "a.mcap"), folder / "store", all_protocols()))
     compact(folder / "a.mcap")
     return loose, (folder / "a.mcap").read_bytes(), rows
 
@@ -229,7 +229,7 @@ def test_a_recording_damaged_at_random_bytes(tmp_path: Path, whole: tuple[bytes,
         path = tmp_path / f"{seed}.mcap"
         path.write_bytes(damaged(whole[1] if packed else whole[0], seed))
         with contextlib.suppress(RecordingError):  # any other exception would be a fault of ours
-            columns = decode(open_file(path), tmp_path / f"store{seed}", speech())
+            columns = decode(open_file(path), tmp_path / f"store{seed}", all_protocols())
             assert 0 <= rows_of(columns) <= whole[2]
             opened += 1
     assert opened >= 6, "most of what is left can be read"

@@ -26,7 +26,7 @@ from tests.fuzz.targets import TARGETS
 OUTSIDE = ("http", "ws", "files")  # as in external_inputs.py, which takes a while to load
 RUNS = Path(__file__).parent / "runs.json"
 HANG_S = 60  # no case takes a second; one that takes so long does not end
-_MOST_FINDINGS = 12
+_MAX_FINDINGS = 12
 
 
 def main() -> int:
@@ -50,7 +50,7 @@ def main() -> int:
         if found is not None:
             case, broken = found
             kinds[broken.kind] = kinds.get(broken.kind, 0) + 1
-            if kinds[broken.kind] <= 3 and sum(kinds.values()) <= _MOST_FINDINGS:
+            if kinds[broken.kind] <= 3 and sum(kinds.values()) <= _MAX_FINDINGS:
                 faulthandler.cancel_dump_traceback_later()
                 small, broken = minimised(given.protocol, case, broken)
                 about = f"{broken.kind} · seed {given.seed} · case {search.cases}"

@@ -46,7 +46,7 @@ from recordings.sidecar import VERSION, Edits
 from server.config import ConfigError, load
 from server.configuration.snapshots import SnapshotError, from_text
 from server.devices.decode_options import DecodeOptionError, checked_options
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.integrations import meshes
 from server.library.decode import decode
 from tests.fuzz.cases import BrokenError, Case
@@ -67,7 +67,7 @@ def _recording(path: Path, cut: bool) -> None:
     source = None
     try:
         source = open_file(path)
-        columns = decode(source, path.parent / "store", speech())
+        columns = decode(source, path.parent / "store", all_protocols())
         json.dumps(columns.manifest, ensure_ascii=False).encode()  # as it is sent to a page
     except RecordingError as error:
         _sentence(error.message)

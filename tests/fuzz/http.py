@@ -40,10 +40,10 @@ from tests.fuzz.cases import FINDINGS, BrokenError
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S  # what takes longer does not answer
 
-MOST_GROWN_MB = 400.0  # of the server's memory, over all that is asked
+MAX_GROWN_MB = 400.0  # of the server's memory, over all that is asked
 SIMULATORS = ("sim:xbus", "sim:isb", "sim:idtp")
 TIDY_EVERY = 40
-MOST_DEVICES = 6
+MAX_DEVICES = 6
 SLOW = {"/api/ports/scan"}  # listens for seconds, as it should
 PROMISES = ("status_code_conformance", "content_type_conformance", "response_schema_conformance")
 FORMED = re.compile(r"/api/devices/\{device\}/(preview|apply|run|fit)\Z")
@@ -143,7 +143,7 @@ class FuzzedServer:
         devices = self.read("/api/devices")
         there = {device["source"] for device in devices}
         for device in devices:
-            if device["source"] not in SIMULATORS and len(devices) > MOST_DEVICES:
+            if device["source"] not in SIMULATORS and len(devices) > MAX_DEVICES:
                 self.session.delete(f"{self.url}/api/devices/{device['id']}", timeout=PATIENCE_S)
         for simulator in SIMULATORS:
             if simulator not in there:
@@ -185,7 +185,7 @@ class FuzzedServer:
         if "Traceback" in fresh:
             raise BrokenError("traceback", fresh[-3000:])
         grown = self._memory_mb() - self._since
-        if grown > MOST_GROWN_MB:
+        if grown > MAX_GROWN_MB:
             raise BrokenError("memory", f"it has grown by {grown:.0f} MB")
 
     def _memory_mb(self) -> float:

@@ -34,7 +34,7 @@ class Frames(Protocol):
 
 
 Edit = Callable[[Pieces, Frames, Random], None]
-_MOST_PIECES = 60
+_MAX_PIECES = 60
 
 
 def _pick(pieces: Pieces, random: Random) -> int:
@@ -186,6 +186,6 @@ def spoil(pieces: Pieces, frames: Frames, random: Random) -> None:
         if not pieces:
             pieces.append(frames.make(random))
         random.choice(EDITS)(pieces, frames, random)
-        if len(pieces) > _MOST_PIECES:
-            start = random.randrange(len(pieces) - _MOST_PIECES)
-            pieces[:] = pieces[start : start + _MOST_PIECES]
+        if len(pieces) > _MAX_PIECES:
+            start = random.randrange(len(pieces) - _MAX_PIECES)
+            pieces[:] = pieces[start : start + _MAX_PIECES]

@@ -14,9 +14,9 @@ from tests.fuzz.invariants import Features, check
 from tests.fuzz.mutations import Pieces, spoil
 from tests.fuzz.targets import TARGETS
 
-_MOST_BYTES = 4000
-_MOST_BYTES_SOMETIMES = 20_000
-_MOST_CORPUS = 3000
+_MAX_BYTES = 4000
+_MAX_BYTES_SOMETIMES = 20_000
+_MAX_CORPUS = 3000
 _GUESS_EVERY = 25
 
 
@@ -63,14 +63,14 @@ class CorpusSearch:
                 start = random.randrange(len(other))
                 pieces[random.randint(0, len(pieces)) : 0] = other[start : start + random.randint(1, 4)]
         spoil(pieces, self.target, random)
-        most = _MOST_BYTES_SOMETIMES if random.random() < 0.03 else _MOST_BYTES
+        most = _MAX_BYTES_SOMETIMES if random.random() < 0.03 else _MAX_BYTES
         while len(pieces) > 1 and sum(map(len, pieces)) > most:
             del pieces[random.randrange(len(pieces))]
         return pieces
 
     def _case(self, pieces: Pieces) -> Case:
         random = self.random
-        data = b"".join(pieces)[:_MOST_BYTES_SOMETIMES]
+        data = b"".join(pieces)[:_MAX_BYTES_SOMETIMES]
         style = random.random()
         count = 1 if style < 0.3 else random.randint(2, 12) if style < 0.8 else min(len(data), 80)
         if style > 0.97 and len(data) < 600:
@@ -83,7 +83,7 @@ class CorpusSearch:
         if shown <= self.seen:
             return
         self.seen |= shown
-        if len(self.corpus) >= _MOST_CORPUS:
+        if len(self.corpus) >= _MAX_CORPUS:
             del self.corpus[self.random.randrange(len(self.corpus))]
         self.corpus.append(pieces)
 

@@ -11,7 +11,7 @@ import pytest
 from server.links import open_link
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.text import is_ours
-from server.links.udp import MOST_SENDERS, UdpLink
+from server.links.udp import MAX_SENDERS, UdpLink
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, settings
 from tests.timeouts import PATIENCE_S
 
@@ -253,9 +253,9 @@ def test_thousands_of_senders_cost_no_more_than_a_few() -> None:
                 with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
                     device.sendto(b"x", link.address)
             await gather(link, 200)
-            assert link.notices[0] == f"Datagrams come from {MOST_SENDERS} places or more."
+            assert link.notices[0] == f"Datagrams come from {MAX_SENDERS} places or more."
             assert sum(map(len, link.notices)) < 500
-            assert len(link._sender_ns) == MOST_SENDERS
+            assert len(link._sender_ns) == MAX_SENDERS
 
     run(check())
 

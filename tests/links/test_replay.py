@@ -12,7 +12,7 @@ import pytest
 
 from recordings.mcap_writer import McapWriter
 from server.config import Config
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.links import Link, LinkError, open_link, split_devices
 from server.links.base import Chunk, steady_clock
 from server.links.replay import ReplayLink
@@ -159,7 +159,7 @@ def running(tmp_path: Path) -> Iterator[InProcessServer]:
     (tmp_path / "recordings").mkdir()
     recording(tmp_path / "recordings")
     config = Config(sources=("/dev/none",), data=tmp_path)
-    with InProcessServer(config, open_link, speech()) as running:
+    with InProcessServer(config, open_link, all_protocols()) as running:
         yield running
 
 

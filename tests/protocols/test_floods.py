@@ -19,7 +19,7 @@ from tests.protocols.nmea_sentences import sentence
 
 SIZE = 4 * 1024
 LARGER = {"longest ubx messages": 16 * 1024, "sentences and strings": 64 * 1024}  # than the longest; to be seen at all
-MOST = 9.0  # times as long; 4 is linear, 16 is quadratic
+MAX_GROWTH = 9.0  # times as long; 4 is linear, 16 is quadratic
 
 TSS2 = b":12345 0123F 0456 -0789E\r\n"
 EM1000 = bytes.fromhex("0090 1000 2000 0000 3000")
@@ -76,7 +76,7 @@ def test_decoding_a_flood_is_linear(protocol: str, name: str) -> None:
         decoder.drain()
         decoder.drain(stalled=True)
 
-    assert growth(decode, FLOODS[name], LARGER.get(name, SIZE)) < MOST
+    assert growth(decode, FLOODS[name], LARGER.get(name, SIZE)) < MAX_GROWTH
 
 
 def test_each_beginning_of_a_sentence_compared_all_that_followed() -> None:
@@ -85,7 +85,7 @@ def test_each_beginning_of_a_sentence_compared_all_that_followed() -> None:
 
 
 def test_each_record_was_compared_with_every_string() -> None:
-    assert growth(lambda data: binary_strings.find(data, final=True), TSS2 + EM1000, 64 * 1024) < MOST
+    assert growth(lambda data: binary_strings.find(data, final=True), TSS2 + EM1000, 64 * 1024) < MAX_GROWTH
 
 
 def test_noise_is_linear() -> None:
@@ -97,4 +97,4 @@ def test_noise_is_linear() -> None:
             decoder.feed(data, 1)
             decoder.drain(stalled=True)
 
-        assert growth(decode, noise, SIZE) < MOST
+        assert growth(decode, noise, SIZE) < MAX_GROWTH

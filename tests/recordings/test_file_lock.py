@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from recordings import file_lock, quota
-from recordings.compaction import ASIDE, compact, is_uncompacted
+from recordings.compaction import TEMPORARY_SUFFIX, compact, is_uncompacted
 from recordings.library import Library
 from recordings.mcap_writer import McapWriter, RecordingError
 from server.library.compaction_worker import uncompacted
@@ -76,7 +76,7 @@ def test_a_killed_writer_leaves_no_lock_behind(tmp_path: Path) -> None:
 
 
 def test_only_dead_leftovers_of_packing_are_taken_away(tmp_path: Path) -> None:
-    alive, dead = tmp_path / f".a.mcap.1{ASIDE}", tmp_path / f".b.mcap.2{ASIDE}"
+    alive, dead = tmp_path / f".a.mcap.1{TEMPORARY_SUFFIX}", tmp_path / f".b.mcap.2{TEMPORARY_SUFFIX}"
     dead.write_bytes(b"left by a packing that was killed")
     with alive.open("w+b") as out:
         assert file_lock.share(out.fileno())

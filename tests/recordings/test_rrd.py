@@ -22,7 +22,7 @@ from recordings.exporters import ExportRequest, by_suffix, export
 from recordings.mcap_writer import McapWriter
 from recordings.rrd.chunks import name_of
 from recordings.rrd.entities import devices_of
-from recordings.rrd.size_limit import MOST, WHOLE, amount
+from recordings.rrd.size_limit import MAX_ROWS, WHOLE, amount
 from recordings.rrd.writer import Work, fill, stream_of, write_rrd
 from recordings.sources import McapSource
 from server.devices import protocol_set
@@ -51,7 +51,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
                 writer.chunk(id, "rx", data, START + n * 10_000_000)
     writer.write_note("marker", "bump", START + 2_000_000_000)
     writer.close()
-    return decode(McapSource(folder / "a.mcap"), folder / "store", protocol_set.speech())
+    return decode(McapSource(folder / "a.mcap"), folder / "store", protocol_set.all_protocols())
 
 
 @pytest.fixture(scope="module")
@@ -324,7 +324,7 @@ def test_a_fault_of_one_sample_survives_thinning_and_is_reported(tmp_path: Path)
         ([3_600_000] * 7 + [100], False, (140_100, 20_000, 180)),
         ([3_600_000] * 7 + [100], True, (3_999_998, 571_414, 7)),
         ([WHOLE + 1], True, (WHOLE + 1, 0, 1)),
-        ([MOST + 1], True, (MOST, MOST, 2)),
+        ([MAX_ROWS + 1], True, (MAX_ROWS, MAX_ROWS, 2)),
         ([WHOLE // 100] * 150, False, (WHOLE - 100, 6666, 2)),
     ],
 )

@@ -21,7 +21,7 @@ from tests.recordings.store_fixtures import START, store
 
 
 def opened(path: Path) -> ColumnStore:
-    return decode(open_file(path), path.with_suffix(".columns"), protocol_set.speech())
+    return decode(open_file(path), path.with_suffix(".columns"), protocol_set.all_protocols())
 
 
 def table(path: Path, text: str) -> ColumnStore:

@@ -7,7 +7,7 @@ from typing import Any
 
 from server import wire
 from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.streaming.telemetry import Telemetry
@@ -32,7 +32,7 @@ class FamilyHarness:
         self.clock = FakeClock()
         self.telemetry = Telemetry.create(self.clock)
         self.link: Any = link("/dev/ttySIM", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.telemetry.bus, speech(), reading)
+        self.session = Session("1", self.link, self.telemetry.bus, all_protocols(), reading)
         self._began = self.clock.ns
 
     async def run(self, device: Any, seconds: float) -> None:

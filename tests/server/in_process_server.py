@@ -30,14 +30,19 @@ class InProcessServer:
         self,
         config: Config,
         open_link: OpenLink,
-        speech: ProtocolSet = SPEECH,
+        protocol_set: ProtocolSet = SPEECH,
         *,
         page_files: Files | None = None,
         timings: ViewerTimings | None = None,
         limits: ConnectionLimits | None = None,
     ) -> None:
         self._app = create_app(
-            config, Access(config), open_link=open_link, speech=speech, page_files=page_files, timings=timings
+            config,
+            Access(config),
+            open_link=open_link,
+            protocol_set=protocol_set,
+            page_files=page_files,
+            timings=timings,
         )
         self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)

@@ -131,7 +131,7 @@ def test_half_of_the_descriptors_are_not_for_browsers() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (min(256, hard), hard))
         assert ConnectionLimits().connections == 128
         http_server.raise_limit()
-        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(hard, http_server.MOST_FILES)
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(hard, http_server.MAX_FILES)
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
@@ -218,7 +218,7 @@ def hostile(path):
         pass
 
 compaction.compact = hostile
-bounds.LEAST_CPU_S = 1 if sys.argv[1].endswith("slow") else 60
+bounds.MIN_CPU_S = 1 if sys.argv[1].endswith("slow") else 60
 sys.argv[1:] = [sys.argv[1]]
 raise SystemExit(compaction.main())
 """
@@ -233,10 +233,10 @@ raise SystemExit(compaction.main())
 
 
 def test_bounds_go_by_the_file_and_the_machine() -> None:
-    assert bounds.seconds_for(0) == bounds.LEAST_CPU_S
+    assert bounds.seconds_for(0) == bounds.MIN_CPU_S
     assert bounds.seconds_for(6 << 20) < 120
     assert bounds.seconds_for(1 << 40) == bounds.CPU_S
-    assert bounds.LEAST_MEMORY <= bounds.memory_of_one() <= bounds.MEMORY
+    assert bounds.MIN_MEMORY <= bounds.memory_of_one() <= bounds.MEMORY
 
 
 def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:
@@ -299,7 +299,7 @@ def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.Mon
 @pytest.mark.parametrize("piece", ["", " "])
 def test_a_message_of_endless_pieces_is_cut_off(piece: str, tmp_path: Path) -> None:
     """Empty pieces are of no size, and were kept: 40 MB a minute from who may only look."""
-    pieces = ["{", *[piece] * (2 * http_server.MOST_FRAGMENTS), '"op": "ping", "t": 1}']
+    pieces = ["{", *[piece] * (2 * http_server.MAX_FRAGMENTS), '"op": "ping", "t": 1}']
     with (
         InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connect(running.ws, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None) as browser,

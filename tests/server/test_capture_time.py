@@ -32,7 +32,7 @@ UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z
 def opened(path: Path, data: bytes, modified: float = 1.7e9) -> ColumnStore:
     path.write_bytes(data)
     os.utime(path, (modified, modified))
-    return decode(open_file(path), path.with_name(f"{path.name}.store"), protocol_set.speech())
+    return decode(open_file(path), path.with_name(f"{path.name}.store"), protocol_set.all_protocols())
 
 
 def times(store: ColumnStore, name: str, device: str = "") -> np.ndarray:  # type: ignore[type-arg]
@@ -266,7 +266,7 @@ def test_an_import_of_an_export_has_its_units_again(tmp_path: Path) -> None:
     frames = [sample(i, 100 * i, struct.pack(">HB3f", 0xD014, 12, 1, 2, 3)) for i in range(20)]
     store = opened(tmp_path / "a.bin", b"".join(frames))
     (path,) = export("csv", ExportRequest(store), tmp_path / "out.csv")
-    again = decode(open_file(path), tmp_path / "again", protocol_set.speech())
+    again = decode(open_file(path), tmp_path / "again", protocol_set.all_protocols())
     units = {column["unit"] for info in again.manifest["channels"] for column in info["columns"]}
     assert "m/s" in units
     assert not any(";" in unit or "NED" in unit for unit in units)

@@ -70,13 +70,13 @@ def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
     rest = [word for one in needed + doors for word in one]
     for option in given:
         others = [] if option in needed + doors else rest
-        alike = {
+        same_product = {
             repr(sorted(vars(arguments.parse([name, *others, *words[:at], *option, *words[at:]])).items()))
             for at in range(len(words) + 1)
         }
-        alike |= {repr(sorted(vars(arguments.parse([name, *words[:at], *option, *words[at:], *others])).items()))
+        same_product |= {repr(sorted(vars(arguments.parse([name, *words[:at], *option, *words[at:], *others])).items()))
                   for at in range(len(words) + 1)}  # fmt: skip
-        assert len(alike) == 1, option
+        assert len(same_product) == 1, option
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -13,7 +13,7 @@ import pytest
 from protocols.events import Event
 from protocols.transactions import DeviceContext, ReopenLink, Send, Sleep, WaitFor, cancel
 from protocols.xbus.driver import XbusDriver
-from server.configuration.device_controller import MOST_WAITING, ControlError, DeviceController
+from server.configuration.device_controller import MAX_WAITING, ControlError, DeviceController
 from server.configuration.transaction_runner import Runner
 from server.links.base import LinkError
 from server.wire import TrafficEntry
@@ -154,7 +154,7 @@ def test_a_full_queue_is_reported(tmp_path: Path) -> None:
         async with house(tmp_path) as here:
             desk = await here.add("sim:xbus")
             work = here.desks.jobs.read(desk, ["LocationID"], "")
-            for _ in range(MOST_WAITING):
+            for _ in range(MAX_WAITING):
                 desk.add("Read", work)
             with pytest.raises(ControlError, match="is full"):
                 desk.add("Read", work)

@@ -33,7 +33,7 @@ def recorded(folder: Path, device: Any, protocol: str) -> ExportRequest:
             writer.chunk("1", "rx", data, START + now)
     writer.close()
     source = open_file(folder / "drive.mcap")
-    return ExportRequest(decode(source, folder / "store", protocol_set.speech()), folder / "drive.mcap", "drive")
+    return ExportRequest(decode(source, folder / "store", protocol_set.all_protocols()), folder / "drive.mcap", "drive")
 
 
 @pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])

@@ -19,7 +19,7 @@ from protocols.schema import Field, Message
 from protocols.xbus.simulator.device import XbusSimulator
 from server import wire, wire_codec
 from server.devices.decode_options import DecodeOptions, changed
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.links.base import LinkError
 from server.streaming.telemetry import Telemetry
 from tests.decode_options import decode_options
@@ -78,11 +78,11 @@ def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
         await stage.run(device, 1)
-        assert stage.link.written == [PROTOCOLS["isb"].greeting]
+        assert stage.link.written == [PROTOCOLS["isb"].identify_request]
         assert stage.info.product == ""
         stage.link.send(device.receive(stage.link.written[0], stage.clock.ns - stage._began))
         await stage.run(device, 0.5)
-        assert (stage.info.name, stage.link.written) == ("IMX-5", [PROTOCOLS["isb"].greeting])
+        assert (stage.info.name, stage.link.written) == ("IMX-5", [PROTOCOLS["isb"].identify_request])
         stage.link.die(LinkError("gone", "gone.", "?"))
         await asyncio.sleep(0.001)
         stage.session.retry()
@@ -93,7 +93,7 @@ def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None
     play(test)
 
 
-def test_files_and_one_way_links_get_no_greeting() -> None:
+def test_files_and_one_way_links_are_not_sent_an_identify_request() -> None:
     class File(FamilyWire):
         kind = "file"
 
@@ -109,7 +109,7 @@ def test_files_and_one_way_links_get_no_greeting() -> None:
     play(test, link=FakeLink)  # its write raises
 
 
-def test_families_without_a_greeting_are_sent_nothing() -> None:
+def test_families_without_an_identify_request_are_sent_nothing() -> None:
     async def test(stage: FamilyHarness) -> None:
         await stage.run(XbusSimulator(measuring=True), 1)
         assert stage.info.status == "live"
@@ -305,7 +305,7 @@ def test_devices_beyond_the_most_are_counted() -> None:
 def test_datagrams_stand_alone() -> None:
     frame = IdtpSimulator().advance(0)[:64]
     for kind, accepted in (("udp", 0), ("serial", 1)):
-        decoder = speech().decoder("idtp", DecodeOptions(), kind)
+        decoder = all_protocols().decoder("idtp", DecodeOptions(), kind)
         for half in (frame[:30], frame[30:]):
             decoder.feed(half, 0)
         assert len([*batches(decoder.drain())]) == accepted

@@ -9,7 +9,7 @@ import pytest
 from server.auth import Access, Guard, RefusedError
 from server.config import Config
 from server.errors import status_of
-from server.login_throttle import ADDRESSES, MOST, UNGUESSABLE, LoginThrottle, client_group, short_tokens
+from server.login_throttle import ADDRESSES, MAX_FAILURES, UNGUESSABLE, LoginThrottle, client_group, short_tokens
 from tests.server.asgi_client import Answer, ask
 
 SHORT, LONG = "short-one", "a-token-that-cannot-be-guessed"
@@ -42,18 +42,18 @@ def rules(clock: ThrottleClock) -> Access:
 
 
 def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: ThrottleClock) -> None:
-    assert [tried(rules, f"guess-{n}") for n in range(12)] == [401] * MOST + [429] * 2
+    assert [tried(rules, f"guess-{n}") for n in range(12)] == [401] * MAX_FAILURES + [429] * 2
     clock.now = 5.9
     assert tried(rules, "guess") == 429
     clock.now = 6.0
     assert [tried(rules, "guess") for _ in range(2)] == [401, 429]
     clock.now = 90.0
-    assert [tried(rules, "guess") for _ in range(12)] == [401] * MOST + [429] * 2
+    assert [tried(rules, "guess") for _ in range(12)] == [401] * MAX_FAILURES + [429] * 2
 
 
 def test_a_guess_that_is_right_is_no_success_while_its_address_is_locked(rules: Access, clock: ThrottleClock) -> None:
     """Otherwise guessing would not be slowed down: only the answers to wrong guesses would change."""
-    for n in range(MOST):
+    for n in range(MAX_FAILURES):
         tried(rules, f"guess-{n}")
     assert tried(rules, SHORT) == 429
     assert tried(rules, SHORT, "198.51.100.8") == "view"
@@ -88,11 +88,11 @@ def test_where_no_token_is_needed_a_wrong_one_does_nothing() -> None:
         assert rules.check("/api/devices", "GET", headers, client="127.0.0.1") == "control"
     proxied = {**headers, "x-forwarded-for": "203.0.113.5"}  # … but behind a proxy it does: loopback counts like others
     statuses = []
-    for _ in range(MOST + 1):
+    for _ in range(MAX_FAILURES + 1):
         with pytest.raises(RefusedError) as refused:
             rules.check("/api/devices", "GET", proxied, client="127.0.0.1")
         statuses.append(status_of(refused.value.kind))
-    assert statuses == [401] * MOST + [429]
+    assert statuses == [401] * MAX_FAILURES + [429]
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_every_way_of_trying_counts_and_is_told_when_to_come_back(
                 return ask(guard, "WS", f"/ws?token={token}")
 
     wrong = 200 if way == "page" else 401  # the page itself is open
-    assert [attempt("wrong").status for _ in range(MOST)] == [wrong] * MOST
+    assert [attempt("wrong").status for _ in range(MAX_FAILURES)] == [wrong] * MAX_FAILURES
     locked = attempt("wrong")
     assert (locked.status, locked.headers["retry-after"]) == (429, "6")
     message = "Too many wrong tokens came from this address."

@@ -11,7 +11,7 @@ import pytest
 from httpx import Client
 
 from server.config import Config, ConfigError, MapTiles, load
-from server.integrations.map_tiles import MOST_BYTES
+from server.integrations.map_tiles import MAX_BYTES
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
@@ -33,7 +33,7 @@ class TileHandler(BaseHTTPRequestHandler):
             "/2/0/0.png": (404, "image/png", b"", {}),
             "/2/1/0.png": (302, "image/png", b"", {"location": "/0/0/0.png"}),
             "/2/2/0.png": (200, "text/html", b"<script>", {}),
-            "/2/3/0.png": (200, "image/png", bytes(MOST_BYTES + 1), {}),
+            "/2/3/0.png": (200, "image/png", bytes(MAX_BYTES + 1), {}),
             "/2/0/1.png": (500, "image/png", b"", {}),
         }.get(self.path, (200, "image/png", PNG + self.path.encode(), {}))
         self.send_response(status)

@@ -28,7 +28,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     kept = drive(path)
     compact(path)
     shares: list[float] = []
-    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech(), progress=shares.append)
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols(), progress=shares.append)
     decoder = PROTOCOLS["xbus"].decoder()
     decoder.feed(kept, 0)
     names: list[str] = []
@@ -54,7 +54,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
 def test_what_follows_from_the_bytes_is_found_anew_and_what_a_person_did_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     drive(path)
-    manifest = decode(McapSource(path), tmp_path / "store", protocol_set.speech()).manifest
+    manifest = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols()).manifest
     texts = [event["text"] for event in manifest["events"]]
     assert "told live" not in texts
     assert "Opened." in texts
@@ -68,7 +68,7 @@ def test_what_follows_from_the_bytes_is_found_anew_and_what_a_person_did_is_kept
 def test_times_are_mapped_as_they_were_live(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     drive(path)
-    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())
     number = next(info["id"] for info in store.manifest["channels"] if info["name"] == "Acceleration")
     rows = store.exact(number, 0, store.rows(number))
     steps = np.diff(rows.time)
@@ -81,7 +81,7 @@ def test_times_are_mapped_as_they_were_live(tmp_path: Path) -> None:
 def test_a_recording_that_names_no_protocol_is_recognised(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     drive(path, seconds=1.0, named=False)
-    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())
     assert store.manifest["devices"][0]["protocol"] == "xbus"
     assert store.manifest["channels"]
 
@@ -99,7 +99,7 @@ def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tm
         if data:
             writer.chunk("1", "rx", data, START + n * 10_000_000)
     writer.close()
-    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())
     told = store.span()
     assert told is not None
     assert told[0] > START / 1e9 - 1.0
@@ -119,7 +119,7 @@ def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None
         if n % 20:
             writer.chunk("1", "rx", data, START + n * 10_000_000)
     writer.close()
-    manifest = decode(McapSource(path), tmp_path / "store", protocol_set.speech()).manifest
+    manifest = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols()).manifest
     gaps = [event for event in manifest["events"] if event["kind"] == "gap"]
     assert len(gaps) == manifest["figures"]["1"]["gaps"] > 40
     assert max(event["t1"] - event["t0"] for event in gaps) < 0.1
@@ -143,7 +143,7 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
         told = store.manifest
         seen.append((told["progress"], store.rows(number), told["ended"]))
 
-    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech(), shown=shown)
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols(), shown=shown)
     number = next(info["id"] for info in store.manifest["channels"] if info["name"] == "Acceleration")
     assert seen
     assert seen == sorted(seen)
@@ -168,7 +168,7 @@ def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch
         store = ColumnStore(folder)
         seen.append((store.manifest["progress"], store.rows(1), store.manifest["ended"]))
 
-    store = decode(open_file(path), tmp_path / "store", protocol_set.speech(), shown=shown)
+    store = decode(open_file(path), tmp_path / "store", protocol_set.all_protocols(), shown=shown)
     assert len(seen) > 2
     assert seen == sorted(seen)
     assert 0 < seen[0][1] < store.rows(1) == 2000
@@ -196,7 +196,7 @@ def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_pat
     writer.event({**outage, "text": "down", "t0": first + 3.0, "t1": first + 3.1, "time": first + 3.1}, START)
     writer.event({**outage, "text": "no time", "t0": None, "t1": float("nan")}, START)
     writer.close()
-    store = decode(McapSource(again), tmp_path / "store", protocol_set.speech())
+    store = decode(McapSource(again), tmp_path / "store", protocol_set.all_protocols())
     gaps = [event for event in store.manifest["events"] if event["kind"] == "gap"]
     assert [event["text"] for event in gaps if event["samples"] == 0] == ["down"]
     assert gaps[-1]["t0"] == pytest.approx(first + 3.0)
@@ -206,7 +206,7 @@ def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_pat
 def test_how_it_fared_is_known_for_every_second(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     kept = drive(path)
-    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())
     second = START // 1_000_000_000
     told = health_history(store.folder, store.manifest["health"], "1", "1", second - 1, second + 4)
     assert told.bytes[0] == 0

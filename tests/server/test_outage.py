@@ -11,7 +11,7 @@ from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.xbus.simulator.device import XbusSimulator
 from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
@@ -27,7 +27,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
         clock = FakeClock()
         telemetry, link = Telemetry.create(clock), FakeLink("tcp://robot:4000", LinkSettings(now_ns=clock.now_ns))
         link.kind = "tcp"
-        session = Session("1", link, telemetry.bus, speech(), DecodeOptions(protocol))
+        session = Session("1", link, telemetry.bus, all_protocols(), DecodeOptions(protocol))
         session.start()
 
         async def stream(device: Any, seconds: float) -> None:

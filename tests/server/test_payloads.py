@@ -20,7 +20,7 @@ from recordings.exporters import ExportRequest, export
 from recordings.importers import open_file
 from recordings.rrd.chunks import name_of
 from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
 from tests.recordings.rrd_tables import column, entities
 
@@ -40,7 +40,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
             number = 3 * k + which
             frames.append(build(kind, payload, timestamp=number * 1000, sequence=number, device=7, mode=SAFETY))
     (folder / "a.bin").write_bytes(b"".join(frames))
-    return decode(open_file(folder / "a.bin", "idtp"), folder / "store", speech(), DecodeOptions("idtp"))
+    return decode(open_file(folder / "a.bin", "idtp"), folder / "store", all_protocols(), DecodeOptions("idtp"))
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -117,6 +117,6 @@ def test_a_data_set_without_a_public_layout_was_in_no_export(tmp_path: Path) -> 
     payloads = [bytes([k]) * 24 for k in range(20)]
     packets = [isb_packet(DATA, 250, one) for one in payloads]
     (tmp_path / "a.bin").write_bytes(b"".join(packets))
-    store = decode(open_file(tmp_path / "a.bin", "isb"), tmp_path / "store", speech(), DecodeOptions("isb"))
+    store = decode(open_file(tmp_path / "a.bin", "isb"), tmp_path / "store", all_protocols(), DecodeOptions("isb"))
     (made,) = export("csv", ExportRequest(store), tmp_path / "x.csv")
     assert [row["data"] for row in rows_of(made)] == [one.hex() for one in payloads]

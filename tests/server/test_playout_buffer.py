@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from server.integrations.playout_buffer import DELAY_S, FAR_S, MESSAGES_PER_S, MOST_WAITING, OVERDUE_S, PlayoutBuffer
+from server.integrations.playout_buffer import DELAY_S, FAR_S, MAX_WAITING, MESSAGES_PER_S, OVERDUE_S, PlayoutBuffer
 from server.wire_codec import SampleFrame
 
 AHEAD = 1_000_000.0  # of the server's clock over ours
@@ -69,6 +69,6 @@ def test_what_has_a_time_that_never_comes_is_shown_all_the_same_and_memory_is_bo
     playout.add(message(99.0, 0.001, 3, sent=10.0), 10.0)
     assert shown(playout, 10.0 + OVERDUE_S - 0.01) == [pytest.approx(10.002)]
     assert shown(playout, 10.1 + OVERDUE_S) == [pytest.approx(99.002)]
-    for i in range(3 * MOST_WAITING):
+    for i in range(3 * MAX_WAITING):
         playout.add(message(float(i), 0.001, 3), float(i))
-    assert len(shown(playout, *np.arange(0, 3 * MOST_WAITING, 0.001).tolist())) <= 3 * MOST_WAITING
+    assert len(shown(playout, *np.arange(0, 3 * MAX_WAITING, 0.001).tolist())) <= 3 * MAX_WAITING

@@ -188,7 +188,7 @@ def test_a_glb_goes_on_as_it_is_with_its_scale() -> None:
     [
         (b"", "neither"),
         (b"PK\x03\x04", "neither"),
-        (bytes(meshes.MOST_BYTES + 1), "20 MB"),
+        (bytes(meshes.MAX_BYTES + 1), "20 MB"),
         (stl(np.zeros((3, 3), "<f4")), "the same"),
         (stl(np.full((3, 3), np.inf, "<f4")), "is not a number"),
         (b"solid nothing\nendsolid", "no complete triangle"),

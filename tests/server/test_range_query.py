@@ -29,7 +29,7 @@ from tests.recordings.recorded_drive import drive
 @pytest.fixture
 def store(tmp_path: Path) -> ColumnStore:
     drive(tmp_path / "a.mcap", seconds=6.0)
-    return decode(McapSource(tmp_path / "a.mcap"), tmp_path / "store", protocol_set.speech())
+    return decode(McapSource(tmp_path / "a.mcap"), tmp_path / "store", protocol_set.all_protocols())
 
 
 def hub_with(store: ColumnStore) -> tuple[Telemetry, dict[int, int]]:

@@ -12,7 +12,7 @@ from protocols.idtp.custom_payloads import parse, written
 from protocols.idtp.frames import SAFETY, SECURE, build
 from recordings.importers import open_file
 from server.devices.decode_options import DecodeOptions, recorded
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.library.column_cache import ColumnCache
 from server.library.decode import decode
 from tests.decode_options import decode_options
@@ -68,9 +68,9 @@ def test_the_first_device_seen() -> None:
 
 def test_a_dropped_capture_had_only_the_key_of_the_server(tmp_path: Path) -> None:
     source = open_file(capture(tmp_path), "idtp")
-    columns = decode(source, tmp_path / "store", speech(), DecodeOptions(), usual=SAID)
+    columns = decode(source, tmp_path / "store", all_protocols(), DecodeOptions(), usual=SAID)
     assert {info["name"] for info in columns.manifest["channels"]} == {"Speed", "Steering", "WheelsStatus"}
-    columns = decode(source, tmp_path / "other", speech(), DecodeOptions())
+    columns = decode(source, tmp_path / "other", all_protocols(), DecodeOptions())
     assert {info["name"] for info in columns.manifest["channels"]} == {"0x80Status"}
 
 

@@ -27,7 +27,7 @@ from websockets.exceptions import ConnectionClosed
 from recordings.rrd.chunks import name_of
 from server import wire
 from server.integrations.proxy import ViewError
-from server.integrations.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, RerunFeed, RerunViewer
+from server.integrations.rerun import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
 from server.streaming.channels import ChannelRows
 from server.streaming.telemetry import Telemetry
 from server.wire_codec import SampleFrame
@@ -167,14 +167,14 @@ def test_a_viewer_that_does_not_keep_up_loses_the_oldest_and_is_told_how_many() 
     async def look() -> None:
         viewer = RerunViewer()
         viewer.is_idle.append(b"still")
-        for n in range(MOST_LIVE + 5):
+        for n in range(MAX_LIVE + 5):
             viewer.offer(float(n + 1), b"live %d" % n)
         viewer.remember(b"newest of before")
         viewer.remember(b"older")
         viewer.remember(bytes(PAST_BYTES))  # more than it may cost
         assert viewer.dropped == 5
         taken = []
-        for n in range(MOST_LIVE + 3):
+        for n in range(MAX_LIVE + 3):
             taken.append((await viewer.take())[1])
             viewer.acknowledge(n + 1)
         assert taken[:2] == [b"still", b"live 5"]

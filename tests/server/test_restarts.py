@@ -17,7 +17,7 @@ from server.cli import main
 from server.config import Config
 from server.devices import protocol_set
 from server.devices.decode_options import DecodeOptions
-from server.devices.sequence_store import MOST, SequenceStore, check_format_version
+from server.devices.sequence_store import MAX_DEVICES, SequenceStore, check_format_version
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
@@ -40,7 +40,7 @@ class RestartHarness:
         self.telemetry = Telemetry.create(self.clock)
         self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
         self.link.kind = kind  # type: ignore[assignment]
-        self.session = Session("1", self.link, self.telemetry.bus, protocol_set.speech(), reading, store)
+        self.session = Session("1", self.link, self.telemetry.bus, protocol_set.all_protocols(), reading, store)
 
     async def settle(self) -> None:
         for _ in range(3):
@@ -254,7 +254,7 @@ def secured(tmp_path: Path) -> Iterator[tuple[InProcessServer, FakeLink]]:
         return links[-1]
 
     config = Config(sources=("/dev/one",), protocol="idtp", decode_options={"key": KEY.hex()}, data=tmp_path)
-    with InProcessServer(config, open_link, protocol_set.speech()) as running:
+    with InProcessServer(config, open_link, protocol_set.all_protocols()) as running:
         for sequence in (1000, 0):
             running.call(links[0].send, b"".join(captured(sequence)))
         asyncio.run(
@@ -345,10 +345,10 @@ def test_a_backlog_says_nothing_of_the_unit() -> None:
 
 def test_the_store_is_bounded_and_survives_rubbish(tmp_path: Path) -> None:
     store = SequenceStore(tmp_path)
-    store.update(KEY, {device: device for device in range(MOST + 100)})
+    store.update(KEY, {device: device for device in range(MAX_DEVICES + 100)})
     store.save()
     path = tmp_path / "secure-sequences.json"
-    assert sum(len(one) for one in json.loads(path.read_text()).values()) == MOST
+    assert sum(len(one) for one in json.loads(path.read_text()).values()) == MAX_DEVICES
     for rubbish in ("", "null", "[1]", '{"a": 1}', '{"a": {"x": [1, 2]}}', '{"a": {"1": [-1, 2]}}', "{" * 100_000):
         path.write_text(rubbish)
         assert SequenceStore(tmp_path).restore(KEY) == {}

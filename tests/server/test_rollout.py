@@ -15,7 +15,7 @@ from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
 from server.configuration.budget import overload
 from server.configuration.preview import DevicePresentState, SerialLine
-from server.configuration.products import alike, base_name, mismatch
+from server.configuration.products import base_name, mismatch, same_product
 from server.configuration.settings_diff import SideValues, compare
 from tests.server.control_harness import house, outputs
 
@@ -76,16 +76,16 @@ def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -> None
 @pytest.mark.parametrize("model", MODELS.values(), ids=lambda model: model.name)
 def test_every_product_is_itself_whatever_the_version_of_its_hardware(model: Any) -> None:
     assert base_name(f"{model.name}-8A1G6") == model.name
-    assert alike(f"{model.name}-8A1G6", f"{model.name}-2A8G4")
-    assert [other.name for other in MODELS.values() if alike(other.name, model.name)] == [model.name]
+    assert same_product(f"{model.name}-8A1G6", f"{model.name}-2A8G4")
+    assert [other.name for other in MODELS.values() if same_product(other.name, model.name)] == [model.name]
 
 
 def test_a_profile_of_another_product_is_reported() -> None:
     """A profile of an MTi-300 once took position and velocity from an MTi-680G without a word."""
     assert "“MTi-680G” has" in mismatch("MTi-300-2A8G4", "MTi-680G-8A1G6")
     assert mismatch("", "MTi-680G-8A1G6") == ""
-    assert alike("IMX-5.0.4", "IMX-5.0.6")
-    assert not alike("IMX-5.0.4", "uINS-4.0.0")
+    assert same_product("IMX-5.0.4", "IMX-5.0.6")
+    assert not same_product("IMX-5.0.4", "uINS-4.0.0")
 
 
 def test_file_errors_are_reported_before_applying() -> None:

@@ -26,7 +26,7 @@ from server.configuration.correction_manager import CorrectionManager
 from server.configuration.device_controller import DeviceController
 from server.configuration.preview import fit, preview_setting
 from server.configuration.risk_check import SHARED, plan_changes
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.errors import DomainError
 from server.library.decode import decode
 from server.library.recorder import Recorder, RecordingOptions
@@ -407,6 +407,6 @@ def test_recorded_settings_are_of_the_device_with_their_address(tmp_path: Path) 
             frame = build(0x36, bytes.fromhex(f"102002{k:04x}106004{100 * k:08x}"), bid)
             writer.chunk("1", "rx", frame, 1_760_000_000_000_000_000 + k * 10_000_000)
     writer.close()
-    store = decode(McapSource(path), tmp_path / "store", speech())
+    store = decode(McapSource(path), tmp_path / "store", all_protocols())
     told = {device: body["values"]["LocationID"]["location_id"] for device, body in store.manifest["snapshots"].items()}
     assert told == {"1": 2, "1.1": 1}

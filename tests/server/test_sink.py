@@ -21,7 +21,7 @@ from server import wire
 from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import DeviceState
 from server.devices.ingest import LinkTiming
-from server.library.collector import MOST_EVENTS, RecordingSink
+from server.library.collector import MAX_EVENTS, RecordingSink
 from server.links.base import Chunk
 from server.streaming.channels import ChannelRows
 from server.streaming.sink import SampleArchive, TelemetrySink
@@ -153,9 +153,9 @@ def test_a_device_that_leaves_is_forgotten_live_and_kept_in_a_recording(recordin
 
 
 def test_a_recording_keeps_so_many_events_and_every_gap(recording: RecordingSink) -> None:
-    for _ in range(MOST_EVENTS + 5):
+    for _ in range(MAX_EVENTS + 5):
         recording.event("1", "reject", "warning", "x")
     gap = recording.event("1", "gap", "error", "lost", span=(1.0, 2.0), samples=3)
-    assert (len(recording.events), recording.left_out) == (MOST_EVENTS + 1, 5)
+    assert (len(recording.events), recording.left_out) == (MAX_EVENTS + 1, 5)
     assert recording.events[-1] is gap
     assert (gap.t0, gap.t1, gap.samples, gap.time) == (1.0, 2.0, 3, recording.now())

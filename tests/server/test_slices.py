@@ -12,8 +12,8 @@ import pytest
 
 from server.devices import slices
 from server.devices.event_reporter import TEXT_SORTS
-from server.devices.link_stats import MOST_MESSAGES
-from server.devices.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
+from server.devices.link_stats import MAX_MESSAGES
+from server.devices.slices import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, Slices, Turns
 from server.links import open_link
 from server.links.base import CHUNK_COST, Chunk, LinkSettings
 from server.links.reader_thread import ChunkQueue
@@ -47,7 +47,7 @@ def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
             made.begin()
             clock.s += made.size * byte_s
             made.end()
-        assert made.size == slices.MOST or SLICE_S / 2 <= made.size * byte_s <= SLICE_S
+        assert made.size == slices.MAX_BYTES or SLICE_S / 2 <= made.size * byte_s <= SLICE_S
 
     asyncio.run(check())
 
@@ -56,11 +56,11 @@ def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
     async def check() -> None:
         clock = SliceClock()
         made = Slices(clock)
-        made.add(FIRST)
+        made.add(INITIAL_BYTES)
         made.begin()
         clock.s += 0.1
         made.end()
-        assert made.size == LEAST
+        assert made.size == MIN_BYTES
 
     asyncio.run(check())
 
@@ -87,7 +87,7 @@ def test_what_any_slice_costs_does_not_make_slices_small(constant: float, full: 
         made.begin()
         clock.s += 100 * (constant + made.size * 1e-7)
         made.end()
-        assert made.size == LEAST, "a flood begins"
+        assert made.size == MIN_BYTES, "a flood begins"
 
     asyncio.run(check())
 
@@ -119,7 +119,7 @@ def put(inbox: ChunkQueue, count: int, size: int) -> None:
 
 def test_what_waits_is_bounded_and_what_is_dropped_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """64 MB were kept, and decoded in one turn of the event loop. A recording is told before anything is dropped."""
-    monkeypatch.setattr("server.links.reader_thread.MOST_HELD", 10_000)
+    monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 10_000)
 
     async def check() -> None:
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
@@ -167,7 +167,7 @@ def test_the_first_slice_is_a_small_one() -> None:
         async with stage("udp://127.0.0.1:0?protocol=xbus") as there:
             await until(lambda: there.info.is_open, "the port is open")
             link = cast(UdpLink, there.session._link)
-            assert link.flow.at_once == FIRST
+            assert link.flow.at_once == INITIAL_BYTES
 
     asyncio.run(check())
 
@@ -194,7 +194,7 @@ def test_a_datagram_is_cut_where_nothing_is_framed_by_its_end(protocol: str, who
 
 
 def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.reader_thread.MOST_HELD", 10_000)
+    monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 10_000)
 
     async def check() -> None:
         link = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
@@ -216,7 +216,7 @@ def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.Mon
 
 def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """20 MB of sentence heads by UDP froze the server for good; here 2 MB, of which most cannot wait."""
-    monkeypatch.setattr("server.links.reader_thread.MOST_HELD", 300_000)
+    monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 300_000)
 
     async def check() -> None:
         async with stage("udp://127.0.0.1:0?protocol=xbus") as made:
@@ -244,7 +244,7 @@ def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatc
 
 def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each distinct sentence was a meter, a channel with its ring, and a line of the log, for ever."""
-    monkeypatch.setattr("server.streaming.channels.MOST_CHANNELS", 3)
+    monkeypatch.setattr("server.streaming.channels.MAX_CHANNELS", 3)
     letters = "ABCDEFGHIJKLM"
     names = [f"P{a}{b}{c}" for a in letters for b in letters for c in letters][:1000]
 
@@ -258,7 +258,7 @@ def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.Monk
                 there.session.decode()
                 there.session.tick(there.telemetry.bus.now())
             assert len(there.telemetry.store.all) == 3
-            assert len(intake.stats.messages) == MOST_MESSAGES + 1
+            assert len(intake.stats.messages) == MAX_MESSAGES + 1
             assert sum(meter.total for meter in intake.stats.messages.values()) == len(names)
             assert len(there.events("text")) == TEXT_SORTS + 1
             assert sum("quantities" in event.text for event in there.events("device")) == 1

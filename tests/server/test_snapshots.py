@@ -15,7 +15,7 @@ from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
-from server.configuration.snapshots import MOST_FILES, Snapshot, SnapshotError, Snapshots, from_text, to_text
+from server.configuration.snapshots import MAX_FILES, Snapshot, SnapshotError, Snapshots, from_text, to_text
 from server.configuration.value_format import field_at, title_at, value_at
 
 ROWS = {row.name: row for row in XbusDriver().settings(DeviceContext(product="MTi-630"))}
@@ -113,10 +113,10 @@ def test_names_are_never_paths(tmp_path: Path, name: str) -> None:
 def test_the_oldest_go_but_not_the_pinned(tmp_path: Path) -> None:
     folder = Snapshots(tmp_path)
     first = keep(folder, "First contact", 0.0, pinned=True)
-    for taken in range(1, MOST_FILES + 3):
+    for taken in range(1, MAX_FILES + 3):
         keep(folder, "Before this change", float(taken))
     names = [info.name for info in folder.all("xbus", "0080")]
-    assert len(names) == MOST_FILES
+    assert len(names) == MAX_FILES
     assert first in names
     assert "19700101T000001Z-before-this-change" not in names
 
@@ -202,7 +202,7 @@ def test_one_that_cannot_be_read_is_listed_with_the_reason_and_never_culled(tmp_
     assert "Update imuscope" in newest.reason
     assert "not text" in found["torn"].reason
     assert [info.readable for info in found.values()].count(True) == 1
-    for second in range(MOST_FILES + 2):
+    for second in range(MAX_FILES + 2):
         keep(folder, "Loose", 10.0 + second)
     assert later.exists()
 

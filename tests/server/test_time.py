@@ -22,7 +22,7 @@ from protocols.xbus.simulator.device import XbusSimulator
 from server import wire
 from server.devices.decode_options import DecodeOptions
 from server.devices.jitter_causes import cause_of
-from server.devices.protocol_set import speech
+from server.devices.protocol_set import all_protocols
 from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
@@ -43,7 +43,7 @@ class TimeHarness:
         self.clock = FakeClock()
         self.telemetry = Telemetry.create(self.clock)
         self.link: Any = FakeLink("/dev/ttySIM", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.telemetry.bus, speech(), DecodeOptions(protocol="xbus"))
+        self.session = Session("1", self.link, self.telemetry.bus, all_protocols(), DecodeOptions(protocol="xbus"))
         self.began = self.clock.ns
         self.cable = SimulatedLine(faults, 0, "xbus")
         self.device = self._powered(0)
@@ -246,7 +246,7 @@ def test_a_capture_played_faster_was_a_clock_that_jumped(speed: float) -> None:
         telemetry = Telemetry.create(clock)
         link: Any = FakeLink("/dev/ttySIM", LinkSettings(now_ns=clock.now_ns))
         link.speed = speed
-        session = Session("1", link, telemetry.bus, speech(), DecodeOptions(protocol="idtp"))
+        session = Session("1", link, telemetry.bus, all_protocols(), DecodeOptions(protocol="idtp"))
         session.start()
         await asyncio.sleep(0.001)
         device, began = IdtpSimulator(), clock.ns

@@ -11,7 +11,7 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Field, Message
 from protocols.xbus.frames import build
 from server.configuration.controllers import decode
-from server.configuration.traffic_log import MOST_A_SECOND, MOST_ENTRIES, TrafficLog, values_text
+from server.configuration.traffic_log import MAX_A_SECOND, MAX_ENTRIES, TrafficLog, values_text
 from server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock
 
@@ -81,10 +81,10 @@ def test_a_frame_that_is_sent_again_and_again_is_one_line() -> None:
 def test_a_talkative_device_is_limited_and_reported() -> None:
     clock = FakeClock()
     one = log(clock, build(0x31))
-    for _ in range(MOST_A_SECOND + 7):
+    for _ in range(MAX_A_SECOND + 7):
         one.on_received(reply(clock))
     one.flush()
-    assert len(one.tail(limit=500)) == MOST_A_SECOND
+    assert len(one.tail(limit=500)) == MAX_A_SECOND
     clock.move(1.5)
     one.on_received(reply(clock))
     one.flush()
@@ -93,13 +93,13 @@ def test_a_talkative_device_is_limited_and_reported() -> None:
 
 def test_it_is_bounded_and_read_backwards() -> None:
     one = log(FakeClock())
-    for number in range(MOST_ENTRIES + 10):
+    for number in range(MAX_ENTRIES + 10):
         one.add_note(str(number))
-    assert len(one.tail(limit=10 * MOST_ENTRIES)) == MOST_ENTRIES
+    assert len(one.tail(limit=10 * MAX_ENTRIES)) == MAX_ENTRIES
     newest = one.tail(limit=3)
-    assert [entry.text for entry in newest] == [str(MOST_ENTRIES + n) for n in (7, 8, 9)]
+    assert [entry.text for entry in newest] == [str(MAX_ENTRIES + n) for n in (7, 8, 9)]
     older = one.tail(newest[0].seq, 2)
-    assert [entry.text for entry in older] == [str(MOST_ENTRIES + n) for n in (5, 6)]
+    assert [entry.text for entry in older] == [str(MAX_ENTRIES + n) for n in (5, 6)]
 
 
 def test_samples_are_logged_only_on_request() -> None:

@@ -19,7 +19,7 @@ from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import DeviceState
 from server.links.base import Chunk
 from server.streaming.telemetry import Telemetry
-from server.streaming.unknown_payloads import MOST_BYTES, MOST_KINDS, UnknownPayloadTracker
+from server.streaming.unknown_payloads import MAX_BYTES, MAX_KINDS, UnknownPayloadTracker
 from tests.server.fakes import FakeClock
 
 
@@ -67,7 +67,7 @@ def test_a_long_payload_is_cut_and_its_size_reported() -> None:
     message = Message(1, "Blob", (Field("data", "bytes", (-1,)),), kind="reply")
     assert unknown_payloads.reply(Reply(message, {"data": bytes(1500)}, 0, 1508, 0))
     [raw] = unknown_payloads.report(0.0)
-    assert (raw.size, len(raw.hex)) == (1500, 2 * MOST_BYTES)
+    assert (raw.size, len(raw.hex)) == (1500, 2 * MAX_BYTES)
 
 
 def test_unverified_bytes_are_told_apart() -> None:
@@ -78,14 +78,14 @@ def test_unverified_bytes_are_told_apart() -> None:
 
 def test_kinds_are_bounded_and_what_is_beyond_is_counted() -> None:
     unknown_payloads = UnknownPayloadTracker("1")
-    for number in range(2 * MOST_KINDS):
+    for number in range(2 * MAX_KINDS):
         message = Message(number, f"M{number}", (Field("data", "bytes", (2,)),))
         one = np.zeros(1, np.int64)
         unknown_payloads.batch(
             Batch(message, "", one, one, None, {"data": np.zeros((1, 2), np.uint8)}), np.full(1, np.nan)
         )
-    assert len(unknown_payloads.report(0.0)) == MOST_KINDS
-    assert unknown_payloads.beyond == MOST_KINDS
+    assert len(unknown_payloads.report(0.0)) == MAX_KINDS
+    assert unknown_payloads.beyond == MAX_KINDS
 
 
 def test_other_replies_are_left_alone() -> None:

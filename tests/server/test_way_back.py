@@ -147,7 +147,7 @@ def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
         async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
             desk, _ = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
-            assert job.message == rollback.NOT_TAKEN
+            assert job.message == rollback.NOT_ACCEPTED
             notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.way == "note"]
             assert any("not sent: dynamicModel does not fit" in text for text in notes)
 

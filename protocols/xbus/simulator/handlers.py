@@ -34,8 +34,8 @@ from protocols.xbus.simulator.settings import (
 if TYPE_CHECKING:
     from protocols.xbus.simulator.device import XbusSimulator
 
-MOST_ITEMS = 32  # of an output configuration
-MOST_DELAY, MOST_OFFSET = 60_000, 30_000  # tables 9 and 10, 100 µs
+MAX_ITEMS = 32  # of an output configuration
+MAX_DELAY, MAX_OFFSET = 60_000, 30_000  # tables 9 and 10, 100 µs
 RTCM = 0xD3
 EMTS_BYTES = 256
 TURNING = math.radians(1)  # rad/s: faster is not at rest
@@ -143,7 +143,7 @@ def configuration(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 def output_configuration(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Both forms return the list in effect; an entry 0, 0 stands for an empty list."""
-    if len(payload) % 4 or len(payload) > 4 * MOST_ITEMS:
+    if len(payload) % 4 or len(payload) > 4 * MAX_ITEMS:
         raise RequestRefusedError(ERROR_MESSAGE)
     if payload:
         requested = [pair for pair in struct.iter_unpack(">HH", payload) if pair != (0, 0)]
@@ -170,9 +170,9 @@ def _is_sync(device: XbusSimulator, entry: bytes) -> bool:
     function, line, polarity, once = entry[:4]
     delay = int.from_bytes(entry[10:12], "big")
     if function in SYNC_OUT:
-        fits = delay <= MOST_OFFSET or delay >= 65_536 - MOST_OFFSET
+        fits = delay <= MAX_OFFSET or delay >= 65_536 - MAX_OFFSET
     else:
-        fits = delay <= MOST_DELAY or function == CLOCK_BIAS
+        fits = delay <= MAX_DELAY or function == CLOCK_BIAS
     model = device.product.model
     has = function in functions_of(model) and line in lines_of(model) and is_wired(function, line)
     return fits and has and polarity <= 3 and once <= 1

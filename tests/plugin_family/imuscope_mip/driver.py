@@ -274,4 +274,4 @@ def identity(reply: Reply) -> Mapping[str, str]:
     return identity_of(reply.values)
 
 
-GREETING = frame_from_json({"message": "GetDeviceInformation"})
+IDENTIFY_REQUEST = frame_from_json({"message": "GetDeviceInformation"})

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from imuscope_mip.decoder import MipDecoder, MipLister, detection_score
-from imuscope_mip.driver import GREETING, MipDriver, identity
+from imuscope_mip.driver import IDENTIFY_REQUEST, MipDriver, identity
 from imuscope_mip.json_codec import frame_from_json
 from imuscope_mip.messages import ROWS
 from imuscope_mip.packets import HEADER, SUM, SYNC, build, scan
@@ -79,7 +79,7 @@ FAMILY = ProtocolInfo(
     scan,
     short="MIP",
     identity=identity,
-    greeting=GREETING,
+    identify_request=IDENTIFY_REQUEST,
     bauds=(115_200,),
     driver=DRIVER,
     composer=_composer,

@@ -11,7 +11,7 @@ export const TILE_PX = 256;
 const DEEPEST = 19;
 const EQUATOR_M = 40_075_016.7;
 /** More than a screen full, an upper limit for any picture. */
-const MOST_TILES = 96;
+const MAX_TILES = 96;
 const KEPT = 256;
 const AT_ONCE = 6;
 const RADIAN = Math.PI / 180;
@@ -66,7 +66,7 @@ export function tilesUnder(view: TrackView, origin: Origin, w: number, h: number
     number,
   ];
   const n = 2 ** z;
-  if ((right - left + 1) * (bottom - top + 1) > MOST_TILES) return [];
+  if ((right - left + 1) * (bottom - top + 1) > MAX_TILES) return [];
   const found: Placed[] = [];
   for (let x = left; x <= right; x += 1) {
     for (let y = Math.max(0, top); y <= Math.min(n - 1, bottom); y += 1) {

@@ -26,7 +26,7 @@ export const NO_STATS: Stats = { n: 0, mean: NaN, sigma: NaN, min: NaN, max: NaN
 /** Samples used for the anchor: sine and cosine cost ten times the rest. */
 const ANCHOR_SAMPLES = 2000;
 /** A shorter resultant, of unit vectors, has no meaningful direction. */
-const LEAST_RESULTANT = 0.05;
+const MIN_RESULTANT = 0.05;
 /** Passes over the samples; the second corrects the anchor's error for a skewed distribution. */
 const PASSES = 3;
 /** An anchor that moves by less than this part of the period has converged. */
@@ -91,7 +91,7 @@ function around(
   other: number,
 ): { readonly mean: number; readonly sigma: number } {
   const [direction, resultant] = directionOf(values, mask, from, to, period);
-  const isTold = resultant >= LEAST_RESULTANT;
+  const isTold = resultant >= MIN_RESULTANT;
   let anchor = isTold ? direction : other;
   let moments = new Moments();
   for (let pass = 0; pass < PASSES; pass++) {

@@ -11,8 +11,8 @@ export interface Chip {
 }
 
 /** A longer run of bytes is cut here; the copy has them all. */
-const MOST_BYTES = 24;
-const MOST_WORDS = 44;
+const MAX_BYTES = 24;
+const MAX_WORDS = 44;
 
 /** The row of a path: an element of a list, else the field. Names of fields may contain dots. */
 export function rowOf(path: string): string {
@@ -32,7 +32,7 @@ export function chipsOf(frame: FrameInfo): readonly Chip[] {
     const [begin, size] = [first?.offset ?? 0, spans.reduce((sum, span) => sum + span.size, 0)];
     return {
       key: `${k}`,
-      bytes: spaced(frame.hex.slice(2 * begin, 2 * (begin + size)), MOST_BYTES),
+      bytes: spaced(frame.hex.slice(2 * begin, 2 * (begin + size)), MAX_BYTES),
       words: cut(spans.map(brief).join(" · ")),
       path,
     };
@@ -53,14 +53,14 @@ function brief({ label, path }: SpanInfo): string {
   return path.includes(".") ? said.replace(/^with every message.*/, "every") : label;
 }
 
-const cut = (text: string): string => (text.length > MOST_WORDS ? `${text.slice(0, MOST_WORDS - 1)}…` : text);
+const cut = (text: string): string => (text.length > MAX_WORDS ? `${text.slice(0, MAX_WORDS - 1)}…` : text);
 
 /** Full text of a chip, for the line under the bytes. */
 export function spelled(frame: FrameInfo, path: string): readonly { readonly bytes: string; readonly words: string }[] {
   return frame.spans
     .filter((span) => span.path !== "" && rowOf(span.path) === path)
     .map(({ offset, size, label }) => ({
-      bytes: spaced(frame.hex.slice(2 * offset, 2 * (offset + size)), MOST_BYTES),
+      bytes: spaced(frame.hex.slice(2 * offset, 2 * (offset + size)), MAX_BYTES),
       words: label,
     }));
 }

@@ -12,7 +12,7 @@ interface Props {
   readonly hover: (path: string) => void;
 }
 
-const MOST_FRAMES = 6;
+const MAX_FRAMES = 6;
 
 export function BytesView({ frames, changed, hot, hover }: Props) {
   const [copied, setCopied] = useState(false);
@@ -40,10 +40,10 @@ export function BytesView({ frames, changed, hot, hover }: Props) {
           {copied ? TEXT.copied : TEXT.copyHex}
         </button>
       </div>
-      {frames.slice(0, MOST_FRAMES).map((frame, k) => (
+      {frames.slice(0, MAX_FRAMES).map((frame, k) => (
         <Frame key={k} frame={frame} named={frames.length > 1} changed={changed} hot={hot} hover={hover} />
       ))}
-      {frames.length > MOST_FRAMES && <p class="dim hex-description">{TEXT.moreFrames(frames.length - MOST_FRAMES)}</p>}
+      {frames.length > MAX_FRAMES && <p class="dim hex-description">{TEXT.moreFrames(frames.length - MAX_FRAMES)}</p>}
       <p class="hex-description" aria-hidden="true">
         {said.slice(0, 6).map(({ bytes, words }, k) => (
           <span key={k}>

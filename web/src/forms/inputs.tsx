@@ -298,13 +298,13 @@ export function TextInput(props: InputProps) {
 }
 
 /** A longer vector is edited as one text of numbers. */
-const MOST_INPUTS = 16;
+const MAX_INPUTS = 16;
 
 export function VectorInput(props: InputProps) {
   const { sheet, field, path } = props;
   const values = at(sheet.values, path);
   const count = field.length || (Array.isArray(values) ? values.length : 0);
-  if (count > MOST_INPUTS) return <NumbersInput {...props} />;
+  if (count > MAX_INPUTS) return <NumbersInput {...props} />;
   return (
     <span class="vector">
       {Array.from({ length: count }, (_, place) => {

@@ -18,7 +18,7 @@ interface Entry extends Found {
 
 export type Index = readonly Entry[];
 
-const MOST_FOUND = 60;
+const MAX_FOUND = 60;
 
 /** The search index, built once for the forms of a device. */
 export function indexOf(forms: Forms): Index {
@@ -139,7 +139,7 @@ export function search(index: Index, query: string): readonly Found[] {
   });
   return [...found.values()]
     .sort((a, b) => b[1] - a[1])
-    .slice(0, MOST_FOUND)
+    .slice(0, MAX_FOUND)
     .map(([one]) => one);
 }
 

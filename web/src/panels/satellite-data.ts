@@ -50,7 +50,7 @@ const SYSTEMS: readonly (readonly [words: RegExp, letter: string, name: string])
 /** The weakest use last. */
 const ORDER: readonly Use[] = ["used", "healthy", "not used", "unhealthy"];
 /** A table has no more rows than this: satellites times signals. */
-const MOST_ROWS = 200;
+const MAX_ROWS = 200;
 
 /** The tables of satellites among a device's channels; those of signals only if there is none of satellites. */
 export function skyTables(channels: readonly Channel[]): readonly SkyTable[] {
@@ -79,7 +79,7 @@ export function skyAt(table: SkyTable, i: number): readonly Constellation[] {
   const arrival = ring.arrival(i);
   const groups = new Map<string, Map<string, Satellite>>();
   const seen = new Set<string>();
-  for (let k = i; k >= 0 && k > i - MOST_ROWS && ring.arrival(k) === arrival; k--) {
+  for (let k = i; k >= 0 && k > i - MAX_ROWS && ring.arrival(k) === arrival; k--) {
     const [letter, name] = systemOf(table, k);
     const id = `${letter}${String(ring.value(table.satellite, k)).padStart(2, "0")}`;
     const row = `${id} ${table.signal < 0 ? "" : ring.value(table.signal, k)}`;

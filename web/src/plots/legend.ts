@@ -138,10 +138,10 @@ function makeRoom(row: Row, characters: number): void {
 
 /** Characters of a value before its decimals: an angle "−179.", an acceleration "−19.", most others "−9.". */
 const ROOM: Readonly<Record<string, number>> = { "°": 5, "°/s": 5, "m/s²": 4, µT: 4 };
-const LEAST_ROOM = 3;
+const MIN_ROOM = 3;
 
 function usualRoom({ channel, column }: Series): number {
-  return ROOM[channel.info.columns[column]?.unit || channel.info.unit] ?? LEAST_ROOM;
+  return ROOM[channel.info.columns[column]?.unit || channel.info.unit] ?? MIN_ROOM;
 }
 
 /** Change of a series from `t` to `to`: the second less the first, for an angle the short way round. */

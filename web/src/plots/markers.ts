@@ -11,9 +11,9 @@ export interface MarkLine {
   readonly text: string;
 }
 
-/** Words are cut to this, px; with less room than LEAST_PX before the next marker they are omitted. */
-const MOST_PX = 160;
-const LEAST_PX = 26;
+/** Words are cut to this, px; with less room than MIN_PX before the next marker they are omitted. */
+const MAX_PX = 160;
+const MIN_PX = 26;
 const FLAG_PX = 8;
 
 /** The words of a marker without text. */
@@ -36,7 +36,7 @@ export function placed(
     const x = xOf(w, marker.time);
     const next = seen[k + 1];
     const end = next === undefined ? w.left + w.width : xOf(w, next.time);
-    return { ...marker, x, room: Math.min(MOST_PX, end - x - FLAG_PX - 8) };
+    return { ...marker, x, room: Math.min(MAX_PX, end - x - FLAG_PX - 8) };
   });
 }
 
@@ -59,7 +59,7 @@ export function drawMarkers(
     x.lineTo(px + FLAG_PX, top + 5);
     x.lineTo(px, top + 9);
     x.fill();
-    if (text === "" || room < LEAST_PX) continue;
+    if (text === "" || room < MIN_PX) continue;
     x.fillText(fitting(x, text, room), px + FLAG_PX + 3, top + 6);
   }
 }

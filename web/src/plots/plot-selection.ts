@@ -76,7 +76,7 @@ const OTHER_WEIGHT = 0.9;
 /** Number of plots of a device that sends none of the design's quantities. */
 const FALLBACK = 4;
 /** Offered per record: a GNSS fix has thirty numbers, too many for a row of buttons. */
-const MOST_OF_RECORD = 8;
+const MAX_OF_RECORD = 8;
 const SERIES_IN_PLOT = 3;
 /** Times, counts and reserved fields: never plotted. */
 const NOT_PLOTTED =
@@ -178,7 +178,7 @@ function loosePlots(channel: Channel): PlotSpec[] {
     groups.set(group, [...(groups.get(group) ?? []), c]);
   });
   const alone = groups.size === 1;
-  return [...groups.values()].slice(0, MOST_OF_RECORD).map((columns) => {
+  return [...groups.values()].slice(0, MAX_OF_RECORD).map((columns) => {
     const first = channel.info.columns[columns[0]!]!;
     const name = columns.length > 1 ? first.name.replace(/_?[a-z0-9]$/i, "") : first.label || first.name;
     const numbers = columns.map((c) => channel.info.columns[c]!.name).filter((own) => /^\d+$/.test(own));

@@ -50,7 +50,7 @@ export interface StackDeps {
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
 /** With more further quantities than this they are grouped by message. */
-const MOST_OFFERED = 12;
+const MAX_OFFERED = 12;
 /** A longer title reaches the tick labels, px from the left. */
 const TITLE_PX = 126;
 
@@ -202,7 +202,7 @@ class Stack {
     );
     const groups = new Map<string, PlotSpec[]>();
     for (const spec of others) {
-      const group = others.length > MOST_OFFERED ? spec.group : "";
+      const group = others.length > MAX_OFFERED ? spec.group : "";
       groups.set(group, [...(groups.get(group) ?? []), spec]);
     }
     this.#more.classList.toggle("grouped", groups.size > 1);

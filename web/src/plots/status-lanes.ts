@@ -22,7 +22,7 @@ import { TEXT } from "../texts/plots";
 
 export const LANE_PX = 17;
 /** A loss or a fault is never narrower than this in its lane, px. */
-const LEAST_PX = 4;
+const MIN_PX = 4;
 const PULSE_PX = 3;
 /** Room for a lane's name where it stands on the lane, px. */
 const NAME_PX = 124;
@@ -45,7 +45,7 @@ const maskOf = ({ low, width }: BitsInfo): number => (width >= 32 ? -1 : (1 << w
 /** Preferred lanes of a family with dozens of flags: the solution, the fix, and their source. */
 const WANTED = /solution|fix|rtk|mode|filter|verified|interference/i;
 /** Number of lanes shown initially, if more are of interest. */
-const MOST = 8;
+const MAX_LANES = 8;
 
 /** Rank of a bit group; undefined: of no interest so far. */
 function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefined {
@@ -116,9 +116,9 @@ function shortened(name: string, lanes: readonly Lane[]): string {
 
 /** The lanes shown initially: all if they are few, else those that are wrong, set or changing. */
 export function firstLanes(lanes: readonly Lane[]): readonly Lane[] {
-  if (lanes.length <= MOST) return lanes;
+  if (lanes.length <= MAX_LANES) return lanes;
   const wrong = lanes.filter(({ rank }) => rank <= 1).length;
-  return lanes.slice(0, Math.max(MOST, wrong)).filter(({ rank }) => rank < 5);
+  return lanes.slice(0, Math.max(MAX_LANES, wrong)).filter(({ rank }) => rank < 5);
 }
 
 /** Keep the place of present lanes; new ones are added below, so that a flag raised for the first time moves no other. */
@@ -134,7 +134,7 @@ export function roomFor(channels: readonly Channel[], lanes: readonly Lane[]): n
   );
   const coming = new Set(warning.map(({ name }) => name));
   for (const { bits } of lanes) coming.delete(bits.name);
-  return Math.max(lanes.length, Math.min(MOST, lanes.length + coming.size));
+  return Math.max(lanes.length, Math.min(MAX_LANES, lanes.length + coming.size));
 }
 
 /** Whether that state is to be highlighted. */
@@ -253,7 +253,7 @@ export class Lanes {
     const seen = losses.filter(({ t0, t1 }) => t1 >= w.t0 && t0 <= w.t1);
     seen.forEach((loss, k) => {
       const from = xOf(w, loss.t0);
-      const to = Math.max(from + LEAST_PX, xOf(w, loss.t1));
+      const to = Math.max(from + MIN_PX, xOf(w, loss.t1));
       x.fillStyle = look.colour.loss;
       x.fillRect(from, 1.5, to - from, LANE_PX - 4);
       const text = lossWords(loss);
@@ -273,7 +273,7 @@ export class Lanes {
     const px = (g: number): number => w.left + (g - w.g0) / w.ratio;
     const bars = runsOf(columns, at, bits, w).map(({ from, to, state }): Bar => {
       const hot = raised(bits, state);
-      return { a: px(from), b: Math.max(px(to) - 1, px(from) + (hot ? LEAST_PX : 1)), state, hot };
+      return { a: px(from), b: Math.max(px(to) - 1, px(from) + (hot ? MIN_PX : 1)), state, hot };
     });
     for (const bar of bars) if (bar.state !== 0 || bar.hot || bits.width > 1) drawBar(x, bar, bits, y, look);
     // names are on the data if the gutter is narrow: words start after them

@@ -24,7 +24,7 @@ const COARSER = 1.3;
 /** Seconds of playback fetched ahead. */
 const AHEAD_S = 0.8;
 /** The server's most. */
-const MOST_WIDTH = 8000;
+const MAX_WIDTH = 8000;
 
 /** The request for the window t0…t1, `pixels` wide, played `speed` times as fast (0: it stands still). */
 export function stretchFor(t0: number, t1: number, pixels: number, speed: number, { first, last }: Bounds): Stretch {
@@ -32,7 +32,7 @@ export function stretchFor(t0: number, t1: number, pixels: number, speed: number
   const ahead = Math.max(ROOM * span, 2 * AHEAD_S * speed);
   const from = Math.max(t0 - ROOM * span, Math.min(first, t0));
   const to = Math.min(t1 + ahead, Math.max(last, t1));
-  return { t0: from, t1: to, width: Math.min(MOST_WIDTH, Math.max(1, Math.ceil((pixels * (to - from)) / span))) };
+  return { t0: from, t1: to, width: Math.min(MAX_WIDTH, Math.max(1, Math.ceil((pixels * (to - from)) / span))) };
 }
 
 /** Whether `held` shows t0…t1 at screen resolution, for a while. */

@@ -12,7 +12,7 @@ import { type Bounds, type Near, nearOf } from "./time-range";
 import type { RecordingDetail } from "./types";
 
 /** Shortest reach of samples around the cursor, s. */
-const LEAST_REACH_S = 0.02;
+const MIN_REACH_S = 0.02;
 /** The server returns unsummarised rows if there are at most twice as many. */
 const NEAR_WIDTH = 8000;
 /** An outdated value is shown at most this long, ms. */
@@ -55,7 +55,7 @@ export class Vicinity {
     for (const around of this.#around) {
       const { near, fetcher } = around;
       const { held } = fetcher;
-      if (held && !held.exact && around.share * near.before > LEAST_REACH_S) {
+      if (held && !held.exact && around.share * near.before > MIN_REACH_S) {
         around.share /= 2;
         fetcher.held = undefined;
       }

@@ -151,12 +151,12 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
   );
 }
 
-const MOST_FILE = 1 << 20;
+const MAX_FILE = 1 << 20;
 
 function FilePicker({ model, refuse }: { readonly model: Model; readonly refuse: (words: string) => void }) {
   const take = async (chosen: File | undefined): Promise<void> => {
     if (!chosen) return;
-    if (chosen.size > MOST_FILE) {
+    if (chosen.size > MAX_FILE) {
       refuse(TEXT.fileTooLarge);
       return;
     }

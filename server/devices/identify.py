@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from server.links.base import LinkError
 
 
-class Greeting:
+class IdentifyRequest:
     """Identification request of one session.
 
     Args:
@@ -27,7 +27,7 @@ class Greeting:
         """Allow another request, on a new connection."""
         self._requested = False
 
-    def request(self, greeting: bytes) -> None:
+    def request(self, identify_request: bytes) -> None:
         """Send the request (b"" for none), unless it was sent on this connection."""
         if self._requested:
             return
@@ -35,10 +35,10 @@ class Greeting:
 
         async def send() -> None:
             with contextlib.suppress(LinkError):  # no way to send, or the link is gone: reading will report it
-                await self._send(greeting)
+                await self._send(identify_request)
 
-        if greeting:
-            self._task = asyncio.get_running_loop().create_task(send(), name=f"greeting {self._source}")
+        if identify_request:
+            self._task = asyncio.get_running_loop().create_task(send(), name=f"identification {self._source}")
 
     async def close(self) -> None:
         """Cancel a pending request."""
