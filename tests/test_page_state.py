@@ -17,9 +17,12 @@ NOT_CHECKED = ("testing/", "plots/bench.ts", "plots/synthetic.ts")  # not part o
 LISTED: dict[str, tuple[set[str], str]] = {
     "attitude/path.ts": ({"origins"}, "a cache by channel"),
     "data/render-loop.ts": ({"painters", "isRunning", "drawn"}, "a document draws all of its canvases in one frame"),
+    "main.tsx": ({"store", "app"}, "the page starts here"),
     "pages/route.ts": ({"route"}, "a document has one address"),
+    "pages/shell.tsx": ({"configure", "recordings", "decks"}, "code of heavy parts, loaded once"),
     "panels/registry.ts": ({"panels"}, "filled while modules are loaded"),
     "plots/canvas-style.ts": ({"hatches"}, "a cache of patterns"),
+    "recordings/visible-range.ts": ({"#lastPixels"}, "a first guess, until its plots have a width"),
     "ui/canvas.ts": ({"cache", "cachedTheme"}, "colours of the theme, read once"),
     "ui/theme.ts": ({"theme"}, "a document has one theme"),
     "wire/capabilities.ts": ({"capabilities", "byName", "abbreviations"}, "all pages of a document have one server"),
@@ -29,16 +32,23 @@ WORKER = "wire/socket-worker.ts"  # runs once for each store, and shares nothing
 STATEMENT = re.compile(
     r"^(?:export )?(?P<kind>const|let|var) (?P<name>\w+)(?P<rest>.*(?:\n(?:[ \t)\]}].*)?)*)", re.MULTILINE
 )
-STATE = re.compile(r"\b(?:(?:signal|computed)\s*[<(]|new (?:Weak)?(?:Map|Set)(?:<[^()]*>)?\(\))")
+STATE = re.compile(
+    r"\b(?:(?:signal|computed|late)\s*[<(]"
+    r"|new (?:Weak)?(?:Map|Set)(?:<[^()]*>)?\(\)"  # empty: to be filled
+    r"|new (?!Map|Set|RegExp|URL|\w+Array)[A-Z])"
+)
 FUNCTION = re.compile(r"=>|\bfunction\b")
+STATIC = re.compile(r"^ +static (?!readonly)(?P<name>#?\w+) =", re.MULTILINE)
 
 
 def module_state(text: str) -> Iterator[str]:
-    """Names of variables at the top of a module that change: signals, collections that begin empty, and `let`."""
+    """Names of what changes and exists once: signals, objects and empty collections, `let`, and static fields."""
     for found in STATEMENT.finditer(text):
         value = found["rest"].partition(" = ")[2]
         if found["kind"] != "const" or STATE.search(FUNCTION.split(value, maxsplit=1)[0]):
             yield found["name"]
+    for found in STATIC.finditer(text):
+        yield found["name"]
 
 
 def sources() -> Iterator[tuple[str, Path]]:
@@ -70,6 +80,7 @@ const both = {
 let count = 0;
 const seen = new Map<string, Set<number>>();
 const known = new Set(["a"]);
+const page = new Page({ open });
 const size = 5;
 const stateOf = perApp(() => signal(""));
 const create = () => {
@@ -77,7 +88,8 @@ const create = () => {
   return inner;
 };
 export class Page {
+  static last = 0;
   readonly open = signal(false);
 }
 """
-    assert list(module_state(text)) == ["open", "all", "shown", "both", "count", "seen"]
+    assert list(module_state(text)) == ["open", "all", "shown", "both", "count", "seen", "page", "last"]

@@ -14,10 +14,15 @@ interface Props {
 
 export function Dialog({ title, onClose, wide = false, children }: Props) {
   const ref = useRef<HTMLDialogElement>(null);
+  /** A page that is drawn anew takes its dialog with it: nobody closed that one. */
+  const isGone = useRef(false);
   useEffect(() => {
     const dialog = ref.current;
     dialog?.showModal();
-    return () => dialog?.close();
+    return () => {
+      isGone.current = true;
+      dialog?.close();
+    };
   }, []);
   // A press on the backdrop reports the dialog itself as its target, and lies outside of its box.
   const onPress = (event: MouseEvent): void => {
@@ -32,7 +37,13 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
     if (!inside) onClose();
   };
   return (
-    <dialog ref={ref} class={wide ? "wide" : ""} aria-labelledby="dialog-title" onClose={onClose} onMouseDown={onPress}>
+    <dialog
+      ref={ref}
+      class={wide ? "wide" : ""}
+      aria-labelledby="dialog-title"
+      onClose={() => isGone.current || onClose()}
+      onMouseDown={onPress}
+    >
       <div class="top">
         <h2 id="dialog-title">{title}</h2>
         <span class="grow" />

@@ -1,8 +1,10 @@
 // @vitest-environment happy-dom
-import { act, fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { act, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { type Opened, openConfigure } from "../../testing/configure-page";
+import { newApp } from "../../testing/live-page";
 import { type Family, recorded } from "../../testing/recorded";
+import ConfigurePage from "./page";
 
 const PATIENCE = { timeout: 20_000 };
 
@@ -218,4 +220,28 @@ test("what was typed stays while the device is gone", async () => {
   tell("live");
   await waitFor(() => expect(lost()).toBe(false), PATIENCE);
   expect((find('tr[data-id="0x4020"] select') as HTMLSelectElement).value).toBe("50");
+});
+
+test("two pages beside each other have their own edits, level of detail, search and questions", async () => {
+  const { store } = await openConfigure("xbus");
+  render(<ConfigurePage app={newApp(store)} />);
+  const row = 'tr[data-id="0x4020"] select';
+  await waitFor(() => expect(document.querySelectorAll(row).length).toBe(2), PATIENCE);
+  const [left, right] = [...document.querySelectorAll<HTMLElement>(".app.configure")];
+  if (left === undefined || right === undefined) throw new Error("not two pages");
+  fireEvent.change(left.querySelector(row) as HTMLElement, { target: { value: "50" } });
+  fireEvent.click(within(left).getByRole("button", { name: "All" }));
+  fireEvent.input(within(left).getByRole("searchbox"), { target: { value: "baud" } });
+  fireEvent.click(within(left).getByRole("button", { name: "Send hex" }));
+  type(await within(left).findByLabelText("Bytes to send (hex)", {}, PATIENCE), "fa ff 30 00 d1");
+  fireEvent.submit(left.querySelector(".send-bytes") as HTMLElement);
+  await waitFor(() => expect(left.querySelector("dialog")).not.toBeNull(), PATIENCE);
+  await waitFor(() => expect(left.querySelector(".found a")).not.toBeNull(), PATIENCE);
+  await waitFor(() => expect(left.querySelector(".apply-bar")).not.toBeNull(), PATIENCE);
+  expect(left.querySelector(".setting.edited")).not.toBeNull();
+  expect(within(left).getByText("All").getAttribute("aria-pressed")).toBe("true");
+  expect(right.querySelector("dialog, .found, .apply-bar, .send-bytes, .setting.edited")).toBeNull();
+  expect(within(right).getByRole("button", { name: "All" }).getAttribute("aria-pressed")).toBe("false");
+  expect(within(right).getByRole<HTMLInputElement>("searchbox").value).toBe("");
+  expect(right.querySelector<HTMLSelectElement>(row)?.value).toBe("100");
 });

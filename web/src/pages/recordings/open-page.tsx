@@ -16,6 +16,7 @@ import { href, route } from "../route";
 import { showReplay } from "../test-hook";
 import { OfflineBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
+import { type OpenRecording, openRecording } from "./open-recording";
 import { ReplayPage } from "./replay-page";
 import { libraryOf } from "./library-store";
 import { TEXT } from "../../texts/recordings";
@@ -28,30 +29,31 @@ const MORE_MS = 400;
 type State =
   | { readonly kind: "opening"; readonly state: OpeningState | undefined }
   | { readonly kind: "failed"; readonly problem: Problem }
-  | { readonly kind: "open"; readonly replay: ReplayController; readonly times: number };
+  | { readonly kind: "open"; readonly recording: OpenRecording; readonly times: number };
 
 export function OpenPage({ id, app }: { readonly id: string; readonly app: App }) {
   const now = useSignal<State>({ kind: "opening", state: undefined });
   // before the page is painted: prefetched data is on screen with the first frame
   // biome-ignore lint/correctness/useExhaustiveDependencies: the app never changes
   useLayoutEffect(() => {
-    let replay: ReplayController | undefined;
+    let recording: OpenRecording | undefined;
     let timer: ReturnType<typeof setTimeout> | undefined;
     let over = false;
     let times = 0;
     const opened = (detail: RecordingDetail, screen?: VisibleRange): void => {
       if (detail.progress < 1) timer = setTimeout(() => void ask(), MORE_MS);
-      if (replay?.grow(detail)) return;
-      replay =
-        replay?.reopened(detail) ??
+      if (recording?.replay.grow(detail)) return;
+      const replay =
+        recording?.replay.reopened(detail) ??
         new ReplayController(detail, readPlace(route.peek().query ?? ""), createViewState(app.viewState), screen);
       showReplay(replay);
-      now.value = { kind: "open", replay, times: (times += 1) };
+      recording = openRecording(replay, app, recording);
+      now.value = { kind: "open", recording, times: (times += 1) };
     };
     const ask = async (first?: Promise<Answer>): Promise<void> => {
       const { outcome, screen } = first ? await first : { outcome: await detailOf(id), screen: undefined };
       if (over) return screen?.dispose();
-      if (!outcome.ok && outcome.problem.status === 0 && replay) timer = setTimeout(() => void ask(), 2000);
+      if (!outcome.ok && outcome.problem.status === 0 && recording) timer = setTimeout(() => void ask(), 2000);
       else if (!outcome.ok) {
         now.value = { kind: "failed", problem: outcome.problem };
         // a server that is away comes back; a file that cannot be opened stays so
@@ -71,12 +73,12 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
     return () => {
       over = true;
       clearTimeout(timer);
-      replay?.dispose();
+      recording?.replay.dispose();
       showReplay(undefined);
     };
   }, [id]);
   const state = now.value;
-  if (state.kind === "open") return <ReplayPage key={state.times} replay={state.replay} app={app} />;
+  if (state.kind === "open") return <ReplayPage key={state.times} recording={state.recording} />;
   return (
     <div class={`app plain ${app.store.connection.value === "closed" ? "offline" : ""}`}>
       <Bar app={app} />

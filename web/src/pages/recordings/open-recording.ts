@@ -19,14 +19,15 @@ export interface OpenRecording {
   readonly rerun: Signal<string | undefined>;
 }
 
-export function openRecording(replay: ReplayController, app: App): OpenRecording {
+/** @param before the same recording while less of it was decoded: its settings stay open, and what was said is finished */
+export function openRecording(replay: ReplayController, app: App, before?: OpenRecording): OpenRecording {
   return {
     replay,
     app,
     deps: { ...replay.deps, open: app.open, eventSort: app.eventSort },
     placing: signal(undefined),
-    said: signal(""),
-    showsSettings: signal(false),
+    said: before?.said ?? signal(""),
+    showsSettings: before?.showsSettings ?? signal(false),
     rerun: signal(undefined),
   };
 }

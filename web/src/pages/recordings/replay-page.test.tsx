@@ -35,6 +35,9 @@ function sent(t: number, { n, time, columns } = ACCELERATION): number {
   return Number(columns[0]?.[k]);
 }
 
+/** Settings of a device as they were recorded. */
+const SNAPSHOT = { values: { LocationID: { locationId: 7 } }, missing: {}, protocol: "xbus", product: "MTi-630" };
+
 interface OpenedReplay extends Opened {
   readonly replay: ReplayController;
 }
@@ -217,6 +220,57 @@ test("while it is decoded its progress is shown, then the recording", async () =
   expect(text(".opening")).toContain("Decoding the recording for the first time.");
   await opening;
   expect(document.querySelector(".opening")).toBeNull();
+});
+
+test("what is decoded is shown at once, and the rest comes under the place that is looked at", async () => {
+  let isDecoded = false;
+  const { t0, t1 } = YARD;
+  const part = { ...YARD, t1: t0 + 3, progress: 0.5, markers: [], snapshots: { "1": SNAPSHOT } };
+  const whole = { ...YARD, snapshots: part.snapshots };
+  await open("", { "GET /api/recordings/yard": () => (isDecoded ? whole : part) });
+  const replay = (): ReplayController => window.imuscopeReplay as ReplayController;
+  expect(replay().bounds.last).toBe(t0 + 3);
+  expect(screen.getByRole("progressbar", { name: /decod/i })).toBeTruthy();
+  replay().viewState.actions.select(t0 + 1, t0 + 2);
+  replay().seek(t0 + 1.5);
+  fireEvent.click(screen.getByRole("button", { name: "As recorded" }));
+  await screen.findByRole("dialog", {}, PATIENCE);
+  isDecoded = true;
+  await eventually(() => expect(replay().bounds.last).toBe(t1));
+  expect(replay().head).toBe(t0 + 1.5);
+  expect(replay().viewState.view.value).toMatchObject({ end: expect.closeTo(t0 + 2, 6), span: expect.closeTo(1, 6) });
+  await eventually(() => expect(screen.queryByRole("progressbar", { name: /decod/i })).toBeNull());
+  await screen.findByRole("dialog", {}, PATIENCE); // it was not closed meanwhile
+  expect(text(".markers")).toContain("kerb");
+});
+
+test("what is exported is the loop, the window, or all of it", async () => {
+  const { replay } = await open();
+  const { first } = replay.bounds;
+  replay.viewState.actions.select(first + 1, first + 3);
+  replay.toggleLoop();
+  replay.viewState.actions.select(first + 2, first + 4);
+  fireEvent.click(screen.getByRole("button", { name: "Export…" }));
+  const dialog = within(await screen.findByRole("dialog", {}, PATIENCE));
+  const words = (): string => text("dialog p");
+  fireEvent.click(dialog.getByRole("button", { name: "Loop range" }));
+  await eventually(() => expect(words()).toMatch(/00:01.* to 00:03/));
+  fireEvent.click(dialog.getByRole("button", { name: "In view" }));
+  await eventually(() => expect(words()).toMatch(/00:02.* to 00:04/));
+  press(" ", { code: "Space" });
+  expect(replay.playing.value).toBe(false); // its keys rest under the dialog
+  fireEvent.click(dialog.getByRole("button", { name: "Close" }));
+  await eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
+});
+
+test("its figures are those of the moment", async () => {
+  const { replay } = await open();
+  replay.seek(YARD.t0 + 4);
+  const health = () => replay.near.health.value.get("1");
+  await eventually(() => expect(health()?.bytes_per_s).toBeGreaterThan(0));
+  expect(health()?.time).toBeCloseTo(YARD.t0 + 4, 0);
+  expect(health()?.rate).toBeGreaterThan(90);
+  await eventually(() => expect(text(".side")).toMatch(/[1-9][0-9.]*\s*kB/));
 });
 
 test("one that cannot be opened says why, and leads back", async () => {

@@ -1,5 +1,5 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
-import { useEffect, useMemo, useRef } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { mountAttitude } from "../../attitude/panel";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
@@ -14,14 +14,13 @@ import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ReplayScene, SceneLine } from "../../views/viser";
-import type { App } from "../app-state";
 import { Bar } from "../top-bar";
 import { Side } from "../side-panels";
 import { href, route } from "../route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { listenForKeys } from "./keys";
-import { type OpenRecording, openRecording } from "./open-recording";
+import type { OpenRecording } from "./open-recording";
 import { Markers } from "./markers";
 import { mountOverview } from "./overview-strip";
 import { PageOverlays } from "./overlays";
@@ -34,11 +33,11 @@ import { TEXT } from "../../texts/recordings";
 /** Update interval of the address, ms: a reload restores the view. */
 const ADDRESS_MS = 1000;
 
-export function ReplayPage({ replay, app }: { readonly replay: ReplayController; readonly app: App }) {
+export function ReplayPage({ recording }: { readonly recording: OpenRecording }) {
+  const { replay, app } = recording;
   const { info } = replay.detail;
   const { folded, overlay } = app;
   const root = useRef<HTMLDivElement>(null);
-  const recording = useMemo(() => openRecording(replay, app), [replay, app]);
   // biome-ignore lint/correctness/useExhaustiveDependencies: another recording has another key, and mounts another page
   useEffect(() => {
     document.title = `${titleOf(info)} · imuscope`;

@@ -9,6 +9,7 @@ import { giveSizes, newApp, startOver } from "../../testing/live-page";
 import { answering, type Asked } from "../../testing/recorded";
 import { detailOf, recordingAnswers } from "../../testing/recordings";
 import type { App } from "../app-state";
+import { openRecording } from "./open-recording";
 import { ReplayPage } from "./replay-page";
 
 const PATIENCE = { timeout: 20_000 };
@@ -26,7 +27,7 @@ let asked: readonly Asked[] = [];
 function open(id: string, store: Store): Side {
   const app = newApp(store);
   const replay = new ReplayController(detailOf(id), { hide: [], show: [], panels: [] }, createViewState(app.viewState));
-  const { container } = render(<ReplayPage replay={replay} app={app} />);
+  const { container } = render(<ReplayPage recording={openRecording(replay, app)} />);
   const element = container.firstElementChild;
   if (!(element instanceof HTMLElement)) throw new Error("nothing is open");
   return { app, replay, element, in: within(element) };
