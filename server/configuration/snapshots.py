@@ -332,10 +332,14 @@ class Snapshots:
     Args:
         folder: <data>/snapshots; created with the first snapshot.
         formerly: protocol and serial number → earlier numbers of the same device.
+        max_files: number of files of one device.
     """
 
-    def __init__(self, folder: Path, formerly: Callable[[str, str], Sequence[str]] | None = None) -> None:
+    def __init__(
+        self, folder: Path, formerly: Callable[[str, str], Sequence[str]] | None = None, max_files: int = MAX_FILES
+    ) -> None:
         self._folder = folder
+        self._max_files = max_files
         self._formerly = formerly
         self._lock = threading.Lock()
         self._known: dict[Path, tuple[tuple[int, int], SnapshotInfo]] = {}
@@ -439,10 +443,10 @@ class Snapshots:
     def _prune(self, folder: Path) -> None:
         """Delete the oldest files that are not pinned, beyond the maximum number."""
         paths = self._paths(folder)
-        if len(paths) <= MAX_FILES:
+        if len(paths) <= self._max_files:
             return
         removable = [name for name, path in sorted(paths.items()) if (info := self._info(path)) and not info.pinned]
-        for name in removable[: len(paths) - MAX_FILES]:
+        for name in removable[: len(paths) - self._max_files]:
             atomic_write.remove(paths[name])
 
 

@@ -1,7 +1,8 @@
 """Beside every flood the server answers within a second, and the recording of another device is whole.
 
 One server with one device that streams all the while, and is recorded; then one flood after the other
-(tests/fault_injection/floods.py), each for half a second here, for as long as one likes in tests/bench/floods.py.
+(tests/fault_injection/floods.py), each for a quarter of a second here, for as long as one likes in
+tests/bench/floods.py.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import pytest
 from tests.fault_injection.beside import Beside, Watched, watched
 from tests.fault_injection.floods import FLOODS
 
-SECONDS = 0.5
+SECONDS = 0.25
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,9 @@ def client(running: InProcessServer) -> Client:
     return running.client
 
 
-GUARDED = Config(host="0.0.0.0", sources=("/dev/one",), view_token="v" * 24, control_token="c" * 24)
+@pytest.fixture
+def guarded() -> Config:
+    return Config(host="0.0.0.0", sources=("/dev/one",), view_token="v" * 24, control_token="c" * 24)
 
 
 def test_devices(client: Client) -> None:
@@ -163,8 +165,8 @@ def test_every_route_answers_errors_in_the_one_shape(client: Client) -> None:
         assert_problem(client.get(path), 404, "not-found")
 
 
-def test_every_route_needs_a_token_beyond_loopback() -> None:
-    with InProcessServer(GUARDED, open_link) as running:
+def test_every_route_needs_a_token_beyond_loopback(guarded: Config) -> None:
+    with InProcessServer(guarded, open_link) as running:
         client = running.client
         found = routes_with(client, "c" * 24)
         assert len(found) >= 7
@@ -186,8 +188,8 @@ def routes_with(client: Client, token: str) -> list[tuple[str, str]]:
     return [(path.replace("{device}", "99"), method.upper()) for path, methods in paths.items() for method in methods]
 
 
-def test_the_token_of_the_printed_address_becomes_a_cookie() -> None:
-    with InProcessServer(GUARDED, open_link) as running:
+def test_the_token_of_the_printed_address_becomes_a_cookie(guarded: Config) -> None:
+    with InProcessServer(guarded, open_link) as running:
         client = running.client
         answer = client.get(f"/?token={'v' * 24}&device=1", follow_redirects=False)
         assert answer.status_code == 303
@@ -320,9 +322,9 @@ def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
 # ── the WebSocket ──
 
 
-def test_a_refused_websocket_is_not_logged_as_an_error(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_refused_websocket_is_not_logged_as_an_error(caplog: pytest.LogCaptureFixture, guarded: Config) -> None:
     """A page without a token filled the log with "ASGI callable returned without completing handshake"."""
-    with InProcessServer(GUARDED, open_link) as running, pytest.raises(InvalidStatus) as refused, connect(running.ws):
+    with InProcessServer(guarded, open_link) as running, pytest.raises(InvalidStatus) as refused, connect(running.ws):
         pass
     assert refused.value.response.status_code == 401
     assert json.loads(refused.value.response.body)["kind"] == "no-token"

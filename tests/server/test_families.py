@@ -121,7 +121,7 @@ def test_families_without_an_identify_request_are_sent_nothing() -> None:
 @pytest.mark.parametrize("device", [IsbSimulator, IdtpSimulator, XbusSimulator])
 def test_a_clock_jump_is_reported_once(device: Any) -> None:
     async def test(stage: FamilyHarness) -> None:
-        await stage.run(device(clock_jump=(8.0, 10.0)), 12)
+        await stage.run(device(clock_jump=(8.0, 10.0)), 10)
         kinds = [event.data["kind"] for event in stage.events("clock")]
         assert kinds == (["sync", "jump"] if device is IsbSimulator else ["jump"])
 
@@ -375,7 +375,7 @@ def test_a_stream_read_as_what_it_is_not() -> None:
 @pytest.mark.parametrize("device", [IsbSimulator(), IdtpSimulator(), XbusSimulator("MTi-680G", measuring=True)])
 def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
     async def test(stage: FamilyHarness) -> None:
-        await stage.run(device, 12)
+        await stage.run(device, 6)
         assert stage.info.notices == []
 
     play(test)

@@ -15,10 +15,11 @@ from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
-from server.configuration.snapshots import MAX_FILES, Snapshot, SnapshotError, Snapshots, from_text, to_text
+from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, from_text, to_text
 from server.configuration.value_format import field_at, title_at, value_at
 
 ROWS = {row.name: row for row in XbusDriver().settings(DeviceContext(product="MTi-630"))}
+MAX_FILES = 20  # files of one device
 OUTPUTS = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 100}]}
 
 leaves = st.none() | st.booleans() | st.integers(-(2**63), 2**64) | st.floats(allow_nan=False, allow_infinity=False)
@@ -111,7 +112,7 @@ def test_names_are_never_paths(tmp_path: Path, name: str) -> None:
 
 
 def test_the_oldest_go_but_not_the_pinned(tmp_path: Path) -> None:
-    folder = Snapshots(tmp_path)
+    folder = Snapshots(tmp_path, max_files=MAX_FILES)
     first = keep(folder, "First contact", 0.0, pinned=True)
     for taken in range(1, MAX_FILES + 3):
         keep(folder, "Before this change", float(taken))
@@ -190,7 +191,7 @@ def test_names_with_points_are_written_too() -> None:
 
 def test_one_that_cannot_be_read_is_listed_with_the_reason_and_never_culled(tmp_path: Path) -> None:
     """A snapshot of a newer format was missing from the list, as if it were gone."""
-    folder = Snapshots(tmp_path)
+    folder = Snapshots(tmp_path, max_files=MAX_FILES)
     keep(folder, "Ours", 5.0)
     later = next(tmp_path.rglob("*.yaml")).with_name("19700102T000000Z-new-mast.yaml")
     later.write_text("imuscope: 7\ntitle: New mast\n", encoding="utf-8")
