@@ -2,12 +2,12 @@
 
 A family lists its options (`ProtocolInfo.options`). From each of them the program makes, without another line:
 
-    --min-mode secure                              a flag of the command line
-    udp://:5000?min_mode=secure                    an option of a source
-    {"source": "udp://:5000", "min_mode": …}       a field over HTTP
-    min_mode = "secure"                            a setting of the configuration file
+    --tick-unit ms                                 a flag of the command line
+    udp://:5000?tick_unit=ms                       an option of a source
+    {"source": "udp://:5000", "tick_unit": "ms"}   a field over HTTP
+    tick_unit = "ms"                               a setting of the configuration file
     a select box, a check box or a field           an input of the page, if the option has a title
-    Decoder(min_mode=2)                            a keyword of the family's decoder and listing
+    Decoder(tick_unit="ms")                        a keyword of the family's decoder and listing
 
 Until it reaches the family, the value of an option is text: "" if it is not given, "1" for a flag. Families that use
 one name for an option must mean the same by it; the first declaration has the words.
@@ -43,7 +43,7 @@ class DecodeOption:
     """An option of how the bytes of a device are decoded.
 
     Args:
-        name: in a source, over HTTP, in settings and recordings: "min_mode"; on the command line --min-mode.
+        name: in a source, over HTTP, in settings and recordings: "tick_unit"; on the command line --tick-unit.
         kind: "text"; "choice" of `choices`; "flag"; "secret": a text that is never shown, logged or returned;
             "file": a text, for which the command line and the settings name a file.
         help: what it is for, in a line.

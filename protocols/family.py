@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,6 +127,27 @@ class LogFormat:
 
 
 @dataclass(frozen=True, slots=True)
+class RejectRemedy:
+    """A reason for rejecting frames (framing.REASONS) that another decode option would avoid.
+
+    Args:
+        words: what happens, in a sentence.
+        remedy: what to do, in a sentence; for a live device, which the page shows.
+        remedy_of_file: the same for a file; "" for the same.
+        listed: the reason in a list of frames.
+        needed: what the user has to give; "" for nothing, or several possibilities.
+        is_damage: among accepted frames such a one is damaged or forged: it is only counted.
+    """
+
+    words: str
+    remedy: str
+    remedy_of_file: str = ""
+    listed: str = ""
+    needed: Literal["", "key"] = ""
+    is_damage: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class PanelDefaults:
     """Initial arrangement of the page for a device.
 
@@ -193,6 +214,10 @@ class ProtocolInfo:
         log_header, log_formats: of the vendor's own files.
         simulator: its simulated devices; None for none.
         refusals: reasons for refusing intact frames (framing.REFUSED) → their meaning, and what to do.
+        remedies: reasons for rejecting frames that a decode option would avoid → what to do.
+        listed_rejects: further reasons in a list of frames, if they depend on an option.
+        unprotected: prefix of the protection (`protection`) of frames whose payload is not protected, and what to do
+            about them on a network; "" for none.
         usb_vendors, usb_products: names of USB ids.
         hints: for the page.
         panels: initial arrangement of the page for a device.
@@ -232,6 +257,9 @@ class ProtocolInfo:
     log_formats: tuple[LogFormat, ...] = ()
     simulator: SimulatorInfo | None = None
     refusals: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    remedies: Mapping[str, RejectRemedy] = field(default_factory=dict)
+    listed_rejects: Mapping[str, str] = field(default_factory=dict)
+    unprotected: tuple[str, str] = ("", "")
     usb_vendors: Mapping[int, str] = field(default_factory=dict)
     usb_products: Mapping[tuple[int, int], str] = field(default_factory=dict)
     hints: FamilyHints = FamilyHints()

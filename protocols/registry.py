@@ -18,7 +18,7 @@ from typing import Any
 
 from protocols.decode_options import DecodeOption, merged
 from protocols.events import Batch, Decoder, Reply
-from protocols.family import FrameLister, LogFormat, PositionFix, ProtocolInfo
+from protocols.family import FrameLister, LogFormat, PositionFix, ProtocolInfo, RejectRemedy
 from protocols.plugins import ProtocolPlugin, protocol_plugins
 
 __all__ = ["PROBLEMS", "PROTOCOLS", "Detection", "FrameLister", "ProtocolInfo", "detect"]
@@ -84,6 +84,11 @@ def url_options() -> list[str]:
     """
     options = (one for one in decode_options().values() if "source" in one.scopes and one.kind != "file")
     return ["protocol", *(option.name for option in options)]
+
+
+def remedies() -> dict[str, RejectRemedy]:
+    """Reasons for rejecting frames that a decode option of any family would avoid."""
+    return {reason: one for family in PROTOCOLS.values() for reason, one in family.remedies.items()}
 
 
 def detect(data: bytes) -> list[Detection]:

@@ -117,14 +117,14 @@ class CsvSource(TableSource):
         self._skip, self._delimiter, heads, first = _beginning(path)
         found = [_HEAD.match(head) for head in heads]
         self._heads = [(match["name"], _unit(match["unit"] or "")) if match else ("", "") for match in found]
-        self._time = next((i for i, (name, _) in enumerate(self._heads) if _time_unit(name) is not None), None)
+        self._time = next((i for i, (name, _) in enumerate(self._heads) if _unit_in(name) is not None), None)
         if self._time is None:
             hint = f"Name one time, with its unit: time (s). There are: {', '.join(heads)[:300]}."
             raise RecordingError(f"{path.name} has no column of times.", hint)
         name, unit = self._heads[self._time]
         self._arrival = next((i for i, (name, _) in enumerate(self._heads) if name.lower() == "arrival"), None)
         value = first[self._time].strip() if self._time < len(first) else ""
-        self._factor = UNITS.get(unit.strip()) or UNITS.get(_time_unit(name) or "") or _guessed(value)
+        self._factor = UNITS.get(unit.strip()) or UNITS.get(_unit_in(name) or "") or _guessed(value)
         self._origin = 0.0
         number = _seconds(value, self._factor)
         if number is not None and abs(number) < SINCE_1970:
@@ -253,7 +253,7 @@ def _unit(text: str) -> str:
     return ";".join(part.strip() for part in text.split(";") if not _FRAME.match(part.strip()))
 
 
-def _time_unit(name: str) -> str | None:
+def _unit_in(name: str) -> str | None:
     """Unit of a time heading, "" if it has none; None for any other heading."""
     text = name.strip().lower()
     if text in TIMES:

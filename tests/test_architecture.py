@@ -21,6 +21,7 @@ from pathlib import Path
 import pytest
 
 from protocols.plugins import protocol_plugins
+from protocols.registry import PROTOCOLS
 from server.reference.blocks import anchor
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, PAINTERS
 from tests.source_files import ROOT, nodes_of, python_files, text_of
@@ -173,6 +174,40 @@ def test_no_line_outside_the_families_names_one() -> None:
         for path in python_files(*HOUSES)
         if not any(path.is_relative_to(folder) for folder in inside)
         for line in code_lines_naming_a_family(path)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def names_of_options() -> re.Pattern[str]:
+    """Decode options of imuscope's own families, as declared and as keywords of their decoders.
+
+    Names of one word ("key", "schema") mean other things too. "below_min_mode" is a reason of a reject.
+    """
+    names = {
+        name
+        for family in PROTOCOLS.values()
+        for option in family.options
+        for name in (option.name, option.keyword)
+        if "_" in name
+    }
+    assert len(names) > 4
+    either = "|".join(sorted(name.replace("_", "[_-]") for name in names))
+    return re.compile(rf"(?<!below_)(?<![a-z])(?:{either})(?![a-z])")
+
+
+def test_no_line_outside_the_families_names_their_decode_options() -> None:
+    pattern = names_of_options()
+    families = [ROOT / "protocols" / name for name in PROTOCOLS]
+    generated = ("types.ts", "routes.ts")
+    page = ROOT / "web" / "src"
+    paths = [path for path in python_files(*HOUSES) if not any(path.is_relative_to(one) for one in families)]
+    paths += [path for path in (*page.rglob("*.ts"), *page.rglob("*.tsx")) if path.name not in generated]
+    wrong = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in sorted(paths)
+        if ".test." not in path.name
+        for number, line in enumerate(text_of(path).splitlines(), 1)
+        if pattern.search(line)
     ]
     assert not wrong, "\n".join(wrong)
 

@@ -13,14 +13,17 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.error import HTTPError
 
 import numpy as np
 import pytest
 from websockets.sync.client import connect
 
+from protocols.events import Batch
 from protocols.plugins import GROUP
 from protocols.registry import ProtocolInfo, load_families
 from protocols.simulator.family import SimulatorRequest
+from recordings.importers import open_file
 from tests import fork_server
 from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess, imuscope
@@ -139,6 +142,39 @@ def test_a_setting_is_written_and_read_back_on_the_page(server: ServerProcess) -
     wanted = {"roll": 0.5, "pitch": -0.25, "yaw": 1.0}
     ask(server, "/api/devices/1/apply", {"changes": {SETTING: wanted}, "confirmed": True})
     eventually(lambda: ask(server, "/api/devices/1/values")["values"].get(SETTING) == wanted)
+
+
+def test_an_option_of_its_own_is_offered_wherever_options_are(server: ServerProcess, run: Run) -> None:
+    [told] = [one for one in ask(server, "/api/capabilities")["protocols"] if one["name"] == "mip"]
+    [offered] = told["options"]
+    assert (offered["name"], offered["kind"], offered["default"]) == ("timestamps", "choice", "device")
+    assert [choice["value"] for choice in offered["choices"]] == ["device", "arrival"]
+    fields = ask(server, "/openapi.json")["components"]["schemas"]["AddDevice"]["properties"]
+    assert fields["timestamps"]["enum"] == ["", "device", "arrival"]
+    assert "--timestamps {device,arrival}" in run("decode", "--help")
+    assert "timestamps=" in run("serve", "--help")
+    changed = ask(server, "/api/devices/1/decode-options", {"timestamps": "arrival"})
+    assert changed["decode_options"] == {"timestamps": "arrival"}
+    with pytest.raises(HTTPError, match="422"):
+        ask(server, "/api/devices/1/decode-options", {"timestamps": "moon"})
+    assert ask(server, "/api/devices/1/decode-options", {"timestamps": ""})["decode_options"] == {}
+
+
+def test_its_decoder_has_the_option_of_a_source_and_of_a_recording(
+    family: ProtocolInfo, run: Run, tmp_path: Path
+) -> None:
+    assert family.simulator is not None
+    [device] = family.simulator.make(SimulatorRequest(rate=50))
+    sent = device.advance(1_000_000_000)
+    for text, timed in (("device", True), ("arrival", False), ("", True)):
+        decoder = family.decoder(**family.settings({"timestamps": text}))
+        decoder.feed(sent, 0)
+        found = [event for event in decoder.drain() if isinstance(event, Batch)]
+        assert {batch.time_ns is not None for batch in found} == {timed}
+    path = tmp_path / "by_arrival.mcap"
+    run("record", "sim:mip?rate=50&timestamps=arrival", "-o", str(path), "--duration", "1")
+    [recorded] = open_file(path).devices.values()
+    assert (recorded.identity["timestamps"], recorded.identity["source"]) == ("arrival", "sim:mip?rate=50")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from protocols.idtp.detect import detection_score
 from protocols.idtp.driver import IdtpDriver
 from protocols.idtp.frames import LITE, build, scanner
 from protocols.idtp.inspect import IdtpFrameLister
-from protocols.idtp.options import MODES, OPTIONS
+from protocols.idtp.options import LISTED, MODES, OPTIONS, REMEDIES, UNPROTECTED
 from protocols.idtp.security import protection
 from protocols.idtp.supported import supported
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
@@ -104,6 +104,9 @@ FAMILY = ProtocolInfo(
         "bad_version": ("The frames have an unsupported version.", "This program supports IDTP 2."),
         "successor": ("These bytes are INDT, the successor of IDTP.", "INDT is not supported."),
     },
+    remedies=REMEDIES,
+    listed_rejects=LISTED,
+    unprotected=UNPROTECTED,
     hints=FamilyHints(attitude="Configure the device to send ImuQuat payloads to show the horizon."),
     supported=supported,
 )

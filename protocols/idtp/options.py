@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.decode_options import DecodeOption
+from protocols.family import RejectRemedy
 from protocols.idtp.custom_payloads import parse, written
 
 MODES = ("lite", "safety", "secure")
@@ -107,4 +108,30 @@ OPTIONS = (
         keyword="replay_check",
         scopes=frozenset(("inspect",)),
     ),
+)
+
+REMEDIES: Mapping[str, RejectRemedy] = {
+    "no_key": RejectRemedy(
+        "Secure frames are arriving, but there is no key to check them: they are rejected.",
+        "Give the key: --key @FILE, or here.",
+        "Give the key: --key @FILE.",
+        "a Secure frame, but no key to check it with (--key)",
+        needed="key",
+    ),
+    "bad_hmac": RejectRemedy(
+        "Secure frames do not match the key: they are rejected.",
+        "Check that it is the key of this device.",
+        listed="damaged, forged, or made with another key",
+        is_damage=True,
+    ),
+    "below_min_mode": RejectRemedy(
+        "Frames arrive in a weaker mode than this source accepts: they are rejected.",
+        "Set the device to a stronger mode, or lower --min-mode if you trust the line.",
+        listed="intact, but of a weaker mode than the minimum (--min-mode)",
+    ),
+}
+LISTED = {"stale": "intact, but old: its sequence number has passed (--no-replay-check)"}
+UNPROTECTED = (
+    "Lite",
+    "Set the device to Safety, or to Secure with a key, and --min-mode so that weaker ones are rejected.",
 )

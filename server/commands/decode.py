@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
+from protocols.registry import remedies
 from recordings.column_store import ColumnStore
 from recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from recordings.importers import open_file
@@ -24,7 +25,6 @@ from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
 from server.printable import printable
 
-OPTION_REASONS = ("no_key", "bad_hmac", "below_min_mode")
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
 _CELLS = 30
 _EVERY_S = 0.1
@@ -105,9 +105,7 @@ def decode_file(
             source = open_file(path, reading.protocol)
             store = Path(folder) / "columns"
             columns = decode(source, store, all_protocols(), reading, lambda share: bar.show(share / 2))
-            rejected = [
-                one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in OPTION_REASONS
-            ]
+            rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
             request = _export_request(columns, path, part)
             written = export(format, request, out, lambda share: bar.show(0.5 + share / 2))
     except RecordingError as error:

@@ -31,15 +31,13 @@ from recordings.mcap_reader import MAGIC
 from recordings.mcap_writer import RecordingError
 from recordings.sources import McapSource
 from server.commands.common import temporary_copy
-from server.commands.inspect_table import EXPLAINED, InspectTable
+from server.commands.inspect_table import InspectTable
 from server.commands.replay import ReplayError, choose_device
 from server.devices.decode_options import DecodeOptions
 from server.printable import json_text
 
 CHUNK = 1 << 20
 NO_DEVICES = "is not a recording, so it has no devices to choose from; leave --device out"
-OPTION_REASONS = ("no_key", "bad_hmac", "below_min_mode")
-"""Reject reasons that another option would avoid."""
 
 InspectLine = Mapping[str, Any]
 
@@ -77,7 +75,7 @@ def inspect_file(
             for line in lines:
                 out.write(json_text(line, allow_nan=False, default=str) + "\n")
         else:
-            table = InspectTable(reading)
+            table = InspectTable(reading, row)
             out.write(table.head + "\n")
             for line in lines:
                 out.write(table.row(line) + "\n")
@@ -96,8 +94,8 @@ def _report_rejects(name: str, row: ProtocolInfo, counts: Counter[str], rejects:
     Raises:
         ValueError: no line was written.
     """
-    reasons = [reason for reason in OPTION_REASONS if counts[reason]]
-    words = "; ".join(f"{counts[one]} frames are not accepted: {EXPLAINED[one]}" for one in reasons)
+    reasons = [reason for reason in row.remedies if counts[reason]]
+    words = "; ".join(f"{counts[one]} frames are not accepted: {row.remedies[one].listed}" for one in reasons)
     if counts[""] or (rejects and counts.total()):
         if words and notes is not None:
             notes.write(f"imuscope: {name}: {words}.\n")

@@ -16,6 +16,7 @@ from functools import lru_cache
 from typing import Any
 
 from protocols.composer import ProtocolComposer
+from protocols.family import ProtocolInfo
 from protocols.labels import device_label
 from protocols.schema import Field
 from server.commands.compose import composers
@@ -35,16 +36,12 @@ EXPLAINED: Mapping[str, str] = {
     "bad_crc8": "the header is damaged, or is not a header",
     "bad_version": "unsupported version",
     "bad_mode": "unknown mode",
-    "below_min_mode": "intact, but of a weaker mode than the minimum (--min-mode)",
     "bad_crc32": "the payload is damaged",
-    "bad_hmac": "damaged, forged, or made with another key",
-    "no_key": "a Secure frame, but no key to check it with (--key)",
-    "stale": "intact, but old: its sequence number has passed (--no-replay-check)",
     "far_ahead": "intact, but its sequence number is far ahead, and no second frame confirms it",
     "truncated": "the data ends within the frame",
     "successor": "the preamble of the protocol's successor",
 }
-"""Explanation of each reject reason, for display."""
+"""Explanation of reject reasons, for display; families have more (ProtocolInfo.remedies, listed_rejects)."""
 
 NOTES: Mapping[str, str] = {
     "undecodable_short": "shorter than its type: not decoded",
@@ -59,16 +56,23 @@ Line = Mapping[str, Any]
 _NOTHING = Field("")
 
 
+def explained_rejects(family: ProtocolInfo) -> dict[str, str]:
+    """Explanations of the reject reasons of a family's frames."""
+    return {**EXPLAINED, **{reason: one.listed for reason, one in family.remedies.items()}, **family.listed_rejects}
+
+
 class InspectTable:
     """Lines of a table.
 
     Args:
         reading: decode options, for descriptions of a vendor's own messages.
+        family: of the frames.
     """
 
     head = f"{'offset':>10}  {'size':>5}  {'message':<{WIDTH}}  fields"
 
-    def __init__(self, reading: DecodeOptions = DecodeOptions()) -> None:  # noqa: B008 - frozen
+    def __init__(self, reading: DecodeOptions, family: ProtocolInfo) -> None:
+        self._explained = explained_rejects(family)
         self._composers = composers(reading)
         self._fields = lru_cache(maxsize=1024)(self._fields_of)
 
@@ -76,7 +80,7 @@ class InspectTable:
         """One line, without a line break."""
         head = f"{line['offset']:>10}  {line['size']:>5}  "
         if "reject" in line:
-            why = EXPLAINED.get(line["reject"], "")
+            why = self._explained.get(line["reject"], "")
             return head + f"{'—':<{WIDTH}}  {line['reject']}" + (f": {why}" if why else "")
         flags = line.get("flags", {})
         known = self._fields(line["protocol"], line["message"])

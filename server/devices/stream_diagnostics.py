@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from protocols.events import Doubt
+from protocols.family import RejectRemedy
 from server.devices.event_reporter import EventReporter
 from server.devices.link_stats import LinkStatistics
 from server.links.registry import is_network
@@ -31,17 +32,6 @@ REARM = (
 )
 FEW = 3  # messages of another protocol in these bytes; fewer may be chance
 
-REMEDIES: Mapping[str, tuple[str, str]] = {
-    "no_key": (
-        "Secure frames are arriving, but there is no key to check them: they are rejected.",
-        "Give the key: --key @FILE, or here.",
-    ),
-    "bad_hmac": ("Secure frames do not match the key: they are rejected.", "Check that it is the key of this device."),
-    "below_min_mode": (
-        "Frames arrive in a weaker mode than this source accepts: they are rejected.",
-        "Set the device to a stronger mode, or lower --min-mode if you trust the line.",
-    ),
-}
 REFUSALS: Mapping[str, tuple[str, str]] = {
     "stale": (
         "Frames arrive with old sequence numbers and are rejected.",
@@ -54,16 +44,25 @@ REFUSALS: Mapping[str, tuple[str, str]] = {
 }
 """Reasons of rejects that no option would change; families can add their own."""
 
-UNPROTECTED = "Lite"  # prefix of the protection (registry.ProtocolInfo) of such frames
-EXPOSED_HINT = "Set the device to Safety, or to Secure with a key, and --min-mode so that weaker ones are rejected."
-UNLESS_LIVE = ("bad_hmac",)  # among valid frames, an invalid one is damaged or forged, and only counted
-
 
 def _refusals() -> Mapping[str, tuple[str, str]]:
     from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
 
     own = (reason for family in PROTOCOLS.values() for reason in family.refusals.items())
     return {**REFUSALS, **dict(own)}
+
+
+def _remedies() -> Mapping[str, RejectRemedy]:
+    from protocols.registry import remedies  # imported on first use, because it loads compiled code
+
+    return remedies()
+
+
+def _unprotected(protocol: str) -> tuple[str, str]:
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+    family = PROTOCOLS.get(protocol)
+    return family.unprotected if family is not None else ("", "")
 
 
 def doubt_text(option: str, doubt: Doubt) -> str:
@@ -109,12 +108,12 @@ class StreamDiagnostics:
 
     def refused(self, by_reason: Mapping[str, int], *, live: bool) -> bool:
         """Check the rejects so far; True if there is something new to show."""
-        for reason, (words, remedy) in REMEDIES.items():
-            if by_reason.get(reason) and reason not in self._reported and not (live and reason in UNLESS_LIVE):
+        for reason, one in _remedies().items():
+            if by_reason.get(reason) and reason not in self._reported and not (live and one.is_damage):
                 self._reported.add(reason)
-                self._report("warning", f"{words} {remedy}", {"reason": reason})
-                self.message, self.hint = words, remedy
-                self.needed = "key" if reason == "no_key" else self.needed
+                self._report("warning", f"{one.words} {one.remedy}", {"reason": reason})
+                self.message, self.hint = one.words, one.remedy
+                self.needed = one.needed or self.needed
                 return True
         for reason, (words, remedy) in _refusals().items():
             if by_reason.get(reason) and not live and not self.message:
@@ -129,7 +128,10 @@ class StreamDiagnostics:
         reason = max(new, key=lambda one: new[one], default="")
         if self._restarted:
             return self.message, self.hint
-        return {**REMEDIES, **_refusals()}.get(reason) if new.get(reason) else None
+        if not new.get(reason):
+            return None
+        remedy = _remedies().get(reason)
+        return (remedy.words, remedy.remedy) if remedy is not None else _refusals().get(reason)
 
     def restarted(self, waiting: Mapping[str, str]) -> bool:
         """Update the Secure devices that wait to be re-armed, with texts; True if there is something new to show."""
@@ -149,12 +151,16 @@ class StreamDiagnostics:
 
     def exposed(self, kind: str, devices: Sequence[DeviceInfo]) -> bool:
         """Report frames with unprotected payload over a network; True if that is new."""
-        found = [one for one in devices if one.protection.startswith(UNPROTECTED)]
-        if not found or not is_network(kind) or "exposed" in self._reported:
+        if not is_network(kind) or "exposed" in self._reported:
             return False
+        families = [(one.protection, *_unprotected(one.protocol)) for one in devices]
+        found = [(mode, hint) for protection, mode, hint in families if mode and protection.startswith(mode)]
+        if not found:
+            return False
+        [(mode, hint), *_] = found
         self._reported.add("exposed")
         words = "arrive over a network, where their values are not protected against damage or forgery."
-        self._report("warning", f"Frames in {UNPROTECTED} mode {words} {EXPOSED_HINT}", {"reason": "exposed"})
+        self._report("warning", f"Frames in {mode} mode {words} {hint}", {"reason": "exposed"})
         return True
 
     def on_contradiction(self, option: str, doubt: Doubt, *, given: bool) -> bool:

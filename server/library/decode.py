@@ -42,7 +42,7 @@ from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import DeviceState, short_source
 from server.devices.ingest import LinkTiming
 from server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
-from server.devices.stream_diagnostics import REMEDIES, doubt_text
+from server.devices.stream_diagnostics import doubt_text
 from server.library.collector import RecordingSink
 from server.library.decode_tables import decode_tables
 from server.links.registry import link_kind
@@ -203,9 +203,11 @@ class _Device:
     def _report_refusals(self) -> None:
         """Report frames that another option would accept, so that missing data is explained."""
         own = self.devices.own
-        for reason, (words, remedy) in REMEDIES.items():
+        from protocols.registry import remedies  # imported on first use, because it loads compiled code
+
+        for reason, one in remedies().items():
             if count := own.stats.rejects_by.get(reason, 0):
-                text = f"{words} {remedy}" if reason != "no_key" else f"{words} Give the key: --key @FILE."
+                text = f"{one.words} {one.remedy_of_file or one.remedy}"
                 own.events.report("device", "warning", text, data={"reason": reason, "count": count})
 
 

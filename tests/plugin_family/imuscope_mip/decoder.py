@@ -13,6 +13,7 @@ import numpy as np
 
 from imuscope_mip.json_codec import frame_to_json, name_of, plain, rows_of
 from imuscope_mip.messages import DATA, Row
+from imuscope_mip.options import ARRIVAL
 from imuscope_mip.packets import HEADER, parts_of, scan
 from protocols.embedded_protocols import STARTS, find
 from protocols.events import Batch, Event, Reply
@@ -57,10 +58,12 @@ class MipDecoder(StreamDecoder[StreamParser]):
 
     Args:
         direction: kept for those who ask; packets are told apart by their numbers.
+        timestamps: "arrival" leaves the time of samples to their arrival (options.py).
     """
 
-    def __init__(self, *, direction: Direction = "to_host") -> None:
+    def __init__(self, *, direction: Direction = "to_host", timestamps: str = "device") -> None:
         self.direction = direction
+        self._timed = timestamps != ARRIVAL
         super().__init__(StreamParser(scan, find, STARTS))
         self._shapes: dict[bytes, _Shape] = {}
 
@@ -93,7 +96,7 @@ class MipDecoder(StreamDecoder[StreamParser]):
         rows = np.ascontiguousarray(cut.array[offsets[:, None] + np.arange(size)])
         columns = shape.layout.columns(rows)
         time_ns = None
-        if shape.timed:
+        if shape.timed and self._timed:
             with np.errstate(invalid="ignore"):
                 tow = np.nan_to_num(np.clip(columns["tow"], 0, WEEK_S), nan=0.0)
             time_ns = (columns["week"].astype(np.int64) * WEEK_S * NS) + np.rint(tow * NS).astype(np.int64)
@@ -117,9 +120,13 @@ def _offset(event: Event) -> int:
 
 
 class MipLister:
-    """Chunks in, lines out; see protocols.family.FrameLister."""
+    """Chunks in, lines out; see protocols.family.FrameLister.
 
-    def __init__(self) -> None:
+    Args:
+        timestamps: an option of the decoder; a listing shows what was sent.
+    """
+
+    def __init__(self, *, timestamps: str = "device") -> None:
         self._stream = StreamParser(scan, find, STARTS)
 
     def feed(self, data: bytes) -> None:

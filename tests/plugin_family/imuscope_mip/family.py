@@ -9,6 +9,7 @@ from imuscope_mip.decoder import MipDecoder, MipLister, detection_score
 from imuscope_mip.driver import IDENTIFY_REQUEST, MipDriver, identity
 from imuscope_mip.json_codec import frame_from_json
 from imuscope_mip.messages import ROWS
+from imuscope_mip.options import OPTIONS
 from imuscope_mip.packets import HEADER, SUM, SYNC, build, scan
 from protocols.composer import ProtocolComposer
 from protocols.events import Batch
@@ -78,6 +79,7 @@ FAMILY = ProtocolInfo(
     build(0x80, [(0x04, bytes(12))]),
     scan,
     short="MIP",
+    options=OPTIONS,
     identity=identity,
     identify_request=IDENTIFY_REQUEST,
     bauds=(115_200,),

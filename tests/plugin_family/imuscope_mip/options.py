@@ -1,0 +1,18 @@
+"""Decode options of MIP: what a device cannot say of itself."""
+
+from __future__ import annotations
+
+from protocols.decode_options import DecodeOption
+
+ARRIVAL = "arrival"
+OPTIONS = (
+    DecodeOption(
+        "timestamps",
+        "choice",
+        "which time samples have: of the device, or of arrival if its GPS time was never set (default: device)",
+        (("device", "Of the device"), (ARRIVAL, "Of arrival")),
+        recorded=True,
+        title="Timestamps",
+        default="device",
+    ),
+)
