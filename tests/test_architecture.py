@@ -263,7 +263,7 @@ def test_tests_import_from_helper_modules_only() -> None:
 
 
 @pytest.mark.parametrize("place", ONE_PLACE)
-def test_a_mechanism_is_in_one_place(place: str) -> None:
+def test_each_mechanism_is_in_one_place(place: str) -> None:
     pattern = re.compile(ONE_PLACE[place])
     wrong = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
@@ -276,7 +276,7 @@ def test_a_mechanism_is_in_one_place(place: str) -> None:
 
 
 @pytest.mark.parametrize(("house", "forbidden"), [("protocols", IMPURE), ("recordings", SERVING)])
-def test_only_the_server_meets_the_world(house: str, forbidden: set[str]) -> None:
+def test_only_the_server_uses_network_and_clock(house: str, forbidden: set[str]) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in python_files(house)
@@ -297,7 +297,7 @@ def test_no_two_classes_share_a_name() -> None:
     assert not {name: where for name, where in places.items() if len(where) > 1}
 
 
-def test_protocols_read_no_clock() -> None:
+def test_protocols_do_not_read_clocks() -> None:
     clocks = {"now", "utcnow", "today"}
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno} calls {ast.unparse(node.func)}"

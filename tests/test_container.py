@@ -122,7 +122,7 @@ def test_loops_that_cannot_be_written_are_used(image: Path, sealed: Callable[[],
     assert list((tmp_path / "tmp").iterdir()) == []
 
 
-def test_without_them_it_starts_and_reports_it(image: Path, sealed: Callable[[], None]) -> None:
+def test_without_compiled_code_it_starts_and_reports_it(image: Path, sealed: Callable[[], None]) -> None:
     sealed()
     done = run(image, ["-c", START, str(image / "data")], Path("/proc"))
     assert done.returncode == 0, done.stderr

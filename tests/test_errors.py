@@ -30,7 +30,7 @@ def listed(wrong: list[ErrorText]) -> str:
     return "\n".join(shown(said) for said in wrong)
 
 
-def test_the_list_is_all_of_them() -> None:
+def test_the_error_list_is_complete() -> None:
     """A walk that finds little checks little."""
     assert len(everything()) > 250
     for sort in ("DomainError", "LinkError", "RecordingError", "ConfigError", "RefusedError", "JobError", "ViewError"):
@@ -48,7 +48,7 @@ def test_each_is_a_sentence() -> None:
     assert not wrong, listed(wrong)
 
 
-def test_none_speaks_python() -> None:
+def test_no_message_contains_python_terms() -> None:
     wrong = [
         said for said in everything() if JARGON.search(re.sub(r"\{\w*\}", "", f"{said.message} {said.hint or ''}"))
     ]

@@ -170,7 +170,7 @@ def test_trust_is_shown_and_a_key_requested(serve: Serve, open_page: OpenPage) -
     assert key not in page.content()
 
 
-def test_a_key_given_later_keeps_what_came_before(serve: Serve, open_page: OpenPage) -> None:
+def test_a_key_given_later_keeps_earlier_data(serve: Serve, open_page: OpenPage) -> None:
     page = open_page(serve("sim:idtp?mode=secure&unverified=1").url)
     until(page, READY)
     until(page, "document.querySelector('.trust-mark')?.innerText === '▲ unverified'")
@@ -219,7 +219,9 @@ def test_raw_payloads_are_shown_and_can_be_described(serve: Serve, open_page: Op
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (390, 844)], ids=["desktop", "phone"])
-def test_the_standard_holds_for_them(families: ServerProcess, open_page: OpenPage, size: tuple[int, int]) -> None:
+def test_the_pages_of_all_families_are_accessible(
+    families: ServerProcess, open_page: OpenPage, size: tuple[int, int]
+) -> None:
     """Nothing serious from axe, no sideways scrolling, and a finger hits every control.
 
     A phone is shown the same elements: axe looks at them once. Contrast is asked about where there are other colours.

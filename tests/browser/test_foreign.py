@@ -105,7 +105,7 @@ def state(server: ServerProcess) -> tuple[Any, ...]:
     return devices, exchange, recorder, get(f"{server.url}/api/recordings").json()
 
 
-def test_a_foreign_page_reads_nothing_and_does_nothing(server: ServerProcess, stranger: str, visitor: Page) -> None:
+def test_a_page_of_another_origin_can_neither_read_nor_act(server: ServerProcess, stranger: str, visitor: Page) -> None:
     [device] = get(f"{server.url}/api/devices").json()
     before = state(server)
 

@@ -194,7 +194,7 @@ def test_tab_reaches_controls_and_shows_the_focus(page: Page) -> None:
     assert len(seen) > 5
 
 
-def test_a_lane_says_what_it_means_to_pointer_keyboard_and_finger(
+def test_a_lane_describes_itself_to_pointer_keyboard_and_touch(
     server: ServerProcess, open_page: Callable[..., Page]
 ) -> None:
     """A finger's question was answered and wiped away at once, as the finger was lifted."""

@@ -353,7 +353,9 @@ def test_the_health_of_a_recording_is_that_of_the_moment(
     until(page, "/[1-9][0-9.]*\\s*kB/.test(document.querySelector('.side').innerText)")
 
 
-def test_refusal_damage_and_renaming(recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path) -> None:
+def test_refused_and_damaged_uploads_and_renaming(
+    recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
+) -> None:
     page = open_page(f"{recorded.url}/#/recordings")
     until(page, f"{FIRST} !== null")
     [whole, *_] = [one for one in ask(recorded, "GET", "/api/recordings") if one["title"] == TITLE]

@@ -151,7 +151,7 @@ def test_the_body_on_screen_turns_with_the_device(
         page.wait_for_timeout(300)
 
 
-def test_it_stands_beside_our_own_panels_when_asked_for(
+def test_the_viewer_is_shown_beside_the_panels_on_request(
     server: ServerProcess, open_scene: Callable[[str], Page]
 ) -> None:
     page = open_scene(server.url)

@@ -95,7 +95,7 @@ def killed(there: SimulatorThread, data: Path) -> None:
     assert isinstance(there.device, XbusSimulator)
 
 
-def test_a_server_with_company_in_its_folder_takes_nothing_away(tmp_path: Path) -> None:
+def test_a_server_deletes_no_file_of_another_server_in_its_folder(tmp_path: Path) -> None:
     """Two servers on one data folder: what the one is writing is no leftover of the other."""
     first, second = DataFolderLock(tmp_path), DataFolderLock(tmp_path)
     first.begin()

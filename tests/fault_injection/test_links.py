@@ -89,7 +89,7 @@ def test_unplugged_and_back_under_another_number(tmp_path: Path) -> None:
     run(check())
 
 
-def test_another_adapter_is_not_taken_for_the_one_before(tmp_path: Path) -> None:
+def test_another_adapter_is_not_mistaken_for_the_previous_one(tmp_path: Path) -> None:
     async def check() -> None:
         with pty() as first, pty() as other, pty() as back:
             place = plug(first, tmp_path, 0)

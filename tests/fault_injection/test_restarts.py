@@ -83,7 +83,7 @@ def own(folder: Path) -> set[str]:
 
 
 @pytest.mark.slow  # kills, orderly ends, company and damage, each in a small library: see the files beside this one
-def test_recordings_survive_restarts_kills_and_company_in_a_full_library(tmp_path: Path) -> None:
+def test_recordings_survive_restarts_kills_and_other_servers_in_a_full_library(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     damaged, unpacked = library(folder)
     left = [folder / f"kept-{number}.mcap" for number in range(0, 55, 10)]

@@ -115,7 +115,7 @@ def test_a_file_that_once_broke_something_is_read_or_refused(files_search: files
 
 @pytest.mark.parametrize("kind", files.KINDS)
 @pytest.mark.parametrize("data", [b"", b"\0", b"\x89MCAP0\r\n", b"\xff" * 300, b"[" * 300], ids=len)
-def test_files_of_nothing(files_search: files.FileSearch, kind: str, data: bytes) -> None:
+def test_empty_files(files_search: files.FileSearch, kind: str, data: bytes) -> None:
     with files.bounded():
         files_search.check(Case(data, (), {"kind": kind, "cut": False}))
 

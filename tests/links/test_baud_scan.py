@@ -102,7 +102,7 @@ def test_noise_at_every_rate_is_reported() -> None:
     run(check())
 
 
-def test_a_device_that_was_starting_is_found_where_it_was_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_starting_device_is_found_at_a_rate_where_it_was_silent(monkeypatch: pytest.MonkeyPatch) -> None:
     """Noise at the other rates ended the search, though the right rate had been silent when it was listened at."""
 
     class Starting:

@@ -35,7 +35,7 @@ def stream(seconds: float, rate: float = 100.0, start_s: float = 1000.0) -> byte
     return b"".join(frame(i, round((start_s + i / rate) * 10_000)) for i in range(count))
 
 
-def test_every_frame_is_due_when_the_device_clock_says() -> None:
+def test_every_frame_is_due_at_its_device_time() -> None:
     data = stream(3.0)
     pieces = pieces_of(data)
     assert b"".join(piece.data for piece in pieces) == data
@@ -205,7 +205,9 @@ def test_a_short_stretch_of_another_protocol_is_reported(
     run(check())
 
 
-def test_a_slow_session_holds_the_file_back_not_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_session_slows_the_file_down_and_uses_no_more_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("server.links.capture_file.FULL_BYTES", 5000)
     path = tmp_path / "long.bin"
     path.write_bytes(stream(20.0))
@@ -221,7 +223,7 @@ def test_a_slow_session_holds_the_file_back_not_the_memory(tmp_path: Path, monke
     run(check())
 
 
-def test_a_file_of_unknown_bytes_says_how_it_is_played(tmp_path: Path) -> None:
+def test_a_file_of_unknown_bytes_reports_its_playback_rate(tmp_path: Path) -> None:
     path = tmp_path / "noise.bin"
     path.write_bytes(b"nothing known " * 100)
 
@@ -250,7 +252,7 @@ def test_a_file_without_permission(capture: Path, monkeypatch: pytest.MonkeyPatc
     assert "chmod" in error.hint
 
 
-def test_nothing_is_left_behind(capture: Path) -> None:
+def test_no_threads_or_descriptors_are_left(capture: Path) -> None:
     async def check() -> None:
         before = left_behind()
         link = open_link(f"{capture}?loop=1", settings())

@@ -41,7 +41,7 @@ class TcpServer:
             self.client.close()
 
 
-def test_tcp_both_directions_then_the_peer_goes() -> None:
+def test_tcp_in_both_directions_until_the_peer_closes() -> None:
     async def check() -> None:
         with TcpServer() as server:
             attempts: list[str] = []
@@ -177,7 +177,7 @@ def test_listener_lets_a_returning_device_replace_its_silent_connection() -> Non
 
 
 @pytest.mark.parametrize("scheme", ["tcp-listen", "udp"])
-def test_a_port_that_is_taken(scheme: str) -> None:
+def test_a_port_in_use(scheme: str) -> None:
     kind = socket.SOCK_STREAM if scheme == "tcp-listen" else socket.SOCK_DGRAM
     with socket.socket(socket.AF_INET, kind) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -220,7 +220,7 @@ def test_udp_keeps_datagrams_apart_and_answers_the_last_sender() -> None:
     run(check())
 
 
-def test_udp_says_when_two_devices_share_the_port() -> None:
+def test_udp_reports_two_devices_on_one_port() -> None:
     async def check() -> None:
         now = 0
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", settings()))
@@ -261,7 +261,7 @@ def test_thousands_of_senders_cost_no_more_than_a_few() -> None:
 
 
 @pytest.mark.skipif(not hasattr(socket, "CMSG_SPACE"), reason="the system does not count its losses")
-def test_udp_counts_what_the_kernel_had_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_udp_counts_datagrams_dropped_by_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     """A small receive buffer, a reading thread that is held up: the losses are counted and named."""
     monkeypatch.setattr("server.links.udp.BUFFER_BYTES", 1)
 
@@ -284,7 +284,7 @@ def test_udp_counts_what_the_kernel_had_no_room_for(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("source", ["tcp-listen://127.0.0.1:0", "udp://127.0.0.1:0"])
-def test_nothing_is_left_behind(source: str) -> None:
+def test_no_threads_or_descriptors_are_left(source: str) -> None:
     async def check() -> None:
         before = left_behind()
         link = open_link(source, settings())

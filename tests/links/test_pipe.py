@@ -21,7 +21,7 @@ def pipe(tmp_path: Path) -> Path:
     return tmp_path / "pipe"
 
 
-def test_a_pipe_could_not_be_served(pipe: Path) -> None:
+def test_a_pipe_is_served(pipe: Path) -> None:
     """A capture of 0.5 s, written at once, takes as long as the device's clock says; then it has ended."""
     data = b"".join(frame(i, i * 100) for i in range(51))
 
@@ -71,7 +71,7 @@ def test_a_pipe_without_a_writer_is_closed_at_once(pipe: Path) -> None:
     asyncio.run(body())
 
 
-def test_a_recording_through_a_pipe_is_refused_with_a_way_out(pipe: Path) -> None:
+def test_a_recording_through_a_pipe_is_refused_with_a_hint(pipe: Path) -> None:
     async def body() -> None:
         link = open_link(str(pipe), settings())
         await link.open()

@@ -39,7 +39,7 @@ def test_a_serial_link_takes_another_rate_and_keeps_it() -> None:
     run(check())
 
 
-def test_the_terminal_of_another_that_has_the_name_now_is_left_alone() -> None:
+def test_a_pseudo_terminal_that_reuses_the_name_is_left_alone() -> None:
     """An unplugged simulator took it: its own process found it in use, or without half of its bytes."""
 
     async def check() -> None:
@@ -87,7 +87,7 @@ class FakeAdapter:
         self._baud = baud
 
 
-def test_a_rate_that_the_adapter_has_not_is_refused_and_the_old_one_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unsupported_rate_is_refused_and_the_old_one_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     port = FakeAdapter(refuses=4_000_000)
     with pytest.raises(LinkError, match="cannot be set to 4000000 Bd: out of range"):
         try_rate(port, "/dev/ttyUSB0", 4_000_000)

@@ -197,5 +197,5 @@ def test_unplayable_sources_over_http(running: InProcessServer, name: str, body:
     assert set(answer.json()) == {"kind", "message", "hint"}
 
 
-def test_the_frames_of_this_test_are_frames() -> None:
+def test_the_test_frames_are_valid() -> None:
     assert xbus(0x36, device_bytes(1, 0)[4:-1]) == device_bytes(1, 0)

@@ -44,7 +44,7 @@ def test_bytes_arrive_whole_in_order_and_stamped() -> None:
     run(check())
 
 
-def test_the_stamp_is_taken_in_the_thread_not_when_the_loop_gets_round_to_it() -> None:
+def test_timestamps_are_taken_in_the_reading_thread() -> None:
     async def check() -> None:
         with pty() as port:
             source = settings()
@@ -87,7 +87,7 @@ def test_write_reaches_the_device() -> None:
     run(check())
 
 
-def test_a_pulled_plug_is_seen_after_the_last_bytes() -> None:
+def test_an_unplugged_device_is_detected_after_its_last_bytes() -> None:
     async def check() -> None:
         with pty() as port:
             link = open_link(f"{port.path}?baud=115200", settings())
@@ -133,7 +133,7 @@ def test_close_ends_a_read_that_waits() -> None:
     run(check())
 
 
-def test_nothing_is_left_behind() -> None:
+def test_no_threads_or_descriptors_are_left() -> None:
     async def check() -> None:
         with pty() as port:
             warm = open_link(f"{port.path}?baud=115200", settings())
@@ -151,7 +151,7 @@ def test_nothing_is_left_behind() -> None:
     run(check())
 
 
-def test_no_such_port_says_which_ports_there_are() -> None:
+def test_a_missing_port_lists_the_available_ports() -> None:
     error = run(fails(open_link("/dev/ttyNope?baud=9600", settings()).open()))
     assert error.kind == "not-found"
     assert "/dev/ttyNope" in error.message
@@ -194,7 +194,7 @@ def test_missing_permission_names_the_group_and_the_command(number: int, monkeyp
 
 
 @pytest.mark.parametrize(("group", "mode"), [(0, 0o660), (20, 0o600)])
-def test_a_group_that_would_not_help_is_not_named(group: int, mode: int) -> None:
+def test_a_group_without_write_permission_is_not_suggested(group: int, mode: int) -> None:
     """A port of root's alone was said to belong to dialout; joining it changed nothing."""
     with pty() as port:
         os.chown(port.path, -1, group)
@@ -216,7 +216,7 @@ def test_a_group_that_would_not_help_is_not_named(group: int, mode: int) -> None
         (serial.SerialException("Could not configure port"), "refused"),
     ],
 )
-def test_every_refusal_has_words_and_a_way_out(failure: Exception, kind: str) -> None:
+def test_every_link_error_has_a_message_and_a_hint(failure: Exception, kind: str) -> None:
     error = cannot_open("/dev/ttyX", SerialSettings(baud=7), failure)
     assert error.kind == kind
     assert "/dev/ttyX" in error.message

@@ -34,7 +34,7 @@ def test_frames_are_cut_at_frames() -> None:
 
 
 @given(st.binary(max_size=200), st.integers(1, 7))
-def test_a_good_cable_changes_nothing(noise: bytes, step: int) -> None:
+def test_a_faultless_line_changes_nothing(noise: bytes, step: int) -> None:
     cable = SimulatedLine(LineFaults(), 0, "xbus")
     data = noise + b"".join(FRAMES[:5])
     heard = b""
@@ -74,7 +74,7 @@ def test_the_same_seed_makes_the_same_faults() -> None:
     assert heard[0] == heard[1]
 
 
-def test_bytes_take_their_time_on_the_line() -> None:
+def test_bytes_take_their_transmission_time() -> None:
     cable = SimulatedLine(LineFaults(baud=10_000), 0, "xbus")  # 1 byte/ms
     cable.send(FRAMES[0] + FRAMES[1], 0)
     size = len(FRAMES[0])
@@ -93,7 +93,7 @@ def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
     assert 400 < len(heard) < 700  # about half a second of it
 
 
-def test_bursts_come_when_the_adapter_lets_go() -> None:
+def test_bursts_follow_the_latency_timer() -> None:
     cable = SimulatedLine(LineFaults(burst_ms=16, packet=0), 0, "xbus")
     for ms in range(20):
         cable.send(FRAMES[ms], ms * 1_000_000)
@@ -104,7 +104,7 @@ def test_bursts_come_when_the_adapter_lets_go() -> None:
     assert cable.next_ns is None
 
 
-def test_an_adapter_hands_over_62_bytes_at_once_and_the_rest_when_its_timer_runs_out() -> None:
+def test_an_adapter_delivers_62_byte_packets_and_the_rest_at_its_timer() -> None:
     """Truth to the byte: 1 byte/ms, and a timer that starts anew with each packet."""
     cable = SimulatedLine(LineFaults(baud=10_000, burst_ms=100), 0, "xbus")
     sent = FRAMES[0] + FRAMES[1] + FRAMES[2] + FRAMES[3]

@@ -37,7 +37,7 @@ def simulator(query: str = "", rate: float = 200.0) -> SimulatorLink:
     return SimulatorLink(options.source, settings(), options.options, lambda start_ns: Metronome(start_ns, rate))
 
 
-def test_a_simulator_speaks_answers_and_leaves_nothing_behind() -> None:
+def test_a_simulator_streams_answers_and_cleans_up() -> None:
     async def check() -> None:
         before = left_behind()
         link = simulator()
@@ -101,7 +101,7 @@ def test_a_simulator_whose_reader_is_late_loses_nothing() -> None:
     assert data.startswith(b"".join(frame(n, 5 * n) for n in range(1500)))
 
 
-def test_a_simulator_tells_its_backlog() -> None:
+def test_a_simulator_reports_its_backlog() -> None:
     """Like the serial link behind it: a session that cannot keep up must know that more is waiting."""
 
     async def check() -> None:
@@ -115,7 +115,7 @@ def test_a_simulator_tells_its_backlog() -> None:
     run(check())
 
 
-def test_a_simulator_that_was_held_up_has_no_full_line_for_it() -> None:
+def test_a_delayed_simulator_does_not_fill_its_line() -> None:
     """Its line was taken to be half a second behind, and the samples made up for were dropped."""
     late_ns = 0
     options = simulator("rate=2000&baud=460800").options

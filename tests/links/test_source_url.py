@@ -37,7 +37,7 @@ def test_kinds(text: str, kind: str, place: str) -> None:
     assert (source.kind, source.place) == (kind, place)
 
 
-def test_a_file_that_exists_is_that_file_whatever_its_name(tmp_path: Path) -> None:
+def test_an_existing_file_is_opened_whatever_its_name(tmp_path: Path) -> None:
     odd = tmp_path / "tcp:what?speed=4"
     odd.write_bytes(b"x")
     assert SourceUrl.parse(str(odd)) == SourceUrl(str(odd), "file", str(odd), {})

@@ -168,14 +168,14 @@ def test_a_restarted_device_is_remapped(at_s: float, timer_ms: float) -> None:
 
 
 @pytest.mark.parametrize("timer_ms", [0, 16])
-def test_a_host_that_did_not_read_moves_nothing_and_is_known(timer_ms: float) -> None:
+def test_a_host_that_stopped_reading_moves_no_time_and_is_detected(timer_ms: float) -> None:
     way = Way(115_200, timer_ms, stalls=((12.0, 12.3), (20.0, 21.0)))
     given = stream(ModelDevice(ppm=50), way, 25, seed=3)
     clock = held(given, way)
     assert [round(late / S, 1) for _, late in clock.stalls] == [0.3, 1.0]
 
 
-def test_a_network_is_uneven_and_only_its_quickest_packet_is_hidden() -> None:
+def test_network_jitter_is_measured_against_the_fastest_packet() -> None:
     """A constant 0.3 ms one way cannot be seen from one end: the session adds what nobody can know."""
     way = Way(0, network_ms=3, wake_us=40)
     given = stream(ModelDevice(((400, 60),), ppm=-50), way, 25, seed=1)
@@ -188,7 +188,7 @@ def test_a_network_is_uneven_and_only_its_quickest_packet_is_hidden() -> None:
 
 
 @pytest.mark.parametrize("drain_ms", [1, 8, 33, 500])
-def test_how_often_the_stream_is_drained_makes_no_difference_that_matters(drain_ms: float) -> None:
+def test_the_drain_interval_makes_no_significant_difference(drain_ms: float) -> None:
     """Live every 8 ms, a recording that is opened every second: the same code, and the same times to 0.1 ms."""
     way = Way(115_200, timer_ms=16)
     given = stream(ModelDevice(ppm=50), way, 20, seed=4)

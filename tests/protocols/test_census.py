@@ -37,7 +37,7 @@ def test_every_row_has_a_vector(name: str) -> None:
         assert set(by_source) <= set(PROVENANCES)
 
 
-def test_how_many_there_are() -> None:
+def test_the_number_of_vectors() -> None:
     assert len(GROUPS["ISB data sets"].rows()) == 109
     assert {identifier for identifier, _, _ in GROUPS["Xbus items, each precision"].rows()} == {
         row.id for row in xbus_items.ITEMS
@@ -75,7 +75,7 @@ ADDED: dict[str, tuple[Any, str, Any]] = {  # group → whose attribute, and wha
 
 
 @pytest.mark.parametrize("name", ADDED)
-def test_a_row_without_a_vector_is_missed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_row_without_a_vector_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     module, attribute, table = ADDED[name]
     monkeypatch.setattr(module, attribute, table)
     assert GROUPS[name].missing()

@@ -77,7 +77,7 @@ def errors(given_: SimulatedStream, mapped: MappedStream) -> NDArray[np.float64]
 
 @pytest.mark.parametrize("ppm", [0, 100, -100])
 @pytest.mark.parametrize("rate", [100, 125, 400, 1000, 2000])
-def test_bursts_make_no_comb(rate: int, ppm: float) -> None:
+def test_consecutive_samples_are_evenly_spaced(rate: int, ppm: float) -> None:
     """Consecutive samples are evenly spaced: within 5 % while the first seconds are learned, then within 0.6 %."""
     given_ = stream(rate, 60, ppm=ppm)
     spacing = np.diff(run(given_).host) / (1e9 / rate)
@@ -132,7 +132,7 @@ def test_a_link_without_bursts_is_mapped_to_a_fifth_of_a_millisecond() -> None:
     assert mapped.clock.jitter_ns(99) < 0.4 * MS
 
 
-def test_jitter_is_the_burst() -> None:
+def test_jitter_equals_the_burst_interval() -> None:
     clock = run(stream(400, 20)).clock
     assert 15 * MS < clock.jitter_ns(99) < 17 * MS
     assert 7 * MS < clock.jitter_ns(50) < 9 * MS
@@ -281,7 +281,7 @@ anything = st.lists(st.tuples(st.integers(-(2**40), 2**50), st.integers(0, 10**1
 
 
 @given(anything, st.integers(1, 10))
-def test_any_times_are_survived_and_never_run_backwards(rows: list[tuple[int, int]], chunk: int) -> None:
+def test_any_times_are_mapped_without_going_backwards(rows: list[tuple[int, int]], chunk: int) -> None:
     device = np.array([d for d, _ in rows], np.int64)
     arrival = EPOCH_NS + np.cumsum([a for _, a in rows])
     clock = ClockSync(86_806)

@@ -79,12 +79,12 @@ def test_decoding_a_flood_is_linear(protocol: str, name: str) -> None:
     assert growth(decode, FLOODS[name], LARGER.get(name, SIZE)) < MAX_GROWTH
 
 
-def test_each_beginning_of_a_sentence_compared_all_that_followed() -> None:
+def test_sentence_starts_are_searched_in_linear_time() -> None:
     """20 MB of `$GPGGA,` took minutes, most of it copying the rest of the data to compare it with a carriage return."""
     assert growth(lambda data: nmea.find_nmea(data, final=False), b"$", 96 * 1024) < 6  # about 4; 8 to 11 while it did
 
 
-def test_each_record_was_compared_with_every_string() -> None:
+def test_records_and_strings_are_searched_in_linear_time() -> None:
     assert growth(lambda data: binary_strings.find(data, final=True), TSS2 + EM1000, 64 * 1024) < MAX_GROWTH
 
 

@@ -180,7 +180,7 @@ def test_no_key() -> None:
     assert reasons(events) == ["no_key"]
 
 
-def test_unverified_frames_are_marked_and_touch_nothing() -> None:
+def test_unverified_frames_are_marked_and_change_no_state() -> None:
     forged = acc(60_000, SECURE, timestamp=4_000_000_000, key=b"another")
     events = play([acc(5, timestamp=1000), forged, acc(6, timestamp=2000)], show_unverified=True)
     assert shown(events) == [5, 60_000, 6]
@@ -442,7 +442,7 @@ def test_compose_errors(record: dict[str, Any], words: str) -> None:
         frame_from_json(record)
 
 
-def test_likeness() -> None:
+def test_detection_scores() -> None:
     frames = list(everything())
     score, why = detection_score(b"".join(frames))
     assert score == 1.0
@@ -450,7 +450,7 @@ def test_likeness() -> None:
     assert detection_score(bytes(100)) == (0.0, "no frame in them")
 
 
-def test_another_version_was_no_known_protocol() -> None:
+def test_another_version_is_reported_by_name() -> None:
     frames = b"".join(with_version(build(0, bytes(12), sequence=k, timestamp=k, mode=SAFETY), 0x31) for k in range(20))
     assert detection_score(frames) == (0.1, "20 frames of IDTP 3.1; this program supports IDTP 2")
     said = [event.values["warning"] for event in play([frames]) if isinstance(event, Reply)]

@@ -27,7 +27,7 @@ def column(events: list[Any], message: str, name: str) -> np.ndarray[Any, Any]:
     return np.concatenate([e.columns[name] for e in events if isinstance(e, Batch) and e.message.name == message])
 
 
-def test_it_measures_the_drive() -> None:
+def test_readings_follow_the_trajectory() -> None:
     events = events_of(IdtpSimulator(rate=50).advance(20 * S - 1))
     assert not [event for event in events if not isinstance(event, Batch)]
     t = np.arange(1000) / 50
@@ -56,7 +56,7 @@ def test_every_type_in_every_mode(mode: int) -> None:
     assert sum(len(event) for event in events if isinstance(event, Batch)) == 7 * 21
 
 
-def test_however_time_is_cut() -> None:
+def test_results_do_not_depend_on_time_steps() -> None:
     whole = IdtpSimulator(seed=3).advance(2 * S)
     device = IdtpSimulator(seed=3)
     assert b"".join(device.advance(now) for now in range(0, 2 * S + 1, 7_000_000)) + device.advance(2 * S) == whole

@@ -190,7 +190,7 @@ def test_every_row_has_a_vector() -> None:
     assert {mode for _, mode in met} == {"Lite", "Safety", "Secure"}
 
 
-def test_rows_say_what_they_are() -> None:
+def test_rows_are_documented() -> None:
     for row in MESSAGES:
         assert row.doc.endswith("."), row.name
         assert row.source

@@ -93,7 +93,7 @@ def test_every_vector_comes_back(tmp_path: Path) -> None:
         ("1020020001 E02004 0000", {"trailing": "e020040000"}),
     ],
 )
-def test_information_beyond_the_names(tmp_path: Path, payload: str, wire: dict[str, Any]) -> None:
+def test_details_are_shown_beyond_names(tmp_path: Path, payload: str, wire: dict[str, Any]) -> None:
     path = tmp_path / "one.bin"
     path.write_bytes(build(0x36, bytes.fromhex(payload)))
     (line,) = lines_of(path, DecodeOptions("xbus"))
@@ -122,7 +122,7 @@ def test_capture(captures: Path) -> None:
         assert frame_from_json(line) == data[line["offset"] : line["offset"] + line["size"]]
 
 
-def test_nothing_known(tmp_path: Path) -> None:
+def test_unknown_bytes(tmp_path: Path) -> None:
     path = tmp_path / "noise.bin"
     path.write_bytes(bytes(1000))
     with pytest.raises(ValueError, match="no known protocol"):
@@ -185,7 +185,7 @@ def test_every_reason_is_explained() -> None:
     assert found == set(REASONS) - {""}
 
 
-def test_the_table_says_what_codes_and_identifiers_mean(tmp_path: Path) -> None:
+def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
     """They were bare decimals: "code 4", "data_identifier 4128", the name of a device as one number of 19 digits."""
     label = bytes.fromhex("8080000100000000")  # of Configuration: the low word first
     configuration = (label + bytes(90) + label).ljust(118, b"\0")

@@ -90,7 +90,7 @@ def test_position_gives_the_exact_shift() -> None:
 
 
 @pytest.mark.parametrize("lost", [(), (2,), (4,)])
-def test_rows_before_the_first_fix_were_moved_by_up_to_a_period_too_much(lost: tuple[int, ...]) -> None:
+def test_rows_before_the_first_fix_are_shifted_exactly(lost: tuple[int, ...]) -> None:
     """A set that is alone on its line tells its first date one period after its last up-time, not with it; also where
     packets were lost before.
     """
@@ -102,14 +102,14 @@ def test_rows_before_the_first_fix_were_moved_by_up_to_a_period_too_much(lost: t
     assert step.by_ns == pytest.approx((MIDNIGHT - 5.06) * S, abs=1000)
 
 
-def test_up_time_after_the_first_fix_was_a_period_early_until_a_position_came() -> None:
+def test_up_time_after_the_first_fix_is_exact_before_a_position_arrives() -> None:
     """DID_IMU behind DID_INS_1 in each turn: the newest up-time when the fix shows is that of the turn before."""
     turns = [part for up in (4.98, 4.99, 5.0) for part in (ins(0, up), imu(up + 0.0001))]
     events = decode(*turns, ins(WEEK, 18.0), imu(5.0101), ins(WEEK, 18.01), imu(5.0201))
     assert times(events, "DID_IMU")[-2:] == pytest.approx([MIDNIGHT + 0.0001, MIDNIGHT + 0.0101], abs=1e-6)
 
 
-def test_a_position_that_brings_the_first_fix_moves_what_was_before_exactly() -> None:
+def test_a_position_with_the_first_fix_shifts_earlier_rows_exactly() -> None:
     """What a receiver solves is old when it is sent; its offset says by how much the clocks differ."""
     parts = [imu(100.0), imu(100.01), position(WEEK, 299_930, 300.0 - 100.01), imu(100.02)]
     (step,) = (event for event in decode(*parts) if isinstance(event, ClockStep))
@@ -161,7 +161,7 @@ def test_a_restart_soon_after_an_early_fix_is_detected_and_nothing_is_in_1980() 
     assert [event.kind for event in events if isinstance(event, ClockStep)] == ["sync", "reset"]
 
 
-def test_sets_that_a_logger_wrote_in_turns_are_late_and_no_restart() -> None:
+def test_sets_interleaved_by_a_logger_are_no_restart() -> None:
     up = [0.5, 1.5, 2.5, 3.5]
     parts = [*map(imu, up), *map(baro, up), *(imu(4 + t) for t in up), *(baro(4 + t) for t in up), ins(0, 1.0)]
     events = decode(*parts)
@@ -231,7 +231,7 @@ def test_parts_merge_into_the_last_value(split: bool) -> None:
     assert timed == {starts[1], starts[4]}  # a part has none: the clock in its row is the last value's
 
 
-def test_a_stream_of_parts_does_not_stand_still() -> None:
+def test_a_stream_of_parts_advances_its_time() -> None:
     """Asked for a part alone, a device sends nothing else of the set: all rows had the time of a value of long ago."""
     events = decode(ins(WEEK, 18.0), *(theta((i, 0, 0)) for i in range(5)))
     assert times(events, "DID_INS_1") == [MIDNIGHT, *[None] * 5]
@@ -295,7 +295,7 @@ def test_packets_inside_a_failed_candidate_survive() -> None:
 # -- likeness ----------------------------------------------------------------------------------------------------------
 
 
-def test_likeness() -> None:
+def test_detection_scores() -> None:
     score, words = detection_score(imu(1) * 3 + ins(0, 1))
     assert score == 1
     assert "4 ISB packets (DID_IMU, DID_INS_1)" in words

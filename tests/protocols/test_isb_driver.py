@@ -30,7 +30,7 @@ VECTORS = json.loads((Path(__file__).parents[1] / "golden" / "isb" / "commands.j
 # -- reading and writing -----------------------------------------------------------------------------------------------
 
 
-def test_who_it_is() -> None:
+def test_the_identity_is_read() -> None:
     known = play(DRIVER.identify(DeviceContext(baud=115_200)), wire(serial=61_234))
     assert (known.product, known.serial_number, known.firmware, known.baud) == ("IMX-5.0.4", "61234", "2.7.1", 115_200)
     assert play(DRIVER.is_alive(KNOWN), wire())
@@ -51,7 +51,7 @@ def test_one_field_is_written_by_its_offset_and_read_back() -> None:
     ]
 
 
-def test_a_whole_configuration_is_put_back_without_what_the_device_keeps_itself() -> None:
+def test_a_configuration_is_restored_without_fields_maintained_by_the_device() -> None:
     there = wire()
     before = read("DID_FLASH_CONFIG", there)
     packets = DRIVER.setting_frames("DID_FLASH_CONFIG", before, KNOWN)
@@ -72,7 +72,7 @@ def test_a_value_rounded_by_the_device_is_reported() -> None:
     assert DRIVER.same("DID_FLASH_CONFIG", asked, written.got) == ["startupImuDtMs"]
 
 
-def test_every_setting_is_read_or_refused_in_words() -> None:
+def test_every_setting_is_read_or_refused_with_a_reason() -> None:
     there = wire()
     told, refused = [], []
     for setting in DRIVER.settings(KNOWN):
@@ -97,7 +97,7 @@ def test_every_setting_is_read_or_refused_in_words() -> None:
     assert all("not supported" in why for _, why in refused)
 
 
-def test_a_set_that_is_refused_is_in_the_result_and_an_ask_raises() -> None:
+def test_a_refused_set_is_in_the_result_and_a_refused_read_raises() -> None:
     there = wire()
     written = play(DRIVER.write("DID_GPX_FLASH_CFG", {"ser0BaudRate": 115_200}, KNOWN), there)
     assert (written.got, "NACK" in written.refused) == (None, True)
@@ -208,7 +208,7 @@ def test_text() -> None:
     assert there.device.advance(now) + there.device.advance(now + S) == b""
 
 
-def test_sentences_have_a_setting_of_their_own_that_is_kept() -> None:
+def test_sentences_are_a_stored_setting() -> None:
     there = wire()
     wanted = {"options": 1 << 9, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 1}, {"msgID": 1, "msgPeriod": 5}]}
     written = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", wanted, KNOWN), there)
@@ -252,7 +252,7 @@ def test_a_rate_acts_after_the_restart_and_the_device_is_found_there() -> None:
         ({}, {"dynamicModel": 3}, None, None),
     ],
 )
-def test_what_could_cut_the_line(old: Any, new: dict[str, Any], kind: str | None, baud: int | None) -> None:
+def test_changes_that_could_cut_the_line(old: Any, new: dict[str, Any], kind: str | None, baud: int | None) -> None:
     change = DRIVER.line_change("DID_FLASH_CONFIG", old, new, KNOWN)
     assert (change and change.kind, change and change.baud) == (kind, baud)
 
@@ -294,7 +294,7 @@ def test_a_firmware_has_its_own_fields() -> None:
         DRIVER.setting_frames("DID_FLASH_CONFIG", {"gnssCn0Minimum": 10}, DeviceContext(firmware="2.0.3"))
 
 
-def test_a_stopped_dialogue_leaves_nothing_behind() -> None:
+def test_a_stopped_transaction_leaves_no_streams() -> None:
     dialogue = DRIVER.write("DID_FLASH_CONFIG", {"dynamicModel": 4}, KNOWN)
     assert isinstance(next(dialogue), Send)
     assert isinstance(dialogue.send(None), WaitFor)

@@ -96,7 +96,7 @@ def test_other_firmware(row: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("row", [r for r in FORMS if r["form"] == "firmware"], ids=lambda r: f"{r['did']}-{r['size']}")
-def test_the_size_alone_tells(row: dict[str, Any]) -> None:
+def test_the_size_selects_the_layout(row: dict[str, Any]) -> None:
     """Without a device information a size that only other firmware has picks that firmware's structure."""
     sizes = SETS[row["did"]].sizes
     newest = [version for version, size in sizes.items() if size == row["size"]][-1:]
@@ -105,7 +105,7 @@ def test_the_size_alone_tells(row: dict[str, Any]) -> None:
     assert frame_to_json(packet(row))["fields"] == frame_to_json(packet(row), row["version"])["fields"]
 
 
-def test_every_direction_wraps_and_no_accuracy_does() -> None:
+def test_directions_wrap_and_accuracies_do_not() -> None:
     """Mean and σ of a heading that passes north were those of the line: only Euler angles had a period."""
     fields = {row.name: row for struct in TABLES.structs.values() for row, _ in struct.places}
     for name in ("baseToRoverHeading", "azim", "magHdg"):

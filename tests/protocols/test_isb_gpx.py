@@ -36,7 +36,7 @@ def test_it_is_a_gpx() -> None:
     assert "GPX-1" in SIMULATOR.products()
 
 
-def test_its_streams_are_read_and_written_though_it_has_no_rmc_of_an_imx() -> None:
+def test_streams_of_a_gpx_are_read_and_written_without_an_imx_rmc() -> None:
     """The form asked for DID_RMC only, which a GPX refuses."""
     there = wire()
     with pytest.raises(DeviceRejectedError):

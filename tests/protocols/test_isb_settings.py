@@ -68,7 +68,7 @@ def test_ranges_are_the_vendors() -> None:
         validation.require_valid(fields, {"startupGPSDtMs": 100}, partial=True)
 
 
-def test_every_field_and_command_says_what_it_means() -> None:
+def test_every_field_and_command_is_documented() -> None:
     for row in settings_of().values():
         for field in row.fields:
             assert field.doc, f"{row.name}.{field.name}"
@@ -77,7 +77,7 @@ def test_every_field_and_command_says_what_it_means() -> None:
     assert [row.name for row in COMMAND_ROWS.values() if not row.doc or not row.title] == []
 
 
-def test_choices_of_forms_do_not_shout() -> None:
+def test_choices_are_not_in_capitals() -> None:
     """Names stay as they are for the command line; a form has GROUND_VEHICLE as "Ground vehicle"."""
     assert flash("dynamicModel").choices[4] == "GROUND_VEHICLE"
     assert field_form(flash("dynamicModel")).choices["4"] == "Ground vehicle"
@@ -90,7 +90,7 @@ def test_choices_of_forms_do_not_shout() -> None:
             assert not [text for text in words if "_" in text and text.isupper() and not text.startswith("DID_")]
 
 
-def test_commands_were_offered_as_sentences_to_send() -> None:
+def test_commands_are_not_offered_as_sentences() -> None:
     """SRST, which restarts the device, and STPB stood in the list of sentences."""
     kept = settings_of()["DID_NMEA_BCAST_PERIOD"].fields[1].fields[0].choices
     chosen = COMMAND_ROWS["ASCE"].arguments[1].fields[0].choices

@@ -74,7 +74,7 @@ def test_everything_is_read_and_the_identity_comes_first() -> None:
         assert abs(count - rate * seconds) <= 1, ROWS[did].name
 
 
-def test_readings_are_the_drive_seen_from_a_body_that_looks_down() -> None:
+def test_readings_follow_the_trajectory_in_a_body_frame_with_z_down() -> None:
     events = decode(run(IsbSimulator(), 40))
     time = column(events, 58, "time")
     truth = trajectory.vehicle_motion(time)
@@ -87,7 +87,7 @@ def test_readings_are_the_drive_seen_from_a_body_that_looks_down() -> None:
     assert np.abs(column(events, 53, "bar") * 1e3 - pressure).max() < 40
 
 
-def test_attitude_place_and_velocity_are_the_drive_in_ned() -> None:
+def test_attitude_position_and_velocity_follow_the_trajectory_in_ned() -> None:
     events = decode(run(IsbSimulator(), 30))
     fixed = column(events, 4, "week") > 0
     up = (column(events, 4, "timeOfWeek") - _tow_at_power_on())[fixed]
@@ -139,7 +139,7 @@ def test_status_goes_from_aligning_to_navigation() -> None:
     assert satellites.columns["sat"].shape[1] == len(SKY)
 
 
-def test_noise_repeats_whatever_the_cuts() -> None:
+def test_noise_does_not_depend_on_time_steps() -> None:
     one = run(IsbSimulator(seed=3, vibration=1.0), 3, tick_ns=10_000_000)
     assert run(IsbSimulator(seed=3, vibration=1.0), 3, tick_ns=1_000_000) == one
     assert run(IsbSimulator(seed=3, vibration=1.0), 3, tick_ns=3 * S) == one
@@ -158,7 +158,7 @@ def test_faults() -> None:
     assert len(column(fast, 58, "time")) == pytest.approx(980, abs=2)
 
 
-def test_a_jump_is_one_way_and_a_device_that_comes_back_knows_the_date() -> None:
+def test_a_clock_jump_is_permanent_and_a_restarted_device_keeps_the_date() -> None:
     decoder = IsbDecoder()
     decoder.feed(run(IsbSimulator(clock_jump=(8.0, 10.0)), 12), 0)
     assert [event.kind for event in decoder.drain() if isinstance(event, ClockStep)] == ["sync"]
@@ -185,13 +185,13 @@ def test_get_is_answered_by_data() -> None:
 
 
 @pytest.mark.parametrize("did", [0, 48, 80, 130, 255])
-def test_get_of_what_is_not_there_is_refused(did: int) -> None:
+def test_get_of_a_missing_data_set_is_refused(did: int) -> None:
     [refused] = ask(awake(), frames.get_data(did, period=0))
     assert refused.message.name == "NACK"
     assert refused.values["body.dataHdr.id"] == did
 
 
-def test_a_part_that_is_not_there_is_refused() -> None:
+def test_a_missing_part_is_refused() -> None:
     assert [one.message.name for one in ask(awake(), frames.get_data(12, size=600, offset=0, period=0))] == ["NACK"]
 
 
@@ -250,7 +250,7 @@ def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
         frames.set_data(200, bytes(4)),
     ],
 )
-def test_writes_that_cannot_be_are_refused(packet: bytes) -> None:
+def test_invalid_writes_are_refused(packet: bytes) -> None:
     assert [one.message.name for one in ask(awake(), packet)] == ["NACK"]
 
 

@@ -17,7 +17,7 @@ from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
 from tests.transaction_player import PlayedWire, play
 
 
-def test_reading_does_not_end_what_streams() -> None:
+def test_reading_settings_ends_no_stream() -> None:
     """GET_DATA with period 0 ends a stream, whatever its size: neither a snapshot nor a single question must."""
     there = wire()
     for did in (4, 58, 15):
@@ -114,7 +114,7 @@ def test_a_row_that_was_not_touched_is_not_sent(source: str) -> None:
 
 
 @pytest.mark.parametrize(("source", "multiple"), [("nav", 2), ("imu", 8)])
-def test_the_rate_that_was_chosen_is_measured_whichever_source_the_device_counts(source: str, multiple: int) -> None:
+def test_the_chosen_rate_is_measured_for_either_source(source: str, multiple: int) -> None:
     """The document and the header disagree on what DID_IMU is timed by; 31 Hz are 31 Hz."""
     there = wire(imu_source=source)
     play(DRIVER.write("DID_FLASH_CONFIG", {"startupNavDtMs": 16, "startupImuDtMs": 4}, KNOWN), there)
@@ -163,7 +163,7 @@ def test_streams_are_saved_over_a_restart_on_request() -> None:
         assert {row["did"] for row in read("streams", there)["streams"]} == kept
 
 
-def test_options_alone_keep_what_streams_and_end_nothing() -> None:
+def test_options_alone_save_the_current_streams() -> None:
     there = wire()
     play(DRIVER.run("STOP_DID_BROADCAST", {"id": 58}, KNOWN), there)
     written = play(DRIVER.write("streams", {"options": 1 << 9}, KNOWN), there)

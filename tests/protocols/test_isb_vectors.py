@@ -170,7 +170,7 @@ def said_by(vector: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("vector", COMMAND_VECTORS, ids=lambda vector: f"{vector['what']}-{vector['args'].get('did')}")
-def test_commands_say_what_the_vendor_put_in(vector: dict[str, Any]) -> None:
+def test_commands_contain_the_vendor_values(vector: dict[str, Any]) -> None:
     """No argument of any vector is passed over."""
     said, arguments = frame_to_json(packet(vector)), vector["args"]
     assert len(packet(vector)) == vector["len"]
@@ -295,7 +295,7 @@ def test_unknown_data_sets_are_kept() -> None:
     assert ROWS[200].kind == "reply"
 
 
-def test_texts_are_text() -> None:
+def test_text_fields_are_decoded_as_text() -> None:
     """GNSS versions were 220 numbers, and of an event's data only the first byte was there."""
     versions = b"EXT CORE 1.00 (71b20c)".ljust(30, b"\0") + b"00190000".ljust(10, b"\0")
     versions += b"".join(

@@ -71,7 +71,7 @@ def test_wrong_arguments_and_errors_are_reported(checked: bool) -> None:
         parted(1, 0)
 
 
-def test_a_change_of_what_is_called_is_another_function(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_callee_gives_another_cache_key(monkeypatch: pytest.MonkeyPatch) -> None:
     """Numba's cache looks at the file of a function alone; what else it follows from is in the name."""
     before = as_kernel(total).fingerprint()
     assert as_kernel(total).fingerprint() == before
@@ -82,7 +82,7 @@ def test_a_change_of_what_is_called_is_another_function(monkeypatch: pytest.Monk
     assert as_kernel(last_digit).fingerprint() != calling
 
 
-def test_nothing_can_be_written() -> None:
+def test_an_unwritable_cache_folder() -> None:
     """Where nothing can be written it compiles for this run only."""
     script = (
         "import numba.core.caching as c\n"

@@ -51,7 +51,7 @@ WIRES = (">f4", "<f8", "<i2", "u1", "fp1220", "fp1632", "ascii", "bytes")
 @pytest.mark.parametrize("dtype", WIRES)
 @pytest.mark.parametrize("shape", [(), (2,), (3,), (16,), (17,), (3, 3)])
 @pytest.mark.parametrize("scale", [1.0, 0.5])
-def test_many_rows_are_what_each_row_is_alone(dtype: str, shape: tuple[int, ...], scale: float) -> None:
+def test_rows_decode_together_as_they_do_alone(dtype: str, shape: tuple[int, ...], scale: float) -> None:
     if dtype == "bytes" and len(shape) != 1:
         return
     fields = (Field("before", "u1"), Field("x", dtype, shape, scale=scale if dtype not in ("ascii", "bytes") else 1.0))
@@ -124,7 +124,7 @@ def test_check_value_of_the_sum() -> None:
     assert check_sum8(frame[1:-1]) == 0xD1
 
 
-def test_buffer_knows_when_each_byte_came() -> None:
+def test_the_buffer_gives_the_arrival_time_of_each_byte() -> None:
     buffer = StreamBuffer()
     for arrival, chunk in ((10, b"abc"), (20, b""), (30, b"defg"), (40, b"h")):
         buffer.append(chunk, arrival)

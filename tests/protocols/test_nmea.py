@@ -67,7 +67,7 @@ def test_unknown_sentences_keep_their_words() -> None:
     assert found[0].fields == {"field_01": "1", "field_02": None, "field_03": "three"}
 
 
-def test_a_lone_dollar_is_not_waited_for_longer_than_a_sentence() -> None:
+def test_a_lone_dollar_is_given_up_after_the_length_of_a_sentence() -> None:
     assert find_nmea(b"$" + b"A" * 50, final=False) == ([], 0)
     assert find_nmea(b"$" + b"A" * 50, final=True) == ([], 51)
     assert find_nmea(b"$" + b"A" * LONGEST, final=False) == ([], LONGEST + 1)
@@ -108,7 +108,7 @@ words = st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_ch
 
 
 @given(st.sampled_from([*EXAMPLES, "PASHR", "PUBX", "GPGSV", "GNGNS"]), st.lists(words, max_size=16))
-def test_any_words_under_a_true_checksum_are_survived(name: str, fields: list[str]) -> None:
+def test_any_fields_with_a_valid_checksum_are_accepted(name: str, fields: list[str]) -> None:
     """Pynmeagps meets fields it does not expect: the sentence stands, its words at least are there."""
     content = ",".join([name, *fields])
     if len(content) > LONGEST - 10:

@@ -49,7 +49,7 @@ def test_numbers_along_axes_are_one_quantity() -> None:
     assert batch.offset.tolist() == [0, 1, 2]
 
 
-def test_a_sentence_keeps_its_message_and_words_alone_make_none() -> None:
+def test_a_known_sentence_has_its_message_and_unknown_fields_have_none() -> None:
     sentences = NmeaQuantities()
     (first,) = sentences.batches([text("HCHDM", headingM=354.0, ref="M")])
     more = [text("HCHDM", headingM=1.0), text("GPTXT", text="hello"), text("X", a=np.int64(1))]

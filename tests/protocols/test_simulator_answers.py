@@ -72,7 +72,7 @@ def test_answers_are_those_of_the_vectors(what: str) -> None:
     assert answer == expected
 
 
-def test_who_it_is() -> None:
+def test_the_identity_is_read() -> None:
     device = in_config(serial=0x801234AB)
     assert ask(device, 0x00) == (0x01, bytes.fromhex("00000000801234AB"))
     assert ask(device, 0x1C) == (0x1D, b"MTi-630-8A1G6".ljust(20))
@@ -167,7 +167,7 @@ def test_other_data_than_rtcm_reach_the_receiver() -> None:
     assert ask(device, 0xE2, bytes.fromhex("B5620A0400000E34"), now=3 * S) == (0xE3, b"")
 
 
-def test_a_line_is_for_functions_of_its_own_way() -> None:
+def test_a_sync_line_accepts_functions_of_its_direction_only() -> None:
     """The sync out was taken as a line on which the device is triggered."""
     entry = bytes([3, 7, 1, 0]) + bytes(8)
     assert ask(in_config("MTi-630"), 0x2C, entry) == (0x42, b"\x21")
@@ -211,7 +211,7 @@ def test_without_auto_measurement_it_stays_in_config() -> None:
     assert device.phase == "config"
 
 
-def test_restore_bytes_while_it_boots_bring_the_factorys_line_back() -> None:
+def test_restore_bytes_at_boot_restore_the_factory_baud_rate() -> None:
     """Section 7.2: the baud rate and the outputs return, an alignment stays."""
     device = in_config()
     alignment = b"\x00" + struct.pack(">4f", 0, 1, 0, 0)
@@ -316,7 +316,7 @@ def test_a_request_in_pieces_between_noise_is_received() -> None:
     assert [number for number, _ in replies(answers)] == [0x1F]
 
 
-def test_an_unknown_product_is_our_callers_mistake() -> None:
+def test_an_unknown_product_raises_a_value_error() -> None:
     with pytest.raises(ValueError, match="MTi-630"):
         XbusSimulator("MTi-9000")
 

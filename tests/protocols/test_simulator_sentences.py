@@ -61,7 +61,7 @@ def test_without_a_receiver_there_are_no_strings_of_one() -> None:
 HEADINGS = {"HEHDT": "headingT", "TSS2": "heading", "PRDID": "headingT", "HCHDM": "headingM", EM1000: "heading"}
 
 
-def test_strings_say_what_the_drive_does() -> None:
+def test_strings_follow_the_trajectory() -> None:
     """Heading, pitch and roll within the errors of the filter, in all the strings that tell them."""
     data = told(in_config("MTi-680G"), word(*HEADINGS))
     found = [event for event in decode(data) if isinstance(event, Text)]
@@ -79,7 +79,7 @@ def test_strings_say_what_the_drive_does() -> None:
 
 
 @pytest.mark.parametrize("product", ["MTi-680G", "MTi-630", "MTi-30"])
-def test_lines_are_no_longer_than_the_load_says(product: str) -> None:
+def test_lines_are_at_most_as_long_as_the_computed_load(product: str) -> None:
     device = in_config(product)
     hertz = 10
     length = len(told(device, ALL_TYPES, hertz))
@@ -90,7 +90,7 @@ def test_lines_are_no_longer_than_the_load_says(product: str) -> None:
     assert 0.5 * load * 10 < length <= load * 10.1
 
 
-def test_0_returns_to_data() -> None:
+def test_zero_string_types_return_to_data() -> None:
     device = in_config()
     told(device, 1 << 8)
     ask_again = device.receive(bytes.fromhex("FAFF3000D1"), 13 * S)

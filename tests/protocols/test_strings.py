@@ -39,11 +39,11 @@ def test_tss2_without_line_ends() -> None:
 @pytest.mark.parametrize(
     "wrong", [b":36000  0000H-0150  0250F", b":1234x  0000H-0150  0250F", b":12345  0000H+0150  0250F"]
 )
-def test_lookalikes_of_tss2_are_rejected(wrong: bytes) -> None:
+def test_bytes_that_resemble_tss2_are_rejected(wrong: bytes) -> None:
     assert find(wrong + b"\r\n", final=True)[0] == []
 
 
-def test_em1000_is_believed_when_two_more_follow() -> None:
+def test_em1000_is_accepted_when_two_more_follow() -> None:
     found, _ = find(EM1000 * 5, final=True)
     assert [one.offset for one in found] == [0, 10, 20, 30, 40]
     assert found[0].fields == {"roll": -1.5, "pitch": 2.5, "heave": 0.0, "heading": 123.45}
@@ -51,7 +51,7 @@ def test_em1000_is_believed_when_two_more_follow() -> None:
     assert find(EM1000 * 2, final=True)[0] == []
 
 
-def test_em1000_carries_on_a_run() -> None:
+def test_em1000_continues_a_run() -> None:
     assert [one.offset for one in find(EM1000 * 5, final=True, since=0)[0]] == [0, 10, 20, 30, 40]
     assert find(EM1000, final=True, since=WINDOW + 1)[0] == []
 
@@ -70,7 +70,7 @@ def test_em1000_among_other_strings() -> None:
         "00 90 6A FF 29 23 00 00 39 30",  # pitch 90.01°
     ],
 )
-def test_lookalikes_of_em1000_are_rejected(record: str) -> None:
+def test_bytes_that_resemble_em1000_are_rejected(record: str) -> None:
     assert find(bytes.fromhex(record) * 4, final=True)[0] == []
 
 

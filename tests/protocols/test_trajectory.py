@@ -70,7 +70,7 @@ def test_the_field_keeps_its_size_and_direction(drive: trajectory.MotionState) -
     assert abs(np.linalg.norm(trajectory.FIELD_ENU) - 1) < 1e-12
 
 
-def test_it_is_believable(drive: trajectory.MotionState) -> None:
+def test_the_trajectory_is_physically_plausible(drive: trajectory.MotionState) -> None:
     assert 5 < trajectory.speed(drive).max() < 20
     assert np.degrees(np.abs(drive.euler[:, :2])).max() < 5
     assert 10 < np.degrees(np.abs(drive.rate)).max() < 60
@@ -84,7 +84,7 @@ def test_euler_angles_are_those_of_the_quaternion(drive: trajectory.MotionState)
 
 
 @given(st.floats(-1e5, 1e5), st.integers(1, 50))
-def test_a_moment_does_not_depend_on_its_neighbours(begin: float, n: int) -> None:
+def test_samples_do_not_depend_on_their_neighbours(begin: float, n: int) -> None:
     times = begin + np.arange(n) * 0.01
     together, alone = trajectory.vehicle_motion(times), trajectory.vehicle_motion(times[-1:])
     for name in ("position", "velocity", "acceleration", "rate", "force"):

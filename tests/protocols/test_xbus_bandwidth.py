@@ -142,7 +142,7 @@ SKY = 15  # satellites that the simulator sees
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_the_simulators_own_outputs_are_as_heavy_as_computed(product: str) -> None:
+def test_the_computed_load_is_that_of_the_simulators_outputs(product: str) -> None:
     pairs = list(PRODUCTS[product].output)
     pairs = [(identifier, 100 if rate < 0 else rate) for identifier, rate in pairs]
     used, length = measured(product, pairs, 1)
@@ -163,7 +163,7 @@ def configurations(draw: st.DrawFn) -> tuple[str, list[Pair]]:
 
 
 @given(configurations())
-def test_any_configuration_is_as_heavy_as_computed(case: tuple[str, list[Pair]]) -> None:
+def test_the_computed_load_is_the_sent_load_for_any_configuration(case: tuple[str, list[Pair]]) -> None:
     """A second of the simulator, against the load of the wish, and against that of the rates that it then reports."""
     product, pairs = case
     used, length = measured(product, pairs or [(0, 0)], 1)
@@ -224,7 +224,7 @@ def test_exceeded_limits_are_reported() -> None:
     assert DRIVER.load(wished([(0x4020, 400)]), DeviceContext(product="MTi-680G")).limits == ()
 
 
-def test_sentences_take_the_place_of_data() -> None:
+def test_sentences_replace_data() -> None:
     """600-series: the rate stands with the strings; before: 115200 / (period · (skip + 1)) lines a second."""
     outputs = wished([(0x2010, 400)])
     strings = {"StringOutputType": {"string_types": 1 << 8 | 1 << 3, "frequency": 10}}
@@ -253,7 +253,7 @@ def test_every_rate_of_a_product_is_granted_as_it_is(number: int) -> None:
     ("hardware", "hertz"), [({}, 800), ({"major": 2, "minor": 0}, 800), ({"major": 1, "minor": 3}, 1000)]
 )
 @pytest.mark.parametrize("identifier", [0x4040, 0x8040])
-def test_high_rate_items_of_the_1_series_weigh_what_their_hardware_sends(
+def test_the_load_of_high_rate_items_is_that_of_the_hardware(
     identifier: int, hardware: dict[str, int], hertz: int
 ) -> None:
     """Hardware before 2.0 sends about 1000 Hz: a quarter more than the 800 Hz that were always counted."""

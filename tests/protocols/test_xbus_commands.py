@@ -54,7 +54,7 @@ def test_an_output_has_the_products_that_the_document_marks(identifier: str) -> 
     assert sorted(OUTPUTS[int(identifier, 16)].products) == sorted(PRODUCTS["outputs"][identifier])
 
 
-def test_no_output_is_made_up() -> None:
+def test_every_output_is_in_the_document() -> None:
     assert {f"0x{identifier:04X}" for identifier in OUTPUTS} == set(PRODUCTS["outputs"])
 
 
@@ -239,7 +239,7 @@ def test_every_command_of_every_product_is_a_frame_and_back() -> None:
 
 
 @given(st.binary(max_size=60))
-def test_spans_cover_whatever_there_is(data: bytes) -> None:
+def test_spans_cover_arbitrary_bytes(data: bytes) -> None:
     spans = DRIVER.annotate(data)
     assert sum(span.size for span in spans) == len(data)
     assert DRIVER.name_of(data)

@@ -31,7 +31,7 @@ def test_a_new_rate_acts_after_the_restart_and_the_device_is_found_there(product
     assert not play(DRIVER.is_alive(known), line)
 
 
-def test_a_device_that_sends_nothing_is_alive_all_the_same() -> None:
+def test_a_silent_device_is_found_alive() -> None:
     line = wire()
     known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.write("OutputConfiguration", {"outputs": []}, known), known), line)
@@ -165,7 +165,7 @@ def test_an_unknown_product_has_no_known_factory_values() -> None:
     assert DRIVER.factory(DeviceContext()) == {}
 
 
-def test_the_order_of_outputs_and_two_names_of_a_rate_mean_nothing() -> None:
+def test_the_order_of_outputs_and_equal_rates_are_no_difference() -> None:
     one = {"data_identifier": 0x2010, "output_frequency": 100}
     two = {"data_identifier": 0x1020, "output_frequency": 0}
     also_two = {"data_identifier": 0x1020, "output_frequency": 0xFFFF}

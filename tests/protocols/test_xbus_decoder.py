@@ -255,7 +255,7 @@ def satellites(counter: int, fine: int) -> bytes:
 
 @pytest.mark.parametrize("cut", ["whole", "frame by frame"])
 @pytest.mark.parametrize("arbitrary", [0, 0xFFFFFFFF, 123_456_789])
-def test_the_clock_of_a_gnss_message_without_a_fix_is_nobodys(arbitrary: int, cut: str) -> None:
+def test_a_gnss_message_without_a_fix_has_no_device_time(arbitrary: int, cut: str) -> None:
     """It is arbitrary (MT0101P 5.3.6): no step, no time, and the clock of the samples goes on."""
     frames = []
     for i in range(100):

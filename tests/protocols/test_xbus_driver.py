@@ -48,7 +48,7 @@ def test_a_device_is_identified_and_continues_measuring(product: str) -> None:
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_everything_that_a_product_keeps_is_read_written_and_put_back(product: str) -> None:
+def test_every_stored_setting_of_a_product_is_read_written_and_restored(product: str) -> None:
     """What is read may be written as it is, and then nothing has changed."""
     line = wire(product)
     known = known_of(line)
@@ -116,7 +116,7 @@ def test_no_outputs_and_no_sync_settings_are_written_and_read_as_empty_lists() -
         assert written.got == {name: []}
 
 
-def test_a_refusal_has_the_documents_words_and_the_device_measures_again() -> None:
+def test_a_refusal_has_the_documented_text_and_measurement_resumes() -> None:
     line = wire()
     known = known_of(line)
     written = play(DRIVER.within(DRIVER.write("FilterProfile", {"profile": "Nonsense"}, known), known), line)
@@ -241,7 +241,7 @@ def test_a_measuring_command_sends_no_gotomeasurement_to_a_streaming_device() ->
     assert names(line) == ["SetNoRotation"]
 
 
-def test_a_failed_reading_restores_measurement_and_reports_the_restart() -> None:
+def test_a_failed_read_restores_measurement_and_reports_the_restart() -> None:
     """All answers were lost; the device had heard GoToConfig, and stayed silent for ever."""
 
     class Unheard(Between):
@@ -423,7 +423,7 @@ def test_lost_or_unrelated_answers_are_requested_again() -> None:
     assert failed < 15
 
 
-def test_answers_that_are_late_are_still_the_right_ones() -> None:
+def test_late_answers_are_matched_to_their_requests() -> None:
     """Each comes when the next try is on its way: what is read back is what was written."""
     line = wire(moods=FaultInjection(late_ns=700_000_000))
     known = DeviceContext(product="MTi-630")

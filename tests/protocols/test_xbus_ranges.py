@@ -144,7 +144,7 @@ TOGETHER = [
 
 
 @pytest.mark.parametrize(("command", "values", "path", "words"), TOGETHER)
-def test_values_that_do_not_go_together_are_refused(command: str, values: Any, path: str, words: str) -> None:
+def test_inconsistent_values_are_refused(command: str, values: Any, path: str, words: str) -> None:
     with pytest.raises(EncodeError, match=words) as refused:
         DRIVER.frame(command, values, KNOWN["MTi-630"])
     assert refused.value.path == path
@@ -159,7 +159,7 @@ def test_missing_features_of_a_product_are_named() -> None:
         DRIVER.setting_frames("DeviceID", {"device_id": 1}, KNOWN["MTi-630"])
 
 
-def test_a_leap_day_is_a_day() -> None:
+def test_february_29_exists_in_leap_years_only() -> None:
     assert DRIVER.frame("SetUTCTime", utc(month=2, day=29, year=2028), KNOWN["MTi-630"])
 
 

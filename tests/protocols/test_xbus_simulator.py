@@ -84,7 +84,7 @@ def test_a_requested_rate_becomes_one_that_divides(wish: int, rate: int) -> None
     assert accepted_rates(wish, 400) == rate
 
 
-def test_it_measures_the_drive() -> None:
+def test_readings_follow_the_trajectory() -> None:
     """Within the errors of a good sensor: the simulator adds noise and bias, no more."""
     events = decode(run(XbusSimulator(seed=2, rate=400), 60))
     times = column(events, "SampleTimeFine") * 1e-4
@@ -150,7 +150,7 @@ def test_time_wraps_after_a_day_in_the_older_series() -> None:
 
 
 @given(st.lists(st.integers(0, 120_000_000), max_size=30))
-def test_how_time_is_cut_changes_nothing(cuts: list[int]) -> None:
+def test_output_does_not_depend_on_time_steps(cuts: list[int]) -> None:
     whole, cut = XbusSimulator(seed=9), XbusSimulator(seed=9)
     now, parts = 0, b""
     for step in cuts:
@@ -159,7 +159,7 @@ def test_how_time_is_cut_changes_nothing(cuts: list[int]) -> None:
     assert parts + cut.advance(2 * S) == whole.advance(2 * S)
 
 
-def test_nothing_is_sent_twice_or_back_in_time() -> None:
+def test_samples_are_sent_once_and_in_order() -> None:
     device = XbusSimulator()
     assert len(device.advance(2 * S)) > 10_000
     assert device.advance(2 * S) == device.advance(1 * S) == b""
@@ -196,7 +196,7 @@ def test_faults_are_counted_by_the_decoder_as_made() -> None:
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def test_power_up_without_a_word_leads_to_measurement() -> None:
+def test_power_up_without_a_request_leads_to_measurement() -> None:
     device = XbusSimulator(start_ns=5 * S)
     assert device.advance(5 * S - 1) == b""
     assert device.advance(5 * S).hex() == "faff3e00c3"
@@ -225,7 +225,7 @@ def test_config_and_back() -> None:
     assert len(device.advance(10 * S)) > 5000
 
 
-def test_reset_starts_over_and_applies_the_new_baud_rate() -> None:
+def test_reset_restarts_and_applies_the_new_baud_rate() -> None:
     device = in_config()
     assert ask(device, 0x18) == (0x19, b"\x02")
     assert ask(device, 0x18, b"\x80") == (0x19, b"")

@@ -240,7 +240,7 @@ def test_every_row_has_a_vector() -> None:
     assert not missing, f"no vector for {missing}"
 
 
-def test_rows_say_what_they_are() -> None:
+def test_rows_are_documented() -> None:
     """Documentation is data: every row, field and bit has a sentence; every row a source."""
     for row in (*MESSAGES, *ITEMS):
         assert row.doc.endswith("."), row.name

@@ -175,7 +175,7 @@ def test_an_empty_channel_and_an_empty_stretch_are_empty(tmp_path: Path) -> None
     assert full.row_at(7, 0) == -1
 
 
-def test_a_store_is_there_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_a_store_is_written_atomically(tmp_path: Path) -> None:
     writer = ColumnStoreWriter(tmp_path / "a")
     writer.channel(7, SHAPE)
     writer.append(7, rows(10_000))
@@ -195,7 +195,7 @@ def test_a_store_of_another_version_is_made_again(tmp_path: Path, monkeypatch: p
         ColumnStore(tmp_path / "a")
 
 
-def test_a_thinned_stretch_is_rows_of_it(tmp_path: Path) -> None:
+def test_a_thinned_range_contains_original_rows(tmp_path: Path) -> None:
     columns = rows(50_000)
     store = made(tmp_path / "a", columns)
     key = key_of(columns)

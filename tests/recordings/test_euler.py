@@ -34,7 +34,7 @@ def test_the_vendors_angles(one: dict[str, list[float]]) -> None:
         assert found[1] == pytest.approx(one["euler"][1], abs=1e-3)
 
 
-def test_there_are_vectors() -> None:
+def test_the_vectors_are_not_empty() -> None:
     assert len(WITH_ANGLES) >= 5
 
 
@@ -51,7 +51,7 @@ def test_angles_lead_back_to_the_rotation(q: list[float]) -> None:
         assert math.cos(roll) * math.cos(pitch) == pytest.approx(1 - 2 * (x * x + y * y), abs=1e-6)
 
 
-def test_a_matrix_says_the_same_as_its_quaternion_and_nothing_has_no_angles() -> None:
+def test_a_matrix_gives_the_angles_of_its_quaternion_and_nan_gives_none() -> None:
     turn = math.radians(30)
     matrix = [math.cos(turn), -math.sin(turn), 0.0, math.sin(turn), math.cos(turn), 0.0, 0.0, 0.0, 1.0]
     found = euler_columns([np.array([part]) for part in matrix])

@@ -226,7 +226,7 @@ def test_quantities_are_joined_by_time_and_arrival() -> None:
     assert join([a, a]).at == [None, None]
 
 
-def test_windows_part_no_moment_and_lose_no_row(tmp_path: Path) -> None:
+def test_windows_split_no_instant_and_lose_no_row(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     ranges = {number: (0, columns.rows(number)) for number in (1, 2, 3, 4)}
     ends = dict.fromkeys(ranges, 0)
@@ -257,7 +257,7 @@ def test_columns_with_the_same_name_get_unique_names(tmp_path: Path) -> None:
     assert table.names[1:] == [["Temperature"], ["Temperature #2"]]
 
 
-def test_a_table_says_the_name_of_its_message_once(tmp_path: Path) -> None:
+def test_a_table_has_the_message_name_once(tmp_path: Path) -> None:
     """DID_GPS1_SAT.DID_GPS1_SAT.sat was the name of a file."""
     columns = store(tmp_path / "store")
     told = columns.manifest["channels"]
@@ -303,7 +303,7 @@ def test_an_mtb_begins_with_the_configuration_and_holds_frames_alone(tmp_path: P
     assert made.read_bytes() == configuration + b"".join(chunks[9:50])
 
 
-def test_the_bytes_of_a_device_are_as_they_came(tmp_path: Path) -> None:
+def test_the_bytes_of_a_device_are_unchanged(tmp_path: Path) -> None:
     columns, whole, _, _ = recorded(tmp_path / "a.mcap")
     wish = ExportRequest(columns, tmp_path / "a.mcap", device="1")
     (made,) = export("bytes", wish, tmp_path / "run.bin")

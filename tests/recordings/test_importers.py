@@ -66,7 +66,7 @@ def test_the_vendors_logs_have_their_listed_values(suffix: str) -> None:
 
 
 @needs_logs
-def test_the_index_says_when_the_bytes_came(tmp_path: Path) -> None:
+def test_the_index_gives_the_arrival_times(tmp_path: Path) -> None:
     shutil.copy(LOGS / f"{NAME}.raw", tmp_path)
     by_clock = list(open_file(tmp_path / f"{NAME}.raw").parts())
     lasts_ms = int(by_clock[-1].times[-1] - by_clock[0].times[0]) // 1_000_000
@@ -86,7 +86,7 @@ def test_the_index_says_when_the_bytes_came(tmp_path: Path) -> None:
 
 
 @needs_logs
-def test_an_index_in_another_time_than_the_device_is_not_used() -> None:
+def test_an_index_that_contradicts_the_device_clock_is_ignored() -> None:
     """The logs beside this project were written in 47 ms."""
     source = open_file(LOGS / f"{NAME}.raw")
     assert not source.timed
@@ -184,7 +184,7 @@ def test_bad_bytes_in_a_log_cost_the_records_they_are_in(tmp_path: Path) -> None
 
 
 @needs_captures
-def test_a_headerless_capture_is_recognised_and_paced_by_its_clock() -> None:
+def test_a_headerless_capture_is_recognised_and_timed_by_its_clock() -> None:
     source = open_file(CAPTURES / "mti_100hz_49s.bin")
     assert source.devices["1"].protocol == "xbus"
     assert not source.timed

@@ -137,7 +137,7 @@ def test_a_damaged_index_is_rebuilt(tmp_path: Path, text: str) -> None:
         assert not entry.indexed
 
 
-def test_an_odd_folder_in_the_bin_hides_nothing(tmp_path: Path) -> None:
+def test_an_unexpected_folder_in_the_bin_hides_no_recording(tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
     (tmp_path / BIN / "²").mkdir(parents=True)
     assert ids(Library(tmp_path)) == ["a"]
@@ -221,7 +221,7 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
     assert not library.get("a").indexed  # another file by now
 
 
-def test_a_device_that_has_but_its_files_name_goes_by_the_new_one(tmp_path: Path) -> None:
+def test_an_unnamed_device_is_named_after_the_renamed_file(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
     library = Library(tmp_path)
     columns = store(tmp_path / "store", devices=1)
@@ -273,7 +273,7 @@ def test_an_external_id_is_not_a_path(name: str, tmp_path: Path) -> None:
         library.undelete(name)
 
 
-def test_the_quota_counts_what_may_go_and_takes_the_bin_first_and_nothing_that_was_put_there(tmp_path: Path) -> None:
+def test_the_quota_deletes_the_bin_first_and_no_file_of_others(tmp_path: Path) -> None:
     """A folder of captures that somebody keeps here is not full of recordings, and is never thinned out."""
     library = Library(tmp_path)
 

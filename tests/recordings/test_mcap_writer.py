@@ -139,7 +139,7 @@ def test_a_recording_cut_at_any_byte_yields_a_prefix_and_reports_it(
 
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_bytes_turned_anywhere_never_raise(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_flipped_bytes_never_raise(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     path = tmp_path_factory.mktemp("hurt") / "a.mcap"
     written(path, chunks=60)
     if data.draw(st.booleans()):
@@ -196,7 +196,7 @@ def test_packing_keeps_a_recording_with_good_data_behind_damage(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("opcode", [2, 15])  # of the footer, of the end of the data
-def test_garbage_that_looks_like_the_end_hides_nothing(tmp_path: Path, opcode: int) -> None:
+def test_garbage_that_resembles_the_footer_hides_no_data(tmp_path: Path, opcode: int) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=500)
     raw = path.read_bytes()

@@ -40,7 +40,7 @@ def put(tape: RecordingWriter, n: int, size: int = 50, start: int = 0) -> list[M
     return wanted
 
 
-def test_all_that_was_put_is_in_the_file_in_order(tmp_path: Path) -> None:
+def test_all_data_are_in_the_file_in_order(tmp_path: Path) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     tape.device("1", {"protocol": "xbus"})
     wanted = put(tape, 5000)
@@ -111,7 +111,7 @@ def test_a_part_ends_when_it_is_old_enough(tmp_path: Path) -> None:
     assert [message for path in paths for message in read(path)] == wanted
 
 
-def test_a_full_disk_ends_the_tape_and_keeps_what_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_ends_the_recording_and_keeps_written_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     room = [3000]
 
     def write(fd: int, data: memoryview) -> int:
@@ -138,7 +138,7 @@ def test_a_full_disk_ends_the_tape_and_keeps_what_was_written(tmp_path: Path, mo
     assert room_for_one_more < 31 + 50 + 200  # records that fitted are there; the channels' own records are the rest
 
 
-def test_a_folder_that_is_removed_ends_the_tape_and_what_was_recorded_is_put_back(tmp_path: Path) -> None:
+def test_a_removed_folder_ends_the_recording_and_its_data_are_restored(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
     tape = RecordingWriter(named(folder), ABOUT, time.time_ns)
@@ -198,7 +198,7 @@ def test_a_clock_that_is_set_while_recording_begins_a_new_part_with_the_new_time
     assert times == [list(range(1, 11)), list(range(1_000_001, 1_000_011))]
 
 
-def test_a_tape_that_cannot_begin_says_why(tmp_path: Path) -> None:
+def test_a_recording_that_cannot_start_reports_the_cause(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="No such file"):
         RecordingWriter(named(tmp_path / "nowhere"), ABOUT, time.time_ns)
 

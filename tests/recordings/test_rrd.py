@@ -96,7 +96,7 @@ def test_every_value_and_every_time_of_every_channel_is_in_the_file(
     assert compared == sum(store.rows(n) * len(infos[n]["columns"]) for n in infos) > 40_000
 
 
-def test_an_entity_says_device_quantity_and_unit(read: dict[str, list[pa.RecordBatch]]) -> None:
+def test_an_entity_is_named_by_device_quantity_and_unit(read: dict[str, list[pa.RecordBatch]]) -> None:
     for path in (
         ("MTi-680G", "Acceleration [m/s²]"),
         ("IMX-5", "IMU Rate of turn [°/s]"),
@@ -158,7 +158,9 @@ def test_all_devices_stand_on_one_plane_in_metres(read: dict[str, list[pa.Record
         assert column(read[name_of(("world", "track", name))], "LineStrips3D:strips")
 
 
-def test_on_a_map_a_device_is_where_it_said(store: ColumnStore, read: dict[str, list[pa.RecordBatch]]) -> None:
+def test_a_device_is_at_its_reported_position_on_a_map(
+    store: ColumnStore, read: dict[str, list[pa.RecordBatch]]
+) -> None:
     infos = store.manifest["channels"]
     mapped = {device.name: device.position for device in devices_of(store.manifest["devices"], infos)}
     assert len(mapped) == 3
@@ -333,7 +335,7 @@ def test_a_browser_gets_no_more_than_it_holds(counts: list[int], as_much: bool, 
     assert (found.rows, found.shown, found.most, found.every) == (sum(counts), *shown)
 
 
-def test_stopped_it_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_a_stopped_export_leaves_no_files(tmp_path: Path) -> None:
     store = drive(tmp_path / "store", 5000)
     out = tmp_path / "out"
     out.mkdir()
@@ -346,7 +348,7 @@ def test_stopped_it_leaves_nothing_behind(tmp_path: Path) -> None:
     assert list(out.iterdir()) == []
 
 
-def test_it_is_one_of_the_formats_and_costs_nothing_until_it_is_wanted(store: ColumnStore, tmp_path: Path) -> None:
+def test_rerun_is_a_format_and_is_imported_on_demand_only(store: ColumnStore, tmp_path: Path) -> None:
     infos = store.manifest["channels"]
     acceleration = next(info["id"] for info in infos if info["name"] == "Acceleration" and info["device"] == "1")
     files = export(by_suffix(".rrd") or "", ExportRequest(store, channels=(acceleration,)), tmp_path / "a.rrd")

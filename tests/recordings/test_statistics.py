@@ -40,7 +40,7 @@ def test_an_axis_that_spins_has_no_mean() -> None:
     assert told.sigma > 90
 
 
-def test_along_the_line_it_is_what_numpy_says_of_all_at_once(tmp_path: Path) -> None:
+def test_linear_statistics_agree_with_numpy(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     n = BLOCK_ROWS + 5000
     time, pressure = np.arange(n) / 400.0, 101_325 + rng.normal(size=n)

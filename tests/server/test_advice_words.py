@@ -65,7 +65,7 @@ def stage_after(device: Any, reading: DecodeOptions, link: type[FakeLink], secon
     return found[0]
 
 
-def test_udp_was_asked_for_its_baud_rate() -> None:
+def test_no_baud_rate_is_suggested_for_udp() -> None:
     assert stage_after(AdviceText(), DecodeOptions(), Datagrams).info.hint == unknown_hint("udp")
     assert "baud" not in unknown_hint("udp")
     assert "baud" in unknown_hint("serial")
@@ -81,9 +81,7 @@ def test_another_version_is_named(reading: DecodeOptions) -> None:
 @pytest.mark.parametrize(
     ("mode", "link", "warned"), [(LITE, Datagrams, 1), (SAFETY, Datagrams, 0), (LITE, FakeLink, 0)]
 )
-def test_nobody_said_that_lite_frames_over_a_network_are_unprotected(
-    mode: int, link: type[FakeLink], warned: int
-) -> None:
+def test_lite_frames_over_a_network_are_reported_as_unprotected(mode: int, link: type[FakeLink], warned: int) -> None:
     session = stage_after(IdtpSimulator(mode=mode), DecodeOptions(), link)
     assert sum("their values are not protected" in notice for notice in session.info.notices) == warned
     assert sum("are not protected" in event.text for event in session._sink._log) == warned

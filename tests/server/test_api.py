@@ -85,7 +85,7 @@ def test_a_body_that_is_not_json(client: Client) -> None:
 KEY = "00112233445566778899aabbccddeeff"
 
 
-def test_how_a_device_is_read_can_be_changed(client: Client) -> None:
+def test_decode_options_can_be_changed(client: Client) -> None:
     changed = client.post("/api/devices/1/decode-options", json={"key": KEY})
     assert changed.status_code == 200
     assert changed.json()["id"] == "1"
@@ -209,7 +209,7 @@ def test_the_token_of_the_printed_address_becomes_a_cookie(guarded: Config) -> N
         assert (split.status_code, split.headers["location"]) == (303, "/a%0D%0Aset-cookie%3Ax")
 
 
-def test_a_fault_of_ours_has_the_shape_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_internal_error_has_the_error_format(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("server.devices.sessions.Sessions.infos", property(lambda self: 1 / 0))
     assert_problem(client.get("/api/devices"), 500, "fault")
 
@@ -240,14 +240,14 @@ def test_openapi_names_the_token_that_is_asked_for(client: Client) -> None:
 @pytest.mark.parametrize(
     "path", ["/healthz", "/metrics", "/api/devices", "/api/build", "/api/nothing", "/openapi.json"]
 )
-def test_a_head_is_that_of_its_get(path: str, client: Client) -> None:
+def test_head_answers_with_the_headers_of_get(path: str, client: Client) -> None:
     """Probes ask with HEAD; they were told 404 of what is there."""
     head, got = client.head(path), client.get(path)
     assert (head.status_code, head.content) == (got.status_code, b"")
     assert head.headers["content-type"] == got.headers["content-type"]
 
 
-def test_a_view_of_another_program_is_no_browser(running: InProcessServer) -> None:
+def test_a_third_party_viewer_is_not_counted_as_a_browser(running: InProcessServer) -> None:
     """With --foxglove one browser was counted, before anybody had come."""
     outbox = SendQueue()
     outbox.is_browser = False
@@ -311,7 +311,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
         assert_problem(client.get("/assets"), 404)
 
 
-def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
+def test_a_missing_page_build_is_reported_with_the_command(tmp_path: Path) -> None:
     with InProcessServer(Config(sources=("/dev/one",)), open_link, page_files=Files(tmp_path)) as running:
         client = running.client
         answer = client.get("/")

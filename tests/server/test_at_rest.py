@@ -26,7 +26,7 @@ async def told(here: ControlHarness, desk: DeviceController, command: str, value
     return await over(desk.add(command, work))
 
 
-def test_a_question_by_hand_leaves_the_device_in_the_state_it_was_in(tmp_path: Path) -> None:
+def test_a_manual_query_leaves_the_state_of_the_device_unchanged(tmp_path: Path) -> None:
     """Each ended the config state that a person had asked for a moment before."""
 
     async def check() -> None:

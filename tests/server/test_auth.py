@@ -73,7 +73,7 @@ def test_matrix(where: str, token: str, way: str, method: str) -> None:
         assert got == role
 
 
-def test_a_foreign_page_takes_nothing_in_and_may_lead_here() -> None:
+def test_a_page_of_another_origin_may_link_here_and_embed_nothing() -> None:
     """A picture whose address was /viser/ began viser, from any page."""
     taken = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors", "sec-fetch-dest": "image"}
     assert outcome(access(), headers=taken) == 403
@@ -176,12 +176,12 @@ def test_bodies_are_json_and_bounded(headers: dict[str, str], status: str | int)
 
 
 @given(st.text(max_size=40), st.text(max_size=40), st.text(max_size=40), st.text(max_size=40))
-def test_any_header_is_judged(host: str, origin: str, cookie: str, authorization: str) -> None:
+def test_every_origin_header_is_checked(host: str, origin: str, cookie: str, authorization: str) -> None:
     headers = {"host": host, "origin": origin, "cookie": cookie, "authorization": authorization}
     assert outcome(access(host="0.0.0.0"), "POST", headers=headers) in (401, 403)
 
 
-def test_what_is_open() -> None:
+def test_routes_without_a_token() -> None:
     for path in ("/", "/healthz", "/assets/index.js", "/apish", "/live", "/wsx"):
         assert not is_protected(path)
     for path in ("/api", "/api/devices", "/ws", "/openapi.json", "/viser/", "/rerun/x"):
@@ -210,7 +210,7 @@ def test_every_route_asks_for_the_right_role() -> None:
 
 
 @pytest.mark.parametrize("path", ["1/preview/x", "1/apply", "preview", "1/preview\n", "a/b/fit-rates", "1/comparex"])
-def test_nothing_else_passes_for_looking(path: str) -> None:
+def test_writing_methods_need_the_control_role(path: str) -> None:
     headers = {"host": "127.0.0.1", "authorization": f"Bearer {VIEW}"}
     for method in ("POST", "PUT", "DELETE"):
         with pytest.raises(RefusedError):

@@ -53,7 +53,7 @@ FRAME = "ENU|NED|NWU|ECEF|WGS84"
 RENAMED = {"time #2 (s)": "DID_BAROMETER.time (s)"}
 
 
-def test_it_stays_small() -> None:
+def test_the_previous_formats_stay_small() -> None:
     assert sum(path.stat().st_size for path in KEPT.rglob("*") if path.is_file()) < 60_000 * len(FORMATS)
 
 
@@ -92,7 +92,7 @@ def _number(text: str) -> Any:
         return text
 
 
-def test_what_was_changed_about_it_is_read(kept: Path) -> None:
+def test_edits_of_a_recording_are_read(kept: Path) -> None:
     (entry,) = [one for one in Library(kept).all() if one.path.name == "xbus.mcap"]
     assert (entry.title, entry.edits.tags, entry.edits.pinned) == ("Drive to the pond", ("outdoor", "föhn"), True)
     assert entry.edits.notes == "Two laps.\nWind from the west."

@@ -174,7 +174,7 @@ def test_a_pipe_is_a_source_only_where_files_are(tmp_path: Path) -> None:
     assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
 
 
-def test_files_are_sources_only_where_intended(tmp_path: Path) -> None:
+def test_files_are_sources_only_on_the_command_line(tmp_path: Path) -> None:
     """Who had a control token could read, by recording it, any file of the server's user."""
     secret, named = tmp_path / "secret.key", tmp_path / "captures" / "one.bin"
     named.parent.mkdir()
@@ -189,7 +189,7 @@ def test_files_are_sources_only_where_intended(tmp_path: Path) -> None:
         assert running.client.post("/api/devices", json={"source": str(named)}).status_code == 201
 
 
-def test_a_worker_that_takes_too_much_memory_is_stopped() -> None:
+def test_a_worker_that_uses_too_much_memory_is_stopped() -> None:
     program = """
 from recordings.bounds import bounded
 bounded(memory=400 << 20)
@@ -232,7 +232,7 @@ raise SystemExit(compaction.main())
         assert f"takes more {what} than it may have" in told["message"]
 
 
-def test_bounds_go_by_the_file_and_the_machine() -> None:
+def test_limits_follow_the_file_and_the_machine() -> None:
     assert bounds.seconds_for(0) == bounds.MIN_CPU_S
     assert bounds.seconds_for(6 << 20) < 120
     assert bounds.seconds_for(1 << 40) == bounds.CPU_S
@@ -270,7 +270,7 @@ def test_a_small_chunk_that_unpacks_to_much_is_damage(tmp_path: Path) -> None:
     assert LARGEST_CHUNK <= 64 << 20
 
 
-def test_corrections_are_read_only_from_files_that_are_meant(tmp_path: Path) -> None:
+def test_corrections_are_read_from_explicit_files_only(tmp_path: Path) -> None:
     """They were a second door to any file of the server's user: one learned what is there, and a device was sent it."""
     secret, named = tmp_path / "base.rtcm3", tmp_path / "captures" / "base.rtcm3"
     named.parent.mkdir()

@@ -59,7 +59,7 @@ def solution(counter: int, fine: int) -> bytes:
 
 @pytest.mark.parametrize("place", [0, 24])  # of a solution in each 25 samples: with 24 one falls just before 2 s
 @pytest.mark.parametrize("age_ms", [0, 50, 80, 250])
-def test_an_older_gnss_solution_bends_no_other_time(tmp_path: Path, age_ms: int, place: int) -> None:
+def test_an_older_gnss_solution_affects_no_other_time(tmp_path: Path, age_ms: int, place: int) -> None:
     """Where the first 2 s of a capture ended with a solution, they ran at half speed, and 12 s took 11."""
     frames = []
     for i in range(1200):

@@ -181,7 +181,7 @@ def test_a_channel_keeps_its_id_and_a_changed_one_gets_a_new_one() -> None:
     assert [info.frame for info in page.infos] == ["ENU", "NED"]
 
 
-def test_of_a_duplicate_item_the_second_counts() -> None:
+def test_the_second_of_duplicate_items_counts() -> None:
     row = Message(1, "MTData2", (Field("T", "f4", unit="a"), Field("T", "f4", unit="b")), channel_per_field=True)
     page = FakePage()
     split(page, batch(row, {"T": np.zeros(1, "f4")}, [0]))
@@ -217,7 +217,7 @@ def test_displayed_units_are_degrees_and_metres() -> None:
     assert [column.tolist() for column in columns[2:]] == [[7], [-1.234]]
 
 
-def test_fields_that_stand_apart() -> None:
+def test_fields_with_separate_channels() -> None:
     """Vectors and status words of an Inertial Sense set are channels of their own; a clock alone is the time axis."""
     decoder = IsbDecoder()
     decoder.feed(by_did(4) + by_did(58), 0)

@@ -146,13 +146,13 @@ def test_the_guide_names_every_command_variable_and_setting() -> None:
         assert f"`{name}`" in settings or f"`[{name}]`" in settings, name
 
 
-def test_an_option_between_arguments_was_not_recognised() -> None:
+def test_options_between_arguments_are_recognised() -> None:
     between = imuscope("compose", "Imu3Acc", "--key", "00", "acc_x=1")
     before = imuscope("compose", "--key", "00", "Imu3Acc", "acc_x=1")
     assert (between.returncode, between.stdout) == (0, before.stdout)
 
 
-def test_older_spellings_still_do() -> None:
+def test_older_spellings_are_accepted() -> None:
     assert arguments.parse(["inspect", "a", "--json"]).format == "jsonl"
     assert arguments.parse(["doctor", "--json"]).format == "json"
 
@@ -183,7 +183,7 @@ def test_completion_knows_every_command_and_option(shell: str) -> None:
         assert subprocess.run(["bash", "-n"], input=made, text=True, check=False).returncode == 0
 
 
-def test_nowhere_to_write_was_a_traceback() -> None:
+def test_an_unwritable_output_is_one_line() -> None:
     code = [sys.executable, "-m", "server.cli", "completion", "bash"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(code, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
@@ -227,7 +227,7 @@ def test_messages_name_the_cause(words: str, said: str) -> None:
         ("commands --key 00", "unrecognized arguments: --key"),
     ],
 )
-def test_an_option_that_did_nothing_is_refused(words: str, said: str) -> None:
+def test_an_option_without_effect_is_refused(words: str, said: str) -> None:
     done = imuscope(*words.split())
     assert done.returncode == 1
     assert said in done.stderr
@@ -314,7 +314,7 @@ def test_jsonl_takes_the_protocol_that_is_named() -> None:
     assert "has no protocol" in done.stderr
 
 
-def test_a_missing_key_was_not_mentioned(tmp_path: Path) -> None:
+def test_a_missing_key_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "secure.bin"
     path.write_bytes(frames(SECURE))
     done = imuscope("inspect", str(path))
@@ -327,7 +327,7 @@ def test_a_missing_key_was_not_mentioned(tmp_path: Path) -> None:
     assert (done.returncode, len(done.stdout.splitlines())) == (0, 40)
 
 
-def test_a_successor_or_nothing_is_not_a_success(tmp_path: Path) -> None:
+def test_unsupported_or_empty_input_is_not_a_success(tmp_path: Path) -> None:
     path = tmp_path / "indt.bin"
     path.write_bytes(frames().replace(b"IDTP", b"INDT"))
     for more in ([], ["--protocol", "idtp"]):
@@ -341,7 +341,7 @@ def test_a_successor_or_nothing_is_not_a_success(tmp_path: Path) -> None:
         assert "is empty" in done.stderr
 
 
-def test_inspect_saw_phantom_frames_in_recordings_and_noise(tmp_path: Path) -> None:
+def test_inspect_finds_no_frames_in_recordings_and_noise(tmp_path: Path) -> None:
     """A recording is read as what it is; noise, in which a weak checksum finds a frame now and then, is nothing."""
     capture = tmp_path / "capture.bin"
     capture.write_bytes(frames())

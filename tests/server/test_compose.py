@@ -75,7 +75,7 @@ def test_every_golden_frame_of_idtp(tmp_path: Path) -> None:
         both_ways(bytes.fromhex(row["frame_hex"]), tmp_path / f"{number}.bin", reading)
 
 
-def test_what_simulators_send_with_what_passes_through_their_ports(tmp_path: Path) -> None:
+def test_simulators_compose_with_forwarded_data(tmp_path: Path) -> None:
     isb = IsbSimulator().advance(3 * S)
     both_ways(isb + sentence("INFO,1,2") + isb, tmp_path / "isb.bin", DecodeOptions("isb"))
     both_ways(XbusSimulator().advance(2 * S), tmp_path / "xbus.bin", DecodeOptions("xbus"))
@@ -254,7 +254,7 @@ def test_unknown_names_are_answered_with_the_nearest(words: list[str], said: str
         composed(words[0], *words[1:])
 
 
-def test_one_line_and_status_1_for_what_cannot_be() -> None:
+def test_invalid_requests_exit_with_status_1_and_one_line() -> None:
     done = imuscope("compose", "NoSuchThing")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.count("\n") == 1
@@ -269,7 +269,7 @@ def test_values_without_a_field() -> None:
         parse(["a=1"], ())
 
 
-def test_a_mere_number_is_told_apart_by_its_fields_and_made_a_safety_frame() -> None:
+def test_a_bare_type_number_becomes_a_safety_frame() -> None:
     """`compose 0x80` wanted a protocol, and made a Lite frame where named types make Safety frames."""
     frame = bytes.fromhex(composed("0x80", "device_id=7", "data=0102"))
     assert frame == build(0x80, b"\1\2", device=7, mode=SAFETY)

@@ -60,7 +60,7 @@ def test_errors_are_reported(tmp_path: Path, text: str, words: str) -> None:
         load(file)
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load(tmp_path / "none.toml")
 

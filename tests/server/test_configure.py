@@ -217,7 +217,7 @@ def test_the_same_profile_goes_to_two_devices(http: Client) -> None:
         assert read(http, device) == old
 
 
-def test_every_door_checks_the_budget_the_product_and_the_family(http: Client) -> None:
+def test_every_way_of_writing_checks_budget_product_and_family(http: Client) -> None:
     """A profile was once written as it was, to any product, filling the line more than twice."""
     read(http, 1)
     over = {"OutputConfiguration": outputs(400, 0x2010, 0x4020, 0x8020, 0xC020)}
@@ -343,7 +343,7 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
         assert first(told)["done"][0]["title"]
 
 
-def test_two_users_at_once_and_an_unconfirmed_trial(http: Client, server: ServerProcess) -> None:
+def test_two_users_at_once_and_an_unconfirmed_change(http: Client, server: ServerProcess) -> None:
     """The browser that changed the rate is gone; another's wish waits and is done after the way back."""
     ports = at_rate(read(http)["PortConfig"], 0x80)
     with http_client(base_url=server.url) as gone:

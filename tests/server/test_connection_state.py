@@ -87,7 +87,7 @@ def test_the_table_has_a_row_for_every_state_and_leaves_none_unreachable() -> No
 
 
 @given(st.lists(st.sampled_from(ConnectionEvent), max_size=60))
-def test_any_sequence_keeps_the_laws(events: list[ConnectionEvent]) -> None:
+def test_any_event_sequence_keeps_the_invariants(events: list[ConnectionEvent]) -> None:
     """A rejected event changes nothing; nothing is decoded or silent on a link that was not opened since it was lost;
     after CLOSE only START helps.
     """
@@ -128,7 +128,7 @@ class Simulated(FakeLink):
 
 
 @given(STEPS)
-def test_whatever_happens_to_a_session_its_machine_agrees_with_what_is_shown(steps: list[str]) -> None:
+def test_the_state_machine_agrees_with_the_reported_status(steps: list[str]) -> None:
     async def run() -> None:
         clock = FakeClock()
         link = Simulated("sim:fake", LinkSettings(now_ns=clock.now_ns))

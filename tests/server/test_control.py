@@ -298,7 +298,7 @@ def test_an_unavailable_rate_is_reported_and_logged() -> None:
     run(check())
 
 
-def test_a_runner_that_is_cancelled_writes_the_last_words() -> None:
+def test_a_cancelled_runner_sends_its_final_messages() -> None:
     async def check() -> None:
         wire = ControlWire()
 

@@ -199,7 +199,7 @@ async def test_a_wrong_mount_point_is_reported_with_the_available_ones() -> None
     assert mounts(table)["PARIS"] == "Paris, RTCM 3.1"
 
 
-async def test_a_wrong_password_is_reported_and_the_right_one_never() -> None:
+async def test_a_wrong_password_is_reported_without_revealing_the_password() -> None:
     async def refuse(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(b"HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Basic\r\n\r\n")
 
@@ -210,7 +210,7 @@ async def test_a_wrong_password_is_reported_and_the_right_one_never() -> None:
     assert "hunter2" not in repr(state)
 
 
-async def test_a_chunk_that_is_none_is_named() -> None:
+async def test_an_invalid_chunk_is_reported() -> None:
     async def garbled(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nno size\r\n")
 
@@ -296,7 +296,7 @@ def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> 
     assert told[5][1].endswith("Forwarded: 51 messages, 15 kB (1005 × 1, 1077 × 50), 2 refused.")
 
 
-def test_a_sentence_that_says_where() -> None:
+def test_a_gga_sentence_with_the_position() -> None:
     when = datetime(2026, 1, 2, 3, 4, 5, 670_000, UTC)
     line = gga(Position(-33.8567844, 151.2152967, 25.0, 9), when)
     assert line.startswith(b"$GPGGA,030405.67,3351.40706,S,15112.91780,E,1,09,1.0,25.00,M,0.0,M,,*")

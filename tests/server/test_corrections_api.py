@@ -68,7 +68,7 @@ def test_a_stream_is_set_watched_and_ended(client: Client, base: int) -> None:
     assert client.get(path).json()["source"] == ""
 
 
-def test_a_source_that_refuses_is_not_called_forwarding(client: Client) -> None:
+def test_a_refusing_source_is_not_reported_as_forwarding(client: Client) -> None:
     """It was shown as "Running", because it is tried again."""
     until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
     path = "/api/devices/1/corrections"
@@ -104,7 +104,7 @@ def test_forwarded_corrections_are_logged_and_recorded(client: Client, base: int
     assert STREAM in sent
 
 
-def test_invalid_requests_are_answered_in_words(client: Client) -> None:
+def test_invalid_requests_are_answered_with_a_reason(client: Client) -> None:
     until(client, "/api/devices", lambda devices: all(one["status"] == "live" for one in devices[:2]))
     wrong = client.put("/api/devices/1/corrections", json={"source": "ntrip://me:secret@host"})
     assert (wrong.status_code, wrong.json()["message"]) == (400, "The caster lacks a mount point.")

@@ -57,7 +57,7 @@ async def cut(here: ControlHarness, away_s: float) -> tuple[DeviceController, Qu
     return desk, desk.add("Write", here.desks.jobs.apply(desk, BOTH, ""))
 
 
-def test_a_device_unplugged_while_it_was_written_kept_showing_old_values(tmp_path: Path) -> None:
+def test_a_device_unplugged_during_a_write_shows_no_old_values(tmp_path: Path) -> None:
     """It had taken the first setting; the page showed the old one, and that the device refused."""
 
     async def check() -> None:
@@ -77,7 +77,7 @@ def test_a_device_unplugged_while_it_was_written_kept_showing_old_values(tmp_pat
     run(check())
 
 
-def test_the_way_back_of_a_device_that_stayed_away_was_forgotten(tmp_path: Path) -> None:
+def test_the_rollback_of_an_absent_device_is_remembered(tmp_path: Path) -> None:
     """It is on disk for the next server, until this one has read what the device took; old values are not shown."""
 
     async def check() -> None:

@@ -45,7 +45,7 @@ OLD: dict[str, Any] = {
         (OLD, set()),
     ],
 )
-def test_a_configuration_is_never_written_without_a_word(values: dict[str, Any], cautions: set[str]) -> None:
+def test_a_configuration_is_never_written_without_confirmation(values: dict[str, Any], cautions: set[str]) -> None:
     row = next(row for row in DRIVER.settings(KNOWN) if row.name == "DID_FLASH_CONFIG")
     found = dangers_of_write(DRIVER, row, OLD, values, KNOWN)
     assert {one.caution for one in found} == cautions
@@ -107,7 +107,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
         ("SET_DID_RMC", ["bits=0", "options=0"], "streams"),
     ],
 )
-def test_the_command_line_asks_for_a_yes_where_the_page_asks(message: str, pairs: list[str], words: str) -> None:
+def test_the_command_line_asks_for_confirmation_where_the_page_does(message: str, pairs: list[str], words: str) -> None:
     """What cuts the line or turns the frame went through, although its help promises a question."""
     wish = send.SendRequest("sim:isb", message, pairs)
     with pytest.raises(SendError, match=words) as refused:

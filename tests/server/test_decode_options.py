@@ -88,7 +88,7 @@ def test_names_that_an_option_cannot_have(name: str) -> None:
         DecodeOption(name, "flag", "")
 
 
-def test_a_secret_is_not_in_the_words_of_its_family() -> None:
+def test_a_secret_is_not_in_the_description_of_options() -> None:
     def read(text: str) -> str:
         raise ValueError(f"{text} is too short")
 
@@ -125,7 +125,7 @@ def test_unusable_options(arguments: dict[str, str], words: str) -> None:
         assert arguments["key"] not in str(caught.value)
 
 
-def test_a_source_says_more_of_itself() -> None:
+def test_a_source_carries_decode_options() -> None:
     rest, said = parse_source_options(f"udp://:5000?protocol=idtp&key={KEY}&min_mode=secure", DecodeOptions("isb"))
     assert (rest, said) == ("udp://:5000", decode_options("idtp", key=KEY, min_mode="secure"))
     rest, said = parse_source_options("sim:idtp?mode=secure&unverified=1&rate=50", DecodeOptions())
@@ -140,7 +140,7 @@ def test_a_source_says_more_of_itself() -> None:
     assert "secret" not in str(caught.value)
 
 
-def test_the_unit_of_timestamps_and_the_direction_of_the_quaternion_could_not_be_set() -> None:
+def test_timestamp_unit_and_quaternion_direction_can_be_set() -> None:
     """Neither by the source, nor on the command line, in the settings or over HTTP: all of them say the same."""
     wanted = decode_options("idtp", time_unit="ms", rotation="body_from_enu")
     rest, said = parse_source_options("udp://:5000?time_unit=ms&rotation=body_from_enu", DecodeOptions("idtp"))

@@ -85,7 +85,7 @@ def count_drains(session: Session, counts: list[int], number: int) -> None:
     decoder.drain = counted  # type: ignore[attr-defined]
 
 
-def test_decoding_costs_the_same_however_many_look() -> None:
+def test_the_number_of_viewers_does_not_affect_decoding() -> None:
     one = drains(1)
     assert one == drains(4) == drains(50)
     assert one[0] == one[1] <= 1 / FLUSH_S + 1
@@ -128,7 +128,7 @@ def test_an_answer_is_decoded_at_once() -> None:
 
 
 @pytest.mark.parametrize("busy", [1, 3])
-def test_what_leaves_work_rests_and_lets_the_loop_pass(busy: int) -> None:
+def test_a_decoder_with_remaining_work_yields_to_the_loop(busy: int) -> None:
     async def run() -> None:
         scheduler = DecodeScheduler(lambda: 0.008)
         left = [5] * busy

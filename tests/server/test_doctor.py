@@ -84,7 +84,7 @@ def only(machine: Machine, status: str, about: str) -> Finding:
     return one
 
 
-def test_nothing_is_wrong_with_a_good_machine(machine: Machine) -> None:
+def test_a_healthy_machine_has_no_findings(machine: Machine) -> None:
     assert wrong(machine) == []
     told = {one.about for one in run_checks(machine)}
     assert told >= {"/dev/ttyUSB0", "ModemManager", "data folder", "disk", "clock", "memory", "processor"}
@@ -194,7 +194,7 @@ def test_a_clock_that_steps(machine: Machine) -> None:
     assert "+2.500 s" in only(replace(machine, wall=lambda: next(walls)), "warning", "clock").found
 
 
-def test_a_machine_without_breath(machine: Machine) -> None:
+def test_an_overloaded_machine(machine: Machine) -> None:
     put(machine.root, "proc/meminfo", "MemAvailable: 300000 kB\n")
     only(machine, "warning", "memory")
     put(machine.root, "proc/meminfo", "MemAvailable: 3000000 kB\n")
@@ -262,7 +262,7 @@ def test_systemd_takes_the_unit(tmp_path: Path) -> None:
     assert about_it == []
 
 
-def test_doctor_said_no_port_where_ports_lists_one(machine: Machine) -> None:
+def test_doctor_and_ports_list_the_same_ports(machine: Machine) -> None:
     """ttyS0 of a PC, and none of the places that its kernel keeps for more."""
     shutil.rmtree(machine.root / "sys/class/tty/ttyUSB0")
     for number, uart in ((0, "4"), (1, "0")):

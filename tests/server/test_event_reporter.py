@@ -26,7 +26,7 @@ def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]]
     return found, sent
 
 
-def test_one_stale_event_a_second_came_without_end() -> None:
+def test_a_stale_event_is_not_repeated_every_second() -> None:
     found, sent = told(["stale"] * 600 + [""] * 10)
     assert found[0][0] <= 1.1, "at once"
     assert len(found) < 20

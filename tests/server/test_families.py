@@ -273,7 +273,7 @@ def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
     play(test)
 
 
-def test_all_devices_of_a_link_share_its_fate() -> None:
+def test_all_devices_of_a_link_share_its_status() -> None:
     hubs: list[Telemetry] = []
 
     async def test(stage: FamilyHarness) -> None:
@@ -362,7 +362,7 @@ def test_a_mixed_stream_is_reported() -> None:
     play(test, DecodeOptions("isb"))
 
 
-def test_a_stream_read_as_what_it_is_not() -> None:
+def test_a_stream_decoded_with_the_wrong_protocol() -> None:
     async def test(stage: FamilyHarness) -> None:
         await stage.run(IdtpSimulator(), 7)
         assert stage.info.status == "connecting"

@@ -111,7 +111,7 @@ def test_foxgloves_own_client_gets_what_a_plot_needs(bridged: ServerProcess) -> 
     assert np.diff(at) / 1e9 == pytest.approx(0.01, abs=0.002)
 
 
-def test_only_what_is_subscribed_to_comes(bridged: ServerProcess) -> None:
+def test_only_subscribed_channels_are_sent(bridged: ServerProcess) -> None:
     async def play() -> None:
         async with attached(bridged) as client:
             await client.until("/IMX-5/IMU/Acceleration", "/IMX-5/IMU/Rate_of_turn")
@@ -143,13 +143,13 @@ def status_of(server: ServerProcess, **options: Any) -> int:
     return asyncio.run(attempt())
 
 
-def test_our_rules_hold_for_it_as_for_every_websocket(bridged: ServerProcess) -> None:
+def test_websocket_rules_apply_to_foxglove_too(bridged: ServerProcess) -> None:
     assert status_of(bridged, origin="https://elsewhere.example") == 403
     assert status_of(bridged, origin=bridged.url) == 101
     assert status_of(bridged, additional_headers={"X-Forwarded-For": "1.2.3.4"}) == 401
 
 
-def test_beyond_this_machine_it_asks_for_the_token(tmp_path: Path, serve: Callable[..., ServerProcess]) -> None:
+def test_remote_access_requires_the_token(tmp_path: Path, serve: Callable[..., ServerProcess]) -> None:
     config = tmp_path / "imuscope.toml"
     config.write_text('foxglove = 0\nview_token = "may-look-only"\ncontrol_token = "may-change-too"\n')
     server = serve("sim:xbus", arguments=("--config", str(config)))
@@ -159,7 +159,7 @@ def test_beyond_this_machine_it_asks_for_the_token(tmp_path: Path, serve: Callab
     assert status_of(server, additional_headers=forwarded, path="/foxglove?token=may-look-only") == 101
 
 
-def test_without_the_option_it_is_refused_in_words(server: ServerProcess) -> None:
+def test_without_the_option_it_is_refused_with_a_reason(server: ServerProcess) -> None:
     async def attempt() -> dict[str, str]:
         with pytest.raises(InvalidStatus) as refused:
             async with attached(server):

@@ -82,7 +82,7 @@ def test_records_of_inertial_sense_have_units(tmp_path: Path) -> None:
     assert "I.pqr [14.3239, 14.3239, 14.3239] °/s  I.acc [0.25, 0.25, 0.25] m/s²" in row
 
 
-def test_text_of_a_device_steered_the_terminal(tmp_path: Path) -> None:
+def test_device_text_cannot_control_the_terminal(tmp_path: Path) -> None:
     """A device's own name may hold any byte, also the beginning of an escape sequence in one byte (0x9B)."""
     data = xbus_frame(0x1D, b"MTi-630" + STEERING[:12].encode("latin-1").ljust(13)) * 3
     for format in ("table", "jsonl"):

@@ -23,7 +23,7 @@ def test_a_rate_is_true_for_any_burst(rate: int, burst_ms: int, asked_after: flo
     assert meter.rate(arrivals[-1] + asked_after) == pytest.approx(rate, rel=0.02)
 
 
-def test_what_comes_once_a_second_reads_one() -> None:
+def test_a_message_sent_once_a_second_has_a_rate_of_one() -> None:
     meter = RateMeter()
     for second in range(5):
         meter.add(1, float(second))

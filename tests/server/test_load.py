@@ -59,7 +59,7 @@ async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[load_clien
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def test_a_crowd_of_clients_loses_no_sample(tmp_path: Path) -> None:
+def test_many_clients_lose_no_sample(tmp_path: Path) -> None:
     with Speakers(DEVICES, RATE, SECONDS) as speakers:
         sources = [f"serial://{terminal}?baud=2000000&protocol=xbus" for terminal in speakers.terminals]
         with ServerProcess(*sources, data=tmp_path, arguments=("--record",)) as server:

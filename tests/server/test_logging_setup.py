@@ -159,7 +159,7 @@ def test_a_line_cannot_be_forged() -> None:
     assert json.loads(told)["message"] == "gone\n}"
 
 
-def test_the_journal_is_told_levels_and_no_time() -> None:
+def test_journal_lines_have_levels_and_no_time() -> None:
     journal = logging_setup.TextFormatter([], journal=True)
     assert journal.format(record("gone", logging.ERROR, device="2")) == "<3>[2] gone"
     assert journal.format(record("here", logging.INFO)) == "<6>here"

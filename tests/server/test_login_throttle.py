@@ -51,7 +51,7 @@ def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: Th
     assert [tried(rules, "guess") for _ in range(12)] == [401] * MAX_FAILURES + [429] * 2
 
 
-def test_a_guess_that_is_right_is_no_success_while_its_address_is_locked(rules: Access, clock: ThrottleClock) -> None:
+def test_a_correct_token_fails_while_its_address_is_locked(rules: Access, clock: ThrottleClock) -> None:
     """Otherwise guessing would not be slowed down: only the answers to wrong guesses would change."""
     for n in range(MAX_FAILURES):
         tried(rules, f"guess-{n}")
@@ -61,7 +61,7 @@ def test_a_guess_that_is_right_is_no_success_while_its_address_is_locked(rules: 
     assert tried(rules, SHORT) == "view"
 
 
-def test_a_token_that_cannot_be_guessed_passes_whoever_else_fails_there(rules: Access) -> None:
+def test_a_long_token_passes_despite_failures_at_its_address(rules: Access) -> None:
     for n in range(100):
         tried(rules, f"guess-{n}")
         assert tried(rules, LONG) == "control"
@@ -107,7 +107,7 @@ def test_where_no_token_is_needed_a_wrong_one_does_nothing() -> None:
         ("x" * 1000, "x" * 64),
     ],
 )
-def test_whom_an_address_stands_for(address: str, group: str) -> None:
+def test_addresses_are_grouped_by_client(address: str, group: str) -> None:
     assert client_group(address) == group
 
 
@@ -130,9 +130,7 @@ def test_short_tokens_are_reported() -> None:
 
 
 @pytest.mark.parametrize("way", ["bearer", "query", "cookie", "page", "websocket"])
-def test_every_way_of_trying_counts_and_is_told_when_to_come_back(
-    way: str, rules: Access, clock: ThrottleClock
-) -> None:
+def test_every_login_route_counts_failures_and_gives_retry_after(way: str, rules: Access, clock: ThrottleClock) -> None:
     async def app(scope: Any, receive: Any, send: Any) -> None:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b""})

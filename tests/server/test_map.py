@@ -90,13 +90,13 @@ def test_responses_that_are_not_tiles_are_not_passed_on(
 
 
 @pytest.mark.parametrize("place", ["0/1/0", "3/0/8", "-1/0/0", "23/0/0", "1/a/0", "1/0/0.png", "1/..%2f..%2fx/0"])
-def test_only_places_of_the_world_reach_the_tile_server(client: Client, maps: TileServer, place: str) -> None:
+def test_only_valid_tiles_are_requested(client: Client, maps: TileServer, place: str) -> None:
     before = len(maps.asked)
     assert client.get(f"/api/tiles/{place}").status_code in (404, 422)
     assert len(maps.asked) == before
 
 
-def test_without_a_configured_server_nobody_is_asked() -> None:
+def test_without_a_tile_server_no_request_is_made() -> None:
     with InProcessServer(Config(sources=("/dev/one",)), FakeLink) as running:
         assert running.client.get("/api/map").json() == {"tiles": False, "attribution": ""}
         assert running.client.get("/api/tiles/0/0/0").status_code == 404

@@ -71,7 +71,7 @@ def until_true(running: InProcessServer, done: Callable[[dict[str, Metric]], boo
     return families
 
 
-def test_a_link_is_told_by_what_came_over_it(running: InProcessServer) -> None:
+def test_link_metrics_follow_the_received_bytes(running: InProcessServer) -> None:
     data = sample(1) + sample(2) + b"???" + sample(3) + sample(7)
     running.call(links["/dev/one"].send, data)
     families = until(running, "imuscope_link_frames_total", 4, device="1", message="Sample")
@@ -90,7 +90,7 @@ def test_a_link_is_told_by_what_came_over_it(running: InProcessServer) -> None:
     assert value(families, "imuscope_events_total", kind="gap", level="fault") == 1
 
 
-def test_a_browser_is_told_by_what_it_was_sent(running: InProcessServer) -> None:
+def test_client_metrics_count_sent_bytes(running: InProcessServer) -> None:
     assert value(read(running), "imuscope_clients") == 0
     with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
         socket.send(json.dumps({"op": "subscribe", "history": 0}))

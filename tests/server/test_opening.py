@@ -51,7 +51,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     assert shares == sorted(shares)
 
 
-def test_what_follows_from_the_bytes_is_found_anew_and_what_a_person_did_is_kept(tmp_path: Path) -> None:
+def test_derived_events_are_recomputed_and_user_events_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     drive(path)
     manifest = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols()).manifest
@@ -176,7 +176,7 @@ def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch
     assert "progress" not in store.manifest
 
 
-def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_path: Path) -> None:
+def test_an_outage_without_a_counter_is_taken_from_the_live_event(tmp_path: Path) -> None:
     """A recording of a device without a counter had no hatch where its link had been down."""
     path = tmp_path / "a.mcap"
     drive(path)
@@ -203,7 +203,7 @@ def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_pat
     assert sum(event["samples"] for event in gaps) > 0
 
 
-def test_how_it_fared_is_known_for_every_second(tmp_path: Path) -> None:
+def test_health_is_recorded_for_every_second(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     kept = drive(path)
     store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())

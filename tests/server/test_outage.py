@@ -65,7 +65,7 @@ def test_losses_during_a_reconnect_are_counted_by_the_device(protocol: str, coun
     assert (health.gaps, health.lost) == (1, gap.samples)
 
 
-def test_what_a_reconnect_missed_is_not_known_where_no_counter_goes_on() -> None:
+def test_losses_during_a_reconnect_are_unknown_without_a_counter() -> None:
     for gap, health in (dropout(4.0, restarted=True), dropout(4.0, protocol="isb")):
         assert (gap.samples, gap.data["counter"], health.lost) == (0, "", 0)
         assert gap.text.endswith("the link was down. The number of lost samples is not known.")

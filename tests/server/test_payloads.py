@@ -47,9 +47,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
-def test_csv_had_the_status_of_undescribed_payloads_and_none_of_their_bytes(
-    opened: ColumnStore, tmp_path: Path
-) -> None:
+def test_csv_has_the_bytes_of_undescribed_payloads(opened: ColumnStore, tmp_path: Path) -> None:
     made = export("csv", ExportRequest(opened), tmp_path / "x.csv")
     assert sorted(path.name for path in made) == ["x_0x80.csv", "x_Imu3AccBytes.csv", "x_Imu3Gyr.csv"]
     rows = {path.name: rows_of(path) for path in made}
@@ -112,7 +110,7 @@ def test_a_part_and_chosen_channels_have_their_bytes_alone(opened: ColumnStore, 
     assert told == [one.hex() for one in OWN[-len(told) :]]
 
 
-def test_a_data_set_without_a_public_layout_was_in_no_export(tmp_path: Path) -> None:
+def test_data_sets_without_a_public_layout_are_exported(tmp_path: Path) -> None:
     """Such answers have nothing but bytes, so there is no channel beside them."""
     payloads = [bytes([k]) * 24 for k in range(20)]
     packets = [isb_packet(DATA, 250, one) for one in payloads]

@@ -63,7 +63,7 @@ def test_device_time_counts_where_it_is_there_and_sane() -> None:
         assert shown(playout, 10.005 + DELAY_S + 0.0001) == [pytest.approx(10.005)]
 
 
-def test_what_has_a_time_that_never_comes_is_shown_all_the_same_and_memory_is_bounded() -> None:
+def test_rows_with_far_future_times_are_shown_and_memory_is_bounded() -> None:
     playout = PlayoutBuffer()
     playout.add(message(10.0, 0.001, 3), 10.002)
     playout.add(message(99.0, 0.001, 3, sent=10.0), 10.0)

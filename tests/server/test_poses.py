@@ -98,7 +98,7 @@ def test_the_newest_row_is_the_pose_and_nonsense_leaves_it() -> None:
     one.update(samples(8, [3.0]))
 
 
-def test_gravity_is_the_opposite_of_what_is_felt() -> None:
+def test_gravity_is_opposite_to_specific_force_at_rest() -> None:
     one = look(
         info(1, "euler", "Euler angles", "roll pitch yaw", "°"),
         info(2, "vector", "Acceleration", "x y z", "m/s²"),
@@ -130,7 +130,7 @@ def test_a_track_has_its_past_before_it_and_ten_points_a_second_at_most() -> Non
     assert one.track(600).shape == (0, 3)
 
 
-def test_places_become_metres_and_what_is_no_place_is_left_out() -> None:
+def test_positions_become_metres_and_invalid_ones_are_omitted() -> None:
     one = look(info(1, "quaternion", "Quaternion", "w x y z"), info(2, "vector", "Position", "lat lon alt", "°"))
     one.update(samples(2, [0, 0, 0], [math.nan, 8, 400], [47.0, 8.0, 400.0], [47.001, 8.0, 410.0]))
     assert one.place is not None
@@ -203,7 +203,7 @@ def test_a_glb_goes_on_as_it_is_with_its_scale() -> None:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_is_no_body_is_refused_with_the_reason(data: bytes, words: str) -> None:
+def test_an_invalid_mesh_is_refused_with_the_reason(data: bytes, words: str) -> None:
     with pytest.raises(meshes.MeshError, match=words):
         meshes.read("x", data)
 
@@ -242,7 +242,7 @@ class Store:
         return self.exact(channel, max(0, int(t0)), int(t1) + 1)
 
 
-def test_the_head_goes_on_between_two_words_of_the_page() -> None:
+def test_the_playhead_advances_between_two_messages_of_the_page() -> None:
     clock = [0.0]
     replayed = ReplayFollower(Store(), lambda: clock[0])  # type: ignore[arg-type] # as much of a store as is read
     replayed.move(2.0, 2.0)

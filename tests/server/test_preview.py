@@ -117,7 +117,7 @@ def test_numbers_that_javascript_cannot_hold_come_back_from_text() -> None:
     assert numbers(fields, given_) == {"bits": 2**64 - 1, "name": "12", "each": [{"n": 3}], "other": "4"}
 
 
-def test_values_have_words() -> None:
+def test_values_have_display_text() -> None:
     assert words(Field("a", ">u2", unit="Hz"), 400) == "400 Hz"
     assert words(Field("a", "u1", choices={2: "115 200 Bd"}), 2) == "115 200 Bd"
     assert words(Field("a", "u1", bits=(Bits("A", 0), Bits("B", 1), Bits("C", 2))), 5) == "A, C"

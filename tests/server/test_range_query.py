@@ -45,7 +45,7 @@ def hub_with(store: ColumnStore) -> tuple[Telemetry, dict[int, int]]:
 
 @pytest.mark.parametrize("base", ["device", "arrival"])
 @pytest.mark.parametrize("width", [0, 40, 100_000])
-def test_live_and_recorded_answer_alike(store: ColumnStore, width: int, base: str) -> None:
+def test_live_and_recorded_queries_agree(store: ColumnStore, width: int, base: str) -> None:
     telemetry, ids = hub_with(store)
     whole = store.span()
     assert whole is not None
@@ -107,7 +107,7 @@ def test_a_table_has_units_and_leads_back_from_arrow_and_json(store: ColumnStore
     assert not buckets["exact"]
 
 
-def test_flags_are_told_as_any_and_all(store: ColumnStore) -> None:
+def test_flags_are_summarised_as_any_and_all(store: ColumnStore) -> None:
     whole = store.span()
     assert whole is not None
     info = next(info for info in channels_of(store).values() if info.kind == "status")
@@ -198,7 +198,7 @@ def test_channel_descriptions_survive_the_manifest(store: ColumnStore) -> None:
         assert all(isinstance(bit, wire.BitsInfo) for column in info.columns for bit in column.bits)
 
 
-def test_the_mean_of_a_recorded_heading_was_taken_along_the_line(tmp_path: Path) -> None:
+def test_the_mean_of_a_recorded_heading_is_circular(tmp_path: Path) -> None:
     """Half of its samples stand at 175°, half at −175°: the mean is 180°, not 0°."""
     writer = ColumnStoreWriter(tmp_path / "store")
     writer.channel(1, ChannelLayout(("f8", "f8"), (False, False)))

@@ -51,7 +51,7 @@ def statuses(turnstile: RateLimiter, times: int, **asked: str) -> list[int]:
     return asyncio.run(all_of_them())
 
 
-def test_a_flood_is_answered_so_often_and_told_to_be_slower() -> None:
+def test_a_flood_of_requests_is_limited_with_retry_after() -> None:
     clock = LimitClock()
     turnstile = RateLimiter(hello, clock)
     most = int(AT_ONCE)
@@ -73,7 +73,7 @@ def test_memory_is_bounded() -> None:
     assert len(turnstile._requests) == ADDRESSES
 
 
-def test_requests_that_come_at_once_do_not_hold_up_who_watches() -> None:
+def test_request_bursts_do_not_delay_viewers() -> None:
     """A hundred answers of 7 ms each were worked out in one go, before the next look at the network."""
 
     async def check() -> None:

@@ -66,7 +66,7 @@ def test_the_first_device_seen() -> None:
     assert "key" not in settings(DecodeOptions(), {"key": "00"}, SAID), "a recording gives no key"
 
 
-def test_a_dropped_capture_had_only_the_key_of_the_server(tmp_path: Path) -> None:
+def test_an_uploaded_capture_is_decoded_with_the_servers_options(tmp_path: Path) -> None:
     source = open_file(capture(tmp_path), "idtp")
     columns = decode(source, tmp_path / "store", all_protocols(), DecodeOptions(), usual=SAID)
     assert {info["name"] for info in columns.manifest["channels"]} == {"Speed", "Steering", "WheelsStatus"}
@@ -96,7 +96,7 @@ def schema(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_recording_keeps_how_its_device_is_read(tmp_path: Path, schema: Path) -> None:
+def test_a_recording_stores_its_decode_options(tmp_path: Path, schema: Path) -> None:
     made = tmp_path / "r.mcap"
     source = f"{capture(tmp_path)}?speed=1000&rotation=body_from_enu"
     done = imuscope("record", source, "--schema", str(schema), "-o", str(made))

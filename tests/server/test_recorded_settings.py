@@ -45,7 +45,7 @@ def test_rates_flags_and_units_are_in_words() -> None:
     assert found["OptionFlags"][""].replace(" ", "").isidentifier()  # its name
 
 
-def test_a_data_set_is_told_field_by_field_with_units_and_choices() -> None:
+def test_a_data_set_is_shown_by_field_with_units_and_choices() -> None:
     values = {
         "DID_FLASH_CONFIG": {"startupImuDtMs": 4, "refLla": [52.0, 6.0, 30.0], "later": 7},
         "DID_BIT": {"command": 2},
@@ -69,7 +69,7 @@ def test_a_data_set_is_told_field_by_field_with_units_and_choices() -> None:
     ],
 )
 @pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp", "", "another"])
-def test_what_the_tables_do_not_know_is_told_as_it_stands(protocol: str, values: dict[str, Any]) -> None:
+def test_values_unknown_to_the_tables_are_shown_unchanged(protocol: str, values: dict[str, Any]) -> None:
     found = settings_of(snapshot(protocol, "MTi-630", values, missing={"FilterProfile": "no answer", "x": 3}))
     assert [one.name for one in found.settings] == list(values)
     for one in found.settings:

@@ -129,7 +129,7 @@ def test_chosen_devices_only_and_all_with_those_that_come_later(
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "rx/4") == sample(9)
 
 
-def test_a_recording_is_called_after_devices_that_were_heard(running: InProcessServer, links: Links) -> None:
+def test_a_recording_is_named_after_devices_that_sent_data(running: InProcessServer, links: Links) -> None:
     """A port on which nothing ever came stood first in its name."""
     end = time.monotonic() + PATIENCE_S
     n = 0
@@ -153,7 +153,7 @@ def test_sent_bytes_are_recorded_too(running: InProcessServer, links: Links, tmp
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "tx/1") == b"hello"
 
 
-def test_wishes_that_cannot_be_met_are_refused_in_words(running: InProcessServer) -> None:
+def test_impossible_requests_are_refused_with_a_reason(running: InProcessServer) -> None:
     client = running.client
 
     def refused(response: Any, status: int, kind: str) -> None:

@@ -85,7 +85,7 @@ def test_pages_are_served_and_run_no_script_of_their_own(address: str, running: 
     assert again.status_code == 304
 
 
-def test_a_page_that_is_not_there_is_not_found(running: InProcessServer) -> None:
+def test_a_missing_page_is_not_found(running: InProcessServer) -> None:
     answer = running.client.get("/docs/nothing")
     assert answer.status_code == 404
     assert answer.json()["kind"] == "not-found"

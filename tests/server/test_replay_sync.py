@@ -77,7 +77,7 @@ async def play(url: str) -> None:
                 pass
 
 
-def test_a_recording_that_is_not_there_has_no_scene(server: ServerProcess) -> None:
+def test_a_missing_recording_has_no_scene(server: ServerProcess) -> None:
     async def attempt() -> None:
         async with connecting(server.url.replace("http", "ws", 1) + "/ws/scene/nothing"):
             pass

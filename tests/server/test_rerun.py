@@ -95,7 +95,7 @@ def test_a_recording_is_streamed_whole_or_in_part_or_thinned(client: httpx.Clien
     assert len(numbers(thin[acceleration], "Scalars:scalars")) <= 50
 
 
-def test_what_a_browser_gets_of_a_recording_is_told(client: httpx.Client) -> None:
+def test_the_amount_sent_to_a_browser_is_reported(client: httpx.Client) -> None:
     address = "/api/recordings/drive/amount"
     found = client.get(address).json()
     assert found["rows"] == found["shown"] > 1000
@@ -124,7 +124,7 @@ def test_unstreamable_requests_are_reported(client: httpx.Client, address: str, 
     assert answer.json()["message"]
 
 
-def test_what_is_live_comes_as_batches_that_each_can_be_read(running: ServerProcess, tmp_path: Path) -> None:
+def test_live_data_are_sent_as_self_contained_batches(running: ServerProcess, tmp_path: Path) -> None:
     told, batches = looked(running.url, 12)
     assert told["kind"] == "lag"
     assert told["lag_ms"] >= 0
@@ -157,13 +157,13 @@ def looked(url: str, wanted: int) -> tuple[dict[str, float], list[bytes]]:
     return told, batches
 
 
-def test_a_stream_of_a_device_that_is_not_there_is_refused_in_words(running: ServerProcess) -> None:
+def test_a_stream_of_a_missing_device_is_refused_with_a_reason(running: ServerProcess) -> None:
     address = running.url.replace("http", "ws") + "/rerun/live?device=none"
     with connect(address) as socket, pytest.raises(ConnectionClosed, match="Device none not found"):
         socket.recv(timeout=PATIENCE_S)
 
 
-def test_a_viewer_that_does_not_keep_up_loses_the_oldest_and_is_told_how_many() -> None:
+def test_a_slow_viewer_loses_the_oldest_samples_and_their_number_is_reported() -> None:
     async def look() -> None:
         viewer = RerunViewer()
         viewer.is_idle.append(b"still")
@@ -209,7 +209,7 @@ def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False
     return {"op": "batch", "still": still, "anew": False, "past": past, "newest": newest, "data": text}
 
 
-def test_who_comes_late_gets_the_newest_first_and_what_is_kept_is_bounded() -> None:
+def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() -> None:
     async def look() -> None:
         feed = RerunFeed(Telemetry.create(lambda: 100.0))
         feed._on_report(batch(0.0, b"still", still=True))
@@ -278,7 +278,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     assert sent - rate / 10 <= rows <= sent  # what the last batch did not yet have comes with the next
 
 
-def test_an_address_that_is_none_of_a_viewer_is_refused_before_anything_starts() -> None:
+def test_an_invalid_viewer_address_is_refused_before_anything_starts() -> None:
     said = imuscope("serve", "--rerun-connect", "http://elsewhere")
     assert said.returncode == 1
     assert "rerun_connect" in said.stderr
@@ -331,7 +331,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
         elsewhere.wait()
 
 
-def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> None:
+def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
     """One that hangs: it accepts the connection and reads nothing. Rerun's SDK keeps all that is sent to such a one."""
     from server.integrations import rerun_remote
 

@@ -104,7 +104,7 @@ def captured(first: int = 0, count: int = 50) -> list[bytes]:
     return [frame(first + k) for k in range(count)]
 
 
-def test_captured_frames_were_accepted_again_after_a_reconnect() -> None:
+def test_captured_frames_are_rejected_after_a_reconnect() -> None:
     async def test(stage: RestartHarness) -> None:
         await stage.send(*captured())
         assert stage.samples == 50
@@ -119,7 +119,7 @@ def test_captured_frames_were_accepted_again_after_a_reconnect() -> None:
     play(test)
 
 
-def test_captured_frames_were_accepted_again_after_a_new_start(tmp_path: Path) -> None:
+def test_captured_frames_are_rejected_after_a_server_restart(tmp_path: Path) -> None:
     async def first(stage: RestartHarness) -> None:
         await stage.send(*captured(7))
 
@@ -159,7 +159,7 @@ def test_a_replay_is_not_a_replay_attack(tmp_path: Path) -> None:
     assert not (tmp_path / "secure-sequences.json").exists()
 
 
-def test_a_restarted_secure_device_was_locked_out_without_a_word() -> None:
+def test_a_restarted_secure_device_is_reported() -> None:
     """It is said what happened, not that a rate is wrong, and an operator lets it in again."""
 
     async def test(stage: RestartHarness) -> None:
@@ -194,7 +194,7 @@ def test_a_replay_beside_the_device_itself_is_no_restart() -> None:
     play(test)
 
 
-def test_a_safety_device_that_restarted_was_told_as_a_wrong_rate() -> None:
+def test_a_restarted_safety_device_is_not_reported_as_a_wrong_rate() -> None:
     async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(1000 + k, SAFETY) for k in range(20)))
         await stage.send(*(frame(k, SAFETY) for k in range(250)))
@@ -206,7 +206,7 @@ def test_a_safety_device_that_restarted_was_told_as_a_wrong_rate() -> None:
     play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
-def test_refused_frames_were_told_as_damaged_on_the_wire() -> None:
+def test_refused_frames_are_not_reported_as_damaged() -> None:
     """A device that mixes modes: what a setting refuses is neither lost nor damaged."""
 
     async def test(stage: RestartHarness) -> None:
@@ -223,7 +223,7 @@ def test_refused_frames_were_told_as_damaged_on_the_wire() -> None:
     play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
-def test_a_forged_jump_was_counted_as_a_billion_lost_samples() -> None:
+def test_a_forged_jump_is_not_counted_as_lost_samples() -> None:
     async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY) for k in range(10)))
         await stage.send(frame(1 << 30, SAFETY), frame((1 << 30) + 1, SAFETY))
@@ -271,7 +271,7 @@ def samples_of(running: InProcessServer) -> int:
 
 
 @pytest.mark.parametrize("door", ["api", "command", "command for all"])
-def test_a_restarted_device_could_not_be_rearmed(
+def test_a_restarted_device_can_be_rearmed(
     secured: tuple[InProcessServer, FakeLink], door: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The decoder knew how, and neither a route nor a command called it."""
@@ -302,7 +302,7 @@ def test_a_device_is_rearmed_where_no_server_runs(tmp_path: Path, capsys: pytest
 
 
 @pytest.mark.parametrize(("unit", "ticks", "every"), [("ms", 10, 0.01), ("ns", 10_000_000, 0.01), ("s", 0.2, 0.2)])
-def test_seconds_of_data_lay_on_milliseconds(unit: str, ticks: float, every: float) -> None:
+def test_timestamp_units_are_detected(unit: str, ticks: float, every: float) -> None:
     """A sender in another unit: it is noticed within some seconds, with the reason, and read rightly from then on."""
 
     async def test(stage: RestartHarness) -> None:
@@ -317,7 +317,7 @@ def test_seconds_of_data_lay_on_milliseconds(unit: str, ticks: float, every: flo
     play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 
 
-def test_a_named_unit_is_kept_and_the_contradiction_told() -> None:
+def test_a_configured_unit_is_kept_and_the_contradiction_reported() -> None:
     async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY, stamp=1000 + k * 10) for k in range(150)))
         assert stage.info.decode_options == {"time_unit": "us"}
@@ -328,7 +328,7 @@ def test_a_named_unit_is_kept_and_the_contradiction_told() -> None:
     play(test, lambda: RestartHarness(decode_options("idtp", time_unit="us")))
 
 
-def test_a_backlog_says_nothing_of_the_unit() -> None:
+def test_a_backlog_does_not_determine_the_timestamp_unit() -> None:
     """A minute that a link held back arrives at once, and then the device goes on as usual."""
 
     async def test(stage: RestartHarness) -> None:
@@ -343,7 +343,7 @@ def test_a_backlog_says_nothing_of_the_unit() -> None:
 # -- the store ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_store_is_bounded_and_survives_rubbish(tmp_path: Path) -> None:
+def test_the_store_is_bounded_and_survives_damage(tmp_path: Path) -> None:
     store = SequenceStore(tmp_path)
     store.update(KEY, {device: device for device in range(MAX_DEVICES + 100)})
     store.save()
@@ -367,7 +367,7 @@ def test_two_processes_keep_the_newer_number(tmp_path: Path) -> None:
     assert not check_format_version(5, 5)
 
 
-def test_a_full_disk_takes_nothing_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_loses_no_stored_sequence_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 

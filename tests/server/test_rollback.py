@@ -70,7 +70,7 @@ def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("keep", [True, False])
-def test_the_user_answers(tmp_path: Path, keep: bool) -> None:
+def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
     async def check() -> None:
         async with house(tmp_path, rollback_s=30.0) as here:
             desk = await here.add(SOURCE)
@@ -338,7 +338,7 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
     run(check())
 
 
-def test_a_trial_of_a_port_that_is_written_otherwise_now_does_not_add_it_twice(tmp_path: Path) -> None:
+def test_a_rollback_of_a_port_under_another_path_adds_it_once(tmp_path: Path) -> None:
     """A server that was started with another text for the same port opened it once more, which failed as "in use"."""
 
     async def check() -> None:
@@ -363,7 +363,7 @@ def test_a_trial_of_a_port_that_is_written_otherwise_now_does_not_add_it_twice(t
     run(check())
 
 
-def test_what_was_unreachable_is_not_called_so_once_it_answers(tmp_path: Path) -> None:
+def test_a_device_that_answers_is_no_longer_reported_unreachable(tmp_path: Path) -> None:
     async def check() -> None:
         async with bench() as there, house(tmp_path) as here:
             desk = await here.add(f"serial://{there.slave}?baud=115200")

@@ -27,7 +27,7 @@ def mti(values: dict[str, Any]) -> DevicePresentState:
     return DevicePresentState(XbusDriver(), DeviceContext(product="MTi-630", baud=115_200), LINE, values)
 
 
-def test_what_the_line_cannot_carry_is_refused_by_the_job_too(tmp_path: Path) -> None:
+def test_the_job_also_refuses_an_excessive_load(tmp_path: Path) -> None:
     """A profile of 400 Hz once filled a line of 115 200 Bd more than twice, because only the form looked."""
 
     async def play() -> None:
@@ -42,7 +42,7 @@ def test_what_the_line_cannot_carry_is_refused_by_the_job_too(tmp_path: Path) ->
     asyncio.run(play())
 
 
-def test_more_than_the_line_carries_is_told_and_less_than_now_is_not() -> None:
+def test_an_excessive_load_is_reported_and_a_reduced_one_is_not() -> None:
     low, high = outputs(50), OVER
     assert overload(mti({"OutputConfiguration": low}), {"OutputConfiguration": low}) == ""
     assert "% of the link" in overload(mti({"OutputConfiguration": low}), {"OutputConfiguration": high})
@@ -118,7 +118,7 @@ def test_a_profile_holds_all_that_can_be_written_not_only_what_differs() -> None
     assert found.profile == right
 
 
-def test_a_setting_of_another_product_is_no_mistake() -> None:
+def test_a_setting_of_another_product_is_not_an_error() -> None:
     sides = SideValues("Now", {}), SideValues("File", {"LatLonAlt": {"latitude": 1.0}})
     known = DeviceContext(product="MTi-610")
     if "LatLonAlt" not in {row.name for row in XbusDriver().settings(known)}:

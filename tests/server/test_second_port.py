@@ -52,7 +52,7 @@ def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: l
     asyncio.run(check())
 
 
-def test_what_may_cut_the_line_is_asked_about_on_either_port(tmp_path: Path) -> None:
+def test_changes_that_may_cut_the_line_need_confirmation_on_either_port(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
             desk = await here.add(UART)

@@ -59,7 +59,7 @@ def test_a_page_may_do_what_it_needs_here_and_nothing_elsewhere(path: str, runni
     assert policy["connect-src"] == "'self'"
 
 
-def test_what_was_refused_says_so_too(running: InProcessServer) -> None:
+def test_refusals_have_security_headers_too(running: InProcessServer) -> None:
     for headers in ({"host": "rebound.example"}, {"x-forwarded-for": "203.0.113.5"}):
         answer = running.client.get("/api/devices", headers=headers)
         assert answer.status_code in (401, 403)
@@ -68,7 +68,7 @@ def test_what_was_refused_says_so_too(running: InProcessServer) -> None:
         assert answer.headers["cache-control"] == "no-store"
 
 
-def test_no_page_of_another_origin_is_let_read(running: InProcessServer) -> None:
+def test_pages_of_other_origins_cannot_read(running: InProcessServer) -> None:
     for method in ("GET", "OPTIONS"):
         answer = running.client.request(method, "/api/devices", headers={"origin": "https://elsewhere.example"})
         assert not [name for name in answer.headers if name.startswith("access-control-")]

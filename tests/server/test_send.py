@@ -25,7 +25,7 @@ def refused(*arguments: str) -> str:
     return lines[0]
 
 
-def test_an_mti_is_asked_and_set_and_measures_again() -> None:
+def test_an_mti_is_read_and_set_and_measures_again() -> None:
     [answer] = sent("sim:xbus?baud=921600", "ReqDID")
     assert answer["message"] == "DeviceID"
     acknowledged, kept = sent("sim:xbus?baud=921600", "SetLocationID", "location_id=77")
@@ -39,7 +39,7 @@ def test_a_field_of_an_imx_is_written_and_read_back() -> None:
     assert kept["fields"]["magDeclination"] == 0.25
 
 
-def test_one_element_of_a_vector_was_refused() -> None:
+def test_one_element_of_a_vector_can_be_set() -> None:
     """The device has the others, which stay; without a device they are not known."""
     before = sent("sim:isb", "DID_FLASH_CONFIG")[0]["fields"]["refLla"]
     [kept] = sent("sim:isb", "DID_FLASH_CONFIG", "refLla.2=50.5", "--yes")
@@ -65,7 +65,7 @@ def test_the_devices_resulting_value_is_reported() -> None:
     assert "startupImuDtMs was changed by the device: 4 instead of 9" in done.stderr
 
 
-def test_harmful_commands_need_a_yes() -> None:
+def test_harmful_commands_need_confirmation() -> None:
     line = refused("sim:isb", "DID_SYS_CMD.SOFTWARE_RESET")
     assert "The device restarts" in line
     assert "Add --yes" in line
@@ -83,7 +83,7 @@ def test_harmful_commands_need_a_yes() -> None:
         (("sim:nothing", "ReqDID"), "Unknown simulator"),
     ],
 )
-def test_one_line_says_why_not(arguments: tuple[str, ...], said: str) -> None:
+def test_errors_are_one_line(arguments: tuple[str, ...], said: str) -> None:
     assert said in refused(*arguments)
 
 

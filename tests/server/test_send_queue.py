@@ -68,7 +68,7 @@ def payload(data: bytes) -> bytes:
 
 
 @given(st.lists(st.sampled_from(["offer", "large", "say", "take", "open", "shut"]), max_size=80))
-def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps: list[str]) -> None:
+def test_immediate_messages_keep_their_order_and_are_sent_once(steps: list[str]) -> None:
     """A socket that takes frames at once now and then: all arrives once, in the order it was offered."""
     wire: list[str | bytes] = []
     is_open = True
@@ -110,7 +110,7 @@ def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps
     assert at == total or box.dropped > dropped
 
 
-def test_while_a_message_is_on_its_way_nothing_goes_at_once() -> None:
+def test_nothing_is_sent_immediately_while_a_message_is_in_progress() -> None:
     went: list[bytes] = []
     box = SendQueue(send_now=lambda data: went.append(data) is None)
     box.subscribe(None, NOTHING, "")
@@ -161,7 +161,7 @@ def test_nothing_flows_before_the_first_subscribe() -> None:
     assert box.is_idle
 
 
-def test_only_what_was_asked_for() -> None:
+def test_only_subscribed_channels_are_sent() -> None:
     box = outbox(channels=[2])
     shared = Packet.of([frame(1, 0, 5), frame(2, 0, 5)])
     box.offer(shared)
@@ -180,7 +180,7 @@ def test_a_packet_is_shared_and_not_copied() -> None:
     assert boxes[1].pop() is packet.data
 
 
-def test_subscribing_again_forgets_what_waits() -> None:
+def test_subscribing_again_discards_queued_samples() -> None:
     box = outbox()
     box.offer(Packet.of([frame(1, 0, 5)]))
     box.subscribe(None, NOTHING, "again")

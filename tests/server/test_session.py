@@ -229,7 +229,7 @@ def test_a_clock_step_is_an_event() -> None:
 
 
 @pytest.mark.parametrize("protocol", ["fake", ""])
-def test_a_turn_of_a_looped_file_is_told_once_and_is_no_jump_and_no_loss(protocol: str) -> None:
+def test_a_restart_of_a_looped_file_is_reported_once_and_is_no_jump_or_loss(protocol: str) -> None:
     """It was told as a clock that had jumped by -880 ms, at each turn, and as lost samples."""
 
     async def test(stage: SessionHarness) -> None:
@@ -254,7 +254,7 @@ def test_a_turn_of_a_looped_file_is_told_once_and_is_no_jump_and_no_loss(protoco
     play(test, protocol=protocol)
 
 
-def test_a_device_that_speaks_in_sentences_alone_is_live() -> None:
+def test_a_device_that_sends_only_sentences_is_live() -> None:
     """It stood as "connecting, no byte yet", beside a plot of its heading."""
 
     async def test(stage: SessionHarness) -> None:
@@ -266,7 +266,7 @@ def test_a_device_that_speaks_in_sentences_alone_is_live() -> None:
     play(test)
 
 
-def test_a_device_that_speaks_in_sentences_alone_is_called_by_them() -> None:
+def test_a_device_that_sends_only_sentences_is_named_after_them() -> None:
     """Any port with NMEA on it was called an Xsens MTi."""
 
     async def test(stage: SessionHarness) -> None:

@@ -19,7 +19,7 @@ from tests.server.control_harness import house
 IMX = DeviceContext(product="IMX-5", serial_number="1", firmware="2.7.1.0")
 
 
-def test_temperatures_and_up_time_counted_as_differences(tmp_path: Path) -> None:
+def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
     """Two readings of one device, between which nothing was set, differ in nothing."""
 
     async def check() -> None:
@@ -38,7 +38,7 @@ def test_temperatures_and_up_time_counted_as_differences(tmp_path: Path) -> None
     asyncio.run(check())
 
 
-def test_a_profile_taken_during_a_calibration_began_one_wherever_it_was_written() -> None:
+def test_a_profile_saved_during_a_calibration_does_not_start_one() -> None:
     """The state of a calibration starts it when it is written."""
     driver = PROTOCOLS["isb"].driver
     rest = {"DID_MAG_CAL": {"state": 0, "progress": 0.0, "declination": 0.0}}
@@ -52,7 +52,7 @@ def test_a_profile_taken_during_a_calibration_began_one_wherever_it_was_written(
     assert "state" not in found.profile["DID_SURVEY_IN"]
 
 
-def test_unknown_factory_settings_agreed_with_everything(tmp_path: Path) -> None:
+def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
     """An empty side was shown as "No difference, 0 values agree"."""
 
     async def refusal(desk: DeviceController, here: Any) -> DomainError | None:

@@ -115,7 +115,7 @@ def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path: Path)
     run(check())
 
 
-def test_a_device_keeps_its_place_whoever_speaks_first_after_a_loss(tmp_path: Path) -> None:
+def test_a_device_keeps_its_identity_after_an_outage_in_any_order(tmp_path: Path) -> None:
     """After each connection the first to be heard was the line's own: two devices changed places, and settings."""
 
     def data(bid: int, number: int) -> bytes:
@@ -134,7 +134,7 @@ def test_a_device_keeps_its_place_whoever_speaks_first_after_a_loss(tmp_path: Pa
 
 
 @pytest.mark.parametrize("noise", [b"", build(0x3E, b"", 0xE0), build(0x36, bytes.fromhex("1020020001"), 0xE0)])
-def test_noise_does_not_take_the_place_of_a_device(noise: bytes) -> None:
+def test_noise_does_not_displace_a_device(noise: bytes) -> None:
     """A valid frame by chance, at a wrong rate, was the line's own device from then on, over connections: the real one
     was a further device, and what it answered was heard by nobody.
     """
@@ -163,7 +163,7 @@ def test_wake_up_messages_belong_to_their_device() -> None:
     assert {event.device for event in events if isinstance(event, Batch)} == {"", "4"}
 
 
-def test_a_fix_of_one_device_says_nothing_of_another() -> None:
+def test_a_fix_of_one_device_does_not_affect_another() -> None:
     """A receiver without a fix, beside one with: the time of its messages is arbitrary, and was taken for true."""
 
     def pvt(bid: int, fix: int, tick: int) -> bytes:
@@ -211,7 +211,7 @@ def test_a_device_under_its_identifier_accepts_nothing_else() -> None:
 
 
 @pytest.mark.parametrize("ids", ["0", "255", "1,1", "1,2,3,4,5", "a", "1,,2", ""])
-def test_identifiers_that_cannot_be_are_refused(ids: str) -> None:
+def test_invalid_identifiers_are_refused(ids: str) -> None:
     with pytest.raises(LinkError, match="bus_ids"):
         open_link(f"sim:xbus?bus_ids={ids}")
 
@@ -249,7 +249,7 @@ def test_an_invalid_bus_identifier_is_refused(device: str, capsys: pytest.Captur
     assert "is not a bus identifier; give a number from 1 to 255" in capsys.readouterr().err
 
 
-def test_another_rate_on_a_shared_line_is_asked_about(tmp_path: Path) -> None:
+def test_another_rate_on_a_shared_line_needs_confirmation(tmp_path: Path) -> None:
     """The link follows the device that is changed, and hears the others no more."""
 
     async def check() -> None:
@@ -269,7 +269,7 @@ def uart_at_921600(desk: DeviceController) -> dict[str, dict[str, object]]:
 
 
 @pytest.mark.parametrize("keep", [False, True])
-def test_the_rate_of_a_further_device_is_on_trial(keep: bool, tmp_path: Path) -> None:
+def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool, tmp_path: Path) -> None:
     """At its new rate the others are noise, in which no protocol was recognised: it answered, was not heard, and was
     lost at a rate that nobody had kept.
     """

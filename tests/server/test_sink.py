@@ -111,7 +111,7 @@ def stream() -> list[bytes]:
     return chunks
 
 
-def test_every_sink_is_given_the_same(recording: RecordingSink) -> None:
+def test_every_sink_receives_the_same_data(recording: RecordingSink) -> None:
     chunks = stream()
     clocks = [FakeClock(), FakeClock(), FakeClock()]
     lists, telemetry = ListSink(clocks[0]), Telemetry.create(clocks[1])
@@ -152,7 +152,7 @@ def test_a_device_that_leaves_is_forgotten_live_and_kept_in_a_recording(recordin
     assert recording.infos
 
 
-def test_a_recording_keeps_so_many_events_and_every_gap(recording: RecordingSink) -> None:
+def test_a_recording_limits_events_and_keeps_every_gap(recording: RecordingSink) -> None:
     for _ in range(MAX_EVENTS + 5):
         recording.event("1", "reject", "warning", "x")
     gap = recording.event("1", "gap", "error", "lost", span=(1.0, 2.0), samples=3)

@@ -67,7 +67,7 @@ def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
 
 @pytest.mark.parametrize("full", [0.5, 1.0], ids=["half of them full", "all full"])
 @pytest.mark.parametrize("constant", [0.0028, 0.02])
-def test_what_any_slice_costs_does_not_make_slices_small(constant: float, full: float) -> None:
+def test_fixed_costs_do_not_make_slices_small(constant: float, full: float) -> None:
     """Three senders on one UDP port, on a slow machine: each slice cost 3 ms for a kilobyte and for four, became a
     kilobyte for it, and the server fell behind a stream of 36 kB/s. Once it was behind, every slice was as full as the
     one before, and none told what bytes cost.
@@ -117,7 +117,7 @@ def put(inbox: ChunkQueue, count: int, size: int) -> None:
         inbox.put(Chunk(bytes([number % 256]) * size, number))
 
 
-def test_what_waits_is_bounded_and_what_is_dropped_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """64 MB were kept, and decoded in one turn of the event loop. A recording is told before anything is dropped."""
     monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 10_000)
 
@@ -138,7 +138,7 @@ def test_what_waits_is_bounded_and_what_is_dropped_counted(monkeypatch: pytest.M
     asyncio.run(check())
 
 
-def test_a_read_gives_out_a_bounded_piece() -> None:
+def test_one_read_returns_a_bounded_piece() -> None:
     async def check() -> None:
         tcp = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
         tcp.flow.at_once = 5000
@@ -214,7 +214,7 @@ def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.Mon
     asyncio.run(check())
 
 
-def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flood_is_reported_and_turns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """20 MB of sentence heads by UDP froze the server for good; here 2 MB, of which most cannot wait."""
     monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 300_000)
 
@@ -242,7 +242,7 @@ def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatc
     asyncio.run(check())
 
 
-def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_random_message_names_do_not_fill_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each distinct sentence was a meter, a channel with its ring, and a line of the log, for ever."""
     monkeypatch.setattr("server.streaming.channels.MAX_CHANNELS", 3)
     letters = "ABCDEFGHIJKLM"
@@ -266,7 +266,7 @@ def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.Monk
     asyncio.run(check())
 
 
-def test_what_was_left_out_is_told_to_a_monitor() -> None:
+def test_dropped_bytes_are_reported_to_a_monitor() -> None:
     async def check() -> None:
         async with stage("udp://127.0.0.1:0?protocol=xbus") as there:
             there.session._link.flow.dropped = 4711

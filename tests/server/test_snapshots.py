@@ -43,7 +43,7 @@ def test_any_values_come_back(settings: dict[str, Any], title: str, why: str) ->
     assert again == snapshot
 
 
-def test_it_is_readable() -> None:
+def test_a_snapshot_is_readable_text() -> None:
     text = to_text(
         Snapshot(
             "xbus",
@@ -79,7 +79,7 @@ def test_it_is_readable() -> None:
         ("#" * (1 << 21), "too large"),
     ],
 )
-def test_text_from_outside_is_refused_in_words(text: str, words: str) -> None:
+def test_invalid_text_is_refused_with_a_reason(text: str, words: str) -> None:
     with pytest.raises(SnapshotError, match=words):
         from_text(text)
 
@@ -88,7 +88,7 @@ def keep(folder: Snapshots, title: str, taken: float = 1.0, **more: Any) -> str:
     return folder.save(Snapshot("xbus", "MTi-630", "0080", title=title, taken=taken, **more), ROWS).name
 
 
-def test_they_are_kept_by_serial_number_newest_first(tmp_path: Path) -> None:
+def test_snapshots_are_listed_by_serial_number_newest_first(tmp_path: Path) -> None:
     folder = Snapshots(tmp_path)
     names = [keep(folder, "Before this change", 1.0), keep(folder, "New mast", 2.0), keep(folder, "New mast", 2.0)]
     assert names[1:] == ["19700101T000002Z-new-mast", "19700101T000002Z-new-mast-2"]
@@ -111,7 +111,7 @@ def test_names_are_never_paths(tmp_path: Path, name: str) -> None:
     assert all(path.resolve().is_relative_to(tmp_path / "snapshots") for path in tmp_path.rglob(f"{made.name}.yaml"))
 
 
-def test_the_oldest_go_but_not_the_pinned(tmp_path: Path) -> None:
+def test_the_oldest_unpinned_snapshots_are_deleted(tmp_path: Path) -> None:
     folder = Snapshots(tmp_path, max_files=MAX_FILES)
     first = keep(folder, "First contact", 0.0, pinned=True)
     for taken in range(1, MAX_FILES + 3):
@@ -189,7 +189,7 @@ def test_names_with_points_are_written_too() -> None:
     assert title_at(fields, "wheelConfig.transform.t_b2w.1").endswith(" 2")
 
 
-def test_one_that_cannot_be_read_is_listed_with_the_reason_and_never_culled(tmp_path: Path) -> None:
+def test_an_unreadable_snapshot_is_listed_with_the_reason_and_never_deleted(tmp_path: Path) -> None:
     """A snapshot of a newer format was missing from the list, as if it were gone."""
     folder = Snapshots(tmp_path, max_files=MAX_FILES)
     keep(folder, "Ours", 5.0)
@@ -208,7 +208,7 @@ def test_one_that_cannot_be_read_is_listed_with_the_reason_and_never_culled(tmp_
     assert later.exists()
 
 
-def test_a_snapshot_under_a_number_that_was_read_wrongly_is_still_found(tmp_path: Path) -> None:
+def test_a_snapshot_under_a_misread_serial_number_is_found(tmp_path: Path) -> None:
     """The words of a 64-bit identifier were read in the wrong order: the device had a folder for each."""
     before = Snapshots(tmp_path)
     for number, title in (("80ABCDEF", "after reading"), ("80ABCDEF00000000", "first contact")):

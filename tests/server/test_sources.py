@@ -26,7 +26,7 @@ def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
         assert there or sources.is_simulator(module), module
 
 
-def test_what_was_once_forgotten_counts_and_simulators_do_not() -> None:
+def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
     found = {str(path.relative_to(ROOT)) for path in sources.decoding_sources()}
     assert found >= {
         *(f"recordings/{name}.py" for name in ("euler", "tabular", "importers", "vendor_logs")),

@@ -34,7 +34,7 @@ async def command(
     assert job.state == "done", job.message
 
 
-def test_a_preset_of_streams_left_the_form_as_it_was(tmp_path: Path) -> None:
+def test_a_preset_of_streams_updates_the_form(tmp_path: Path) -> None:
     """Six streams flowed, and the form went on showing those that it had replaced; a restart brought them back."""
 
     async def check() -> None:
@@ -52,7 +52,7 @@ def test_a_preset_of_streams_left_the_form_as_it_was(tmp_path: Path) -> None:
     run(check())
 
 
-def test_factory_settings_left_every_form_as_it_was(tmp_path: Path) -> None:
+def test_factory_settings_update_every_form(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
             desk = await here.add(MTI)
@@ -64,7 +64,7 @@ def test_factory_settings_left_every_form_as_it_was(tmp_path: Path) -> None:
     run(check())
 
 
-def test_what_a_command_altered_is_marked_where_it_cannot_be_read(tmp_path: Path) -> None:
+def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_path: Path) -> None:
     """Bytes that a person composed: the setting that they write is not known until it is read again."""
 
     async def check() -> None:
@@ -88,7 +88,7 @@ def test_what_a_command_altered_is_marked_where_it_cannot_be_read(tmp_path: Path
     run(check())
 
 
-def test_a_new_period_of_navigation_left_the_streams_at_the_old_one(tmp_path: Path) -> None:
+def test_a_new_navigation_period_updates_the_streams_form(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
             desk = await here.add(IMX)
@@ -102,7 +102,7 @@ def test_a_new_period_of_navigation_left_the_streams_at_the_old_one(tmp_path: Pa
     run(check())
 
 
-def test_outputs_that_were_not_read_counted_as_none(tmp_path: Path) -> None:
+def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
     """The link budget said 0 B/s beside what was measured."""
 
     async def check() -> None:
@@ -140,7 +140,7 @@ def test_outputs_that_were_not_read_counted_as_none(tmp_path: Path) -> None:
         ("xbus", "Reset", {}, set()),
     ],
 )
-def test_what_a_command_alters(protocol: str, name: str, values: dict[str, object], some: set[str]) -> None:
+def test_settings_changed_by_a_command(protocol: str, name: str, values: dict[str, object], some: set[str]) -> None:
     driver = PROTOCOLS[protocol].driver
     known = DeviceContext(product="IMX-5" if protocol == "isb" else "MTi-630")
     assert name in {row.name for row in driver.commands(known)}
@@ -156,7 +156,7 @@ def test_what_a_command_alters(protocol: str, name: str, values: dict[str, objec
         (MTI, "GoToConfig", {"OutputConfiguration": outputs(50)}, "GoToMeasurement"),
     ],
 )
-def test_a_silent_device_was_taken_for_an_unreachable_one(
+def test_a_silent_device_is_not_reported_unreachable(
     tmp_path: Path, source: str, silence: str, change: dict[str, dict[str, object]], speech: str
 ) -> None:
     """Its link is open all the while, and it answers. Streams that are written make it speak again; a device that was

@@ -167,7 +167,7 @@ def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server:
     assert np.diff(np.unique(sent)).min() > 0.09  # where a ring wraps, one flush has two frames
 
 
-def test_a_slow_browser_learns_its_losses_and_slows_no_others() -> None:
+def test_a_slow_browser_is_sent_its_losses_and_slows_no_others() -> None:
     with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
         source = ChunkedSource(running)
         slow = connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1)
@@ -203,7 +203,7 @@ def _dropped(reader: StreamReader) -> int:
     return sum(device["dropped"] for text in reader.said("health")[-1:] for device in text["devices"])
 
 
-def test_a_browser_that_takes_nothing_is_disconnected() -> None:
+def test_a_stalled_browser_is_disconnected() -> None:
     with InProcessServer(Config(sources=("/dev/one",)), open_link, timings=ViewerTimings(stuck_s=0.5)) as running:
         source = ChunkedSource(running)
         with (

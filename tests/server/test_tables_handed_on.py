@@ -34,7 +34,7 @@ def test_a_channel_named_twice_is_refused() -> None:
         _only_one(asked(b"channel=A&channel=B"))
 
 
-def test_the_name_of_an_export_tells_its_stretch() -> None:
+def test_the_name_of_an_export_contains_its_range() -> None:
     assert _stem("Drive 1", Export("csv")) == "Drive-1"
     assert _stem("Drive", Export("csv", t0=1.76e9)) == "Drive-20251009T085320Z-end"
     assert _stem("Drive", Export("csv", t0=1.76e9, t1=1.76e9 + 5)) == "Drive-20251009T085320Z-20251009T085325Z"

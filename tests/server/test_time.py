@@ -116,7 +116,7 @@ def check(stage: TimeHarness, since_s: float) -> wire.DeviceHealth:
     return health
 
 
-def test_a_good_cable_is_drawn_evenly_and_nothing_is_said_of_it() -> None:
+def test_a_line_without_jitter_is_drawn_evenly_without_a_report() -> None:
     async def test(stage: TimeHarness) -> None:
         await stage.run(15)
         health = check(stage, 10)
@@ -141,7 +141,7 @@ def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -
     play(LineFaults(baud=115_200, burst_ms=16, drop=0.02), test)
 
 
-def test_a_device_that_starts_again_is_a_break_that_is_told_and_named() -> None:
+def test_a_device_restart_is_a_reported_break() -> None:
     async def test(stage: TimeHarness) -> None:
         await stage.run(4)
         stage.reset()
@@ -175,7 +175,7 @@ def test_a_host_that_did_not_read_moves_no_sample_and_is_named() -> None:
     play(LineFaults(baud=115_200), test)
 
 
-def test_every_cause_is_a_sentence_and_says_what_helps() -> None:
+def test_every_cause_is_a_sentence_with_a_remedy() -> None:
     """Over a network nothing is put down to an adapter; an adapter at 1 ms is not told to be set to 1 ms."""
     way = Way(0, network_ms=3)
     network = mapped(stream(ModelDevice(((100, 60),)), way, 10), ClockSync(unknown_ns=1e6)).clock
@@ -199,7 +199,7 @@ def test_every_cause_is_a_sentence_and_says_what_helps() -> None:
         assert cause.remedy.endswith(".")
 
 
-def test_what_is_known_of_a_port_before_a_byte_has_come(tmp_path: Any) -> None:
+def test_the_properties_of_a_port_before_the_first_byte(tmp_path: Any) -> None:
     devices = tmp_path / "bus/usb-serial/devices"
     for name in ("ttyUSB0", "ttyUSB1"):
         (devices / name).mkdir(parents=True)
@@ -238,7 +238,7 @@ def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 20.0])
-def test_a_capture_played_faster_was_a_clock_that_jumped(speed: float) -> None:
+def test_a_capture_played_faster_is_not_a_clock_jump(speed: float) -> None:
     """`capture.bin?speed=2`: two seconds of the device's clock pass in one of the host's."""
 
     async def run() -> None:

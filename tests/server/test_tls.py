@@ -40,7 +40,7 @@ def days_on(monkeypatch: pytest.MonkeyPatch, days: float) -> None:
 # ── a certificate of our own ──
 
 
-def test_a_made_certificate_says_who_it_is_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_generated_certificate_names_its_hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tls.platform, "node", lambda: "Robot.example")
     monkeypatch.setattr(tls, "addresses", lambda: ["10.0.0.7", "fd00::7"])
     config = Config(data=tmp_path, tls=True, host="192.0.2.9", allowed_hosts=("fleet.example",))
@@ -59,7 +59,9 @@ def test_a_made_certificate_says_who_it_is_for(tmp_path: Path, monkeypatch: pyte
     assert found.key.parent.stat().st_mode & 0o777 == 0o700
 
 
-def test_it_is_made_once_and_renewed_before_it_expires(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_certificate_is_generated_once_and_renewed_before_expiry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first = tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.7"])
     first.key.chmod(0o644)
     assert tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address comes and goes
@@ -153,12 +155,12 @@ def test_unusable_certificates_are_reported(
         ({"tls": "yes"}, "tls must be"),
     ],
 )
-def test_settings_that_do_not_go_together(given: dict[str, Any], words: str) -> None:
+def test_inconsistent_settings(given: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         load(None, **given)
 
 
-def test_the_command_says_it_in_one_line(tmp_path: Path) -> None:
+def test_the_command_reports_it_in_one_line(tmp_path: Path) -> None:
     """Before anything is compiled or opened."""
     arguments = ("--tls-cert", str(tmp_path / "a.pem"), "--tls-key", "b.pem", "--port", "0", "--data", str(tmp_path))
     done = imuscope("serve", "udp://127.0.0.1:0", *arguments)

@@ -70,13 +70,13 @@ def test_a_long_payload_is_cut_and_its_size_reported() -> None:
     assert (raw.size, len(raw.hex)) == (1500, 2 * MAX_BYTES)
 
 
-def test_unverified_bytes_are_told_apart() -> None:
+def test_unverified_bytes_are_marked() -> None:
     frame = idtp_frame(0x80, b"abcd", sequence=1, timestamp=0, mode=2, device=7, key=b"k")
     _, [raw] = played(IdtpDecoder(show_unverified=True), frame)
     assert not raw.verified
 
 
-def test_kinds_are_bounded_and_what_is_beyond_is_counted() -> None:
+def test_kinds_are_bounded_and_further_ones_counted() -> None:
     unknown_payloads = UnknownPayloadTracker("1")
     for number in range(2 * MAX_KINDS):
         message = Message(number, f"M{number}", (Field("data", "bytes", (2,)),))
@@ -93,7 +93,7 @@ def test_other_replies_are_left_alone() -> None:
     assert not UnknownPayloadTracker("1").reply(Reply(message, {"device_id": 3}, 0, 8, 0))
 
 
-def test_a_page_is_told_while_there_is_any_and_once_after() -> None:
+def test_unknown_payloads_are_sent_until_there_are_none() -> None:
     telemetry, payloads = played(IdtpDecoder(), vendor(1))
     told: list[int] = []
     telemetry.bus.unknown_payloads.subscribe(lambda report: told.append(len(report)))

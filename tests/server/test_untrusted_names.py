@@ -149,7 +149,7 @@ def test_an_uploaded_file_gets_a_name_that_is_no_path(
 
 
 @pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
-def test_a_name_is_a_name(name: str, running: InProcessServer, folder: Path, recording: str) -> None:
+def test_hostile_names_open_nothing(name: str, running: InProcessServer, folder: Path, recording: str) -> None:
     device = running.client.get("/api/devices").json()[0]["id"]
     sent(running, "PATCH", recording, {"title": name, "tags": [name], "notes": name, "pinned": False})
     sent(running, "POST", f"{recording}/exports", {"format": "csv", "channels": [name], "device": name})
@@ -192,7 +192,7 @@ def test_a_file_gets_a_name_that_any_system_can_hold(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
-def test_a_snapshot_lies_where_snapshots_lie(name: str, tmp_path: Path) -> None:
+def test_a_snapshot_is_stored_in_its_folder_only(name: str, tmp_path: Path) -> None:
     """Also the serial number comes from outside: from whatever is on the line."""
     kept = Snapshots(tmp_path / "data" / "snapshots")
     snapshot = Snapshot("xbus", name, name, name, title=name, taken=1.76e9, values={"a": {"b": 1}}, reason=name)

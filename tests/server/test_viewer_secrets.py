@@ -97,7 +97,7 @@ def test_viser_is_reachable_only_through_us(
     assert asyncio.run(_status(ours + "wrong", subprotocol())) == 401
 
 
-def test_foxgloves_port_has_the_rules_of_ours(ports: dict[str, int], tokens: dict[str, str]) -> None:
+def test_the_foxglove_port_has_the_rules_of_the_main_port(ports: dict[str, int], tokens: dict[str, str]) -> None:
     here = f"ws://127.0.0.1:{ports['foxglove']}"
 
     def status(path: str = f"/?token={tokens['view']}", **headers: str) -> int:
@@ -142,9 +142,7 @@ class FakeConnection:
         ({"Origin": "https://elsewhere.example", HEADER: "secret"}, None),
     ],
 )
-def test_where_no_token_is_needed_a_foreign_page_still_reads_nothing(
-    headers: dict[str, str], status: int | None
-) -> None:
+def test_without_tokens_other_origins_still_cannot_read(headers: dict[str, str], status: int | None) -> None:
     porter = ConnectionGuard("secret", Access(Config(allowed_origins=("https://fleet.example",))).rules())
     request = Request("/", Headers({"Host": "127.0.0.1:8765", **headers}))
     refused = porter.accept(FakeConnection(), request)  # type: ignore[arg-type]
@@ -154,7 +152,7 @@ def test_where_no_token_is_needed_a_foreign_page_still_reads_nothing(
         assert refused.headers["content-type"] == "application/json"
 
 
-def test_nonsense_at_the_door_is_refused(ports: dict[str, int]) -> None:
+def test_malformed_requests_to_viewers_are_refused(ports: dict[str, int]) -> None:
     for port in ports.values():
         with socket.create_connection(("127.0.0.1", port), 10) as plain:
             lines = ["GET / HTTP/1.1", "Host: localhost", "Host: localhost", f"{HEADER}: a", f"{HEADER}: b"]

@@ -117,7 +117,7 @@ def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) 
     assert get(f"{server.url}/healthz").status_code == 200
 
 
-def test_it_survives_its_own_crash_and_reports_it(shown: httpx.Client, server: ServerProcess) -> None:
+def test_viser_recovers_from_a_crash_and_reports_it(shown: httpx.Client, server: ServerProcess) -> None:
     shown.get("/viser/")
     pid = children(server.process.pid)[0]
     os.kill(pid, signal.SIGKILL)
@@ -172,7 +172,7 @@ def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
         assert again != pid
 
 
-def test_with_the_server_it_is_gone_whatever_happens_to_the_server(serve: Callable[..., ServerProcess]) -> None:
+def test_viser_ends_with_the_server_however_that_ends(serve: Callable[..., ServerProcess]) -> None:
     server = serve("sim:xbus")
     assert children(server.process.pid) == []
     assert get(server.url + "/viser/", timeout=120).status_code == 200

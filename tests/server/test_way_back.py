@@ -65,7 +65,7 @@ async def strange(here: ControlHarness) -> tuple[DeviceController, IsbSimulator]
 CHANGES: Mapping[str, dict[str, Any]] = {"DID_FLASH_CONFIG": {"dynamicModel": 4, "ser0BaudRate": 460_800}}
 
 
-def test_a_trial_goes_back_to_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
+def test_a_rollback_restores_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
     """The rollback was refused by our own range: both new values stayed, and the rollback hung in "rolling-back"."""
 
     async def check() -> None:
@@ -131,7 +131,7 @@ def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatch: pyt
     run(check())
 
 
-def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
+def test_a_value_that_cannot_be_encoded_is_reported_and_the_others_are_restored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write = IsbDriver.write

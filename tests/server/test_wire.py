@@ -54,7 +54,7 @@ def test_noise_is_a_wire_error(data: bytes) -> None:
         return
 
 
-def test_json_is_what_javascript_can_read() -> None:
+def test_json_is_readable_by_javascript() -> None:
     value = {
         "nan": math.nan,
         "inf": np.float32(np.inf),
@@ -108,14 +108,14 @@ def test_text_round_trip() -> None:
         '{"op":"ping","t":1e999}',
     ],
 )
-def test_a_wrong_request_is_refused_in_words(text: str) -> None:
+def test_a_wrong_request_is_refused_with_a_reason(text: str) -> None:
     with pytest.raises(wire_codec.WireError) as caught:
         wire_codec.decode_text(text)
     assert str(caught.value).endswith(".")
 
 
 @given(st.text(max_size=100))
-def test_any_text_is_a_request_or_refused(text: str) -> None:
+def test_any_text_is_accepted_or_refused(text: str) -> None:
     try:
         wire_codec.decode_text(text)
     except wire_codec.WireError:

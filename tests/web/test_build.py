@@ -75,7 +75,7 @@ def test_certificates_that_pip_knows_are_handed_to_npm(
     assert shown.stdout.strip() == str(certificates)
 
 
-def test_first_load_keeps_its_budget() -> None:
+def test_the_first_load_stays_within_its_budget() -> None:
     page = ROOT / "server" / "page"
     if not (page / ".sources").is_file():
         pytest.skip("the page has not been built: python web/build.py")
