@@ -20,6 +20,7 @@ from protocols.idtp.inspect import IdtpFrameLister
 from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.layouts import EncodeError
 from tests.oracles import idtp as oracle
+from tests.protocols.decoding import decode_chunks
 from tests.protocols.idtp_frames import with_version
 from tests.protocols.idtp_vectors import KEY, everything
 
@@ -45,15 +46,10 @@ def reasons(events: Sequence[Event]) -> list[str]:
     return [event.reason for event in events if isinstance(event, RejectedFrame)]
 
 
-def play(frames: Sequence[bytes | tuple[float, bytes]], **options: Any) -> list[Event]:
+def decode(frames: Sequence[bytes | tuple[float, bytes]], **options: Any) -> list[Event]:
     """Each frame as a chunk of its own; (arrival s, frame), or one after the other at 1 ms."""
-    decoder = IdtpDecoder(**options)
-    events: list[Event] = []
-    for i, one in enumerate(frames):
-        at, data = one if isinstance(one, tuple) else (i / 1000, one)
-        decoder.feed(data, int(at * S))
-        events += decoder.drain()
-    return events + decoder.drain(stalled=True)
+    timed = (one if isinstance(one, tuple) else (i / 1000, one) for i, one in enumerate(frames))
+    return decode_chunks(IdtpDecoder(**options), ((int(at * S), data) for at, data in timed))
 
 
 # -- sequences ---------------------------------------------------------------------------------------------------------
@@ -63,7 +59,7 @@ def test_stale_frames_are_dropped_whole() -> None:
     """Nothing inside a stale frame is looked at."""
     inner = acc(50, device=9)
     stale = build(0x91, inner, sequence=3, device=7)
-    events = play([acc(5), stale, acc(6)])
+    events = decode([acc(5), stale, acc(6)])
     assert shown(events) == [5, 6]
     (reject,) = [event for event in events if isinstance(event, RejectedFrame)]
     assert (reject.reason, reject.size) == ("stale", len(stale))
@@ -74,21 +70,21 @@ def test_refused_frames_are_searched() -> None:
     inner = acc(50, device=9)
     outer = bytearray(build(0x91, inner, sequence=6, mode=SAFETY))
     outer[-1] ^= 1
-    events = play([acc(5), bytes(outer)])
+    events = decode([acc(5), bytes(outer)])
     assert shown(events) == [5, 50]
     assert reasons(events) == ["bad_crc32"]
 
 
 def test_devices_are_counted_separately() -> None:
-    events = play([acc(5, device=1), acc(1, device=2), acc(6, device=1), acc(1, device=2)])
+    events = decode([acc(5, device=1), acc(1, device=2), acc(6, device=1), acc(1, device=2)])
     assert shown(events) == [5, 1, 6]
     assert {event.device for event in events if isinstance(event, Batch)} == {"1", "2"}
 
 
 def test_a_silent_device_may_start_again() -> None:
     frames = [(0.0, acc(1000)), (0.001, acc(1001)), (3.002, acc(0)), (3.003, acc(1))]
-    assert shown(play(frames)) == [1000, 1001, 0, 1]
-    assert reasons(play([(0.0, acc(1000)), (2.9, acc(0))])) == ["stale"]
+    assert shown(decode(frames)) == [1000, 1001, 0, 1]
+    assert reasons(decode([(0.0, acc(1000)), (2.9, acc(0))])) == ["stale"]
 
 
 def test_no_silence_in_a_file() -> None:
@@ -117,7 +113,7 @@ def test_secure_is_rearmed_by_the_user_only() -> None:
 
 def test_silence_does_not_weaken_a_secure_device() -> None:
     """A forger who waits cannot set the sequence of a device that speaks Secure with a Lite frame."""
-    events = play([(0.0, acc(1000, SECURE)), (9.0, acc(3, LITE))], key=KEY, min_mode=LITE)
+    events = decode([(0.0, acc(1000, SECURE)), (9.0, acc(3, LITE))], key=KEY, min_mode=LITE)
     assert reasons(events) == ["stale"]
 
 
@@ -127,30 +123,30 @@ def test_weaker_frames_neither_lock_a_secure_device_out_nor_let_old_frames_in() 
     """
     genuine = [(0.001 * n, acc(n, SECURE)) for n in range(5)]
     forged = (0.01, acc(60_000, LITE))
-    events = play([*genuine, forged, (0.02, acc(5, SECURE)), (0.03, acc(6, SECURE))], key=KEY, min_mode=LITE)
+    events = decode([*genuine, forged, (0.02, acc(5, SECURE)), (0.03, acc(6, SECURE))], key=KEY, min_mode=LITE)
     assert shown(events) == [0, 1, 2, 3, 4, 60_000, 5, 6]
     assert [event.missing for event in events if isinstance(event, SampleGap)] == [60_000 - 5]
     replay = [forged, (9.0, acc(1, LITE)), (9.1, acc(2, SECURE)), (9.2, acc(3, SECURE))]
-    assert reasons(play([*genuine, *replay], key=KEY, min_mode=LITE)) == ["stale", "stale"]
+    assert reasons(decode([*genuine, *replay], key=KEY, min_mode=LITE)) == ["stale", "stale"]
 
 
 def test_one_frame_far_ahead_does_not_lock_a_device_out() -> None:
     far = 1_000_000
-    assert shown(play([acc(5), acc(far), acc(6), acc(7)])) == [5, 6, 7]
-    assert reasons(play([acc(5), acc(far), acc(6)])) == ["far_ahead"]
-    assert shown(play([acc(5), acc(far), acc(far + 1), acc(far + 2)])) == [5, (far + 1) & 0xFFFF, (far + 2) & 0xFFFF]
-    assert reasons(play([acc(5), acc(far), acc(9 * far), acc(far + 1)])) == ["far_ahead"] * 3
-    assert reasons(play([acc(5), acc(far), acc(6), acc(far + 1)])) == ["far_ahead"] * 2
-    assert shown(play([acc(5), acc(5 + 65536)])) == [5, 5]  # 2^16 is not far
+    assert shown(decode([acc(5), acc(far), acc(6), acc(7)])) == [5, 6, 7]
+    assert reasons(decode([acc(5), acc(far), acc(6)])) == ["far_ahead"]
+    assert shown(decode([acc(5), acc(far), acc(far + 1), acc(far + 2)])) == [5, (far + 1) & 0xFFFF, (far + 2) & 0xFFFF]
+    assert reasons(decode([acc(5), acc(far), acc(9 * far), acc(far + 1)])) == ["far_ahead"] * 3
+    assert reasons(decode([acc(5), acc(far), acc(6), acc(far + 1)])) == ["far_ahead"] * 2
+    assert shown(decode([acc(5), acc(5 + 65536)])) == [5, 5]  # 2^16 is not far
 
 
 def test_secure_may_jump() -> None:
-    events = play([acc(5, SECURE), acc(1_000_005, SECURE)], key=KEY)
+    events = decode([acc(5, SECURE), acc(1_000_005, SECURE)], key=KEY)
     assert [event.missing for event in events if isinstance(event, SampleGap)] == [999_999]
 
 
 def test_without_replay_check() -> None:
-    events = play([acc(5), acc(4), acc(5), acc(7)], replay_check=False)
+    events = decode([acc(5), acc(4), acc(5), acc(7)], replay_check=False)
     assert shown(events) == [5, 4, 5, 7]
     assert [event.missing for event in events if isinstance(event, SampleGap)] == [1]
 
@@ -160,10 +156,10 @@ def test_without_replay_check() -> None:
 
 def test_a_key_makes_secure_the_least() -> None:
     stream = acc(1, LITE) + acc(2, SAFETY) + acc(3, SECURE)
-    assert shown(play([stream], key=KEY)) == [3]
-    assert reasons(play([stream], key=KEY)) == ["below_min_mode"] * 2
-    assert shown(play([stream], key=KEY, min_mode=SAFETY)) == [2, 3]
-    assert shown(play([stream], min_mode=SAFETY)) == [2]
+    assert shown(decode([stream], key=KEY)) == [3]
+    assert reasons(decode([stream], key=KEY)) == ["below_min_mode"] * 2
+    assert shown(decode([stream], key=KEY, min_mode=SAFETY)) == [2, 3]
+    assert shown(decode([stream], min_mode=SAFETY)) == [2]
 
 
 def test_a_weak_header_does_not_swallow_a_secure_frame() -> None:
@@ -175,14 +171,14 @@ def test_a_weak_header_does_not_swallow_a_secure_frame() -> None:
 
 
 def test_no_key() -> None:
-    events = play([acc(1, LITE), acc(2, SECURE), acc(3, LITE)])
+    events = decode([acc(1, LITE), acc(2, SECURE), acc(3, LITE)])
     assert shown(events) == [1, 3]
     assert reasons(events) == ["no_key"]
 
 
 def test_unverified_frames_are_marked_and_change_no_state() -> None:
     forged = acc(60_000, SECURE, timestamp=4_000_000_000, key=b"another")
-    events = play([acc(5, timestamp=1000), forged, acc(6, timestamp=2000)], show_unverified=True)
+    events = decode([acc(5, timestamp=1000), forged, acc(6, timestamp=2000)], show_unverified=True)
     assert shown(events) == [5, 60_000, 6]
     assert [event.verified for event in events if isinstance(event, Batch)] == [True, False, True]
     status = [int(e.columns["Imu3AccStatus"][0]) for e in events if isinstance(e, Batch)]
@@ -191,7 +187,7 @@ def test_unverified_frames_are_marked_and_change_no_state() -> None:
 
 
 def test_with_a_key_a_forged_frame_is_never_shown() -> None:
-    events = play([acc(5, SECURE), acc(6, SECURE, key=b"another"), acc(7, SECURE)], key=KEY, show_unverified=True)
+    events = decode([acc(5, SECURE), acc(6, SECURE, key=b"another"), acc(7, SECURE)], key=KEY, show_unverified=True)
     assert shown(events) == [5, 7]
     assert reasons(events) == ["bad_hmac"]
 
@@ -210,7 +206,7 @@ def test_forged_frames_among_good_ones() -> None:
         else:
             stream += inner
     for chunk in (len(stream), 333):
-        events = play([(0.0, stream[at : at + chunk]) for at in range(0, len(stream), chunk)], key=KEY, min_mode=LITE)
+        events = decode([(0.0, stream[at : at + chunk]) for at in range(0, len(stream), chunk)], key=KEY, min_mode=LITE)
         found = oracle.scan(stream, final=True, key=KEY)
         good, bad = oracle.judge(found.frames, keyed=True)
         offsets = sorted(int(o) for e in events if isinstance(e, Batch) for o in e.offset)
@@ -226,7 +222,7 @@ def test_forged_frames_among_good_ones() -> None:
 @pytest.mark.parametrize(("unit", "ns"), [("ns", 1), ("us", 1000), ("ms", 10**6), ("s", 10**9)])
 def test_timestamps_unwrap(unit: str, ns: int) -> None:
     ticks = [2**32 - 2, 2**32 - 1, 0, 1]
-    events = play([b"".join(acc(i, timestamp=t) for i, t in enumerate(ticks))], time_unit=unit)
+    events = decode([b"".join(acc(i, timestamp=t) for i, t in enumerate(ticks))], time_unit=unit)
     (batch,) = [event for event in events if isinstance(event, Batch)]
     assert batch.time_ns is not None
     assert np.diff(batch.time_ns).tolist() == [ns] * 3
@@ -235,7 +231,7 @@ def test_timestamps_unwrap(unit: str, ns: int) -> None:
 
 
 def test_a_device_that_restarts_resets_its_clock() -> None:
-    events = play([(0.0, acc(100, timestamp=90_000_000)), (4.0, acc(0, timestamp=10))])
+    events = decode([(0.0, acc(100, timestamp=90_000_000)), (4.0, acc(0, timestamp=10))])
     (step,) = [event for event in events if isinstance(event, ClockStep)]
     assert (step.kind, step.device) == ("reset", "7")
 
@@ -248,17 +244,17 @@ def warnings(events: Sequence[Event]) -> list[str]:
 
 
 def test_versions() -> None:
-    events = play([build(0, bytes(12), sequence=i, version=0x2A) for i in range(3)])
+    events = decode([build(0, bytes(12), sequence=i, version=0x2A) for i in range(3)])
     assert warnings(events) == ["uses IDTP 2.10, newer than the supported one, and is decoded as 2.1"]
-    events = play([build(0, bytes(12), version=0x20)])
+    events = decode([build(0, bytes(12), version=0x20)])
     (batch,) = [event for event in events if isinstance(event, Batch)]
     assert batch.message.name == "0x00"
     assert bytes(batch.columns["data"][0]) == bytes(12)
-    assert reasons(play([build(0, bytes(12), version=0x30)])) == ["bad_version"]
+    assert reasons(decode([build(0, bytes(12), version=0x30)])) == ["bad_version"]
 
 
 def test_successor_by_name() -> None:
-    events = play([b"INDT" + bytes(40) + acc(1) + b"INDT"])
+    events = decode([b"INDT" + bytes(40) + acc(1) + b"INDT"])
     assert reasons(events) == ["successor"] * 2
     assert len(warnings(events)) == 1
     assert "INDT, the successor of IDTP" in warnings(events)[0]
@@ -266,7 +262,7 @@ def test_successor_by_name() -> None:
 
 
 def test_short_and_long_payloads() -> None:
-    events = play([build(4, bytes(32), sequence=1), build(4, bytes(40), sequence=2), build(4, bytes(44), sequence=3)])
+    events = decode([build(4, bytes(32), sequence=1), build(4, bytes(40), sequence=2), build(4, bytes(44), sequence=3)])
     names = [event.message.name for event in events if isinstance(event, Batch)]
     assert names == ["Imu9Bytes", "Imu9", "Imu9"]
     assert len(warnings(events)) == 2
@@ -277,7 +273,7 @@ def test_short_and_long_payloads() -> None:
 def test_rotation_setting() -> None:
     frame = build(6, struct.pack("<4f", 0.5, 0.5, -0.5, 0.5))
     for rotation, wanted in (("enu_from_body", [0.5, 0.5, -0.5, 0.5]), ("body_from_enu", [0.5, -0.5, 0.5, -0.5])):
-        (batch,) = play([frame], rotation=rotation)
+        (batch,) = decode([frame], rotation=rotation)
         assert isinstance(batch, Batch)
         assert batch.columns["Quaternion"][0].tolist() == wanted
         assert batch.message.fields[0].frame == "ENU from body"
@@ -289,7 +285,7 @@ def test_odd_quaternions_are_gaps() -> None:
     """Not normalised, not finite, a signalling NaN: marked, NaN, and no warning of numpy."""
     odd = ((1, 0, 0, 0), (2, 0, 0, 0), (3e38, 3e38, 0, 0), (0, float("inf"), 0, 0))
     payloads = [struct.pack("<4f", *q) for q in odd] + [bytes.fromhex("0100807f") + bytes(12)]
-    (batch,) = play([b"".join(build(6, p, sequence=i) for i, p in enumerate(payloads))])
+    (batch,) = decode([b"".join(build(6, p, sequence=i) for i, p in enumerate(payloads))])
     assert isinstance(batch, Batch)
     assert batch.columns["ImuQuatStatus"].tolist() == [0, 16, 16, 24, 24]
     assert np.isnan(batch.columns["Quaternion"]).all(axis=1).tolist() == [False, True, True, True, True]
@@ -379,7 +375,7 @@ bias = 1.0
 def test_user_schema() -> None:
     schema = parse(SCHEMA)
     payload = struct.pack("<4hf", 1000, -1000, 0, 32767, 0.5)
-    (batch,) = play([build(0x80, payload)], schema=schema)
+    (batch,) = decode([build(0x80, payload)], schema=schema)
     assert isinstance(batch, Batch)
     assert batch.columns["Speed"].tolist() == [[1.0, -1.0, 0.0, 32.767]]
     assert batch.columns["Steering"].tolist() == [1.5]
@@ -389,7 +385,7 @@ def test_user_schema() -> None:
     assert record["fields"]["Speed"] == [1000, -1000, 0, 32767]
     assert record["wire"] == {"trailing": "01"}
     assert frame_from_json(record, schema=schema) == build(0x80, payload + b"\1")
-    (short,) = [e for e in play([build(0x80, payload[:5])], schema=schema) if isinstance(e, Batch)]
+    (short,) = [e for e in decode([build(0x80, payload[:5])], schema=schema) if isinstance(e, Batch)]
     assert short.message.name == "WheelsBytes"
 
 
@@ -453,5 +449,5 @@ def test_detection_scores() -> None:
 def test_another_version_is_reported_by_name() -> None:
     frames = b"".join(with_version(build(0, bytes(12), sequence=k, timestamp=k, mode=SAFETY), 0x31) for k in range(20))
     assert detection_score(frames) == (0.1, "20 frames of IDTP 3.1; this program supports IDTP 2")
-    said = [event.values["warning"] for event in play([frames]) if isinstance(event, Reply)]
+    said = [event.values["warning"] for event in decode([frames]) if isinstance(event, Reply)]
     assert said == ["these frames are of IDTP 3.1, which is not supported"]

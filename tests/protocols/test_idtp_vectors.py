@@ -19,6 +19,7 @@ from protocols.idtp.inspect import IdtpFrameLister
 from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.idtp.messages import MESSAGES, STATUS, WIRE
 from tests.oracles import idtp as oracle
+from tests.protocols.decoding import decode_chunks
 from tests.protocols.idtp_vectors import ALL, KEY, NEGATIVE, VECTORS, frame, key_of
 
 
@@ -27,9 +28,7 @@ def name_of(vector: dict[str, Any]) -> str:
 
 
 def decode(data: bytes, **options: Any) -> list[Any]:
-    decoder = IdtpDecoder(**options)
-    decoder.feed(data, 1)
-    return decoder.drain(stalled=True)
+    return decode_chunks(IdtpDecoder(**options), [(1, data)])
 
 
 def batch_of(data: bytes, **options: Any) -> Batch:

@@ -16,6 +16,7 @@ from protocols.isb.decoder import IsbDecoder
 from protocols.isb.detect import detection_score
 from protocols.isb.frames import build
 from protocols.isb.time_base import leap_seconds, store_offset, update_time, utc_ns
+from tests.protocols.decoding import decode_chunks
 
 S = 1_000_000_000
 WEEK = 2392  # 2025-11-09
@@ -39,12 +40,7 @@ def position(week: int, tow_ms: int, tow_offset: float = 0.0) -> bytes:
 
 
 def decode(*chunks: bytes) -> list[Event]:
-    decoder = IsbDecoder()
-    events: list[Event] = []
-    for arrival, chunk in enumerate(chunks):
-        decoder.feed(chunk, arrival)
-        events += decoder.drain()
-    return events + decoder.drain(stalled=True)
+    return decode_chunks(IsbDecoder(), enumerate(chunks))
 
 
 def times(events: list[Event], name: str) -> list[float | None]:

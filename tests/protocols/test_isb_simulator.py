@@ -19,6 +19,7 @@ from protocols.isb.messages import ROWS
 from protocols.isb.simulator.device import BOOT_NS, IsbSimulator
 from protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
 from protocols.simulator import trajectory
+from tests.protocols.decoding import column, decode_chunks
 
 S = 10**9
 
@@ -29,16 +30,7 @@ def run(device: IsbSimulator, seconds: float, *, begin: float = 0, tick_ns: int 
 
 
 def decode(data: bytes) -> list[Event]:
-    decoder = IsbDecoder()
-    decoder.feed(data, 0)
-    return decoder.drain(stalled=True)
-
-
-def column(events: list[Event], did: int, name: str) -> Any:
-    """One field of all batches of a data set, in stream order."""
-    found = [batch for batch in batches(events) if batch.message.id == did]
-    order = np.argsort(np.concatenate([batch.offset for batch in found]), kind="stable")
-    return np.concatenate([batch.columns[name] for batch in found])[order]
+    return decode_chunks(IsbDecoder(), [(0, data)])
 
 
 def replies(data: bytes) -> list[Reply]:
@@ -76,40 +68,40 @@ def test_everything_is_read_and_the_identity_comes_first() -> None:
 
 def test_readings_follow_the_trajectory_in_a_body_frame_with_z_down() -> None:
     events = decode(run(IsbSimulator(), 40))
-    time = column(events, 58, "time")
+    time = column(events, "time", 58)
     truth = trajectory.vehicle_motion(time)
     flip = np.array([1, -1, -1])
-    assert np.abs(column(events, 58, "I.acc") - truth.force * flip).std(axis=0).max() < 0.02
-    assert np.abs(column(events, 58, "I.pqr") - np.degrees(truth.rate * flip)).max() < 0.5
-    field = trajectory.vehicle_motion(column(events, 52, "time")).field * flip
-    assert np.abs(column(events, 52, "mag") - field).max() < 0.01
-    pressure = trajectory.pressure(trajectory.vehicle_motion(column(events, 53, "time")).position[:, 2] + 13.0)
-    assert np.abs(column(events, 53, "bar") * 1e3 - pressure).max() < 40
+    assert np.abs(column(events, "I.acc", 58) - truth.force * flip).std(axis=0).max() < 0.02
+    assert np.abs(column(events, "I.pqr", 58) - np.degrees(truth.rate * flip)).max() < 0.5
+    field = trajectory.vehicle_motion(column(events, "time", 52)).field * flip
+    assert np.abs(column(events, "mag", 52) - field).max() < 0.01
+    pressure = trajectory.pressure(trajectory.vehicle_motion(column(events, "time", 53)).position[:, 2] + 13.0)
+    assert np.abs(column(events, "bar", 53) * 1e3 - pressure).max() < 40
 
 
 def test_attitude_position_and_velocity_follow_the_trajectory_in_ned() -> None:
     events = decode(run(IsbSimulator(), 30))
-    fixed = column(events, 4, "week") > 0
-    up = (column(events, 4, "timeOfWeek") - _tow_at_power_on())[fixed]
+    fixed = column(events, "week", 4) > 0
+    up = (column(events, "timeOfWeek", 4) - _tow_at_power_on())[fixed]
     truth = trajectory.vehicle_motion(up)
-    theta, ned = column(events, 4, "theta")[fixed], column(events, 4, "ned")[fixed]
+    theta, ned = column(events, "theta", 4)[fixed], column(events, "ned", 4)[fixed]
     heading = np.degrees(np.pi / 2 - truth.euler[:, 2])  # yaw of the drive counts from east, anticlockwise
     assert np.abs((theta[:, 2] - heading + 180) % 360 - 180).max() < 1
     assert np.abs(theta[:, 0] - np.degrees(truth.euler[:, 0])).max() < 1  # left side up is right side down
     assert np.abs(theta[:, 1] + np.degrees(truth.euler[:, 1])).max() < 1  # nose up is positive
     assert np.abs(ned - truth.position[:, [1, 0, 2]] * [1, 1, -1]).max() < 4
-    assert np.abs(column(events, 4, "lla")[fixed] - trajectory.geodetic(truth.position)).max(axis=0)[2] < 4
+    assert np.abs(column(events, "lla", 4)[fixed] - trajectory.geodetic(truth.position)).max(axis=0)[2] < 4
     speed = np.linalg.norm(truth.velocity, axis=1)
-    assert np.abs(column(events, 4, "uvw")[fixed][:, 0] - speed).max() < 0.3
-    velocity = column(events, 30, "vel")
+    assert np.abs(column(events, "uvw", 4)[fixed][:, 0] - speed).max() < 0.3
+    velocity = column(events, "vel", 30)
     assert np.linalg.norm(velocity, axis=1).max() == pytest.approx(speed.max(), rel=0.1)
 
 
 def test_quaternion_and_angles_are_the_same_attitude() -> None:
     events = decode(run(IsbSimulator(rate=50), 20))
-    q = column(events, 5, "qn2b")
+    q = column(events, "qn2b", 5)
     assert np.abs(np.linalg.norm(q, axis=1) - 1).max() < 1e-6
-    assert np.abs(np.degrees(trajectory.euler(q)) - column(events, 4, "theta")).max() < 1e-3
+    assert np.abs(np.degrees(trajectory.euler(q)) - column(events, "theta", 4)).max() < 1e-3
 
 
 def _tow_at_power_on() -> float:
@@ -120,7 +112,7 @@ def test_the_first_fix_is_one_step_and_nothing_is_in_1980() -> None:
     events = decode(run(IsbSimulator(), 10))
     [step] = [event for event in events if isinstance(event, ClockStep)]
     assert step.kind == "sync"
-    weeks = column(events, 4, "week")
+    weeks = column(events, "week", 4)
     assert set(weeks.tolist()) == {0, (UTC_2026_S + 18 - 315_964_800) // 604_800}
     for batch in batches(events):
         if batch.time_ns is not None:
@@ -130,10 +122,10 @@ def test_the_first_fix_is_one_step_and_nothing_is_in_1980() -> None:
 
 def test_status_goes_from_aligning_to_navigation() -> None:
     events = decode(run(IsbSimulator(), 12))
-    solution = column(events, 4, "insStatus") >> 16 & 0xF
+    solution = column(events, "insStatus", 4) >> 16 & 0xF
     assert (solution[0], solution[-1]) == (1, 3)
     assert (np.diff(solution.astype(int)) != 0).sum() == 1
-    fix = column(events, 13, "status") >> 8 & 0x1F
+    fix = column(events, "status", 13) >> 8 & 0x1F
     assert (fix[0], fix[-1]) == (0, 3)
     [*_, satellites] = [batch for batch in batches(events) if batch.message.id == 15]
     assert satellites.columns["sat"].shape[1] == len(SKY)
@@ -153,9 +145,9 @@ def test_faults() -> None:
     count = sum(len(batch) for batch in batches(events))
     assert 0.7 < count / sum(len(batch) for batch in batches(decode(run(clean, 10)))) < 0.9
     jumped = decode(run(IsbSimulator(clock_jump=(2.0, 5.0)), 3))
-    assert np.diff(column(jumped, 58, "time")).max() == pytest.approx(5.01)
+    assert np.diff(column(jumped, "time", 58)).max() == pytest.approx(5.01)
     fast = decode(run(IsbSimulator(clock_drift_ppm=10_000), 10))
-    assert len(column(fast, 58, "time")) == pytest.approx(980, abs=2)
+    assert len(column(fast, "time", 58)) == pytest.approx(980, abs=2)
 
 
 def test_a_clock_jump_is_permanent_and_a_restarted_device_keeps_the_date() -> None:
@@ -199,7 +191,7 @@ def test_get_starts_and_ends_streams() -> None:
     device = awake()
     assert not ask(device, frames.get_data(3, period=4))
     events = decode(run(device, 4, begin=2.01))
-    assert len(column(events, 3, "time")) == 100
+    assert len(column(events, "time", 3)) == 100
     ask(device, frames.get_data(3, period=0), 6 * S + S // 2)
     assert not [batch for batch in batches(decode(run(device, 2, begin=6.51))) if batch.message.id == 3]
 
@@ -226,7 +218,7 @@ def test_rmc_chooses_streams_and_keeps_them() -> None:
     events = decode(run(device, 3, begin=2.01))
     assert isinstance(events[0], Reply)
     assert {batch.message.name for batch in batches(events)} == {"DID_PIMU", "DID_MAGNETOMETER"}
-    assert column(events, 3, "time")[0] < 0.4  # its time begins anew
+    assert column(events, "time", 3)[0] < 0.4  # its time begins anew
 
 
 def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
@@ -238,7 +230,7 @@ def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
     assert words[1] == np.bitwise_xor.reduce(words[2:])
     device.receive(frames.set_data(7, struct.pack("<II", 99, ~99 & 0xFFFFFFFF)), 2 * S)
     events = decode(run(device, 3, begin=2.01))
-    assert np.diff(column(events, 58, "time")).mean() == pytest.approx(0.004, abs=1e-6)
+    assert np.diff(column(events, "time", 58)).mean() == pytest.approx(0.004, abs=1e-6)
 
 
 @pytest.mark.parametrize(

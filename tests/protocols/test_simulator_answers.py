@@ -16,7 +16,8 @@ from protocols.xbus import frames
 from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.faults import FaultInjection
 from protocols.xbus.simulator.settings import SETTINGS
-from tests.protocols.xbus_simulation import S, ask, column, decode, in_config, replies, run
+from tests.protocols.decoding import column
+from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run
 
 VECTORS = Path(__file__).parents[1] / "golden" / "xbus"
 

@@ -14,6 +14,7 @@ import pytest
 from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
 from protocols.xbus.data_identifiers import ITEMS
 from protocols.xbus.decoder import XbusDecoder
+from tests.protocols.decoding import decode_chunks
 from tests.protocols.xbus_vectors import GOLDEN, flat
 
 NAMES = {row.id: row.name for row in ITEMS}
@@ -21,12 +22,7 @@ CAPTURES = ("mti_100hz_49s", "mti_float32", "mti_float32_satinfo_ecef")
 
 
 def decode(data: bytes, chunk: int = 1000) -> list[Event]:
-    decoder = XbusDecoder()
-    events: list[Event] = []
-    for at in range(0, len(data), chunk):
-        decoder.feed(data[at : at + chunk], at)
-        events += decoder.drain()
-    return events + decoder.drain(stalled=True)
+    return decode_chunks(XbusDecoder(), ((at, data[at : at + chunk]) for at in range(0, len(data), chunk)))
 
 
 @pytest.fixture(scope="module", params=CAPTURES)

@@ -11,6 +11,7 @@ from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Samp
 from protocols.registry import detect
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import MAX_ACCEPTED, build
+from tests.protocols.decoding import decode_chunks
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"
 
@@ -30,12 +31,7 @@ def utc(year: int, flags: int) -> bytes:
 
 
 def decode(*chunks: bytes, stalled: bool = False) -> list[Event]:
-    decoder = XbusDecoder()
-    events: list[Event] = []
-    for arrival, chunk in enumerate(chunks, 1):
-        decoder.feed(chunk, 1000 * arrival)
-        events += decoder.drain()
-    return events + (decoder.drain(stalled=True) if stalled else [])
+    return decode_chunks(XbusDecoder(), ((1000 * n, chunk) for n, chunk in enumerate(chunks, 1)), stalled=stalled)
 
 
 def of(events: list[Event], kind: type) -> list[Event]:

@@ -18,7 +18,8 @@ from protocols.xbus.data_identifiers import item
 from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, accepted_rates, max_rate, output_of
 from protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusSimulator
 from protocols.xbus.simulator.settings import PRODUCTS
-from tests.protocols.xbus_simulation import S, ask, column, decode, in_config, replies, run
+from tests.protocols.decoding import column
+from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run
 
 # -- what it sends -----------------------------------------------------------------------------------------------------
 

@@ -36,7 +36,7 @@ def batch_of(data: bytes) -> Batch:
     return event
 
 
-def column(batch: Batch, name: str) -> np.ndarray[Any, Any]:
+def first_row(batch: Batch, name: str) -> np.ndarray[Any, Any]:
     """The first row of a column, in wire order."""
     value = batch.columns[name][0]
     field = next(f for f in batch.message.fields if f.name == name)
@@ -60,7 +60,7 @@ def test_vendor_values(vector: dict[str, Any]) -> None:
             continue
         if name in ("acc", "gyr", "mag", "temp_raw", "raw", "temp_C", "bits"):
             continue  # below
-        got = column(batch, name).ravel()
+        got = first_row(batch, name).ravel()
         wanted = np.atleast_1d(np.asarray(expected, np.float64))
         ulp = np.spacing(np.abs(wanted).astype(batch.columns[name].dtype)) if got.dtype.kind == "f" else 0
         assert got.shape == wanted.shape
@@ -91,7 +91,7 @@ def test_fixed_point_integers(vector: dict[str, Any]) -> None:
     batch = batch_of(frame(vector))
     (field,) = batch.message.fields
     scale = {"fp1220": 2**20, "fp1632": 2**32}[field.dtype]
-    assert (column(batch, field.name).ravel() * scale).astype(object).tolist() == vector["wire_ints"]
+    assert (first_row(batch, field.name).ravel() * scale).astype(object).tolist() == vector["wire_ints"]
 
 
 @pytest.mark.parametrize("vector", [v for v in SAMPLES if "bits" in v["values"]], ids=lambda v: v["message_hex"])

@@ -7,12 +7,11 @@ import functools
 import struct
 from typing import Any
 
-import numpy as np
-
-from protocols.events import Event, batches
+from protocols.events import Event
 from protocols.xbus import frames
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.simulator.device import XbusSimulator
+from tests.protocols.decoding import decode_chunks
 
 S = 10**9
 
@@ -24,9 +23,7 @@ def run(device: XbusSimulator, seconds: float, *, begin: float = 0, tick_ns: int
 
 
 def decode(data: bytes) -> list[Event]:
-    decoder = XbusDecoder()
-    decoder.feed(data, 0)
-    return decoder.drain(stalled=True)
+    return decode_chunks(XbusDecoder(), [(0, data)])
 
 
 def replies(data: bytes) -> list[tuple[int, bytes]]:
@@ -40,13 +37,6 @@ def replies(data: bytes) -> list[tuple[int, bytes]]:
             found.append((data[at + 2], data[at + head : at + head + size]))
         at += head + size + 1
     return found
-
-
-def column(events: list[Event], name: str) -> np.ndarray[Any, Any]:
-    """One item of all batches, in stream order."""
-    holding = [batch for batch in batches(events) if name in batch.columns]
-    values = np.concatenate([batch.columns[name] for batch in holding])
-    return values[np.argsort(np.concatenate([batch.offset for batch in holding]), kind="stable")]
 
 
 def ask(device: XbusSimulator, mid: int, payload: bytes = b"", now: int = 2 * S) -> tuple[int, bytes]:

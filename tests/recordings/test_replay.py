@@ -10,19 +10,10 @@ from recordings.compaction import compact
 from recordings.mcap_writer import McapWriter
 from recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
 from recordings.sources import McapSource
+from tests.manual_clock import ManualClock
 
 MS = 1_000_000
 START = 1_760_000_000_000_000_000
-
-
-class SteppedClock:
-    """Moved by hand, or to when the next chunk is due."""
-
-    def __init__(self) -> None:
-        self.ns = 5_000
-
-    def __call__(self) -> int:
-        return self.ns
 
 
 def recording(folder: Path, chunks: int = 100, *, packed: bool = True, size: int = 20) -> Path:
@@ -40,21 +31,21 @@ def recording(folder: Path, chunks: int = 100, *, packed: bool = True, size: int
     return path
 
 
-def played(replay: ReplayClock, clock: SteppedClock, most: int = 10_000) -> list[tuple[int, ReplayedChunk]]:
+def played(replay: ReplayClock, clock: ManualClock[int], most: int = 10_000) -> list[tuple[int, ReplayedChunk]]:
     """All that it plays, with the time on the clock at which it did."""
-    began = clock.ns
+    began = clock.now
     found: list[tuple[int, ReplayedChunk]] = []
     while (wait := replay.wait_ns()) is not None and len(found) < most:
-        clock.ns += wait
+        clock.now += wait
         taken = replay.due_chunks()
         assert taken, "what is due can be taken"
-        found += [(clock.ns - began, one) for one in taken]
+        found += [(clock.now - began, one) for one in taken]
     return found
 
 
 @pytest.mark.parametrize("packed", [True, False])
 def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> None:
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     source = McapSource(recording(tmp_path, packed=packed))
     found = played(ReplayClock(source, clock), clock)
     assert len(found) == 200
@@ -67,7 +58,7 @@ def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> No
 
 @pytest.mark.parametrize("speed", [0.1, 0.5, 2.0, 50.0])
 def test_speed(tmp_path: Path, speed: float) -> None:
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     found = played(ReplayClock(McapSource(recording(tmp_path)), clock, speed=speed), clock)
     assert len(found) == 200
     for at, one in found:
@@ -75,12 +66,12 @@ def test_speed(tmp_path: Path, speed: float) -> None:
 
 
 def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     replay = ReplayClock(McapSource(recording(tmp_path)), clock)
-    clock.ns += 105 * MS
+    clock.now += 105 * MS
     assert len(replay.due_chunks()) == 22  # 0 … 100 and 3 … 103 ms
     replay.pause()
-    clock.ns += 1000 * MS
+    clock.now += 1000 * MS
     assert replay.due_chunks() == []
     assert replay.wait_ns() is None
     assert replay.position_ns == START + 105 * MS
@@ -92,7 +83,7 @@ def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
     taken = replay.due_chunks()
     assert [one.time_ns for one in taken] == [START + 500 * MS]
     assert taken[0].restart
-    clock.ns += MS
+    clock.now += MS
     assert [(one.device, one.restart) for one in replay.due_chunks()] == [("2", True), ("1", False)]
     replay.seek(START)  # back, too
     assert replay.due_chunks()[0].time_ns == START
@@ -100,10 +91,10 @@ def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
 
 def test_seeking_to_a_moment_is_skipping_to_it(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path, chunks=3000, size=2000))  # several blocks
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     whole = played(ReplayClock(source, clock), clock)
     for at in (0, 7, 1234, 15_000, 29_999, 30_500):
-        clock = SteppedClock()
+        clock = ManualClock(5_000)
         replay = ReplayClock(source, clock)
         replay.seek(START + at * MS)
         rest = played(replay, clock)
@@ -113,11 +104,11 @@ def test_seeking_to_a_moment_is_skipping_to_it(tmp_path: Path) -> None:
 
 def test_a_range_and_a_loop(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     some = {"start_ns": START + 200 * MS, "stop_ns": START + 300 * MS}
     once = played(ReplayClock(source, clock, **some), clock)  # type: ignore[arg-type]
     assert [one.time_ns for _, one in once] == [START + (200 + 10 * n + d) * MS for n in range(10) for d in (0, 3)]
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     again = played(ReplayClock(source, clock, loop=True, **some), clock, 60)  # type: ignore[arg-type]
     assert [one.data for _, one in again] == [one.data for _, one in once] * 3
     assert [one.restart for _, one in again[:22]] == [False] * 20 + [True, True]
@@ -126,7 +117,7 @@ def test_a_range_and_a_loop(tmp_path: Path) -> None:
 
 def test_one_device_or_what_was_sent(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     assert {one.device for _, one in played(ReplayClock(source, clock, devices=["2"]), clock)} == {"2"}
     sent = played(ReplayClock(source, clock, ways=["tx"]), clock)
     assert b"".join(one.data for _, one in sent) == b"sent" * 10
@@ -134,16 +125,16 @@ def test_one_device_or_what_was_sent(tmp_path: Path) -> None:
 
 def test_one_device_of_a_range_keeps_step_with_the_others(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     replay = ReplayClock(source, clock, devices=["2"], start_ns=START)
     assert replay.wait_ns() == 3 * MS
 
 
 def test_after_a_stall_replay_continues_at_the_recorded_pace(tmp_path: Path) -> None:
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     replay = ReplayClock(McapSource(recording(tmp_path)), clock)
     replay.due_chunks()
-    clock.ns += 60_000 * MS  # a reader that does not read
+    clock.now += 60_000 * MS  # a reader that does not read
     replay.note_stall()
     assert replay.wait_ns() == 0
     assert len(replay.due_chunks()) == 1
@@ -156,7 +147,7 @@ def test_times_that_run_backwards_count_as_those_before(tmp_path: Path) -> None:
     for n, at in enumerate((0, 20, 10, 30)):
         writer.chunk("1", "rx", b"%d" % n, START + at * MS)
     writer.close()
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     found = played(ReplayClock(McapSource(path), clock), clock)
     assert [(at // MS, one.data) for at, one in found] == [(0, b"0"), (20, b"1"), (20, b"2"), (30, b"3")]
 
@@ -165,7 +156,7 @@ def test_a_recording_of_nothing_has_ended(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     McapWriter(path, {}).close()
     for loop in (False, True):
-        replay = ReplayClock(McapSource(path), SteppedClock(), loop=loop)
+        replay = ReplayClock(McapSource(path), ManualClock(5_000), loop=loop)
         assert replay.has_ended
         assert replay.due_chunks() == []
         assert replay.wait_ns() is None
@@ -180,11 +171,11 @@ def test_the_extent_of_a_file(tmp_path: Path, packed: bool) -> None:
 
 def test_in_a_loop_devices_that_are_played_apart_stay_in_step(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path, chunks=10))
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     span = extent(source)
     assert span is not None
     some = {"start_ns": span[0], "stop_ns": span[1] + 1, "loop": True}
     first = played(ReplayClock(source, clock, devices=["1"], **some), clock, 40)  # type: ignore[arg-type]
-    clock = SteppedClock()
+    clock = ManualClock(5_000)
     second = played(ReplayClock(source, clock, devices=["2"], **some), clock, 40)  # type: ignore[arg-type]
     assert [b - a for (a, _), (b, _) in zip(first, second, strict=True)] == [3 * MS] * 40

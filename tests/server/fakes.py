@@ -80,6 +80,14 @@ class FakeLink(Link):
         self._queue.put_nowait(error)
 
 
+class FakeLinks(dict[str, FakeLink]):
+    """Opened links by source: `open` is what a server opens its sources with."""
+
+    def open(self, source: str, settings: LinkSettings) -> Link:
+        self[source] = FakeLink(source, settings)
+        return self[source]
+
+
 @dataclass(frozen=True)
 class FakeGuess:
     protocol: str

@@ -20,7 +20,6 @@ from recordings.sources import McapSource
 from recordings.tabular import TableSource
 from server.config import Config
 from server.library.one_file import one_file
-from server.links.base import Link, LinkSettings
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -28,10 +27,6 @@ from tests.server.problems import assert_problem
 
 FILE = {"content-type": "application/octet-stream"}
 URL = "/api/recordings"
-
-
-def open_link(source: str, settings: LinkSettings) -> Link:
-    return FakeLink(source, settings)
 
 
 @pytest.fixture
@@ -42,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def running(folder: Path) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",), upload_gb=0.001), open_link) as running:
+    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",), upload_gb=0.001), FakeLink) as running:
         running.client.timeout = 60
         yield running
 
@@ -310,7 +305,7 @@ def test_a_zip_holds_the_files_of_an_export(tmp_path: Path) -> None:
 def test_what_was_recorded_here_shows_its_motion_without_being_opened(folder: Path) -> None:
     """A file that a killed server left unpacked is packed at the next start, and looked at."""
     drive(folder / "a.mcap", seconds=2.0)
-    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",)), FakeLink) as running:
         running.client.timeout = 60
         ends = time.monotonic() + 120
         while not (info := listed(running)[0])["thumbnail"] and time.monotonic() < ends:

@@ -15,20 +15,15 @@ from websockets.typing import Subprotocol
 
 from server import logging_setup
 from server.config import Config, ConfigError, load
-from server.links.base import Link, LinkError, LinkSettings
+from server.links.base import LinkError
 from server.wire import SUBPROTOCOL
-from tests.server.fakes import FakeLink, sample
+from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, get
 
 CONTROL = "c" * 12 + '"\\'
-links: dict[str, FakeLink] = {}
-
-
-def open_link(source: str, settings: LinkSettings) -> Link:
-    links[source] = FakeLink(source, settings)
-    return links[source]
+links = FakeLinks()
 
 
 class Log:
@@ -69,7 +64,7 @@ def log() -> Iterator[Log]:
 
 
 def test_device_events_are_logged(log: Log, tmp_path: Path) -> None:
-    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), links.open) as running:
         log.until(lambda line: line["event"] == "device" and line["device"] == "1" and line["source"] == "/dev/one")
         running.call(links["/dev/one"].send, sample(1))
         log.until(lambda line: line["event"] == "link" and line.get("kind") == "live")
@@ -91,7 +86,7 @@ def test_device_events_are_logged(log: Log, tmp_path: Path) -> None:
 
 
 def test_browsers_come_and_go(log: Log, tmp_path: Path) -> None:
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
             socket.recv(PATIENCE_S)
             came = log.until(lambda line: line["event"] == "client" and "is connected" in line["message"])
@@ -103,7 +98,7 @@ def test_browsers_come_and_go(log: Log, tmp_path: Path) -> None:
 
 def test_refusals_are_logged_without_the_token(log: Log, tmp_path: Path) -> None:
     guarded = Config(host="0.0.0.0", sources=("/dev/one",), data=tmp_path, control_token=CONTROL)
-    with InProcessServer(guarded, open_link) as running:
+    with InProcessServer(guarded, links.open) as running:
         assert running.client.get(f"/api/devices?token=nonsense-{'x' * 8}").status_code == 401
         assert running.client.get("/api/devices", headers={"host": "evil.example"}).status_code == 403
         wrong = running.client.get("/api/devices", params={"token": CONTROL}, headers={"host": f"{'c' * 12}.example"})

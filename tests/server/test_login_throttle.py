@@ -10,17 +10,12 @@ from server.auth import Access, Guard, RefusedError
 from server.config import Config
 from server.errors import status_of
 from server.login_throttle import ADDRESSES, MAX_FAILURES, UNGUESSABLE, LoginThrottle, client_group, short_tokens
+from tests.manual_clock import ManualClock
 from tests.server.asgi_client import Answer, ask
 
 SHORT, LONG = "short-one", "a-token-that-cannot-be-guessed"
 HOST = {"host": "192.0.2.1:8080"}
-
-
-class ThrottleClock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
+Clock = ManualClock[float]
 
 
 def tried(rules: Access, token: str, client: str = "198.51.100.7") -> str | int:
@@ -32,16 +27,16 @@ def tried(rules: Access, token: str, client: str = "198.51.100.7") -> str | int:
 
 
 @pytest.fixture
-def clock() -> ThrottleClock:
-    return ThrottleClock()
+def clock() -> Clock:
+    return ManualClock(0.0)
 
 
 @pytest.fixture
-def rules(clock: ThrottleClock) -> Access:
+def rules(clock: Clock) -> Access:
     return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), LoginThrottle(clock))
 
 
-def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: ThrottleClock) -> None:
+def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: Clock) -> None:
     assert [tried(rules, f"guess-{n}") for n in range(12)] == [401] * MAX_FAILURES + [429] * 2
     clock.now = 5.9
     assert tried(rules, "guess") == 429
@@ -51,7 +46,7 @@ def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: Th
     assert [tried(rules, "guess") for _ in range(12)] == [401] * MAX_FAILURES + [429] * 2
 
 
-def test_a_correct_token_fails_while_its_address_is_locked(rules: Access, clock: ThrottleClock) -> None:
+def test_a_correct_token_fails_while_its_address_is_locked(rules: Access, clock: Clock) -> None:
     """Otherwise guessing would not be slowed down: only the answers to wrong guesses would change."""
     for n in range(MAX_FAILURES):
         tried(rules, f"guess-{n}")
@@ -111,7 +106,7 @@ def test_addresses_are_grouped_by_client(address: str, group: str) -> None:
     assert client_group(address) == group
 
 
-def test_memory_is_constant(clock: ThrottleClock) -> None:
+def test_memory_is_constant(clock: Clock) -> None:
     failures = LoginThrottle(clock)
     for n in range(3 * ADDRESSES):
         failures.count(f"10.{n >> 16}.{n >> 8 & 255}.{n & 255}")
@@ -130,7 +125,7 @@ def test_short_tokens_are_reported() -> None:
 
 
 @pytest.mark.parametrize("way", ["bearer", "query", "cookie", "page", "websocket"])
-def test_every_login_route_counts_failures_and_gives_retry_after(way: str, rules: Access, clock: ThrottleClock) -> None:
+def test_every_login_route_counts_failures_and_gives_retry_after(way: str, rules: Access, clock: Clock) -> None:
     async def app(scope: Any, receive: Any, send: Any) -> None:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b""})

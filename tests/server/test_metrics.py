@@ -14,25 +14,19 @@ from prometheus_client.parser import text_string_to_metric_families
 from websockets.typing import Subprotocol
 
 from server.config import Config
-from server.links.base import Link, LinkSettings
 from server.prometheus_text import Histogram, PrometheusText
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
-from tests.server.fakes import FakeLink, sample
+from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S, connect
 
-links: dict[str, FakeLink] = {}
-
-
-def open_link(source: str, settings: LinkSettings) -> Link:
-    links[source] = FakeLink(source, settings)
-    return links[source]
+links = FakeLinks()
 
 
 @pytest.fixture
 def running(tmp_path: Path) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), links.open) as running:
         yield running
 
 
@@ -152,7 +146,7 @@ def test_names_follow_the_conventions(running: InProcessServer) -> None:
 
 def test_beyond_this_machine_figures_need_a_token(tmp_path: Path) -> None:
     guarded = Config(host="0.0.0.0", sources=("/dev/one",), data=tmp_path, view_token="v" * 12, control_token="c" * 12)
-    with InProcessServer(guarded, open_link) as running:
+    with InProcessServer(guarded, links.open) as running:
         assert running.client.get("/metrics").status_code == 401
         assert running.client.get("/metrics", headers={"authorization": f"Bearer {'v' * 12}"}).status_code == 200
         assert running.client.get("/healthz").status_code == 200

@@ -10,15 +10,9 @@ from typing import Any
 from starlette.types import Receive, Scope, Send
 
 from server.rate_limit import ADDRESSES, AT_ONCE, IN_A_PASS, PER_S, READING, WAITING, RateLimiter
+from tests.manual_clock import ManualClock
 
 ONE = "/api/recordings/20261121T044324Z"
-
-
-class LimitClock:
-    t = 1000.0
-
-    def __call__(self) -> float:
-        return self.t
 
 
 async def hello(scope: Scope, receive: Receive, send: Send) -> None:
@@ -52,7 +46,7 @@ def statuses(turnstile: RateLimiter, times: int, **asked: str) -> list[int]:
 
 
 def test_a_flood_of_requests_is_limited_with_retry_after() -> None:
-    clock = LimitClock()
+    clock = ManualClock(1000.0)
     turnstile = RateLimiter(hello, clock)
     most = int(AT_ONCE)
     assert statuses(turnstile, most + 50) == [200] * most + [429] * 50
@@ -62,12 +56,12 @@ def test_a_flood_of_requests_is_limited_with_retry_after() -> None:
     assert told["hint"]
     assert statuses(turnstile, 3, path="/healthz") == [200] * 3  # whoever watches over it is not turned away
     assert statuses(turnstile, 3, client="192.0.2.2") == [200] * 3
-    clock.t += 1.0  # to ask in vain cost nothing
+    clock.now += 1.0  # to ask in vain cost nothing
     assert statuses(turnstile, int(PER_S) + 50) == [200] * int(PER_S) + [429] * 50
 
 
 def test_memory_is_bounded() -> None:
-    turnstile = RateLimiter(hello, LimitClock())
+    turnstile = RateLimiter(hello, ManualClock(1000.0))
     for n in range(2 * ADDRESSES):
         turnstile.acquire(f"10.0.{n >> 8}.{n & 255}")
     assert len(turnstile._requests) == ADDRESSES
@@ -83,7 +77,7 @@ def test_request_bursts_do_not_delay_viewers() -> None:
             begun.append(scope["path"])
             await hello(scope, receive, send)
 
-        turnstile = RateLimiter(noted, LimitClock())
+        turnstile = RateLimiter(noted, ManualClock(1000.0))
         asked = [asyncio.create_task(ask(turnstile)) for _ in range(100)]
         before = 0
         while len(begun) < len(asked):

@@ -22,7 +22,7 @@ from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
 from tests.decode_options import decode_options
-from tests.server.fakes import FakeClock, FakeLink
+from tests.server.fakes import FakeClock, FakeLink, FakeLinks
 from tests.server.in_process_server import InProcessServer
 from tests.waiting import until
 
@@ -247,23 +247,19 @@ def test_a_missing_key_is_requested() -> None:
 @pytest.fixture
 def secured(tmp_path: Path) -> Iterator[tuple[InProcessServer, FakeLink]]:
     """A server with a Secure device that restarted, and waits to be re-armed."""
-    links: list[FakeLink] = []
-
-    def open_link(source: str, settings: LinkSettings) -> FakeLink:
-        links.append(FakeLink(source, settings))
-        return links[-1]
+    links = FakeLinks()
 
     config = Config(sources=("/dev/one",), protocol="idtp", decode_options={"key": KEY.hex()}, data=tmp_path)
-    with InProcessServer(config, open_link, protocol_set.all_protocols()) as running:
+    with InProcessServer(config, links.open, protocol_set.all_protocols()) as running:
         for sequence in (1000, 0):
-            running.call(links[0].send, b"".join(captured(sequence)))
+            running.call(links["/dev/one"].send, b"".join(captured(sequence)))
         asyncio.run(
             until(
                 lambda: running.services.telemetry.bus.devices.latest["1"].rearm == ["102"],
                 "the server says that it waits",
             )
         )
-        yield running, links[0]
+        yield running, links["/dev/one"]
 
 
 def samples_of(running: InProcessServer) -> int:

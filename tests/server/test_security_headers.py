@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import pytest
 
 from server.config import Config
-from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
@@ -20,13 +19,9 @@ DATA = (
 )
 
 
-def open_link(source: str, settings: LinkSettings) -> Link:
-    return FakeLink(source, settings)
-
-
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(data=tmp_path_factory.mktemp("data"), sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(data=tmp_path_factory.mktemp("data"), sources=("/dev/one",)), FakeLink) as running:
         running.client.timeout = 60
         yield running
 

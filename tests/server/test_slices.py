@@ -22,30 +22,21 @@ from server.links.udp import UdpLink
 from server.metrics import Metrics, Sources
 from server.wire import RecorderState
 from tests.fault_injection.fault_harness import stage
+from tests.manual_clock import ManualClock
 from tests.protocols.nmea_sentences import sentence
 from tests.waiting import until
-
-
-class SliceClock:
-    """Moved by the work that is done."""
-
-    def __init__(self) -> None:
-        self.s = 0.0
-
-    def __call__(self) -> float:
-        return self.s
 
 
 @pytest.mark.parametrize("byte_s", [1e-9, 1e-7, 1e-6])
 def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
     async def check() -> None:
-        clock = SliceClock()
+        clock = ManualClock(0.0)
         made = Slices(clock)
         for _ in range(40):
             made.add(made.size)
             assert made.is_full
             made.begin()
-            clock.s += made.size * byte_s
+            clock.now += made.size * byte_s
             made.end()
         assert made.size == slices.MAX_BYTES or SLICE_S / 2 <= made.size * byte_s <= SLICE_S
 
@@ -54,11 +45,11 @@ def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
 
 def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
     async def check() -> None:
-        clock = SliceClock()
+        clock = ManualClock(0.0)
         made = Slices(clock)
         made.add(INITIAL_BYTES)
         made.begin()
-        clock.s += 0.1
+        clock.now += 0.1
         made.end()
         assert made.size == MIN_BYTES
 
@@ -74,18 +65,18 @@ def test_fixed_costs_do_not_make_slices_small(constant: float, full: float) -> N
     """
 
     async def check() -> None:
-        clock, chance = SliceClock(), random.Random(3)
+        clock, chance = ManualClock(0.0), random.Random(3)
         made = Slices(clock)
         for _ in range(200):
             size = made.size if chance.random() < full else chance.randrange(300, made.size)
             made.add(size)
             made.begin()
-            clock.s += (constant + size * 1e-7) * chance.uniform(0.9, 1.2)
+            clock.now += (constant + size * 1e-7) * chance.uniform(0.9, 1.2)
             made.end()
         assert made.size * 1e-7 > constant / 4, "most of the time goes into bytes"
         made.add(made.size)
         made.begin()
-        clock.s += 100 * (constant + made.size * 1e-7)
+        clock.now += 100 * (constant + made.size * 1e-7)
         made.end()
         assert made.size == MIN_BYTES, "a flood begins"
 
@@ -94,20 +85,20 @@ def test_fixed_costs_do_not_make_slices_small(constant: float, full: float) -> N
 
 def test_a_permanently_busy_source_starves_no_other() -> None:
     """The turn ends when its time is over, and begins with who had none."""
-    clock, had = SliceClock(), [0, 0, 0]
+    clock, had = ManualClock(0.0), [0, 0, 0]
     turns = Turns(clock)
 
     def work(number: int, more: bool) -> bool:
-        clock.s += TURN_S * 0.6
+        clock.now += TURN_S * 0.6
         had[number] += 1
         return more
 
     for number, more in enumerate((True, True, False)):
         turns.add(lambda number=number, more=more: work(number, more))  # type: ignore[misc]
     for _ in range(30):
-        before = clock.s
+        before = clock.now
         turns.run()
-        assert clock.s - before <= 2 * 0.6 * TURN_S + 1e-9
+        assert clock.now - before <= 2 * 0.6 * TURN_S + 1e-9
         assert turns.has_more
     assert min(had) >= 15
 

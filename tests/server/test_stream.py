@@ -114,10 +114,6 @@ def test_a_simulator_streams_into_a_browser(server: ServerProcess) -> None:
         assert sum(frame.n for frame in late.history[number]) >= len(arrival)
 
 
-def open_link(source: str, settings: Any) -> FakeLink:
-    return FakeLink(source, settings)
-
-
 COLUMNS = 10
 
 
@@ -168,7 +164,7 @@ def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server:
 
 
 def test_a_slow_browser_is_sent_its_losses_and_slows_no_others() -> None:
-    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), FakeLink) as running:
         source = ChunkedSource(running)
         slow = connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1)
         quick = connect(running.ws, subprotocols=PROTOCOLS, max_size=None)
@@ -204,7 +200,7 @@ def _dropped(reader: StreamReader) -> int:
 
 
 def test_a_stalled_browser_is_disconnected() -> None:
-    with InProcessServer(Config(sources=("/dev/one",)), open_link, timings=ViewerTimings(stuck_s=0.5)) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), FakeLink, timings=ViewerTimings(stuck_s=0.5)) as running:
         source = ChunkedSource(running)
         with (
             connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1) as dead,
@@ -232,7 +228,7 @@ def read_on(connection: ClientConnection) -> None:
 
 def test_live_data_do_not_wait_for_history() -> None:
     """While minutes of history are on their way, live samples arrive, and are answered by others that arrive."""
-    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), FakeLink) as running:
         source = ChunkedSource(running)
         for _ in range(40):
             source.send(5000)  # 19 MB of history

@@ -19,7 +19,6 @@ from recordings.library import clean_name
 from server.api.unicode_guard import is_whole
 from server.config import Config
 from server.configuration.snapshots import Snapshot, Snapshots
-from server.links.base import Link, LinkSettings
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -56,10 +55,6 @@ NASTY = {
 FILE = {"content-type": "application/octet-stream"}
 
 
-def open_link(source: str, settings: LinkSettings) -> Link:
-    return FakeLink(source, settings)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Holds the data folder, and beside it what nobody may touch."""
@@ -71,7 +66,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def running(folder: Path) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(data=folder / "data", sources=("/dev/one",), upload_gb=0.001), open_link) as running:
+    with InProcessServer(Config(data=folder / "data", sources=("/dev/one",), upload_gb=0.001), FakeLink) as running:
         running.client.timeout = 60
         yield running
 
