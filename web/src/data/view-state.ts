@@ -41,7 +41,7 @@ export interface ViewSignals {
   readonly knownNorms: Set<string>;
   /** Further quantities added by the user, by plot key. Outlives a remount of the plots. */
   readonly extraPlots: Signal<ReadonlySet<string>>;
-  /** Frame in which attitude is shown; undefined: as the device sends it. */
+  /** Frame in which attitude is shown; undefined: as the device sends it. Views of one store share it: the store converts its samples. */
   readonly frame: Signal<WorldFrame | undefined>;
 }
 
