@@ -32,7 +32,7 @@ def browser(path: str) -> Browser:
 
 
 def close() -> None:
-    """End both; nothing to do where there are none."""
+    """End both, if they exist."""
     for one in _browser:
         one.close()
     _browser.clear()

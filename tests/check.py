@@ -49,7 +49,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a part ended."""
+    """Result of one part."""
 
     name: str
     status: int
@@ -106,7 +106,7 @@ PARTS = (
 
 
 def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
-    """Run one part; where it failed, tell too whether what failed does so alone. It has failed in either case."""
+    """Run one part. If it failed, report whether the failed tests also fail alone; the part has failed either way."""
     outcome = _run(part, part.command(options), env)
     if part.alone is None or outcome.status != 1:
         return outcome
@@ -125,7 +125,7 @@ def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, s
 
 
 def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
-    """What it prints is passed on as it comes; of a narrow part, when it has ended."""
+    """Pass its output on immediately; that of a narrow part after its end."""
     title = f"\n── {part.name} {'─' * (76 - len(part.name))}\n"
     held: list[str] = []
     say = held.append if part.is_narrow else lambda text: print(text, end="", flush=True)

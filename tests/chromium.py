@@ -86,7 +86,7 @@ def find() -> Path | None:
 
 
 def provide(say: Callable[[str], None]) -> Path | None:
-    """A Chromium, fetched if need be; `say` is told what was done, one line at a time."""
+    """A Chromium, downloaded if necessary; `say` is called with one line per step."""
     if path := find():
         say(f"Chromium: {path} ({version(path)})")
         return path
@@ -109,7 +109,7 @@ def provide(say: Callable[[str], None]) -> Path | None:
 
 
 def version(path: Path) -> str:
-    """What the browser calls itself; "" when it does not start (a library is missing, a stub names a snap)."""
+    """Version text of the browser; "" if it does not start (a missing library, a stub of a snap)."""
     try:
         answer = subprocess.run(
             [path, "--version"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE_S
@@ -166,7 +166,7 @@ def _candidates() -> Iterator[Path]:
 
 
 def _failure(command: list[str]) -> str:
-    """Run a command quietly; "" or the last thing it said."""
+    """Run a command without output; returns "" or its last line."""
     env = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     out = subprocess.PIPE
     try:

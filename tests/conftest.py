@@ -65,7 +65,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def machine_code() -> None:
-    """Compiled functions for all tests, with numba's look at each call's arguments."""
+    """Compiled functions for all tests, with checks of each call's argument types."""
     from protocols import registry  # noqa: F401 (its modules have the functions)
 
     jit.load(checked=True)
@@ -73,7 +73,7 @@ def machine_code() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A data folder for whatever names none, instead of that of the person who runs the tests."""
+    """A default data folder that is not the one of the user who runs the tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("home")))
         yield

@@ -25,7 +25,7 @@ FOLDERS = ("server", "recordings")
 
 @dataclass(frozen=True)
 class Shape:
-    """Where the words stand in a call; None: it has no such part."""
+    """Position of the texts in a call; None: the call has no such part."""
 
     kind: int | None
     message: int
@@ -86,7 +86,7 @@ class ErrorText:
 
 @functools.cache  # some seconds, which no other test should wait for
 def everything() -> Sequence[ErrorText]:
-    """Every error that the source can say, in the order of the files."""
+    """Every error in the source, in the order of the files."""
     found = []
     for folder in FOLDERS:
         for path in python_files(folder):
@@ -160,7 +160,7 @@ def _name(node: ast.expr) -> str:
 
 
 def _assigned(body: list[ast.stmt], *, deep: bool) -> dict[str, list[ast.expr]]:
-    """What names are given: of a function all that it gives them."""
+    """Values assigned to names; for a function, all of them."""
     found: dict[str, list[ast.expr]] = {}
     nodes = [node for statement in body for node in ast.walk(statement)] if deep else list(body)
     for node in nodes:

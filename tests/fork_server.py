@@ -62,7 +62,7 @@ class Child:
         return None
 
     def wait(self, timeout: float | None = None) -> int:
-        """Its exit status, when it has one.
+        """Exit status of the process.
 
         Raises:
             subprocess.TimeoutExpired: it still runs.
@@ -77,7 +77,7 @@ class Child:
             return self.returncode
 
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:
-        """What it still prints, and prints as errors (of which there may be no more than a pipe holds), to its end."""
+        """Remaining output and error output (at most a pipe's capacity), up to the end of the process."""
         said = tuple(stream.read() if stream else "" for stream in (self.stdout, self.stderr))
         self.wait(timeout)
         for stream in (self.stdout, self.stderr):
@@ -97,7 +97,7 @@ class Child:
 
 
 class ForkServer:
-    """The process that forks, begun with the first server that is asked for."""
+    """The forking process, started with the first server."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

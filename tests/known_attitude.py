@@ -53,7 +53,7 @@ ECEF = product(product(quaternion(0, 0, PLACE[1]), quaternion(0, -90 - PLACE[0],
 
 
 def ecef_position() -> tuple[float, float, float]:
-    """Where PLACE is, at height 0."""
+    """Position of PLACE at height 0."""
     lat, lon = np.radians(PLACE)
     e2 = 0.0066943799901413165
     n = 6378137.0 / math.sqrt(1 - e2 * math.sin(lat) ** 2)

@@ -33,14 +33,7 @@ ARRIVAL = struct.Struct("<d")  # the first own column of every frame: when its f
 
 
 class Good:
-    """What one client saw.
-
-    Attributes:
-        samples: by channel, since it began.
-        lost: samples that were dropped for it, or are missing in the sequence.
-        ages: s, of each message: from the arrival of its oldest sample at the server to its arrival here.
-        channels: as advertised, by id.
-    """
+    """Samples and losses seen by one client."""
 
     def __init__(self) -> None:
         self.samples: dict[int, int] = defaultdict(int)
@@ -99,7 +92,7 @@ async def slow(url: str, bytes_per_s: float) -> None:
 
 
 async def stalled(url: str, times: list[float]) -> None:
-    """Take nothing; when the server has thrown it out (then is noted in `times`), come again."""
+    """Read nothing; reconnect after each disconnection by the server, which is noted in `times`."""
     while True:
         async with _connected(url, narrow=True) as connection:
             with contextlib.suppress(ConnectionClosed):
@@ -118,8 +111,8 @@ async def flooding(url: str, counted: list[int]) -> None:
 
 
 async def _flood(url: str, counted: list[int]) -> None:
-    """Ask and ask: subscriptions with all of the past, times, nonsense. Half of it is answered with a
-    text, and counted in counted[0].
+    """Send requests continuously: subscriptions with full history, times, invalid text. Half of them are answered with
+    a text and counted in counted[0].
     """
     questions = (
         json.dumps({"op": "ping", "t": 1.0}),
@@ -145,7 +138,9 @@ async def _flood(url: str, counted: list[int]) -> None:
 
 
 def _hung_up(connection: ClientConnection) -> bool:
-    """Has the other end closed? Asked of the system: who reads nothing is not told."""
+    """Whether the other end has closed, according to the kernel, because a client that reads nothing
+    is not notified.
+    """
     plain = connection.transport.get_extra_info("socket")
     try:
         return bool(plain.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] != TCP_ESTABLISHED)

@@ -41,7 +41,7 @@ def path_of(name: str) -> Path:
 
 
 def recorded(name: str) -> Any:
-    """What was recorded of a family or a scene."""
+    """Recorded frames of a family or a scene."""
     return json.loads(gzip.decompress(path_of(name).read_bytes()))
 
 
@@ -53,13 +53,13 @@ def ask(server: ServerProcess, method: str, path: str, body: Any = None) -> Any:
 
 
 def shown(server: ServerProcess) -> dict[str, Any]:
-    """What Configure asks of a device when it is opened."""
+    """Requests that Configure makes when a device is opened."""
     found = {f"GET /api/devices/1/{what}": ask(server, "GET", f"/api/devices/1/{what}") for what in SHOWN}
     return {**found, "GET /api/build": ask(server, "GET", "/api/build")}
 
 
 def heard(server: ServerProcess, kept: int = SAMPLES) -> dict[str, Any]:
-    """What a page is sent that has just been opened: the newest text of each kind, and samples."""
+    """Frames sent to a newly opened page: the newest text of each kind, and samples."""
     texts: dict[str, Any] = {}
     samples: list[bytes] = []
     url = server.url.replace("http", "ws") + "/ws"
@@ -146,7 +146,7 @@ def record_scene(name: str) -> None:
 
 
 def recording_answers(server: ServerProcess, recording: str) -> dict[str, Any]:
-    """What is answered when a recording is opened, and when a marker is put into it."""
+    """Answers when a recording is opened and when a marker is added."""
     place = f"/api/recordings/{recording}"
     while "channels" not in (detail := ask(server, "GET", place)):  # it is decoded first
         time.sleep(0.1)
@@ -171,7 +171,7 @@ def whole_window(server: ServerProcess, detail: dict[str, Any]) -> str:
 
 
 def library_answers(server: ServerProcess, recording: str) -> dict[str, Any]:
-    """What is answered when a recording of the library is given a tag, found by another name, deleted and put back."""
+    """Answers when a recording of the library is tagged, searched, deleted and restored."""
     place = f"/api/recordings/{recording}"
     steps: list[tuple[str, str, Any]] = [
         ("PATCH", place, {"tags": ["mast"]}),

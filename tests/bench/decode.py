@@ -39,7 +39,7 @@ PASSES = 25
 
 
 def best(*runs: Callable[[], Any]) -> list[float]:
-    """The shortest of several passes of each, s. They take turns, so that a busy machine slows all of them alike."""
+    """Shortest of several passes of each, in s. They alternate, so that a busy machine slows all of them equally."""
     shortest = [float("inf")] * len(runs)
     for _ in range(PASSES):
         for i, run in enumerate(runs):
@@ -50,7 +50,7 @@ def best(*runs: Callable[[], Any]) -> list[float]:
 
 
 def decoder_of(protocol: str) -> Decoder:
-    """A fresh decoder; one that checks for replays is told that a file comes again and again."""
+    """A new decoder. Replay checks are switched off, because the file is repeated."""
     row = PROTOCOLS[protocol]
     return row.decoder(**row.permissive)
 

@@ -39,7 +39,7 @@ SETTLE_S = 3.0
 
 
 class FanoutReader:
-    """What one client saw."""
+    """Samples and losses seen by one client."""
 
     def __init__(self) -> None:
         self.delays: list[float] = []

@@ -15,7 +15,7 @@ MAX_KEPT = 240  # points of a curve that is kept
 
 
 def resident_mb(pid: int) -> float:
-    """What a process has in RAM, 10⁶ bytes."""
+    """Resident memory of a process, 10⁶ bytes."""
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) * 1024 / 1e6

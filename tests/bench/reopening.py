@@ -130,7 +130,7 @@ class ReopenedScene:
         return {**found, "server_cpu": 1000 * (after[0] - server), "page_cpu": 1000 * (after[1] - page)}
 
     def library(self) -> None:
-        """At the library, with nothing going on."""
+        """Open the library and wait until it is idle."""
         self.page.evaluate("location.hash = '#/recordings'")
         chromium.until(self.page, f"{LINK} !== null")
         time.sleep(1.0)

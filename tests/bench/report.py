@@ -51,7 +51,7 @@ def versions(extra: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def report(name: str, figures: Mapping[str, Any], *, extra_versions: Mapping[str, str] | None = None) -> None:
-    """Print one JSON line; keep it when the command line says `--save`."""
+    """Print one JSON line; store it if the command line has `--save`."""
     rounded = _rounded({"bench": name, **figures})
     print(json.dumps(rounded), flush=True)
     if "--save" in sys.argv:

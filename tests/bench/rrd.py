@@ -68,7 +68,7 @@ def yardstick(out: Path) -> float:
 
 
 def fill(folder: Path) -> dict[str, float]:
-    """How soon the body is seen."""
+    """Time until the body is visible."""
     from PIL import Image
     from playwright.sync_api import sync_playwright
 

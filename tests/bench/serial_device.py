@@ -107,10 +107,10 @@ def must_be_live(url: str) -> None:
 
 
 def put(master: int, data: bytes) -> None:
-    """Write one frame to the terminal. Nobody reading is no reason to wait for ever.
+    """Write one frame to the terminal, with a time-out if it is not read.
 
     Raises:
-        SystemExit: nothing was taken for `STUCK_S`.
+        SystemExit: nothing was read for `STUCK_S`.
     """
     while data:
         if not select.select([], [master], [], STUCK_S)[1]:
@@ -120,7 +120,7 @@ def put(master: int, data: bytes) -> None:
 
 
 def listen(master: int) -> None:
-    """What the server sends to its device goes nowhere, and must not fill the terminal's buffer."""
+    """Discard what the server sends, so that it does not fill the terminal's buffer."""
     with contextlib.suppress(OSError):
         while select.select([master], [], [])[0] and os.read(master, 4096):
             pass

@@ -113,7 +113,7 @@ class Speakers:
 
 
 def heard_in(paths: Sequence[Path]) -> dict[str, dict[str, int]]:
-    """What a recording, in parts or not, holds of each device: {"1": {"bytes", "crc32"}}; what was received only."""
+    """Contents of a recording, in parts or not, by device: {"1": {"bytes", "crc32"}}; received data only."""
     found: dict[str, dict[str, int]] = {}
     for path in paths:
         for part in open_file(path).parts():

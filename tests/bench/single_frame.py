@@ -98,7 +98,7 @@ def by_hand(protocol: str) -> Callable[[bytes], None]:
 
 
 def measure(protocol: str) -> dict[str, float]:
-    """The figures of one protocol. All take turns, so that a busy machine slows all of them alike."""
+    """Figures of one protocol. The measurements alternate, so that a busy machine slows all of them equally."""
     frames = frames_of(protocol)
     found: dict[str, list[float]] = {"us": [], "us_with_columns": [], "yardstick_us": []}
     for _ in range(PASSES):

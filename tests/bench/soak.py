@@ -254,7 +254,7 @@ async def page_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> 
 
 
 def renderers() -> list[int]:
-    """Chromium's processes that show pages, of those that this process has begun."""
+    """Renderer processes of Chromium that this process started."""
     parents, shows = {}, []
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit():

@@ -53,7 +53,7 @@ def viser_of(server: int) -> int:
 
 
 class Viewer:
-    """When orientations of the body came."""
+    """Arrival times of the body's orientations."""
 
     def __init__(self) -> None:
         self.at: list[float] = []
@@ -67,7 +67,7 @@ class Viewer:
 
 
 async def watched(url: str, viewers: int, server: int, seconds: float) -> dict[str, Any]:
-    """Shares of a core while so many look."""
+    """Shares of a core with this number of viewers."""
     async with AsyncExitStack() as stack:
         group = [Viewer() for _ in range(viewers)]
         tasks = [asyncio.create_task(viewer.look(url)) for viewer in group]

@@ -38,7 +38,7 @@ ACCELERATION = 'tr[data-id="0x4020"]'
 
 
 def asked(server: ServerProcess, path: str, device: str = "1") -> Any:
-    """What the server answers to a GET."""
+    """Answer of the server to a GET."""
     with urllib.request.urlopen(f"{server.url.rstrip('/')}/api/devices/{device}/{path}", timeout=PATIENCE_S) as answer:
         return json.load(answer)
 
@@ -69,7 +69,7 @@ def test_a_rate_is_changed_in_five_actions_and_the_plot_follows(serve: Serve, op
 
 
 def test_a_refused_write_is_reported_per_field(serve: Serve, open_page: OpenPage) -> None:
-    """Its power fails while it stores: what it has afterwards is the old rate, and the page must not say otherwise."""
+    """If power fails while a rate is stored, the device keeps the old rate, and the page must show it."""
     page = configured(serve("sim:xbus?cut=1"), open_page)
     page.locator(f"{ACCELERATION} select").first.select_option("50")
     page.get_by_role("button", name="Apply", exact=True).click()
@@ -122,9 +122,7 @@ LATE_PREVIEWS = """() => {
 
 
 def test_confirmed_changes_stay(serve: Serve, open_page: OpenPage) -> None:
-    """The question once did not say that the change is temporary, and its button "Write", where the preview came after
-    it.
-    """
+    """Regression: the confirmation did not mention that the change is temporary, and its button read "Write"."""
     server = serve("sim:xbus")
     page = configured(server, open_page, "/PortConfig")
     page.evaluate(LATE_PREVIEWS)
@@ -273,7 +271,7 @@ def test_viewers_see_everything_and_change_nothing(serve: Serve, open_page: Open
 
 
 def test_nothing_moves_while_the_device_measures(server: ServerProcess, open_page: OpenPage) -> None:
-    """Load and exchange go on under the eye; with less motion wanted, nothing is animated."""
+    """Load and traffic keep updating; with reduced motion, nothing is animated."""
     page = configured(server, open_page, still=True)
     until(page, "document.querySelector('.budget-bar') !== null")
     page.wait_for_timeout(1500)
@@ -288,7 +286,9 @@ def test_nothing_moves_while_the_device_measures(server: ServerProcess, open_pag
 
 
 def test_a_profile_goes_to_two_devices_each_with_its_own_differences(serve: Serve, open_page: OpenPage) -> None:
-    """It once wrote only what differed on the selected device, to any product, and told what came of that one only."""
+    """Regression: the differences of the selected device were written to all devices, and only its
+    result was reported.
+    """
     server = serve("sim:xbus?seed=1", "sim:xbus?seed=2", "sim:xbus?product=MTi-680G&seed=3")
     page = configured(server, open_page)
     page.locator(f"{ACCELERATION} select").first.select_option("50")

@@ -37,7 +37,9 @@ def stop_streams(page: Page) -> None:
 
 
 def test_stopped_streams_can_be_switched_on_again(serve: Serve, open_page: OpenPage) -> None:
-    """Silent was taken for unreachable, so that Apply stayed off; and the form still showed the streams as on."""
+    """Regression: a silent device was treated as unreachable, Apply stayed disabled, and the form
+    showed streams as on.
+    """
     server = serve("sim:isb?rate=50")
     page = configured(server, open_page, "/streams")
     until(page, "document.querySelector('tr[data-id=\"4\"] input')?.checked === true")

@@ -32,7 +32,7 @@ SELECT = "id => { window.imuscope.view.value = {...window.imuscope.view.value, d
 
 @pytest.fixture(scope="module")
 def families(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A server with three devices: 1 an IMX-5, 2 an IDTP device, 3 one whose key nobody has given."""
+    """A server with three devices: 1 an IMX-5, 2 an IDTP device, 3 an IDTP device without a configured key."""
     data = tmp_path_factory.mktemp("data")
     with ServerProcess("sim:isb", "sim:idtp", "sim:idtp?mode=secure", data=data) as process:
         yield process
@@ -44,7 +44,7 @@ def looking_at(page: Page, device: str) -> None:
 
 
 def eventually(page: Page, true: Callable[[], object], last: object = None) -> None:
-    """Wait for what is asked of the page in several steps; `last` tells what it was when it does not come."""
+    """Wait for a condition of the page in several steps; `last` is its last value if it does not hold."""
     deadline = time.monotonic() + PATIENCE_S
     while not true():
         assert time.monotonic() < deadline, last

@@ -80,7 +80,7 @@ class _Blank(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def stranger() -> Iterator[str]:
-    """The address of somebody else's web server."""
+    """Address of a web server of another origin."""
     with ThreadingHTTPServer(("127.0.0.1", 0), _Blank) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}/"
@@ -89,7 +89,7 @@ def stranger() -> Iterator[str]:
 
 @pytest.fixture
 def visitor() -> Iterator[Page]:
-    """A page in a browser for which NAME is this machine, as its owner's name server says."""
+    """A page in a browser that resolves NAME to this machine, as after DNS rebinding."""
     rule = f"--host-resolver-rules=MAP {NAME} 127.0.0.1"
     arguments = [*chromium.ARGUMENTS, rule]
     engine = browser_engine.playwright().chromium.launch(executable_path=chromium_path(), args=arguments)

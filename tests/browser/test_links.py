@@ -30,7 +30,7 @@ COUNT = """() => { const c = window.imuscope?.store.channels.value.find(c => c.i
 
 
 class Sender:
-    """Sends 100 frames a second through `write` until stopped or until nobody is there."""
+    """Send 100 frames a second through `write` until stopped or until the other end closes."""
 
     def __init__(self, write: Callable[[bytes], object]) -> None:
         self._write = write

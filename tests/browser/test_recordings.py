@@ -44,7 +44,7 @@ def ask(server: ServerProcess, method: str, path: str, body: Any = None) -> Any:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """A server whose library holds a recording of two devices, one of which loses frames, with a marker in it."""
+    """A server with a recording of two devices, one of which loses frames, and a marker."""
     data: Path = tmp_path_factory.mktemp("recordings")
     (data / "recordings").mkdir()
     yard_loop(data / "recordings" / "yard.mcap")
@@ -63,7 +63,7 @@ def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[in
 
 
 def view_of(page: Page) -> dict[str, Any]:
-    """What is on screen, and where it is read."""
+    """The visible range and the playhead."""
     return page.evaluate("({...window.imuscope.view.value, head: window.imuscopeReplay.head})")  # type: ignore[no-any-return]
 
 
@@ -142,7 +142,7 @@ def test_readings_are_samples_at_every_zoom(recorded: ServerProcess, open_page: 
 def test_differences_and_statistics_of_a_whole_recording(
     recorded: ServerProcess, open_page: Callable[..., Page]
 ) -> None:
-    """Δ was "—" beyond a second from the cursor, mean and σ wherever the window was summarised."""
+    """Regression: Δ was "—" more than a second from the cursor, and mean and σ where the window was summarised."""
     page = opened(recorded, open_page)
     first, last = page.evaluate("[window.imuscopeReplay.bounds.first, window.imuscopeReplay.bounds.last]")
     a, b = first + 0.2 * (last - first), first + 0.8 * (last - first)
@@ -387,7 +387,7 @@ def test_refused_and_damaged_uploads_and_renaming(
 
 
 def test_long_names_are_cut_and_cover_nothing(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    """A long serial number squeezed the name beside it to nothing, and lay over the plots."""
+    """Regression: a long serial number left no room for the name beside it and covered the plots."""
     path, name = recorded.data / "recordings" / "long.mcap", "MTi-" + "long-" * 30
     writer = McapWriter(path, {"title": name})
     device = XbusSimulator(start_ns=0, rate=RATE, measuring=True, baud=921_600)

@@ -56,12 +56,12 @@ def turned(path: Path) -> None:
 
 
 def picture(page: Page) -> NDArray[Any]:
-    """What is on screen: (height, width, 3). A browser without a GPU takes seconds for the viewer's first frames."""
+    """The screen, (height, width, 3). Without a GPU, the viewer's first frames take seconds."""
     return np.asarray(Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB"), np.int16)
 
 
 def nose(pixels: NDArray[Any]) -> NDArray[np.bool_]:
-    """Where the body's orange nose is, in whatever light."""
+    """Position of the body's orange nose in any lighting."""
     left, top, right, bottom = BODY_VIEW
     r, g, b = np.moveaxis(pixels[top:bottom, left:right], 2, 0)
     return np.asarray((r > 110) & (r - b > 70) & (r > g) & (g > b))
@@ -111,8 +111,8 @@ def test_the_body_turns(running: ServerProcess, open_page: Callable[..., Page]) 
 
 
 def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_page: Callable[..., Page]) -> None:
-    """An hour at 1 kHz, as its server counts it. The map's pictures come from the tile server that is configured. The
-    viewer itself does not get here: what is said needs nothing of it.
+    """An hour at 1 kHz by the server's count. The map uses the configured tile server. The viewer
+    itself is not needed.
     """
     page = open_page(f"{running.url}/rerun/style.css", width=1000, height=600)
     page.route("**/re_viewer_bg.wasm", lambda route: None)

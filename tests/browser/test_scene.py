@@ -30,7 +30,7 @@ CONNECTED = "document.body.innerText.includes('Reset heading')"
 
 @pytest.fixture
 def open_scene(browser: Browser) -> Iterator[Callable[[str], Page]]:
-    """Open an address; any complaint but one that is meant fails the test."""
+    """Open an address; any console message other than the expected ones fails the test."""
     complaints: list[str] = []
     context = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
     context.add_init_script(chromium.SLOW_SCREEN)  # in viser's own page too
@@ -49,13 +49,13 @@ def open_scene(browser: Browser) -> Iterator[Callable[[str], Page]]:
 
 
 def pixels(page: Page) -> NDArray[np.int16]:
-    """The scene as it is drawn, (height, width, 3); viser's panel, which stands still, is left out."""
+    """The drawn scene, (height, width, 3), without viser's panel."""
     drawn = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), np.int16)
     return drawn[HEIGHT * 2 // 9 :, : WIDTH * 6 // 10]
 
 
 def lid(picture: NDArray[np.int16]) -> NDArray[np.bool_]:
-    """Where the lit top of the yellow lid is seen, which marks the front of the body; the arrows are darker."""
+    """Position of the lit yellow lid, which marks the front of the body; the arrows are darker."""
     red, green, blue = (picture[..., i] for i in range(3))
     return (red > 225) & (green > 205) & (blue < 190)
 
@@ -75,7 +75,7 @@ def quaternions(yaw: float) -> bytes:
 
 
 class PathLine:
-    """A device on TCP whose yaw the test sets."""
+    """A device on TCP with a yaw set by the test."""
 
     def __init__(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", 0))

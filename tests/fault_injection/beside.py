@@ -32,12 +32,12 @@ FEWEST = 3  # answers
 
 
 class Beside:
-    """Asks /healthz again and again until the block ends.
+    """Poll /healthz until the block ends.
 
     Attributes:
-        answers: how many came.
-        worst_s: how long the slowest took; as long as it has waited by now, where one is missing.
-        slowness: how many times longer than alone work took in the slowest stretch meanwhile.
+        answers: number of answers.
+        worst_s: longest time of one answer, or the time waited so far if one is missing.
+        slowness: slowdown of the machine in the slowest period, as a factor.
     """
 
     def __init__(self, url: str) -> None:
@@ -56,7 +56,7 @@ class Beside:
 
     @property
     def limit_s(self) -> float:
-        """A second of a machine that nobody else uses."""
+        """One second of an otherwise idle machine, scaled by the measured slowness."""
         return WITHIN_S * self.slowness
 
     def _ask(self) -> None:

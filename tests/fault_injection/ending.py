@@ -51,7 +51,7 @@ def busy(server: ServerProcess, http: Client) -> Iterator[None]:
 
 @contextlib.contextmanager
 def browser(server: ServerProcess, *, stuck: bool) -> Iterator[ClientConnection]:
-    """One that reads, as long as there is room; or one whose network takes next to nothing."""
+    """A client that reads while there is room, or one with almost no bandwidth."""
     address = urlsplit(server.url)
     line = socket.create_connection((address.hostname, address.port))
     if stuck:
@@ -69,7 +69,7 @@ def children(pid: int) -> list[int]:
 
 
 def is_there(pid: int) -> bool:
-    """Does it run? One that has ended and was not asked about does not."""
+    """Whether the process runs; one that has ended but was not collected does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:

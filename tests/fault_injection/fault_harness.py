@@ -38,7 +38,7 @@ class FaultHarness:
 
     @property
     def bytes(self) -> bytes:
-        """All that came."""
+        """All received bytes."""
         return b"".join(self.heard)
 
     @property
@@ -73,12 +73,12 @@ async def stage(source: str, by_id: Path = Path("/nowhere")) -> AsyncIterator[Fa
 
 
 def frames(start: int, stop: int, rate: float = 1000.0) -> bytes:
-    """MTData2 frames with a packet counter that goes on."""
+    """MTData2 frames with a continuing packet counter."""
     return b"".join(frame(n, rate) for n in range(start, stop))
 
 
 def told(info: DeviceInfo) -> tuple[str, str]:
-    """What a person reads: one sentence, and what to do."""
+    """User-facing text: one sentence and a hint."""
     assert info.message.endswith((".", "?")), info.message
     assert info.hint, info.message
     return info.message, info.hint

@@ -73,7 +73,7 @@ class Place:
         return host, int(port)
 
     def connected(self) -> socket.socket:
-        """A connection to it, that waits for nothing for long."""
+        """A connection with a short time-out."""
         return socket.create_connection(self.address, PATIENCE_S)
 
 
@@ -187,7 +187,7 @@ for _name in BYTES:
 
 @flood
 def ports(place: Place) -> None:
-    """Each datagram comes from a port of its own."""
+    """Send each datagram from a different port."""
     with sources(place, "xbus") as (_, udp):
         place.begin()
         number = 0
@@ -202,7 +202,7 @@ def ports(place: Place) -> None:
 
 @flood
 def silent_connections(place: Place) -> None:
-    """More than there is room for, of which no request comes."""
+    """Open more connections than allowed, none of which sends a request."""
     place.begin()
     with contextlib.ExitStack() as held:
         for _ in range(SILENT):
@@ -214,7 +214,7 @@ def silent_connections(place: Place) -> None:
 
 @flood
 def endless_heads(place: Place) -> None:
-    """Requests whose headers go on for ever, some in large pieces and some byte by byte."""
+    """Requests with endless headers, some in large pieces and some byte by byte."""
     place.begin()
     while not place.over:
         with contextlib.ExitStack() as held:
@@ -229,7 +229,7 @@ def endless_heads(place: Place) -> None:
 
 @flood
 def unread_answers(place: Place) -> None:
-    """Large answers are asked for, and nobody takes them."""
+    """Request large answers without reading them."""
     place.begin()
     with contextlib.ExitStack() as held:
         for _ in range(DEAF):
@@ -248,7 +248,7 @@ def _browser(place: Place) -> ClientConnection:
 
 @flood
 def websocket_requests(place: Place) -> None:
-    """Browsers that subscribe again and again, with all the history, and read nothing."""
+    """Browsers that subscribe repeatedly, with all history, and read nothing."""
     place.begin()
     with contextlib.ExitStack() as held:
         browsers = [held.enter_context(_browser(place)) for _ in range(CHATTY)]
@@ -372,7 +372,7 @@ def hostile_files(place: Place) -> None:
 
 
 def _metadata(path: Path) -> None:
-    """Very many records that say next to nothing."""
+    """Very many records with almost no content."""
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE, index_types=IndexType.ALL)
         writer.start()
@@ -402,7 +402,7 @@ def _bomb(path: Path) -> None:
 
 
 def _nested(path: Path) -> None:
-    """What is said about a recording, nested deeper than anybody reads."""
+    """Metadata of a recording, nested deeper than any reader supports."""
     path.write_bytes(frame(0, 100.0) * 100)
     path.with_name(f"{path.name}.json").write_text(json.dumps({"title": "x"})[:-1] + ',"tags":' + "[" * 50_000)
 

@@ -28,6 +28,6 @@ def received(path: Path) -> bytes:
 
 
 def hidden(folder: Path) -> list[str]:
-    """What is unfinished, or looks like it."""
+    """Unfinished files, and files that resemble them."""
     names = [path for path in folder.rglob("*") if path.name.endswith((".making", ".packing", ".export"))]
     return [str(path.relative_to(folder)) for path in (*names, *(folder / "exports").glob("*"))]

@@ -49,7 +49,7 @@ def test_the_devices_clock_jumps() -> None:
 
 
 def retimed(n: int, rate: float, later_s: int) -> bytes:
-    """A frame whose clock is later than it should be; its counter goes on."""
+    """A frame with a clock that is ahead; its counter continues."""
     whole = bytearray(frame(n, rate))
     at = whole.index(b"\x10\x60\x04") + 3
     ticks = int.from_bytes(whole[at : at + 4], "big") + later_s * 10_000

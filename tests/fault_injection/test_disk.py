@@ -59,9 +59,9 @@ def running(tmp_path: Path, links: Links) -> Iterator[InProcessServer]:
 
 @contextlib.contextmanager
 def files_of_at_most(size: int) -> Iterator[None]:
-    """The kernel refuses whatever would make a file larger (EFBIG), as at a quota or on a small file system.
+    """Limit the file size (EFBIG), as a quota or a small file system does.
 
-    Modules that are imported meanwhile leave no bytecode: Python 3.11 would cut that too, and trip over it ever after.
+    Modules imported inside the block write no bytecode: Python 3.11 would truncate it and fail on it afterwards.
     """
     before = resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[0][1]))
@@ -156,7 +156,7 @@ def test_an_export_onto_a_full_disk(tmp_path: Path) -> None:
 
 
 def test_a_slow_disk(running: InProcessServer, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that takes nothing for as long as it likes, neither writing nor forcing."""
+    """A disk that blocks on writing and on fsync for as long as the test requests."""
     running.client.post("/api/recordings/start", json={})
     settled(running)
     takes = threading.Event()

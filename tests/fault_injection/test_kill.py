@@ -96,7 +96,7 @@ def killed(there: SimulatorThread, data: Path) -> None:
 
 
 def test_a_server_deletes_no_file_of_another_server_in_its_folder(tmp_path: Path) -> None:
-    """Two servers on one data folder: what the one is writing is no leftover of the other."""
+    """Two servers on one data folder: files being written by one are not leftovers of the other."""
     first, second = DataFolderLock(tmp_path), DataFolderLock(tmp_path)
     first.begin()
     half = tmp_path / "exports" / "abc-1"
@@ -111,7 +111,7 @@ def test_a_server_deletes_no_file_of_another_server_in_its_folder(tmp_path: Path
 
 
 def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> None:
-    """Both used to write the same file aside: what the old one finished could have been half of the new one's."""
+    """Regression: both wrote the same temporary file, so one could publish half of the other's data."""
     path = tmp_path / "a.mcap"
     wanted = frames(0, 2000) * 3
     recording(path, wanted)

@@ -156,7 +156,7 @@ def test_half_a_frame_then_silence() -> None:
 
 
 def test_half_a_frame_while_the_server_was_held_up() -> None:
-    """On a busy host a frame of which half had been read was given up, although the rest lay in the kernel."""
+    """Regression: on a busy host a half-received frame was given up although the rest was in the kernel's buffer."""
 
     async def check() -> None:
         with pty() as port:
@@ -267,7 +267,7 @@ def test_udp_silence_and_recovery() -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
-    """It is noise then, without an end: told as such; where no rate was given, the new one is found."""
+    """The bytes are then endless noise, reported as such; if no rate was given, the new one is found."""
 
     async def check() -> None:
         with device(115_200) as bench:
@@ -291,7 +291,7 @@ def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
 
 
 def test_a_retry_is_reported_once() -> None:
-    """The link told it of the place, and the session once more of the source."""
+    """Regression: the retry was reported by the link and by the session."""
 
     async def check() -> None:
         async with stage("tcp://127.0.0.1:1") as there:

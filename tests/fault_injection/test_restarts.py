@@ -36,7 +36,9 @@ ENOUGH = 60_000  # bytes, of more than what was lost: the recording used to end 
 
 
 def library(folder: Path) -> tuple[dict[str, bytes], bytes]:
-    """Sixty recordings: most packed, some damaged; what each of the damaged holds, and one that a kill left."""
+    """Sixty recordings: most compacted, some damaged, and one left by a killed server; with the contents of the damaged
+    ones.
+    """
     folder.mkdir(parents=True)
     model = folder.parent / "model.mcap"
     recording(model, frames(0, 1500))
@@ -73,7 +75,7 @@ def reaches(url: str, goal: int) -> bool:
 
 
 def packs(left: list[Path]) -> bool:
-    """Whether the server has packed one of those that were left."""
+    """Whether the server has compacted one of the remaining recordings."""
     return not all(map(is_uncompacted, left))
 
 
@@ -141,7 +143,7 @@ class company:  # noqa: N801 - reads as what it is
 
 
 def test_a_recording_that_begins_after_the_clock_was_set_has_the_new_time(tmp_path: Path) -> None:
-    """A robot without a battery for its clock: the network tells it the time when the server has long begun."""
+    """A host without a real-time clock battery: the network sets the time long after the server started."""
     links = Links()
     with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
         ahead = 2 * 365 * 86_400 * 1_000_000_000

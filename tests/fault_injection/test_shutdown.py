@@ -70,7 +70,7 @@ print("returned", flush=True)
 
 
 def ended(how: str, word: str) -> str:
-    """What it printed until it had ended."""
+    """Output of the process up to its end."""
     process = subprocess.Popen(
         [sys.executable, "-c", LINGERING, how],
         cwd=ROOT,

@@ -40,7 +40,7 @@ class Case:
 
 
 class BrokenError(AssertionError):
-    """An invariant does not hold: `kind` is a word for which, the text says how."""
+    """Violation of an invariant; `kind` names it, the text gives the details."""
 
     def __init__(self, kind: str, words: str) -> None:
         super().__init__(f"{kind}: {words}")

@@ -38,7 +38,7 @@ class ExternalRun:
         self.kinds: Counter[str] = Counter()
 
     def run(self, seconds: float) -> None:
-        """Until so long has gone; a round is finished."""
+        """Run until the time is over; a round is completed."""
         steps: Callable[[Path], Iterator[None]] = {"http": self._http, "ws": self._ws, "files": self._files}[self.name]
         begin = shown = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:

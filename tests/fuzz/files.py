@@ -79,7 +79,7 @@ def _recording(path: Path, cut: bool) -> None:
 
 
 def _listed(path: Path, cut: bool) -> None:
-    """What lies beside a recording: a name that a person gave, what was found out about it."""
+    """Files beside a recording: user-given names and cached findings."""
     library = Library(path.parent)
     for entry in library.all("drive"):
         library.edit(entry.id, Edits(title="again"))
@@ -394,7 +394,7 @@ def _resealed(data: bytearray, random: Random) -> bytearray:
 
 @contextlib.contextmanager
 def bounded(room: int = ROOM) -> Iterator[None]:
-    """No more than so many bytes of address space beyond those in use; Linux alone says how many these are."""
+    """Limit the address space to this many bytes above current use; available on Linux only."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[0])
     except OSError:
@@ -455,7 +455,7 @@ class FileSearch:
             raise BrokenError(type(error).__name__, f"{error!s:.300} ({_where(error)})") from error
 
     def smaller(self, case: Case, broken: BrokenError, attempts: int = 150) -> tuple[Case, BrokenError]:
-        """What is left when all has gone that the break does not need."""
+        """The minimal case that still breaks."""
         size = len(case.data) // 2
         while size and attempts > 0:
             at = 0

@@ -128,11 +128,11 @@ class FuzzedServer:
         self.look()
 
     def read(self, path: str) -> Any:
-        """What a path answers."""
+        """Answer of a path."""
         return self.session.get(self.url + path, timeout=PATIENCE_S).json()
 
     def look(self) -> None:
-        """What can stand in a path: identifiers that are there now."""
+        """Path parameters: identifiers that currently exist."""
         devices = [device["id"] for device in self.read("/api/devices")]
         recordings = [one["id"] for one in self.read("/api/recordings")]
         jobs = [str(one["id"]) for one in self.read("/api/recordings/exports")]
@@ -224,7 +224,7 @@ def check_error(response: requests.Response) -> None:
 
 
 def _leaf(form: dict[str, Any]) -> st.SearchStrategy[Any]:
-    """A value of a field: one that fits, one at an edge, one of another kind."""
+    """A value of a field: valid, at a limit, or of another type."""
     odd = st.sampled_from(ODD)
     if form["fields"]:
         record = st.fixed_dictionaries({}, optional={part["name"]: _leaf(part) for part in form["fields"]})

@@ -63,7 +63,9 @@ def check(speaker: ProtocolCase, case: Case, *, guessing: bool = False) -> Featu
 
 
 def _decoded(speaker: ProtocolCase, case: Case, chunks: Sequence[bytes]) -> tuple[list[Event], int]:
-    """All events of the stream, cut so, and how many bytes belonged to nothing. Arrival is the chunk's number."""
+    """All events of the stream with these cuts, and the number of bytes outside frames. Arrival is the
+    chunk's number.
+    """
     decoder = speaker.family.decoder(**case.settings)
     events: list[Event] = []
     for number, chunk in enumerate(chunks):
@@ -198,7 +200,7 @@ def _accounted(speaker: ProtocolCase, case: Case, lines: Lines, skipped: int) ->
 
 
 def _datagrams(speaker: ProtocolCase, case: Case) -> None:
-    """Chunks as datagrams: no frame goes on over the end of one."""
+    """Chunks as datagrams: no frame extends over the end of one."""
     settings = case.settings
     decoder = PROTOCOLS["idtp"].decoder(datagrams=True, **settings)
     for number, chunk in enumerate(case.chunks()):

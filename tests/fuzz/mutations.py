@@ -16,7 +16,7 @@ Pieces = list[bytes]
 
 
 class Frames(Protocol):
-    """What an edit must know of a protocol."""
+    """Protocol details needed by edits."""
 
     words: Sequence[bytes]  # byte strings that mean something: preambles, special floats, lengths
 
@@ -27,10 +27,10 @@ class Frames(Protocol):
         """The frame with another length in its header."""
 
     def make(self, random: Random) -> bytes:
-        """A frame out of nothing, with odd contents."""
+        """A newly built frame with unusual contents."""
 
     def body(self, frame: bytes) -> tuple[int, int]:
-        """Where the payload of a frame begins and ends."""
+        """Start and end of the payload of a frame."""
 
 
 Edit = Callable[[Pieces, Frames, Random], None]
@@ -152,7 +152,7 @@ def add_frame(pieces: Pieces, frames: Frames, random: Random) -> None:
 
 
 def add_foreign(pieces: Pieces, frames: Frames, random: Random) -> None:
-    """A message of somebody else, whole or not, between two pieces or within one."""
+    """A message of another protocol, complete or not, between two pieces or within one."""
     one = foreign.make(random)
     if random.random() < 0.8:
         pieces.insert(random.randint(0, len(pieces)), one)
@@ -163,7 +163,7 @@ def add_foreign(pieces: Pieces, frames: Frames, random: Random) -> None:
 
 
 def add_noise(pieces: Pieces, frames: Frames, random: Random) -> None:
-    """Bytes of no meaning, or too much of one."""
+    """Meaningless bytes, or excessive repetition."""
     kind = random.random()
     if kind < 0.4:
         noise = random.randbytes(random.choice((1, 3, 20, 200)))

@@ -89,7 +89,7 @@ class CorpusSearch:
 
 
 def minimised(protocol: str, case: Case, broken: BrokenError, *, attempts: int = 1500) -> tuple[Case, BrokenError]:
-    """A smaller case that breaks the same invariant: fewer bytes, fewer cuts, nothing told that need not be."""
+    """A smaller case that breaks the same invariant: fewer bytes, cuts and settings."""
     speaker = TARGETS[protocol].speaker
     last = broken
     left = attempts

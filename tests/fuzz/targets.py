@@ -60,11 +60,11 @@ class FuzzTarget:
         raise NotImplementedError
 
     def simulator(self, seed: int) -> bytes:
-        """What a simulator sends in its first moments, with faults."""
+        """First output of a simulator, with faults."""
         raise NotImplementedError
 
     def settings(self, random: Random) -> dict[str, Any]:
-        """What the decoder is told in a case."""
+        """Settings of the decoder in a case."""
         return {}
 
     def pieces(self, data: bytes) -> Pieces:
@@ -77,9 +77,7 @@ class FuzzTarget:
         return found + [data[at:]] * (at < len(data))
 
     def seeds(self, *, captures: bool) -> list[Pieces]:
-        """Where the search begins: golden vectors, the simulator and, with `captures`, recordings beside the
-        project.
-        """
+        """Initial corpus: golden vectors, the simulator and, with `captures`, recordings beside the project."""
         vectors = list(self.speaker.everything())
         seeds = [vectors[at : at + _A_CASE] for at in range(0, len(vectors), _A_CASE)]
         streams = [self.simulator(seed) for seed in range(3)]

@@ -122,7 +122,7 @@ def test_empty_files(files_search: files.FileSearch, kind: str, data: bytes) -> 
 
 @pytest.mark.parametrize("packing", ["zstd", "lz4"])
 def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: str) -> None:
-    """It claimed 1 kB; zstd believed its own header instead, lz4 had no limit at all."""
+    """Regression: the chunk claimed 1 kB, but zstd used its own header, and lz4 had no limit."""
     from recordings.mcap_reader import _unpack
 
     whole = bytes(files.ROOM // 4)
@@ -137,7 +137,7 @@ def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: s
 
 
 def test_a_faulty_reader_is_caught(files_search: files.FileSearch, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The check can fail: a reader that asks for what a file claims to need."""
+    """Self-test of the check: a reader that allocates the claimed size fails it."""
 
     def greedy(path: Path, cut: bool) -> None:
         bytearray(int.from_bytes(path.read_bytes()[:8], "little"))

@@ -41,7 +41,7 @@ OTHERS = (*2 * [("/foxglove", "foxglove.sdk.v1"), ("/rerun/live", "")], ("/ws/sc
 
 
 class Step(NamedTuple):
-    """One thing said; `raw` are bytes on the connection itself, between or instead of frames."""
+    """One step; `raw` are bytes on the connection itself, between or instead of frames."""
 
     kind: Literal["text", "binary", "raw"]
     data: str  # of binary and raw the hex
@@ -49,7 +49,7 @@ class Step(NamedTuple):
 
 
 class Talk(NamedTuple):
-    """What one client says."""
+    """Steps of one client."""
 
     path: str
     protocol: str
@@ -174,10 +174,10 @@ class Floor:
         self._witness.close()
 
     def hold(self, talk: Talk) -> None:
-        """One client says all this.
+        """Play all steps of one client.
 
         Raises:
-            BrokenError: what the server should not have done.
+            BrokenError: the server violated an invariant.
         """
         self.talks += 1
         try:
@@ -229,7 +229,7 @@ class Floor:
         return 1000
 
     def _pong(self, client: ClientConnection, number: str) -> None:
-        """The pong of a ping that only we can have sent; everything before it is of our shape."""
+        """The pong of a ping with a unique value; every message before it is checked for its format."""
         client.send(f'{{"op":"ping","t":{number}}}')
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
@@ -256,7 +256,7 @@ class Floor:
 
 
 def _whole(text: str) -> str:
-    """As the library can send it; what is no character goes as JSON's escape or not at all."""
+    """The text in a form the library can send: unpaired surrogates are escaped as JSON or omitted."""
     return text.encode("utf-8", "replace").decode()
 
 

@@ -26,7 +26,7 @@ PASSED = {"1005", "1230"}  # of STREAM; the observations in it are filling, whic
 
 
 def mcap(folder: Path, scratch: Path) -> str:
-    """pymcap-cli finds nothing wrong with a recording and its decoded export, and saves most of one that is cut off."""
+    """pymcap-cli accepts a recording and its decoded export, and recovers most of a truncated one."""
     program = str(from_pip(folder, PYMCAP, "pymcap-cli"))
     made, out, torn, saved = (scratch / f"{name}.mcap" for name in ("made", "out", "torn", "saved"))
     imuscope("record", "sim:xbus?product=MTi-680G", "-o", str(made), "--duration", "5")
@@ -54,7 +54,7 @@ def _told(program: str, path: Path, scratch: Path) -> dict[str, Any]:
 
 
 def rerun(folder: Path, scratch: Path) -> str:
-    """Rerun's own command, which is installed with imuscope, verifies an .rrd export and says nothing else about it."""
+    """Rerun's own command, installed with imuscope, verifies an .rrd export without a warning."""
     made, out = scratch / "made.mcap", scratch / "out.rrd"
     imuscope("record", "sim:isb", "-o", str(made), "--duration", "3")
     imuscope("decode", str(made), "-o", str(out))
@@ -97,7 +97,7 @@ def pygnssutils(folder: Path, scratch: Path) -> str:
 
 @contextmanager
 def _base() -> Iterator[int]:
-    """A base station that sends RTCM 3 to whoever connects, twice a second: its port."""
+    """A base station that sends RTCM 3 to every client twice a second; returns its port."""
     ended = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as server:
 

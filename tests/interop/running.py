@@ -19,7 +19,7 @@ AWAKE_S = 1.0  # an MTi that has just got power takes WakeUpAck alone for half a
 
 
 class DiffersError(Exception):
-    """What a program printed is not what must come out."""
+    """The output of a program differs from the expected one."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Checkout:
     version: str
 
     def fetched(self, folder: Path) -> Path:
-        """Where it lies, fetched if it is not there yet."""
+        """Path of the file, downloaded if necessary."""
         place = folder / self.name
         if not place.exists():
             run(["git", "clone", "--quiet", self.url, str(place)], folder)
@@ -89,7 +89,7 @@ def imuscope(*words: str) -> str:
 
 
 def from_pip(folder: Path, package: str, program: str) -> Path:
-    """A program of a package of PyPI, installed in an environment of its own if it is not there yet."""
+    """A program of a PyPI package, installed in its own environment if necessary."""
     place = folder / package.partition("=")[0]
     if not (place / "bin" / program).exists():
         run([sys.executable, "-m", "venv", str(place)], folder)

@@ -114,7 +114,7 @@ async def opened(link: Link) -> AsyncIterator[Link]:
 
 
 class Pty:
-    """A pseudo-terminal whose master is in the test's hand."""
+    """A pseudo-terminal whose master is controlled by the test."""
 
     def __init__(self) -> None:
         self.master, slave = os.openpty()
@@ -150,7 +150,7 @@ def pty() -> Iterator[Pty]:
 
 @contextlib.contextmanager
 def device(baud: int, rate: float = 200.0) -> Iterator[SimulatorThread]:
-    """A device that speaks at `baud` behind a pseudo-terminal."""
+    """A device behind a pseudo-terminal that communicates at `baud`."""
     options = SimulatorOptions("xbus", faults=LineFaults(baud=baud))
     bench = SimulatorThread(lambda start_ns: Metronome(start_ns, rate), options)
     bench.start()

@@ -30,7 +30,7 @@ def pieces_of(data: bytes) -> list[TimedBytes]:
 
 
 def stream(seconds: float, rate: float = 100.0, start_s: float = 1000.0) -> bytes:
-    """Frames whose SampleTimeFine ticks every 0.1 ms."""
+    """Frames with a SampleTimeFine in ticks of 0.1 ms."""
     count = round(seconds * rate)
     return b"".join(frame(i, round((start_s + i / rate) * 10_000)) for i in range(count))
 
@@ -183,7 +183,7 @@ def test_loop_begins_again(capture: Path) -> None:
 def test_a_short_stretch_of_another_protocol_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool
 ) -> None:
-    """In a fast replay it went by between two looks at what had just come."""
+    """Regression: in a fast replay the other protocol passed unnoticed between two checks."""
     if not at_once:
         monkeypatch.setattr("server.links.capture_file.AT_ONCE_BYTES", 0)
     path = tmp_path / "mixed.bin"

@@ -244,7 +244,7 @@ def test_udp_reports_two_devices_on_one_port() -> None:
 
 
 def test_thousands_of_senders_cost_no_more_than_a_few() -> None:
-    """Each datagram from a new port sorted and named all that had been heard; the notice grew to 47 kB."""
+    """Regression: each datagram from a new port sorted and listed all senders, and the notice grew to 47 kB."""
 
     async def check() -> None:
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", settings()))

@@ -22,7 +22,7 @@ def pipe(tmp_path: Path) -> Path:
 
 
 def test_a_pipe_is_served(pipe: Path) -> None:
-    """A capture of 0.5 s, written at once, takes as long as the device's clock says; then it has ended."""
+    """A capture of 0.5 s that is written at once is played in the time given by the device's clock, and then ends."""
     data = b"".join(frame(i, i * 100) for i in range(51))
 
     async def body() -> None:

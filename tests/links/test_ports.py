@@ -20,7 +20,7 @@ def run(coroutine: Any) -> Any:
 
 
 class Comport:
-    """What pyserial tells about a port."""
+    """Port information as pyserial gives it."""
 
     def __init__(self, device: str, **known: object) -> None:
         self.device = device
@@ -28,7 +28,7 @@ class Comport:
 
 
 def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Of the places that the kernel keeps for ports (ttyS1), those without a UART are none: `doctor` says so, too."""
+    """Device nodes without a UART (ttyS1) are not ports, neither here nor in `doctor`."""
     monkeypatch.setattr(ports, "SYS_TTY", str(tmp_path))
     for name, uart in (("ttyS0", "4"), ("ttyS1", "0")):
         (tmp_path / name).mkdir()

@@ -68,7 +68,7 @@ def test_a_pseudo_terminal_that_reuses_the_name_is_left_alone() -> None:
 
 
 class FakeAdapter:
-    """A port whose driver refuses a rate, or chooses another without a word."""
+    """A port whose driver refuses a rate or silently chooses another."""
 
     fd = -1
 

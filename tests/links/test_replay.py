@@ -27,7 +27,7 @@ def run(coroutine: Any) -> Any:
 
 
 async def drained(link: Link) -> tuple[list[Chunk], LinkError]:
-    """All that a link still gives, and how it ended."""
+    """Remaining bytes of a link, and its final error."""
     chunks: list[Chunk] = []
     async with asyncio.timeout(PATIENCE_S):
         while True:

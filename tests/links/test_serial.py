@@ -177,7 +177,7 @@ def test_a_port_in_use_names_its_owner() -> None:
 
 @pytest.mark.parametrize("number", [errno.EACCES, errno.EPERM])
 def test_missing_permission_names_the_group_and_the_command(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As root nothing is denied, so the refusal comes from a port that refuses."""
+    """Root is never denied access, so the refusal comes from a port that refuses."""
 
     def refuse(*_: object, **__: object) -> None:
         raise serial.SerialException(number, "could not open port")
@@ -195,7 +195,7 @@ def test_missing_permission_names_the_group_and_the_command(number: int, monkeyp
 
 @pytest.mark.parametrize(("group", "mode"), [(0, 0o660), (20, 0o600)])
 def test_a_group_without_write_permission_is_not_suggested(group: int, mode: int) -> None:
-    """A port of root's alone was said to belong to dialout; joining it changed nothing."""
+    """Regression: a port accessible to root alone was reported as belonging to dialout, and joining it did not help."""
     with pty() as port:
         os.chown(port.path, -1, group)
         os.chmod(port.path, mode)

@@ -105,7 +105,7 @@ def test_bursts_follow_the_latency_timer() -> None:
 
 
 def test_an_adapter_delivers_62_byte_packets_and_the_rest_at_its_timer() -> None:
-    """Truth to the byte: 1 byte/ms, and a timer that starts anew with each packet."""
+    """Exact timing: 1 byte/ms, and a latency timer that restarts with each packet."""
     cable = SimulatedLine(LineFaults(baud=10_000, burst_ms=100), 0, "xbus")
     sent = FRAMES[0] + FRAMES[1] + FRAMES[2] + FRAMES[3]
     size = len(sent)
@@ -184,7 +184,7 @@ def test_frames_of_other_families_are_cut_wherever_the_bytes_are(protocol: str, 
 
 
 def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
-    """Host and device agree on the rate, and still nothing can be read."""
+    """Host and device agree on the rate, but nothing is readable."""
     cable = SimulatedLine(LineFaults(baud=921_600, dead_baud=921_600), 0, "xbus")
     sent = b"".join(FRAMES[:20])
     cable.send(sent, 0)
@@ -197,7 +197,7 @@ def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
 
 
 def test_bytes_under_way_keep_their_rate() -> None:
-    """The acknowledgement of a reset is still read at the old rate, although the device has gone to the new one."""
+    """The acknowledgement of a reset arrives at the old rate, although the device has changed to the new one."""
     cable = SimulatedLine(LineFaults(baud=115_200), 0, "xbus")
     cable.send(FRAMES[0], 0)
     cable.baud = 921_600

@@ -87,8 +87,8 @@ def received(port: Any, size: int) -> bytes:
 
 
 def test_a_simulator_whose_reader_is_late_loses_nothing() -> None:
-    """It lost 135 samples right after its start: nobody read while something was compiled, and its port of 4 kB ran
-    over, where a real one holds 640.
+    """Regression: 135 samples were lost at the start: nothing was read during a compilation, and the 4 kB port buffer
+    of the simulator overflowed, where a real port holds 640.
     """
     options = simulator("rate=2000").options
     bench = SimulatorThread(lambda start_ns: Metronome(start_ns, 2000), options)
@@ -102,7 +102,7 @@ def test_a_simulator_whose_reader_is_late_loses_nothing() -> None:
 
 
 def test_a_simulator_reports_its_backlog() -> None:
-    """Like the serial link behind it: a session that cannot keep up must know that more is waiting."""
+    """As with a serial link, a session that cannot keep up must know that more data are waiting."""
 
     async def check() -> None:
         link = simulator()
@@ -333,13 +333,13 @@ def test_a_simulator_that_resets() -> None:
 
 
 def test_a_serial_link_can_be_made_without_a_source() -> None:
-    """What simulators do: the port's path and its line, whatever the source is called."""
+    """Reported path and line, as simulators give them, independent of the name of the source."""
     link = SerialLink("sim:x", settings(), "/dev/ttyX", SerialSettings(baud=9600))
     assert (link.source, link.place) == ("sim:x", "/dev/ttyX")
 
 
 def test_a_rate_that_the_cable_cannot_carry() -> None:
-    """The device takes the new rate and the port follows, and still nothing can be read until both go back."""
+    """Device and port change to the new rate, but nothing is readable until both go back."""
 
     async def check() -> None:
         link = open_link("sim:xbus?product=MTi-3&dead_baud=921600", settings())
@@ -379,7 +379,7 @@ def test_a_simulator_keeps_what_it_stored_when_its_power_fails() -> None:
 
 
 def test_restore_bytes_bring_a_lost_device_back() -> None:
-    """At 921 600 Bd nobody hears it; 0xDE while its power returns makes it wake up at 115 200 Bd."""
+    """At 921 600 Bd the device is unreachable; 0xDE during power-up makes it start at 115 200 Bd."""
 
     async def knock(link: Link) -> None:
         while True:
@@ -387,7 +387,7 @@ def test_restore_bytes_bring_a_lost_device_back() -> None:
             await asyncio.sleep(0.0003)
 
     async def wakes_up(link: SimulatorLink) -> bool:
-        """Whether it was knocked at early enough after its power returned; a busy machine may be too late."""
+        """Whether a restore byte arrived early enough after power-up; a busy machine may be too late."""
         cycle(link)
         try:
             await asyncio.wait_for(gather(link, until=lambda data: build(0x3E) in data), 2.0)

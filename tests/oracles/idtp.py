@@ -176,7 +176,7 @@ def judge(
 
 
 def values(frame: OracleIdtpFrame) -> dict[str, float] | None:
-    """Readings by the document's names; None where the payload is not described or too short."""
+    """Readings by the document's names; None if the payload has no definition or is too short."""
     names = TYPES.get(frame.kind) if frame.version % 16 else None
     if names is None or len(frame.payload) < 4 * len(names):
         return None

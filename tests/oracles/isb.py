@@ -104,7 +104,7 @@ def _candidate(data: bytes) -> OracleIsbPacket | str:
 
 
 def build(kind: int, did: int, body: bytes) -> bytes:
-    """A packet around `body` (which begins with the offset where the flags say so)."""
+    """A packet around `body`, which starts with the offset if the flags say so."""
     packet = bytes([0xEF, 0x49, kind, did, len(body) % 256, len(body) // 256]) + body
     low = high = 0
     for byte in packet:
@@ -119,7 +119,7 @@ Format = list[Any]  # [name, struct code, count, offset]
 
 
 def values(fields: list[Format], payload: bytes) -> dict[str, list[Any]]:
-    """Every leaf of a structure that lies wholly in the payload: its numbers, or its text without trailing zeros."""
+    """Every leaf of a structure that is completely in the payload: numbers, or text without trailing zeros."""
     found: dict[str, list[Any]] = {}
     for name, code, count, offset in fields:
         size = struct.calcsize("<" + code)
@@ -157,7 +157,7 @@ def _leaves(one: dict[str, Any], name: str, base: int, leaves: list[Format]) -> 
 
 
 def ramp(fields: list[Format], size: int) -> bytes:
-    """A payload in which every field has a value of its own."""
+    """A payload in which every field has a distinct value."""
     payload = bytearray(size)
     for index, (_, code, count, offset) in enumerate(fields):
         for k in range(count):

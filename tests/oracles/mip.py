@@ -22,7 +22,7 @@ DATA: dict[tuple[int, int], list[tuple[str, str]]] = {
 
 
 def scan(data: bytes) -> tuple[list[tuple[int, bytes]], list[tuple[int, str]]]:
-    """Every packet, and every failed candidate with the reason; after one it goes on behind its preamble."""
+    """Every packet, and every failed candidate with its reason; the search continues after its preamble."""
     packets, rejects = [], []
     at = 0
     while at + 1 < len(data):

@@ -52,7 +52,7 @@ class ProtocolCase:
 
     @property
     def family(self) -> ProtocolInfo:
-        """Its family, or that of the plug-in."""
+        """Its family, including that of the plug-in."""
         return PROTOCOLS.get(self.name) or mip_vectors.FAMILY
 
 
@@ -73,7 +73,7 @@ def xbus_expected(data: bytes) -> Expected:
 
 
 def isb_expected(data: bytes) -> Expected:
-    """Packets and failed candidates, as the oracle sees them: sets that no firmware has otherwise as values."""
+    """Packets and failed candidates according to the oracle; unknown data sets as values."""
     found = isb_oracle.scan(data, final=True)
     return [(one.offset, isb_values(one)) for one in found.packets], found.rejects
 
@@ -129,7 +129,7 @@ def idtp_line(line: dict[str, Any]) -> str:
 
 
 def mip_expected(data: bytes) -> Expected:
-    """Packets and failed candidates, as the oracle sees them: packets of known data as values, others as their set."""
+    """Packets and failed candidates according to the oracle; unknown data sets as values."""
     packets, rejects = mip_oracle.scan(data)
     frames: list[tuple[int, Any]] = []
     for offset, packet in packets:

@@ -36,7 +36,7 @@ FULLEST = 0.85  # of a line: above, frames queue for good
 
 
 def clock_of(given: ModelStream, way: Way) -> ClockSync:
-    """As a session makes it: a timer of 1 ms is known (sysfs tells), one of 16 ms is not, to be on the safe side."""
+    """The clock as a session creates it: a timer of 1 ms is known from sysfs; 16 ms is assumed to be unknown."""
     holds_ns = way.timer_ms * MS if 0 < way.timer_ms <= 1 else 0
     return ClockSync(given.byte_ns, holds_ns=holds_ns, pieces=given.pieces())
 
@@ -44,7 +44,7 @@ def clock_of(given: ModelStream, way: Way) -> ClockSync:
 def held(
     given: ModelStream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS
 ) -> ClockSync:
-    """Everything that is promised of a stream; `begins`: when its clock was started or stepped, s."""
+    """All guarantees for a stream; `begins`: start or step of its clock, s."""
     told = mapped(given, clock_of(given, way))
     error = errors(given, told)
     assert (np.diff(told.host) > 0).all(), "never backwards"
@@ -74,7 +74,7 @@ def test_a_line_without_an_adapter(baud: int, rate: int, size: int, ppm: float) 
 @pytest.mark.parametrize("ppm", [-50.0, 50.0])
 @pytest.mark.parametrize(("baud", "rate", "size"), [one for one in lines() if one[1] * one[2] * 0.016 > 2 * PACKET])
 def test_an_adapter_that_gathers_62_bytes_or_waits_16_ms(baud: int, rate: int, size: int, ppm: float) -> None:
-    """The comb is gone: consecutive samples are spaced evenly, though they arrive in bursts."""
+    """Consecutive samples are evenly spaced although they arrive in bursts."""
     way = Way(baud, timer_ms=16, loss=0.05)
     given = stream(ModelDevice(((rate, size),), ppm), way, 25, seed=rate)
     held(given, way)
@@ -86,7 +86,7 @@ def test_an_adapter_that_gathers_62_bytes_or_waits_16_ms(baud: int, rate: int, s
 
 
 def any_stream(seed: int) -> tuple[ModelDevice, Way]:
-    """Some device and way: of those with an adapter, whose packets fill quicker than its timer runs."""
+    """A random device and path; with an adapter, its packets fill faster than its timer expires."""
     random = np.random.default_rng(seed)
     while True:
         baud = int(random.choice([115_200, 230_400, 460_800, 921_600, 2_000_000]))
@@ -105,7 +105,7 @@ def any_stream(seed: int) -> tuple[ModelDevice, Way]:
 @pytest.mark.parametrize("is_known", [False, True], ids=["timer not known", "timer known"])
 @pytest.mark.parametrize("seed", [*range(8), 101, 126, 186, 191, 217])
 def test_any_line_and_adapter(seed: int, is_known: bool) -> None:
-    """The last five were the worst of 600, before chunk_boundaries.py told what last bytes do not."""
+    """The last five cases were the worst of 600 before chunk_boundaries.py provided arrival times within chunks."""
     device, way = any_stream(seed)
     given = stream(device, way, 30, seed=seed)
     clock = clock_of(given, way)
@@ -176,7 +176,7 @@ def test_a_host_that_stopped_reading_moves_no_time_and_is_detected(timer_ms: flo
 
 
 def test_network_jitter_is_measured_against_the_fastest_packet() -> None:
-    """A constant 0.3 ms one way cannot be seen from one end: the session adds what nobody can know."""
+    """A constant 0.3 ms in one direction cannot be measured from one end; the session adds it to the uncertainty."""
     way = Way(0, network_ms=3, wake_us=40)
     given = stream(ModelDevice(((400, 60),), ppm=-50), way, 25, seed=1)
     told = mapped(given, ClockSync(unknown_ns=MS))

@@ -83,7 +83,7 @@ def test_a_row_without_a_vector_is_found(name: str, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("vector", FOREIGN, ids=lambda vector: f"{vector['protocol']}-{vector['name']}")
 def test_foreign_messages_are_recognised_by_name(vector: dict[str, Any]) -> None:
-    """Names as two public libraries have them; a number that has no title here is still found and told by number."""
+    """Names from two public libraries; a number without a title is still found and reported by number."""
     decoder = IsbDecoder()
     decoder.feed(bytes.fromhex(vector["hex"]), 0)
     (text,) = decoder.drain(stalled=True)  # its last byte may begin one of our own
@@ -122,7 +122,7 @@ COPIED = {  # shared vector → where a test reads it; the commands are those of
 
 
 def test_no_shared_vector_is_left_out() -> None:
-    """What lies beside the project is in the project, byte for byte, and a test names each copy."""
+    """Each shared vector has an identical copy in the project, and a test names each copy."""
     for copy in COPIED.values():
         assert (GOLDEN / copy).is_file()
     if not SHARED.is_dir():

@@ -58,8 +58,8 @@ def test_unneeded_chunks_are_dropped() -> None:
 
 @pytest.mark.parametrize(("baud", "rate", "size"), [(921_600, 50, 220), (460_800, 40, 100), (115_200, 20, 150)])
 def test_a_tail_that_always_waits_for_the_timer_adds_no_offset(baud: int, rate: int, size: int) -> None:
-    """The last bytes of every frame are kept back for the same 16 ms, of which nothing is known: its first packet,
-    full at once, tells the truth.
+    """The last bytes of every frame are delayed by the same 16 ms, which is unknown; the first packet, full at once,
+    gives the true time.
     """
     assert 1000 / rate > 16
     assert size % PACKET

@@ -50,7 +50,7 @@ def stream(rate: float, seconds: float, *, burst_ms: float = 16, ppm: float = 0,
 
 @dataclass(frozen=True)
 class MappedStream:
-    """What came out: host time of each row as it was first told, and the uncertainty told with it; both ns."""
+    """Result: host time of each row as first published, with its uncertainty; both in ns."""
 
     host: NDArray[np.float64]
     uncertainty: NDArray[np.float64]
@@ -105,7 +105,9 @@ def test_a_stream_that_beats_with_the_bursts_is_mapped_to_half_a_millisecond(rat
 @pytest.mark.parametrize("rate", [100, 125, 250])
 @pytest.mark.parametrize("seed", range(5))
 def test_the_uncertainty_covers_a_locked_grid(rate: int, seed: int) -> None:
-    """125 Hz against 16 ms: every frame may be late by the same 8 ms. That cannot be known, and must be told as ±."""
+    """125 Hz with a 16 ms timer: every frame may be late by the same 8 ms, which cannot be measured
+    and must be in ±.
+    """
     given_ = stream(rate, 20, seed=seed)
     mapped = run(given_)
     assert (np.abs(errors(given_, mapped))[rate:] <= mapped.uncertainty[rate:] + 0.1 * MS).all()
@@ -224,7 +226,7 @@ def test_a_lone_wrong_time_changes_nothing(by_s: float) -> None:
 
 
 def test_a_stall_of_the_link_moves_nothing() -> None:
-    """The host sleeps for 2 s; what the device sent meanwhile arrives at once."""
+    """The host sleeps for 2 s; all data sent during that time arrive at once."""
     given_ = stream(100.7, 40, seed=8)
     arrival = given_.arrival.copy()
     stall = slice(2000, 2200)
@@ -266,7 +268,7 @@ delays = st.lists(st.tuples(st.integers(1, 30), st.integers(0, 40_000)), min_siz
 
 @given(delays, st.integers(1, 12))
 def test_published_host_time_never_decreases(rows: list[tuple[int, int]], chunk: int) -> None:
-    """Whatever the delays below 40 ms: strictly increasing with device time, and what was told once stays."""
+    """For any delays below 40 ms: strictly increasing with device time, and published times stay unchanged."""
     device = np.cumsum([step for step, _ in rows]).astype(np.int64) * 10**6
     arrival = EPOCH_NS + np.maximum.accumulate(device + np.array([delay for _, delay in rows]) * 1000)
     clock = ClockSync()

@@ -44,7 +44,7 @@ FLOODS = {
 
 @pytest.fixture(autouse=True)
 def _without_collection() -> Iterator[None]:
-    """Collecting garbage looks at all that there is: with many events that is another square, of the test's own."""
+    """Garbage collection visits all objects, which would add quadratic time of the test itself."""
     gc.disable()
     yield
     gc.enable()
@@ -55,7 +55,7 @@ def flood(piece: bytes, size: int) -> bytes:
 
 
 def growth(work: Callable[[bytes], object], piece: bytes, size: int) -> float:
-    """How many times as long four times as many bytes take; the best of two, as others use this machine, too."""
+    """Ratio of times for four times as many bytes; the best of two runs, as the machine is shared."""
 
     def cpu_s(data: bytes) -> float:
         began = time.process_time()

@@ -28,7 +28,7 @@ S = 1_000_000_000
 
 
 def acc(sequence: int, mode: int = LITE, device: int = 7, timestamp: int = 0, key: bytes = KEY) -> bytes:
-    """A frame with an acceleration that tells its sequence number."""
+    """A frame whose acceleration encodes its sequence number."""
     payload = struct.pack("<3f", float(sequence & 0xFFFF), 0.0, 9.8)
     return build(0, payload, sequence=sequence, mode=mode, device=device, timestamp=timestamp, key=key)
 
@@ -47,7 +47,7 @@ def reasons(events: Sequence[Event]) -> list[str]:
 
 
 def decode(frames: Sequence[bytes | tuple[float, bytes]], **options: Any) -> list[Event]:
-    """Each frame as a chunk of its own; (arrival s, frame), or one after the other at 1 ms."""
+    """Each frame as a separate chunk; (arrival s, frame), or one per ms."""
     timed = (one if isinstance(one, tuple) else (i / 1000, one) for i, one in enumerate(frames))
     return decode_chunks(IdtpDecoder(**options), ((int(at * S), data) for at, data in timed))
 
@@ -66,7 +66,9 @@ def test_stale_frames_are_dropped_whole() -> None:
 
 
 def test_refused_frames_are_searched() -> None:
-    """What fails before the sequence check hides nothing: the search goes on right after its preamble."""
+    """A candidate that fails before the sequence check hides no frame: the search continues right
+    after its preamble.
+    """
     inner = acc(50, device=9)
     outer = bytearray(build(0x91, inner, sequence=6, mode=SAFETY))
     outer[-1] ^= 1
@@ -112,7 +114,7 @@ def test_secure_is_rearmed_by_the_user_only() -> None:
 
 
 def test_silence_does_not_weaken_a_secure_device() -> None:
-    """A forger who waits cannot set the sequence of a device that speaks Secure with a Lite frame."""
+    """A forged Lite frame cannot set the sequence number of a Secure device."""
     events = decode([(0.0, acc(1000, SECURE)), (9.0, acc(3, LITE))], key=KEY, min_mode=LITE)
     assert reasons(events) == ["stale"]
 
@@ -193,7 +195,7 @@ def test_with_a_key_a_forged_frame_is_never_shown() -> None:
 
 
 def test_forged_frames_among_good_ones() -> None:
-    """However forged and good frames alternate, and whatever lies in the forged ones: as the oracle has it."""
+    """For any mix of forged and good frames, and any contents, the result is that of the oracle."""
     random = np.random.default_rng(5)
     stream = b""
     for i in range(400):
@@ -309,7 +311,7 @@ def test_datagrams_are_searched_separately() -> None:
 
 
 def test_datagrams_of_several_devices_make_as_few_batches_as_a_stream() -> None:
-    """Each datagram made batches of its own, and a server on a slow machine fell behind 350 of them a second."""
+    """Regression: each datagram produced separate batches, and a slow server fell behind at 350 datagrams/s."""
     decoder = IdtpDecoder(datagrams=True)
     for number in range(40):
         decoder.feed(acc(number, device=7) + acc(number, device=8), number)
@@ -336,7 +338,7 @@ def test_datagrams_give_the_same_together_and_separately(datagrams: list[bytes])
 
 
 def _rows(events: Sequence[Event]) -> list[object]:
-    """What every frame and every trouble tells, in the order of the stream."""
+    """All frame and error events in the order of the stream."""
     found: list[tuple[int, object]] = []
     for event in events:
         if isinstance(event, Batch):

@@ -61,7 +61,7 @@ def test_reference_frames(vector: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("vector", VECTORS, ids=name_of)
 def test_columns(vector: dict[str, Any]) -> None:
-    """Columns hold the readings as sent, but for a quaternion that is none."""
+    """Columns hold the readings as sent, except for invalid quaternions."""
     said = vector["fields"]
     if "values_f32_bits" not in said:
         return
@@ -82,7 +82,7 @@ def test_columns(vector: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("vector", NEGATIVE, ids=name_of)
 def test_negative(vector: dict[str, Any]) -> None:
-    """What must be refused is, for the reason given; what must be accepted although odd is, and says what is odd."""
+    """Invalid frames are refused for the given reason; unusual but valid ones are accepted and marked."""
     data, key = bytes.fromhex(vector["input_hex"]), key_of(vector)
     stream = data
     if vector["last_sequence"] is not None:
@@ -105,7 +105,7 @@ def test_negative(vector: dict[str, Any]) -> None:
 
 
 def test_incomplete_waits() -> None:
-    """Live, a frame that is not complete is neither accepted nor refused."""
+    """In a live stream, an incomplete frame is neither accepted nor refused."""
     for vector in NEGATIVE:
         if vector["expect"] == "incomplete":
             decoder = IdtpDecoder(key=key_of(vector), min_mode=0)

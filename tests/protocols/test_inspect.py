@@ -76,7 +76,7 @@ def test_table(file: Path) -> None:
 
 
 def test_every_vector_comes_back(tmp_path: Path) -> None:
-    """frame_of of each line is the frame, byte for byte; nothing else of the file is needed."""
+    """frame_of of each line returns the frame byte for byte, without any other part of the file."""
     frames = list(everything())
     path = tmp_path / "all.bin"
     path.write_bytes(b"".join(frames))

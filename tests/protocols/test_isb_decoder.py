@@ -87,8 +87,8 @@ def test_position_gives_the_exact_shift() -> None:
 
 @pytest.mark.parametrize("lost", [(), (2,), (4,)])
 def test_rows_before_the_first_fix_are_shifted_exactly(lost: tuple[int, ...]) -> None:
-    """A set that is alone on its line tells its first date one period after its last up-time, not with it; also where
-    packets were lost before.
+    """A data set that is alone on its line gets its first date one period after its last up-time, also after lost
+    packets.
     """
     ups = [place / 100 for place in range(500, 506)]
     dated = [18 + 0.01 * place for place in range(6)]
@@ -99,14 +99,14 @@ def test_rows_before_the_first_fix_are_shifted_exactly(lost: tuple[int, ...]) ->
 
 
 def test_up_time_after_the_first_fix_is_exact_before_a_position_arrives() -> None:
-    """DID_IMU behind DID_INS_1 in each turn: the newest up-time when the fix shows is that of the turn before."""
+    """DID_IMU after DID_INS_1 in each cycle: when the fix appears, the newest up-time is that of the cycle before."""
     turns = [part for up in (4.98, 4.99, 5.0) for part in (ins(0, up), imu(up + 0.0001))]
     events = decode(*turns, ins(WEEK, 18.0), imu(5.0101), ins(WEEK, 18.01), imu(5.0201))
     assert times(events, "DID_IMU")[-2:] == pytest.approx([MIDNIGHT + 0.0001, MIDNIGHT + 0.0101], abs=1e-6)
 
 
 def test_a_position_with_the_first_fix_shifts_earlier_rows_exactly() -> None:
-    """What a receiver solves is old when it is sent; its offset says by how much the clocks differ."""
+    """A GNSS solution is old when it is sent; its offset gives the difference of the clocks."""
     parts = [imu(100.0), imu(100.01), position(WEEK, 299_930, 300.0 - 100.01), imu(100.02)]
     (step,) = (event for event in decode(*parts) if isinstance(event, ClockStep))
     assert step.by_ns == pytest.approx((MIDNIGHT - 18 + 300 - 100.01) * S, abs=1000)
@@ -145,7 +145,7 @@ def test_a_restart_in_the_first_seconds_is_detected(split: bool) -> None:
 
 
 def test_a_restart_soon_after_an_early_fix_is_detected_and_nothing_is_in_1980() -> None:
-    """Up-time was shifted by what had held before the restart, and lay seconds before what had just been shown."""
+    """Regression: up-time was shifted by the value before the restart, seconds before the last shown sample."""
     parts = [imu(4.0), ins(WEEK, 18.0), imu(4.1), imu(0.2), ins(0, 0.25), imu(0.3), ins(WEEK, 25.0), imu(0.4)]
     events = decode(*parts)
     assert times(events, "DID_IMU") == pytest.approx([4.0, MIDNIGHT + 0.1, 0.2, 0.3, MIDNIGHT + 7.1])
@@ -228,7 +228,7 @@ def test_parts_merge_into_the_last_value(split: bool) -> None:
 
 
 def test_a_stream_of_parts_advances_its_time() -> None:
-    """Asked for a part alone, a device sends nothing else of the set: all rows had the time of a value of long ago."""
+    """Regression: if only a part of the set was requested, all rows had the time of an old value."""
     events = decode(ins(WEEK, 18.0), *(theta((i, 0, 0)) for i in range(5)))
     assert times(events, "DID_INS_1") == [MIDNIGHT, *[None] * 5]
 

@@ -108,7 +108,7 @@ def test_a_refused_set_is_in_the_result_and_a_refused_read_raises() -> None:
 
 
 class DeafIsbDevice(IsbSimulator):
-    """Hears nothing for a while."""
+    """A link that receives nothing for a while."""
 
     deaf_until_ns = 10**18
 

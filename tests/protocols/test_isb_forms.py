@@ -24,7 +24,7 @@ def of(form: str) -> Any:
 
 
 def events_of(data: bytes, *, firmware: str = "") -> list[Batch | Reply]:
-    """What a decoder makes of a packet, after the device told its firmware."""
+    """Decoded packet after the device has reported its firmware."""
     decoder = IsbDecoder()
     if firmware:
         numbers = (9, 0, 0) if firmware == "next" else tuple(int(word) for word in firmware.split("."))
@@ -74,7 +74,7 @@ def test_velocity_frames(row: dict[str, Any]) -> None:
 
 @of("firmware")
 def test_other_firmware(row: dict[str, Any]) -> None:
-    """What is known of an older or newer structure is given, and nothing that is not: no value of another field."""
+    """Known fields of an older or newer structure are decoded, and no field has the value of another."""
     data = packet(row)
     said = leaves(frame_to_json(data, row["version"])["fields"])
     data_set = SETS[row["did"]]

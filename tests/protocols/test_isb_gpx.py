@@ -37,7 +37,7 @@ def test_it_is_a_gpx() -> None:
 
 
 def test_streams_of_a_gpx_are_read_and_written_without_an_imx_rmc() -> None:
-    """The form asked for DID_RMC only, which a GPX refuses."""
+    """Regression: the form requested DID_RMC only, which a GPX refuses."""
     there = wire()
     with pytest.raises(DeviceRejectedError):
         play(DRIVER.run("GET_DID_RMC", {}, KNOWN), there)

@@ -114,8 +114,8 @@ def test_every_record_of_a_raw_log() -> None:
 
 
 def test_the_index_points_at_packets() -> None:
-    """Each entry (ms, offset, messages so far) is where a packet begins, up to the first block of 128 KiB that was
-    written out: from there on the vendor's logger counts offsets from elsewhere, and only times and messages go on.
+    """Each entry (ms, offset, message count) is the start of a packet, up to the first written block of 128 KiB; after
+    it the vendor's logger counts offsets from another origin, and only times and counts remain valid.
     """
     data, index = read("log.raw"), read("log.idx")
     starts = {packet.offset for packet in oracle.scan(data, final=True).packets}

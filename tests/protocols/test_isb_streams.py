@@ -18,7 +18,7 @@ from tests.transaction_player import PlayedWire, play
 
 
 def test_reading_settings_ends_no_stream() -> None:
-    """GET_DATA with period 0 ends a stream, whatever its size: neither a snapshot nor a single question must."""
+    """GET_DATA with period 0 ends a stream regardless of its size; neither a snapshot nor a single query may do so."""
     there = wire()
     for did in (4, 58, 15):
         values = play(DRIVER.within(DRIVER.run(f"GET_{SETS[did].name}", {}, KNOWN), KNOWN), there)
@@ -41,7 +41,7 @@ def test_reading_all_settings_does_not_end_a_stream_that_has_no_bit() -> None:
 
 
 def test_a_stream_that_was_requested_nevertheless_is_restarted() -> None:
-    """One that has its bit and sends nothing, as RTK without corrections: its answer costs it its stream."""
+    """A stream with its bit set that sends nothing, such as RTK without corrections; reading it ends the stream."""
     there = wire()
     device = there.device
     assert isinstance(device, IsbSimulator)
@@ -83,7 +83,7 @@ def test_streams_are_begun_changed_and_ended() -> None:
 
 
 def asked_for(there: PlayedWire) -> list[int]:
-    """The data sets that were asked to stream."""
+    """Data sets that were requested to stream."""
     packets = [send.frame for send in there.sent if send.frame[2] & frames.TYPE_MASK == frames.GET_DATA]
     return [int.from_bytes(one[6:8], "little") for one in packets if one[12:14] != b"\0\0"]
 

@@ -150,7 +150,7 @@ def test_commands_are_the_vendors() -> None:
 
 
 def said_by(vector: dict[str, Any]) -> dict[str, Any]:
-    """The fields that a command's vector says it has, by the vendor's names."""
+    """Fields of a command's vector, by the vendor's names."""
     arguments = vector["args"]
     about = ("did", "did_name", "flags")
     match vector["what"].split("_")[0]:
@@ -193,7 +193,7 @@ def test_the_document_preset() -> None:
 
 
 def test_limits() -> None:
-    """Errata 8: beyond these a candidate is no packet, even when its checksum agrees."""
+    """Errata 8: a candidate beyond these limits is not a packet, even with a valid checksum."""
     cases = {
         build(frames.DATA, 4, bytes(1024)): "",
         build(frames.DATA, 4, bytes(1025)): "bad_size",

@@ -72,7 +72,9 @@ def test_wrong_arguments_and_errors_are_reported(checked: bool) -> None:
 
 
 def test_a_changed_callee_gives_another_cache_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Numba's cache looks at the file of a function alone; what else it follows from is in the name."""
+    """Numba's cache checks only the file of a function; its name contains a fingerprint of everything else it depends
+    on.
+    """
     before = as_kernel(total).fingerprint()
     assert as_kernel(total).fingerprint() == before
     monkeypatch.setitem(globals(), "FACTOR", 4)
@@ -83,7 +85,7 @@ def test_a_changed_callee_gives_another_cache_key(monkeypatch: pytest.MonkeyPatc
 
 
 def test_an_unwritable_cache_folder() -> None:
-    """Where nothing can be written it compiles for this run only."""
+    """If the cache is not writable, functions are compiled for this run only."""
     script = (
         "import numba.core.caching as c\n"
         "c.CacheImpl._locator_classes = []\n"

@@ -48,7 +48,7 @@ def test_a_short_stretch_in_the_middle_is_seen(own: str, other: str, size: int) 
 
 @pytest.mark.parametrize("own", PROTOCOLS)
 def test_bytes_inside_a_frame_belong_to_it(own: str) -> None:
-    """An Xbus frame inside an Inertial Sense packet, as a payload may happen to be, is no message of an MTi."""
+    """An Xbus frame inside the payload of an Inertial Sense packet is not a message of an MTi."""
     assert examine(own, spoken(own, 30), 1 << 16).others == []
     xbus, isb = PROTOCOLS["xbus"].sample, PROTOCOLS["isb"].sample
     from protocols.idtp.frames import build as idtp

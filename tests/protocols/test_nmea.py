@@ -74,7 +74,7 @@ def test_a_lone_dollar_is_given_up_after_the_length_of_a_sentence() -> None:
 
 
 def pieces(data: bytes, cuts: list[int]) -> list[ParsedMessage]:
-    """What `find_nmea` gives when the data come in chunks and it keeps what it asks for; offsets in the whole."""
+    """Results of `find_nmea` for data in chunks, keeping the requested bytes; offsets in the whole stream."""
     found, start, end = [], 0, 0
     for size in [*cuts, len(data)]:
         end = min(end + size, len(data))

@@ -18,7 +18,7 @@ def text(name: str, offset: int = 0, **fields: object) -> Text:
 
 @pytest.mark.parametrize("row", sentences.ROWS, ids=lambda row: row.name)
 def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
-    """They were field_01, field_02 … as text: nothing to plot, and no unit."""
+    """Regression: fields were named field_01, field_02 … and were text, without plots and units."""
     numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype != "ascii"}
     (batch,) = NmeaQuantities().batches([text(row.name, **numbers)])
     shown = {field.unit for field in batch.message.fields if field.unit}
@@ -78,7 +78,9 @@ def test_a_known_sentence_has_its_message_and_unknown_fields_have_none() -> None
     ],
 )
 def test_a_sign_that_is_a_letter_is_not_lost(line: str, expected: dict[str, float]) -> None:
-    """Pitch and roll of $PHTRO, deviation and variation came out positive whatever the letter said."""
+    """Regression: pitch and roll of $PHTRO, deviation and variation were positive regardless of the
+    direction letter.
+    """
     raw = f"${line}*{checksum(line.encode()):02X}\r\n".encode()
     (found,), _ = find_nmea(raw, final=True)
     (batch,) = NmeaQuantities().batches([Text("nmea", found.name, found.line, 0, len(raw), 0, found.fields)])

@@ -227,8 +227,8 @@ def test_many_chunks_at_once(speaker: ProtocolCase, data: st.DataObject) -> None
 
 @speakers
 def test_a_frame_at_a_time(speaker: ProtocolCase) -> None:
-    """A live stream has one frame in a drain, which is decoded with plain numbers; twice, so that each layout has been
-    seen when it comes again, with all that is lost and out of step between.
+    """A live stream has one frame per drain, which is decoded with plain numbers; twice, so that each layout is known
+    the second time, with losses and disorder in between.
     """
     frames = [*speaker.everything()] * 2
     assert canonical(run(speaker, frames)) == canonical(run(speaker, [b"".join(frames)]))
@@ -252,9 +252,7 @@ def test_arbitrary_bytes(speaker: ProtocolCase, noise: bytes, places: list[int])
 @speakers
 @given(data=st.data())
 def test_good_frame_survives(speaker: ProtocolCase, data: st.DataObject) -> None:
-    """A frame after any damage is found, unless the damage itself holds a frame that reaches into it, or one that makes
-    this one old.
-    """
+    """A frame after any damage is found, unless the damage contains a frame that overlaps it or makes it stale."""
     before = data.draw(st.one_of(st.binary(max_size=60), streams(speaker)))
     frame = data.draw(FRAMES[speaker.name])
     frames, rejects = speaker.expected(before + frame)
@@ -272,7 +270,7 @@ def test_good_frame_survives(speaker: ProtocolCase, data: st.DataObject) -> None
 
 
 def spans(events: Sequence[Event]) -> list[tuple[int, int]]:
-    """Where replies and batch rows lie; a row's end is the next event's business, so a generous one is used."""
+    """Positions of replies and batch rows, with a generous end for rows."""
     out = [(e.offset, e.offset + e.size) for e in events if isinstance(e, Reply)]
     for event in events:
         if isinstance(event, Batch):

@@ -29,7 +29,9 @@ def vectors() -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("vector", [v for v in vectors() if v.get("message_hex")], ids=lambda v: str(v["what"])[:60])
 def test_no_message_of_the_vectors_is_left_without_an_answer(vector: dict[str, Any]) -> None:
-    """Requests are acknowledged by the next number, or refused with a code; what only a device says is refused."""
+    """Requests are acknowledged with the next message number or refused with a code; messages of a
+    device are refused.
+    """
     data = bytes.fromhex(vector["message_hex"])
     mid, bid = data[2], data[1]
     device = in_config("MTi-680G")
@@ -265,7 +267,7 @@ def test_option_flags_are_set_and_cleared() -> None:
 
 
 def test_a_no_rotation_update_shows_in_the_status_word() -> None:
-    """Begun at a stop it runs until the vehicle turns, and then says so until the next one."""
+    """Started at rest, the update runs until the vehicle turns, and then reports the rotation until the next one."""
     device = XbusSimulator(measuring=True)
     device.advance(35 * S)
     data = device.receive(frames.build(0x22, b"\x00\x0a"), 35 * S) + run(device, 20, begin=35)
@@ -344,7 +346,7 @@ def test_an_identifier_begins_as_the_vendors_do_for_the_product(product: str, be
 
 @pytest.mark.parametrize("rates", [(80, 100), (400, 100), (50, 40)])
 def test_the_packet_counter_counts_messages_where_rates_do_not_divide(rates: tuple[int, int]) -> None:
-    """It counted ticks at which nothing was due, which looked like thousands of lost messages."""
+    """Regression: ticks without output were counted, which appeared as thousands of lost messages."""
     device = in_config("MTi-630")
     first, second = rates
     pairs = [(0x1020, 0xFFFF), (0x1060, 0xFFFF), (0x2010, first), (0x4020, second)]

@@ -22,7 +22,7 @@ WORDS = {name for name in LINES if name != EM1000}
 
 
 def word(*names: str) -> int:
-    """The word that asks for some strings."""
+    """Flag word that selects these strings."""
     return sum(1 << bits.low for bits in STRING_TYPES if bits.name in names)
 
 
@@ -30,7 +30,7 @@ ALL_TYPES = word(*WORDS)
 
 
 def told(device: XbusSimulator, types: int, hertz: int = 10) -> bytes:
-    """What a device sends in ten seconds after it was told to send strings."""
+    """Output of a device in ten seconds after strings were selected."""
     six = device.product.series == 600
     payload = struct.pack(">IH", types, hertz) if six else struct.pack(">H", types)
     assert ask(device, 0x8E, payload) == (0x8F, b"")
@@ -62,7 +62,7 @@ HEADINGS = {"HEHDT": "headingT", "TSS2": "heading", "PRDID": "headingT", "HCHDM"
 
 
 def test_strings_follow_the_trajectory() -> None:
-    """Heading, pitch and roll within the errors of the filter, in all the strings that tell them."""
+    """Heading, pitch and roll are within the filter's errors in all strings that contain them."""
     data = told(in_config("MTi-680G"), word(*HEADINGS))
     found = [event for event in decode(data) if isinstance(event, Text)]
     times = np.arange(101) / 10 + 2

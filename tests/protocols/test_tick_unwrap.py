@@ -38,7 +38,7 @@ def test_any_chunks(first: int, moves: list[int], cuts: list[int]) -> None:
     st.sampled_from([(), (DAY,)]),
 )
 def test_row_by_row(first: int, moves: list[tuple[int, int]], timed: bool, auto: tuple[int, ...]) -> None:
-    """`tick` says of each row what `ticks` says of all, whatever was asked of which in between."""
+    """`tick` gives for each row what `ticks` gives for all, regardless of earlier calls."""
     raw = (first + np.cumsum([0, *(move for move, _ in moves)])) % FULL
     arrival = 100_000 * np.cumsum([7, *(passed for _, passed in moves)]) if timed else None
     whole, apart = (TickUnwrapper(FULL, auto=auto, tick_ns=100_000) for _ in range(2))

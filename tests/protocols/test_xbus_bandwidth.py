@@ -81,7 +81,7 @@ CONFIGURED = {  # what the captured devices were set to, by the rates of their i
 
 
 def contents(pairs: list[Pair]) -> list[tuple[Pair, ...]]:
-    """What the messages of a configuration hold."""
+    """Contents of the messages of a configuration."""
     return [due for stream in streams(pairs) for due, _ in messages_of(stream)]
 
 
@@ -110,7 +110,7 @@ def capture(captures: Path, name: str) -> bytes:
 
 
 def test_a_capture_of_49_s_to_the_byte(captures: Path) -> None:
-    """4 746 samples at 100 Hz and 190 solutions at 4 Hz: what the load says of as many seconds of each."""
+    """4 746 samples at 100 Hz and 190 solutions at 4 Hz, compared with the computed load of the same time."""
     found = messages(capture(captures, "mti_100hz_49s"))
     kinds = Counter(0x7010 in dict(items) for _, items in found)
     assert kinds == {False: 4746, True: 190}
@@ -125,7 +125,7 @@ def test_a_capture_of_49_s_to_the_byte(captures: Path) -> None:
 
 
 def measured(product: str, pairs: list[Pair], seconds: int) -> tuple[list[Pair], int]:
-    """What a simulator makes of a configuration, and the bytes that it sends in some seconds of it."""
+    """Configuration granted by a simulator, and the bytes that it sends in some seconds."""
     device = XbusSimulator(product, measuring=True)
     device.advance(S // 10)
     device.receive(frames.build(0x30), S // 10)
@@ -164,7 +164,7 @@ def configurations(draw: st.DrawFn) -> tuple[str, list[Pair]]:
 
 @given(configurations())
 def test_the_computed_load_is_the_sent_load_for_any_configuration(case: tuple[str, list[Pair]]) -> None:
-    """A second of the simulator, against the load of the wish, and against that of the rates that it then reports."""
+    """A second of the simulator, compared with the load of the requested rates and of the reported rates."""
     product, pairs = case
     used, length = measured(product, pairs or [(0, 0)], 1)
     assert length == load_of(pairs, product) == load_of(used, product)
@@ -207,7 +207,7 @@ def test_a_configuration_that_fits_is_unchanged() -> None:
 
 
 def test_the_fastest_are_lowered_first() -> None:
-    """Everything at 400 Hz on 115 200 Bd: what is fast comes down to a common rate, what is slow stays."""
+    """Everything at 400 Hz on 115 200 Bd: fast outputs are reduced to a common rate, slow ones stay."""
     pairs = [(0x1020, ALWAYS), (0x2010, 400), (0x4020, 400), (0x8020, 400), (0xC020, 100), (0x3010, 50)]
     fitted = DRIVER.fit_rates(wished(pairs), 11_520, DeviceContext(product="MTi-630"))["OutputConfiguration"]["outputs"]
     assert [entry["output_frequency"] for entry in fitted] == [ALWAYS, 100, 100, 100, 100, 50]

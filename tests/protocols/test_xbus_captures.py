@@ -59,7 +59,7 @@ def compare(got: Any, expected: Any) -> None:
 
 
 def test_time_and_loss(capture: tuple[list[Event], list[dict[str, Any]]]) -> None:
-    """Device time is SampleTimeFine, in ns, also of the GNSS messages that carry an older one; nothing is lost."""
+    """Device time is SampleTimeFine in ns, also for GNSS messages with an older one; nothing is lost."""
     events, lines = capture
     for batch in events:
         if isinstance(batch, Batch):

@@ -134,7 +134,7 @@ def passed_on(args: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def renamed(**names: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
-    """Arguments under our names; those that are not named are left out."""
+    """Arguments by field name; unnamed ones are omitted."""
     return lambda args: {ours: args[theirs] for ours, theirs in names.items()}
 
 
@@ -176,7 +176,9 @@ def same_entry_often(vector: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("vector", TO_DEVICE, ids=lambda vector: vector["what"][:70])
 def test_a_command_of_the_vectors_by_name_and_arguments(vector: dict[str, Any]) -> None:
-    """Byte for byte. What the driver does not send (another bus, one output 32 times) is composed without it."""
+    """Compared byte for byte. Frames that the driver does not send (another bus, one output 32 times) are composed
+    without it.
+    """
     name = vector["what"].split()[0]
     values = ARGUMENTS.get(name, renamed())(vector["args"])
     expected = bytes.fromhex(vector["message_hex"])
@@ -199,7 +201,7 @@ def test_every_vector_composed_from_what_inspect_prints_is_the_frame_again() -> 
 
 
 def test_an_empty_list_is_sent_as_one_entry_that_means_none() -> None:
-    """An empty message would only ask."""
+    """An empty message would be a request."""
     assert DRIVER.frame("SetOutputConfiguration", {"outputs": []}, UNKNOWN).hex() == "faffc0040000" + "00003d"
     assert DRIVER.frame("SetSyncSettings", {"settings": []}, UNKNOWN)[4:-1] == bytes(12)
     assert DRIVER.frame("SetCanOutputConfig", {"outputs": []}, UNKNOWN)[4:-1] == bytes(8)

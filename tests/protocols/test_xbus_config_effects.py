@@ -41,7 +41,7 @@ def test_a_silent_device_is_found_alive() -> None:
 
 
 class Switched(Between):
-    """A device whose power a person switches off and on while 0xDE comes."""
+    """A device that is power-cycled while 0xDE is sent."""
 
     def __init__(self) -> None:
         super().__init__(baud=921_600)

@@ -237,7 +237,7 @@ def test_guess() -> None:
 
 
 def solution(counter: int, fine: int, fix: int) -> bytes:
-    """A GNSS solution with a counter and a clock, in a message of its own."""
+    """A GNSS solution with a counter and a clock in a separate message."""
     pvt = bytearray(94)
     pvt[20] = fix
     payload = struct.pack(">HBHHBI", 0x1020, 2, counter & 0xFFFF, 0x1060, 4, fine)
@@ -252,7 +252,9 @@ def satellites(counter: int, fine: int) -> bytes:
 @pytest.mark.parametrize("cut", ["whole", "frame by frame"])
 @pytest.mark.parametrize("arbitrary", [0, 0xFFFFFFFF, 123_456_789])
 def test_a_gnss_message_without_a_fix_has_no_device_time(arbitrary: int, cut: str) -> None:
-    """It is arbitrary (MT0101P 5.3.6): no step, no time, and the clock of the samples goes on."""
+    """The clock of such a message is arbitrary (MT0101P 5.3.6): no step, no time; the clock of the
+    samples continues.
+    """
     frames = []
     for i in range(100):
         frames.append(sample(2 * i, fine=50_000 + 100 * i))

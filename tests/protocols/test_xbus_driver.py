@@ -49,7 +49,7 @@ def test_a_device_is_identified_and_continues_measuring(product: str) -> None:
 
 @pytest.mark.parametrize("product", PRODUCTS)
 def test_every_stored_setting_of_a_product_is_read_written_and_restored(product: str) -> None:
-    """What is read may be written as it is, and then nothing has changed."""
+    """Values that were read can be written unchanged, without any effect."""
     line = wire(product)
     known = known_of(line)
     settings = DRIVER.settings(known)
@@ -138,7 +138,7 @@ def test_option_flags_are_set_and_cleared_to_the_wanted_word() -> None:
 
 @pytest.mark.parametrize("product", PRODUCTS)
 def test_every_command_of_every_product_is_answered(product: str) -> None:
-    """In the state that it says it needs; refused is only what depends on something that is not there."""
+    """Each command in its required state; only those that depend on missing data are refused."""
     for command in DRIVER.commands(DeviceContext(product=product)):
         line = wire(product)
         known = known_of(line)
@@ -181,7 +181,7 @@ def test_a_command_says_in_which_state_it_runs() -> None:
 
 
 def alignments(line: PlayedWire, known: DeviceContext) -> tuple[Values, Values]:
-    """What is stored: the rotation of the sensor, that of the local frame."""
+    """Stored alignments: sensor rotation and local frame rotation."""
 
     def body() -> Transaction[tuple[Values, Values]]:
         sensor = yield from DRIVER.read("AlignmentRotation.RotSensor", known)
@@ -204,7 +204,7 @@ def test_an_orientation_reset_that_is_not_stored_is_discarded_when_measuring_beg
 
 @pytest.mark.parametrize("stubborn", [False, True])
 def test_an_orientation_reset_is_stored_by_the_code_that_stores_it(stubborn: bool) -> None:
-    """Nothing comes between the two, not even the Reset of a device that is deaf to GoToConfig."""
+    """No message is sent between the two, not even the Reset of a device that ignores GoToConfig."""
     line = wire(seconds=5.0, measuring=True, moods=FaultInjection(ignores_goto_config=stubborn))
     known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 4}, known), known), line)
@@ -242,7 +242,7 @@ def test_a_measuring_command_sends_no_gotomeasurement_to_a_streaming_device() ->
 
 
 def test_a_failed_read_restores_measurement_and_reports_the_restart() -> None:
-    """All answers were lost; the device had heard GoToConfig, and stayed silent for ever."""
+    """Regression: all answers were lost; the device had received GoToConfig and stayed silent."""
 
     class Unheard(Between):
         def spoil(self, answer: bytes, now_ns: int) -> bytes:
@@ -260,7 +260,9 @@ def test_a_failed_read_restores_measurement_and_reports_the_restart() -> None:
 
 
 def test_a_sample_that_was_streamed_is_not_the_answer_to_a_request_that_is_refused() -> None:
-    """Without SendLatest the device refuses, behind the samples that were on their way: "Done." said the job."""
+    """Regression: without SendLatest the device refuses after samples that were already sent, but the job reported
+    "Done.".
+    """
     line = wire(moods=FaultInjection(late_ns=30_000_000))
     with pytest.raises(DeviceRejectedError, match="ReqData"):
         play(DRIVER.within(DRIVER.run("ReqData", {}, DeviceContext(product="MTi-630")), DeviceContext()), line)
@@ -376,7 +378,7 @@ def test_a_device_that_stops_answering_is_reported_and_left_measuring() -> None:
 
 
 def test_a_stopped_transaction_still_restores_measurement() -> None:
-    """The browser has gone, the job is stopped: what remains to be written is GoToMeasurement."""
+    """If the browser disconnects and the job is stopped, GoToMeasurement is still sent."""
     line = wire()
     known = DeviceContext(product="MTi-630")
 
@@ -424,7 +426,7 @@ def test_lost_or_unrelated_answers_are_requested_again() -> None:
 
 
 def test_late_answers_are_matched_to_their_requests() -> None:
-    """Each comes when the next try is on its way: what is read back is what was written."""
+    """Each answer arrives after the next attempt was sent; the value read back is the written one."""
     line = wire(moods=FaultInjection(late_ns=700_000_000))
     known = DeviceContext(product="MTi-630")
     for number in (7, 8):
@@ -445,7 +447,7 @@ def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> Non
 
 
 def waits(dialogue: Transaction[Any]) -> Iterator[WaitFor]:
-    """The expectations of a dialogue that nobody answers."""
+    """Waits of a transaction without answers."""
     try:
         act = next(dialogue)
         while True:

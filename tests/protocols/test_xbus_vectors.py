@@ -252,7 +252,9 @@ def test_rows_are_documented() -> None:
 
 
 def test_item_formats() -> None:
-    """Precision and coordinate system come from the identifier's low bits; the fourth coordinate system is none."""
+    """Precision and coordinate system are given by the identifier's low bits; the fourth coordinate
+    system is invalid.
+    """
     assert item(0x2016, 24).dtype == "fp1632"
     assert item(0x2016, 24).frame == "NED from body"
     assert item(0x201C, 16).name == "0x201C"

@@ -35,13 +35,13 @@ PACKET = 62  # bytes that an FTDI adapter hands over at once
 
 @dataclass(frozen=True)
 class ModelDevice:
-    """What samples and when.
+    """Sampling of the simulated device.
 
     Args:
         messages: (samples/s, bytes of the frame) of each.
-        ppm: how much faster its clock runs than the host's.
+        ppm: by which its clock runs faster than the host's.
         tick_ns: of its clock: 100 µs in an MTi, 1 µs in IDTP.
-        jitter_us: mean time from the stamp to the first byte.
+        jitter_us: mean time from the time stamp to the first byte.
         first_ns: its clock at the start.
     """
 
@@ -98,14 +98,14 @@ class ModelStream:
         return len(self.true)
 
     def pieces(self) -> ChunkBoundaries:
-        """What a session would know of them."""
+        """Their properties as known to a session."""
         pieces = ChunkBoundaries()
         pieces.add_many(self.ends, self.came)
         return pieces
 
 
 def stream(device: ModelDevice, way: Way, seconds: float, seed: int = 0) -> ModelStream:
-    """What a device sends in so many seconds."""
+    """Output of a device during a time."""
     random = np.random.default_rng(seed)
     true, size = [], []
     for rate, frame in device.messages:
@@ -130,13 +130,13 @@ def stream(device: ModelDevice, way: Way, seconds: float, seed: int = 0) -> Mode
 
 
 def _on_the_line(ready: Floats, takes: Floats) -> Floats:
-    """When the last byte of each frame has passed: one frame after the other."""
+    """Time of the last byte of each frame on the line; frames are sent one after the other."""
     before = np.concatenate([[0.0], np.cumsum(takes)[:-1]])
     return np.asarray(np.maximum.accumulate(ready - before) + before + takes)
 
 
 def _through_the_adapter(end: Floats, size: Times, way: Way, phase_ms: float) -> tuple[Floats, Times]:
-    """When each packet leaves, and how many bytes of the stream have left with it."""
+    """Time at which each packet leaves, and the number of bytes of the stream sent with it."""
     timer, byte = way.timer_ms * MS * (1 + way.timer_ppm * 1e-6), way.byte_ns
     packets, ends = [], []
     last = phase_ms * MS - timer  # when the timer was started
@@ -171,7 +171,7 @@ def _through_the_adapter(end: Floats, size: Times, way: Way, phase_ms: float) ->
 
 
 def _to_the_host(packets: Floats, way: Way, random: np.random.Generator) -> Floats:
-    """When the reading thread has them."""
+    """Time at which the reading thread has the bytes."""
     packets = packets + random.exponential(way.wake_us * US, len(packets))
     if way.network_ms:
         packets += 0.3 * MS + random.exponential(way.network_ms * MS, len(packets))

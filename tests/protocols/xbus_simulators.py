@@ -29,12 +29,12 @@ def known_of(line: PlayedWire) -> DeviceContext:
 
 
 def names(line: PlayedWire) -> list[str]:
-    """What was sent, by name."""
+    """Sent messages, by name."""
     return [DRIVER.name_of(send.frame) for send in line.sent]
 
 
 class DeafXbusDevice:
-    """Says nothing, ever."""
+    """A device that never answers."""
 
     baud = 115_200
 
@@ -46,7 +46,7 @@ class DeafXbusDevice:
 
 
 class Between:
-    """A simulator whose answers something happens to."""
+    """A simulator whose answers are modified."""
 
     def __init__(self, **options: Any) -> None:
         self.device = XbusSimulator(**options)

@@ -28,7 +28,7 @@ def messages(recording: McapReader) -> list[Message]:
 
 
 def theirs(path: Path) -> list[Message]:
-    """What the standard reader finds."""
+    """Messages according to the standard reader."""
     with path.open("rb") as file:
         reader = make_reader(file)
         found = reader.iter_messages(log_time_order=False)

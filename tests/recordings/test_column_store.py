@@ -111,7 +111,7 @@ def test_a_fault_of_one_sample_is_seen_at_every_zoom(tmp_path: Path) -> None:
 
 
 def test_wide_queries_read_little(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What makes a seek quick: however long the stretch, only summaries are touched."""
+    """Seeking reads summaries only, regardless of the length of the range."""
     columns = rows(200_000)
     store = made(tmp_path / "a", columns)
     read = 0

@@ -39,7 +39,7 @@ def lines_of(source: Source) -> list[dict[str, Any]]:
 
 @functools.cache
 def lines_of_log(suffix: str) -> list[dict[str, Any]]:
-    """Those of the vendor's log, which take seconds; nobody may change them."""
+    """Records of the vendor's log, which take seconds to read; tests must not modify them."""
     return lines_of(open_file(LOGS / f"{NAME}.{suffix}"))
 
 

@@ -274,7 +274,7 @@ def test_an_external_id_is_not_a_path(name: str, tmp_path: Path) -> None:
 
 
 def test_the_quota_deletes_the_bin_first_and_no_file_of_others(tmp_path: Path) -> None:
-    """A folder of captures that somebody keeps here is not full of recordings, and is never thinned out."""
+    """A folder with captures of the user does not count as recordings and is never thinned out."""
     library = Library(tmp_path)
 
     def record(name: str, age: int, pinned: bool = False) -> None:

@@ -21,7 +21,7 @@ def in_parts(values: Floats, size: int = 64) -> Iterator[Floats]:
 
 
 def test_a_yaw_that_turns_through_180_degrees_has_its_mean_there() -> None:
-    """5 s at 11.46 °/s through ±180° were told as 26.66° ± 163.48°."""
+    """Regression: 5 s at 11.46 °/s through ±180° were reported as 26.66° ± 163.48°."""
     values = turn(175.0, 28.65)
     told = statistics_of(lambda: in_parts(values), 360.0)
     assert told.mean == pytest.approx(175.0, abs=1e-3)
@@ -59,7 +59,7 @@ def test_linear_statistics_agree_with_numpy(tmp_path: Path) -> None:
 
 
 def test_the_length_of_vectors_is_that_of_each(tmp_path: Path) -> None:
-    """Bounds of components say nothing about a mean length."""
+    """Bounds of components do not bound the mean length."""
     x, y, z = np.random.default_rng(5).normal(size=(3, 1000))
     time = np.arange(1000.0)
     writer = ColumnStoreWriter(tmp_path / "store")

@@ -144,7 +144,7 @@ def test_quantities_of_an_export_have_their_axes_and_units_again(tmp_path: Path)
 
 
 def test_an_export_of_a_former_version_opens_as_before(tmp_path: Path) -> None:
-    """One message of a moment had all quantities nested, its times too."""
+    """Regression: one message per instant had all quantities nested, including its times."""
     path = tmp_path / "run.mcap"
     number = {"type": "number", "unit": "m/s²"}
     axes = {"type": "object", "properties": dict.fromkeys("xyz", number)}
@@ -167,7 +167,9 @@ def test_an_export_of_a_former_version_opens_as_before(tmp_path: Path) -> None:
 
 
 def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
-    """A table is one message a moment there; its rows were columns of their own, and those past the sixteenth gone."""
+    """Regression: in MCAP a table is one message per instant; its rows became columns, and those after the sixteenth
+    were lost.
+    """
     columns = store(tmp_path / "store")
     (made,) = export("mcap", ExportRequest(columns, channels=(4,)), tmp_path / "run.mcap")
     source = open_file(made)

@@ -186,7 +186,7 @@ class MipDriver:
         return []
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
-        """Settings act at once; they are saved, and nothing need restart."""
+        """Settings take effect at once and are saved; no restart is needed."""
         yield from _ask(frame_from_json({"message": f"Save{ROTATION_NAME}"}), f"Save{ROTATION_NAME}")
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
@@ -213,7 +213,7 @@ class MipDriver:
         return {ROTATION_NAME: {field.name: 0.0 for field in ROTATION}}
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
-        """A float32 has six digits: what was asked as 0.1 is read back as 0.10000000149."""
+        """A float32 has six digits: 0.1 is read back as 0.10000000149."""
         return [name for name in a if name in b and not math.isclose(a[name], b[name], abs_tol=TOLERANCE)]
 
 

@@ -30,7 +30,7 @@ def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
 
 
 class _AnyPacket(dict[str, tuple[Field, ...]]):
-    """Fields by the name of a packet, which is that of its fields, joined."""
+    """Fields by packet name, which joins the names of its fields."""
 
     def __init__(self, single: Mapping[str, tuple[Field, ...]], every: tuple[Field, ...]) -> None:
         super().__init__(single)

@@ -22,7 +22,9 @@ _NUMBERS = re.compile(r"0x([0-9A-Fa-f]{2})([0-9A-Fa-f]{2})\Z")
 
 
 def rows_of(packet: bytes) -> list[Row]:
-    """What each field of a packet is. One that has a name of another before it is bytes, so that nothing is lost."""
+    """Type of each field of a packet. A field with a name that occurs before it is decoded as bytes, so that no data
+    are lost.
+    """
     rows: list[Row] = []
     seen: set[str] = set()
     unknown: Counter[int] = Counter()
@@ -37,7 +39,7 @@ def rows_of(packet: bytes) -> list[Row]:
 
 
 def name_of(rows: Sequence[Row]) -> str:
-    """What a packet of these fields is called."""
+    """Name of a packet with these fields."""
     return "+".join(row.name for row in rows)
 
 

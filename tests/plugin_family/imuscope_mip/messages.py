@@ -163,7 +163,7 @@ def row_of(number: int, descriptor: int, size: int, function: int) -> Row:
 
 
 def row_of_bytes(number: int, descriptor: int, size: int, place: int = 1) -> Row:
-    """A field of which nothing is known, the `place`-th of its descriptor in a packet."""
+    """An unknown field, the `place`-th of its descriptor in a packet."""
     name = f"data_{descriptor:02x}" + (f"_{place}" if place > 1 else "")
     fields = (Field(name, "bytes", (size,)),) if size else ()
     return Row(number, descriptor, f"0x{number:02X}{descriptor:02X}", fields)

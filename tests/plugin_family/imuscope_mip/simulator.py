@@ -46,7 +46,7 @@ BLOCK_NS = 100_000_000
 
 @dataclass
 class Stored:
-    """What a device keeps without power."""
+    """Non-volatile state of a device."""
 
     rotation: tuple[float, ...] = NONE
 
