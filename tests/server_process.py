@@ -81,11 +81,11 @@ def begun(
 def imuscope(
     *words: str, given: bytes = b"", fresh: bool = False, by: ForkServer | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """`imuscope WORDS`, as a person runs it, to its end.
+    """Run `imuscope WORDS` to its end.
 
     Args:
-        fresh: in an interpreter of its own, also where tests share the work of starting one.
-        by: who starts it instead of the one that all tests share.
+        fresh: in a separate interpreter, also where tests share start-up work.
+        by: starts it instead of the fork server that all tests share.
     """
     by = by or nursery
     with tempfile.TemporaryFile() as asked, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
@@ -147,7 +147,7 @@ class ServerProcess:
 
     @property
     def trust(self) -> ssl.SSLContext | None:
-        """Who a client believes: the server's certificate and nobody else; None without TLS."""
+        """Trust of a client: only the server's certificate; None without TLS."""
         if not self.url.startswith("https"):
             return None
         return ssl.create_default_context(cafile=self._certificate)

@@ -18,7 +18,7 @@ def text_of(path: Path) -> str:
 
 @functools.cache
 def tree_of(path: Path) -> ast.Module:
-    """The parsed file; nobody may change it."""
+    """The parsed file, shared and read-only."""
     return ast.parse(text_of(path))
 
 

@@ -120,7 +120,7 @@ LONGEST = 500
 
 @functools.cache
 def imports(path: Path) -> Sequence[tuple[int, str]]:
-    """Line and full name of every module that a file imports, wherever in it."""
+    """Line and full name of every module imported anywhere in a file."""
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
     found: list[tuple[int, str]] = []
     for node in nodes_of(path):
@@ -251,7 +251,7 @@ def test_arrows_within_the_server_point_one_way() -> None:
 
 
 def test_tests_import_from_helper_modules_only() -> None:
-    """What two tests need is in a module of its own; browser tests, which share a page's sizes, are not looked at."""
+    """Shared helpers are in helper modules; browser tests, which share page sizes, are exempt."""
     wrong = [
         f"{path.relative_to(ROOT)}:{line} {module}"
         for path in python_files("tests")

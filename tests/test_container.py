@@ -40,7 +40,7 @@ print(detect(bytes.fromhex("fa ff 36 05 10 20 02 00 01 93" * 20))[0].protocol)
 
 
 def obey_permissions() -> None:
-    """In the child, before it becomes Python again: from now on even root cannot write where it says no."""
+    """Called in the child before exec: from here on file permissions apply to root too."""
     if os.geteuid() == 0:
         ctypes.CDLL(None, use_errno=True).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
 
@@ -78,7 +78,7 @@ def run(image: Path, arguments: list[str], cwd: Path, **extra: str) -> subproces
 
 
 def compile_ahead(image: Path, cwd: Path) -> None:
-    """What the Dockerfile does while it builds."""
+    """Build steps of the Dockerfile."""
     [command] = re.findall(r'^RUN .* -c "(.*warm.*)" && ls /app/(numba/\S+)$', (ROOT / "Dockerfile").read_text(), re.M)
     done = run(image, ["-c", command[0]], cwd)
     assert done.returncode == 0, done.stderr

@@ -102,6 +102,6 @@ def test_one_meaning_is_one_kind() -> None:
 
 
 def test_none_refers_users_to_a_route() -> None:
-    """A form once showed "POST …/preview tells them all."."""
+    """Regression: a form showed "POST …/preview tells them all."."""
     wrong = [said for said in everything() if re.search(r"\b(GET|POST|PUT|DELETE) […/]", f"{said.message} {said.hint}")]
     assert not wrong, listed(wrong)

@@ -49,7 +49,7 @@ def install(folder: Path, project: Path) -> None:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The package on the path of this process and of those that it starts, and one beside it that cannot be loaded."""
+    """The package on the path of this process and its children, and one beside it that cannot be loaded."""
     folder = tmp_path_factory.mktemp("site")
     install(folder, PACKAGE / "pyproject.toml")
     broken = folder / "broken.toml"
@@ -80,7 +80,7 @@ def server(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 @pytest.fixture(scope="module")
 def run(installed: Path) -> Run:
-    """What `imuscope WORDS` prints, by a process that has found the package when it started."""
+    """Output of `imuscope WORDS` in a new process that has found the package."""
     own = ForkServer() if fork_server.IS_THERE else None
 
     def run(*words: str, given: str = "") -> str:
@@ -99,7 +99,7 @@ def ask(server: ServerProcess, path: str, body: Any = None) -> Any:
 
 
 def eventually(look: Callable[[], Any]) -> Any:
-    """What `look` gives, once it is true."""
+    """Result of `look` once it is true."""
     ends = time.monotonic() + PATIENCE_S
     while not (found := look()):
         assert time.monotonic() < ends

@@ -32,7 +32,7 @@ child.wait()
 
 
 def ended(pid: int) -> bool:
-    """Gone, or only waiting to be collected by whoever has become its parent."""
+    """Whether a process has ended, possibly without being collected by its parent."""
     try:
         with open(f"/proc/{pid}/stat") as stat:
             return stat.read().rsplit(")", 1)[1].split()[0] == "Z"
@@ -41,7 +41,7 @@ def ended(pid: int) -> bool:
 
 
 def ends_with(starter: subprocess.Popen[str]) -> None:
-    """Kill what has started a server and printed its number: the server ends, too."""
+    """Kill a process that started a server and printed its id: the server ends too."""
     assert starter.stdout
     child = int(starter.stdout.readline())
     assert not ended(child)
@@ -61,7 +61,7 @@ def test_a_server_ends_with_a_benchmark_that_was_killed() -> None:
 
 @linux
 def test_a_benchmark_reports_a_port_in_use(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It measured a server that heard nothing, and ended in "negative count" or never."""
+    """Regression: a server without data was measured, which ended in "negative count" or never."""
 
     class TakenFeed(serial_device.Feed):
         def __enter__(self) -> serial_device.Feed:
@@ -80,7 +80,7 @@ def test_a_benchmark_reports_a_port_in_use(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_an_unread_feed_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It waited for ever for a server that was gone, and whoever had started it waited for it."""
+    """Regression: it waited forever for a server that had ended."""
     monkeypatch.setattr(serial_device, "STUCK_S", 0.05)
     master, slave = pty.openpty()
     tty.setraw(slave)

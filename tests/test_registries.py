@@ -114,7 +114,7 @@ def server(package: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 @pytest.fixture(scope="module")
 def run(package: None) -> Callable[..., str]:
-    """What `imuscope WORDS` prints, by a process that has found the package when it started."""
+    """Output of `imuscope WORDS` in a new process that has found the package."""
     own = ForkServer() if fork_server.IS_THERE else None
 
     def run(*words: str) -> str:

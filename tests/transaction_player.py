@@ -28,15 +28,15 @@ class Simulator(Protocol):
 
 
 class PlayedWire:
-    """A simulator at the other end of a perfect cable.
+    """A simulator at the other end of a faultless line.
 
     Args:
-        baud: of the host's end; None follows the device whatever it does.
-        step_ns: how finely time passes.
+        baud: of the host's end; None follows the device.
+        step_ns: time step.
 
     Attributes:
         sent: every Send that was written, in order.
-        notes: every sentence that it told, in order.
+        notes: every Note, in order.
         now_ns: the time.
     """
 
@@ -97,7 +97,9 @@ class PlayedWire:
         self._events.clear()
 
     def do(self, act: Act) -> Any:
-        """Do one act; what the dialogue is to be sent. A Send after a wait forgets what nobody waited for."""
+        """Perform one act; returns the value to send into the transaction. A Send after a wait discards unawaited
+        events.
+        """
         asked, self._asking = self._asking, isinstance(act, Send)
         if isinstance(act, Send):
             if not asked:

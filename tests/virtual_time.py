@@ -27,7 +27,7 @@ class _Selector(selectors.SelectSelector):
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """For tasks and timers of one thread; what comes from another thread does not interrupt a wait."""
+    """For tasks and timers of one thread; calls from another thread do not interrupt a wait."""
 
     def __init__(self) -> None:
         self._clock = _Selector()

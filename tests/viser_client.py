@@ -32,7 +32,7 @@ CAMERA: dict[str, Any] = {
 
 
 def subprotocol() -> str:
-    """What the page of the installed viser asks for."""
+    """Requests of the page of the installed viser."""
     return "viser-v" + version("viser")
 
 
@@ -46,7 +46,7 @@ async def looking(url: str, path: str = "/viser", **options: Any) -> AsyncIterat
 
 
 def messages(data: str | bytes) -> list[dict[str, Any]]:
-    """What is in one WebSocket message of viser's."""
+    """Contents of one WebSocket message of viser."""
     assert isinstance(data, bytes)
     size = int.from_bytes(data[8:16], "little")
     decoded = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]))

@@ -25,13 +25,13 @@ async def until(condition: Callable[[], object], what: str) -> None:
 
 
 def block_until(condition: Callable[[], Any], what: str) -> Any:
-    """Wait where there is no event loop.
+    """Wait without an event loop.
 
     Returns:
-        what the condition gave at last.
+        the last value of the condition.
 
     Raises:
-        AssertionError: it did not come true.
+        AssertionError: it did not become true.
     """
     end = time.monotonic() + PATIENCE_S
     while not (found := condition()):

@@ -33,7 +33,7 @@ TITLE, RATE, SECONDS, START = "Yard loop", 400, 8, 1_760_000_000_000_000_000
 
 
 def free_port() -> int:
-    """A UDP port that nobody uses."""
+    """An unused UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -71,9 +71,8 @@ class Sensors(threading.Thread):
 def yard_loop(
     path: Path, title: str = TITLE, *, rate: int = RATE, seconds: int = SECONDS, start: int = START, seed: int = 1
 ) -> None:
-    """What a server would have recorded on a machine that is never late: each chunk comes when it was sent.
-
-    Two devices, one of which loses frames, and a marker.
+    """A recording made by a server without delays: each chunk arrives when it was sent. Two devices, one of which loses
+    frames, and a marker.
     """
     devices = {
         "1": XbusSimulator(start_ns=0, rate=rate, drop=0.003, seed=seed, measuring=True, baud=921_600),

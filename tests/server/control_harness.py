@@ -92,11 +92,11 @@ async def over(task: QueuedJob) -> Job:
 
 @asynccontextmanager
 async def bench(port: int = 0, *, measuring: bool = False, **faults: int) -> AsyncIterator[SimulatorThread]:
-    """An MTi-630 at a pseudo-terminal that outlives the server's handle on it, connected to one of its host ports.
+    """An MTi-630 on a pseudo-terminal that outlives the server's handle on it, connected to one of its host ports.
 
     Args:
-        measuring: it streams at once; else it starts for half a second first, in which a search for its rate that
-            begins with the right one hears nothing there, and goes through all the others.
+        measuring: it streams at once; otherwise it starts for half a second first, during which a baud scan that
+        begins with the right rate receives nothing there and tries all others.
     """
     options = SimulatorOptions("xbus", faults=LineFaults(baud=115_200, **faults))
     made = SimulatorThread(

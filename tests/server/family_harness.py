@@ -36,7 +36,7 @@ class FamilyHarness:
         self._began = self.clock.ns
 
     async def run(self, device: Any, seconds: float) -> None:
-        """What a device sends in some seconds, in chunks of 20 ms."""
+        """Output of a device during some seconds, in chunks of 20 ms."""
         for step in range(round(seconds / 0.02)):
             self.clock.move(0.02)
             if data := device.advance(self.clock.ns - self._began):

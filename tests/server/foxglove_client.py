@@ -18,7 +18,7 @@ SUBPROTOCOL = "foxglove.sdk.v1"
 
 
 class FoxgloveTestClient:
-    """A viewer: what is advertised, and what comes of what it subscribed to."""
+    """A viewer: advertised channels, and messages of its subscriptions."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
@@ -53,7 +53,7 @@ class FoxgloveTestClient:
         await self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
     async def messages(self, wanted: int) -> list[tuple[str, float, bytes]]:
-        """So many of what comes: topic, unix s, payload."""
+        """Receive this many messages: topic, unix s, payload."""
         found: list[tuple[str, float, bytes]] = []
         async with asyncio.timeout(60):
             while len(found) < wanted:

@@ -10,7 +10,7 @@ SOURCE = "sim:xbus?bus_ids=1,2&rate=20&baud=115200"
 
 
 async def both(here: ControlHarness, source: str = SOURCE) -> list[DeviceController]:
-    """The desks of both devices of a line, the one that was heard first in front."""
+    """Controllers of both devices of a line, the first detected one first."""
     own = await here.add(source)
     further = lambda: [desk for desk in here.desks.on_link_of(own.device) if desk is not own]  # noqa: E731
     await until(further, "the other is heard")

@@ -43,11 +43,11 @@ class TcpDevice:
 
     @property
     def size(self) -> int:
-        """How many bytes that is."""
+        """Number of bytes sent."""
         return self._ends[-1] if self._ends else 0
 
     def sent_at(self, place: int) -> float:
-        """When the byte at that place was handed to the kernel, monotonic s."""
+        """Time at which the byte at this position was passed to the kernel, monotonic s."""
         return self._times[bisect.bisect_right(self._ends, place)]
 
     def _run(self) -> None:

@@ -29,7 +29,7 @@ class Datagrams(FakeLink):
 
 
 class AdviceText:
-    """Sends something that is no protocol."""
+    """A link that sends bytes of no protocol."""
 
     next_ns = 0
 

@@ -241,7 +241,7 @@ def test_openapi_names_the_token_that_is_asked_for(client: Client) -> None:
     "path", ["/healthz", "/metrics", "/api/devices", "/api/build", "/api/nothing", "/openapi.json"]
 )
 def test_head_answers_with_the_headers_of_get(path: str, client: Client) -> None:
-    """Probes ask with HEAD; they were told 404 of what is there."""
+    """Regression: HEAD requests of monitoring probes were answered with 404."""
     head, got = client.head(path), client.get(path)
     assert (head.status_code, head.content) == (got.status_code, b"")
     assert head.headers["content-type"] == got.headers["content-type"]

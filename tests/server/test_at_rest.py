@@ -27,7 +27,7 @@ async def told(here: ControlHarness, desk: DeviceController, command: str, value
 
 
 def test_a_manual_query_leaves_the_state_of_the_device_unchanged(tmp_path: Path) -> None:
-    """Each ended the config state that a person had asked for a moment before."""
+    """Regression: each of these ended the config state that the user had just requested."""
 
     async def check() -> None:
         async with bench() as there, house(tmp_path) as here:

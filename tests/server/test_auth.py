@@ -74,7 +74,7 @@ def test_matrix(where: str, token: str, way: str, method: str) -> None:
 
 
 def test_a_page_of_another_origin_may_link_here_and_embed_nothing() -> None:
-    """A picture whose address was /viser/ began viser, from any page."""
+    """Regression: an image with the address /viser/ started viser from any page."""
     taken = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors", "sec-fetch-dest": "image"}
     assert outcome(access(), headers=taken) == 403
     assert outcome(access(), headers={**taken, "sec-fetch-site": "same-site"}) == 403  # another port of this machine

@@ -59,8 +59,8 @@ def test_the_previous_formats_stay_small() -> None:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_recording_opens_with_its_values(kept: Path, family: str) -> None:
-    """Every message, as many samples as then, and the values of the last one. Times are mapped anew at each opening,
-    better than before where that is possible, so of them only the arrival is held.
+    """Every message with the same number of samples and the same last value. Times are mapped again at each opening,
+    possibly better, so only arrival is compared.
     """
     then = json.loads((kept / "decoded.json").read_text(encoding="utf-8"))
     made = decode_file(kept / f"{family}.mcap", kept / f"{family}.csv", DecodeOptions(), io.StringIO())
@@ -142,7 +142,7 @@ def test_a_configuration_file_is_read(kept: Path) -> None:
 
 
 def test_an_old_index_is_rebuilt(kept: Path) -> None:
-    """What the list knows of a recording beyond its file; an older one may know less, or say it otherwise."""
+    """Listed information beyond the file itself; an older format may have less."""
     path = kept / "xbus.mcap"
     stat = path.stat()
     stamp = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns}

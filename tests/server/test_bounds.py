@@ -102,7 +102,7 @@ def test_idle_connections_leave_descriptors_for_recordings(tmp_path: Path) -> No
 
 
 def test_an_idle_connection_makes_room_for_one_that_asks(tmp_path: Path) -> None:
-    """Who kept a thousand open, without a token, kept everybody else out: /healthz was refused for as long."""
+    """Regression: a client with a thousand open connections and no token blocked all others, including /healthz."""
     with serving(tmp_path, most=20) as running:
         idle = [connected(running) for _ in range(40)]
         assert all(answers(running) for _ in range(3))
@@ -175,7 +175,7 @@ def test_a_pipe_is_a_source_only_where_files_are(tmp_path: Path) -> None:
 
 
 def test_files_are_sources_only_on_the_command_line(tmp_path: Path) -> None:
-    """Who had a control token could read, by recording it, any file of the server's user."""
+    """Regression: with a control token, any file readable by the server's user could be read by recording it."""
     secret, named = tmp_path / "secret.key", tmp_path / "captures" / "one.bin"
     named.parent.mkdir()
     for file in (secret, named):
@@ -298,7 +298,7 @@ def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("piece", ["", " "])
 def test_a_message_of_endless_pieces_is_cut_off(piece: str, tmp_path: Path) -> None:
-    """Empty pieces are of no size, and were kept: 40 MB a minute from who may only look."""
+    """Regression: empty fragments have no size and were stored, 40 MB a minute, from a view-only client."""
     pieces = ["{", *[piece] * (2 * http_server.MAX_FRAGMENTS), '"op": "ping", "t": 1}']
     with (
         InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,

@@ -60,7 +60,7 @@ def solution(counter: int, fine: int) -> bytes:
 @pytest.mark.parametrize("place", [0, 24])  # of a solution in each 25 samples: with 24 one falls just before 2 s
 @pytest.mark.parametrize("age_ms", [0, 50, 80, 250])
 def test_an_older_gnss_solution_affects_no_other_time(tmp_path: Path, age_ms: int, place: int) -> None:
-    """Where the first 2 s of a capture ended with a solution, they ran at half speed, and 12 s took 11."""
+    """Regression: if the first 2 s of a capture ended with a solution, they ran at half speed, and 12 s took 11."""
     frames = []
     for i in range(1200):
         frames.append(sample(len(frames), 70_000 + 100 * i))
@@ -107,7 +107,7 @@ def test_a_pause_in_a_log_is_a_pause(tmp_path: Path, suffix: str) -> None:
 
 
 def test_two_devices_in_one_capture_keep_a_clock_each(tmp_path: Path) -> None:
-    """Their clocks are five seconds apart: neither's time, nor the arrival, is bent by that."""
+    """The clocks are five seconds apart; this affects neither device's time nor the arrival times."""
     frames, sequence = [], 0
     for i in range(1000):
         for device, offset in ((1, 3_000_000), (2, 8_000_000)):
@@ -187,7 +187,7 @@ def table(store: ColumnStore, folder: Path, message: str) -> list[dict[str, str]
 
 
 def test_exports_have_the_devices_clock_and_utc(tmp_path: Path) -> None:
-    """DID_IMU carries its up-time and nothing else that stands apart; UTC is known from the first fix on."""
+    """DID_IMU has its up-time and no other clock field; UTC is known from the first fix on."""
     device = IsbSimulator(start_ns=0)
     store = opened(tmp_path / "a.raw", b"".join(device.advance(n * 50_000_000) for n in range(1, 900)))
     rows = table(store, tmp_path, "DID_INS_1")

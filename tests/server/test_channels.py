@@ -24,7 +24,7 @@ def batch(message: Message, columns: dict[str, Any], offsets: list[int], *, time
 
 
 class FakePage:
-    """What was advertised."""
+    """Advertised channels."""
 
     def __init__(self) -> None:
         self.infos: list[ChannelInfo] = []
@@ -200,7 +200,7 @@ def test_any_other_message_is_one_channel() -> None:
 
 
 def test_displayed_units_are_degrees_and_metres() -> None:
-    """What stands in SHOWN is converted once, in numbers, unit, dtype and digits."""
+    """Units in SHOWN are converted in values, unit, dtype and digits."""
     turn = Field("RateOfTurn", ">f4", (3,), unit="rad/s", axes=("x", "y", "z"), decimals=4)
     info, columns = one(turn, np.array([[0.0, np.pi, -np.pi / 2]], "f4"))
     assert info.unit == "°/s"

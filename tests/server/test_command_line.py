@@ -41,7 +41,7 @@ COMMANDS = arguments.parser().commands
 
 
 def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list[str]]]:
-    """What can be written behind a command: its arguments, as many as it takes up to three, and each of its options."""
+    """Possible arguments of a command: up to three positional ones, and each of its options."""
     words: list[str] = []
     given: list[list[str]] = []
     left_out: set[argparse.Action] = set()
@@ -100,7 +100,7 @@ def test_every_command_is_listed_with_what_it_is_for() -> None:
 
 
 def test_one_word_for_one_format_option() -> None:
-    """How results are printed is --format wherever a command has a choice; --log-format is of the log."""
+    """The format of results is --format wherever a command has a choice; --log-format concerns the log."""
     words = {one for command in COMMANDS.values() for action in command._actions for one in action.option_strings}
     assert {one for one in words if "format" in one or "json" in one} == {
         "--format",
@@ -342,7 +342,9 @@ def test_unsupported_or_empty_input_is_not_a_success(tmp_path: Path) -> None:
 
 
 def test_inspect_finds_no_frames_in_recordings_and_noise(tmp_path: Path) -> None:
-    """A recording is read as what it is; noise, in which a weak checksum finds a frame now and then, is nothing."""
+    """A recording is recognised as such; noise, in which a weak checksum occasionally finds a frame,
+    has no protocol.
+    """
     capture = tmp_path / "capture.bin"
     capture.write_bytes(frames())
     recording = tmp_path / "r.mcap"

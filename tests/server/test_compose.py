@@ -113,7 +113,7 @@ def _through_the_command_line(file: Path) -> None:
 
 
 def _arguments(row: dict[str, Any]) -> tuple[str, Sequence[str]] | None:
-    """A command vector as it is written on the command line; None for those that a device sends."""
+    """A command vector in command line form; None for messages that a device sends."""
     what, args = row["what"], row["args"]
     name = args.get("did_name", "")
     if what == "get_data":

@@ -149,7 +149,7 @@ def test_a_compass_calibration_is_not_interrupted_and_a_query_is_harmless(http: 
 
 @pytest.mark.parametrize("device", [1, 3, 4])
 def test_every_form_of_every_family_opens_and_previews(http: Client, device: int) -> None:
-    """A row that cannot be shown, or whose defaults crash what composes them, would be found by a person."""
+    """A row that cannot be shown, or whose defaults cannot be encoded, would otherwise be found by users only."""
     forms = http.get(f"/api/devices/{device}/forms").json()
     assert {row["group"] for row in (*forms["settings"], *forms["commands"])} == set(forms["groups"])
     for kind in ("setting", "command"):
@@ -322,7 +322,7 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
         return [entry["name"] for entry in entries if entry["way"] == "tx"]
 
     def is_over(found: list[Any]) -> bool:
-        """A short job may be over before its first message is sent, so that no message says that it runs."""
+        """A short job may end before its first message is sent, so that no message reports it as running."""
         states = [first(one) for one in found if one["op"] == "jobs"]
         is_done = any(job["id"] > earlier for one in states for job in one["done"])
         return is_done and states[-1]["running"] is None and not states[-1]["queue"] and len(requests(found)) >= 3
@@ -344,7 +344,7 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
 
 
 def test_two_users_at_once_and_an_unconfirmed_change(http: Client, server: ServerProcess) -> None:
-    """The browser that changed the rate is gone; another's wish waits and is done after the way back."""
+    """The browser that changed the rate has disconnected; the request of another user waits for the rollback."""
     ports = at_rate(read(http)["PortConfig"], 0x80)
     with http_client(base_url=server.url) as gone:
         assert post(gone, "apply", {"changes": {"PortConfig": ports}, "confirmed": True}).status_code == 202

@@ -88,8 +88,8 @@ def test_the_table_has_a_row_for_every_state_and_leaves_none_unreachable() -> No
 
 @given(st.lists(st.sampled_from(ConnectionEvent), max_size=60))
 def test_any_event_sequence_keeps_the_invariants(events: list[ConnectionEvent]) -> None:
-    """A rejected event changes nothing; nothing is decoded or silent on a link that was not opened since it was lost;
-    after CLOSE only START helps.
+    """A rejected event changes no state; a link that was not reopened is neither decoded nor silent; after CLOSE only
+    START is accepted.
     """
     connection, opened = Connection(), False
     for event in events:

@@ -115,7 +115,7 @@ def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> No
 
 
 def test_a_job_that_is_stopped_on_its_way_to_config_leaves_the_device_measuring() -> None:
-    """The device had heard GoToConfig, the host not yet its answer: nobody told it to measure again."""
+    """Regression: the device had received GoToConfig, the host not yet its answer, and GoToMeasurement was not sent."""
     driver = XbusDriver()
     dialogue = driver.within(driver.read("LocationID", DeviceContext()), DeviceContext())
     first = next(dialogue)
@@ -163,7 +163,7 @@ def test_a_full_queue_is_reported(tmp_path: Path) -> None:
 
 
 def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
-    """The device does not measure while it is configured; the page said it was lost."""
+    """Regression: a device that does not measure because it is being configured was shown as lost."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -241,7 +241,7 @@ class ControlWire:
 
 
 class Ear:
-    """What is told to the log."""
+    """Recorded log entries."""
 
     def __init__(self) -> None:
         self.notes: list[str] = []
@@ -322,7 +322,7 @@ def test_a_cancelled_runner_sends_its_final_messages() -> None:
 
 
 def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: Path) -> None:
-    """Only its bytes travel, so that nothing else can be put back to what it was a moment ago."""
+    """Only the bytes of this field are sent, so that no other value can be set back."""
 
     async def check() -> None:
         async with house(tmp_path) as here:

@@ -37,7 +37,7 @@ def until(client: Client, path: str, true: Any, seconds: float = PATIENCE_S) -> 
 
 @pytest.fixture
 def base() -> Iterator[int]:
-    """A base that serves whoever connects: its port."""
+    """A base station that serves every client; returns its port."""
     server = socket.create_server(("127.0.0.1", 0))
 
     def serve() -> None:

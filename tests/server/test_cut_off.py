@@ -35,7 +35,7 @@ def unplug(desk: DeviceController) -> None:
 
 
 def when(desk: DeviceController, step: str, act: Callable[[DeviceController], None]) -> None:
-    """Do something once, when a job begins a step."""
+    """Call a function once when a job starts a step."""
     before = desk.step
     acted: list[str] = []
 

@@ -53,7 +53,9 @@ def test_a_configuration_is_never_written_without_confirmation(values: dict[str,
 
 
 def test_a_port_that_may_be_ours_is_looked_for_at_every_rate() -> None:
-    """Of two ports at our rate one changes, or both, differently: only the old rate was looked at."""
+    """Regression: if one of two ports with our rate changed, or both changed differently, only the old
+    rate was tried.
+    """
     one = line_change("DID_FLASH_CONFIG", OLD, {"ser0BaudRate": 115_200}, KNOWN)
     assert one is not None
     assert (one.baud, one.others) == (115_200, (921_600,))
@@ -108,7 +110,9 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
     ],
 )
 def test_the_command_line_asks_for_confirmation_where_the_page_does(message: str, pairs: list[str], words: str) -> None:
-    """What cuts the line or turns the frame went through, although its help promises a question."""
+    """Regression: changes that cut the line or turn the frame were sent without the confirmation
+    described in the help.
+    """
     wish = send.SendRequest("sim:isb", message, pairs)
     with pytest.raises(SendError, match=words) as refused:
         asyncio.run(send.send(wish, DecodeOptions(), io.StringIO(), io.StringIO()))

@@ -50,7 +50,7 @@ def test_the_suffix_chooses(suffix: str, tmp_path: Path, capsys: pytest.CaptureF
 
 
 def test_devices_that_share_a_line_have_a_file_each(tmp_path: Path) -> None:
-    """Samples of bus identifiers 1 and 2 stood in one CSV, one below the other, with nothing to tell them apart."""
+    """Regression: samples of bus identifiers 1 and 2 were in one CSV, without a column to distinguish them."""
     items = "102002{:04x}106004{:08x}"
     data = b"".join(
         build(0x36, bytes.fromhex(items.format(start + k, 100 * (start + k))), bid)

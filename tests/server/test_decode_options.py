@@ -141,7 +141,7 @@ def test_a_source_carries_decode_options() -> None:
 
 
 def test_timestamp_unit_and_quaternion_direction_can_be_set() -> None:
-    """Neither by the source, nor on the command line, in the settings or over HTTP: all of them say the same."""
+    """The same message for the source, the command line, the settings and HTTP."""
     wanted = decode_options("idtp", time_unit="ms", rotation="body_from_enu")
     rest, said = parse_source_options("udp://:5000?time_unit=ms&rotation=body_from_enu", DecodeOptions("idtp"))
     assert (rest, said) == ("udp://:5000", wanted)

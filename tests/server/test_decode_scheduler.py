@@ -19,7 +19,7 @@ from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
 
 
 class ReadyLink(FakeLink):
-    """One whose bytes can be taken without waiting, as those of a real link."""
+    """A link whose bytes are available without waiting, as with a real link."""
 
     def read_now(self) -> list[Chunk]:
         found = []
@@ -31,7 +31,7 @@ class ReadyLink(FakeLink):
 
 
 def drains(clients: int, interval_s: float = 0.0, devices: int = 2) -> list[int]:
-    """How often each device's decoder is asked in a second in which it sends 250 samples."""
+    """Number of drains of each device's decoder in a second in which it sends 250 samples."""
 
     async def run() -> list[int]:
         clock = FakeClock()

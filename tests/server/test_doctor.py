@@ -24,7 +24,7 @@ NOW = 1_760_000_000.0
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Machine:
-    """A machine on which nothing is wrong: an FTDI adapter that its user may open."""
+    """A machine without problems: an FTDI adapter that its user may open."""
     root = tmp_path / "root"
     port(root, "ttyUSB0", latency="1")
     put(root, "proc/meminfo", "MemTotal: 4000000 kB\nMemAvailable: 3000000 kB\n")
@@ -76,7 +76,7 @@ def wrong(machine: Machine) -> list[Finding]:
 
 
 def only(machine: Machine, status: str, about: str) -> Finding:
-    """What is wrong, where that is one thing."""
+    """The finding, if there is exactly one."""
     (one,) = wrong(machine)
     assert (one.status, one.about) == (status, about), one
     assert one.found.endswith(".")
@@ -99,7 +99,7 @@ def test_without_ports(machine: Machine) -> None:
 
 
 def test_a_port_of_a_group_named(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same, whoever runs this: what the port's rights are is told by its stat."""
+    """The result does not depend on the user: the port's permissions are taken from its stat."""
     put(machine.root, "etc/group", "dialout:x:20:\nuucp:x:14:\n")
     of_group(monkeypatch, machine.root / "dev/ttyUSB0", 20)
     one = only(machine, "problem", "/dev/ttyUSB0")

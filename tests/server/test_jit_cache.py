@@ -99,7 +99,7 @@ def test_a_cache_that_is_cut_short_is_made_again(tmp_path: Path, monkeypatch: py
 
 
 def test_loading_beside_a_server_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first time: two processes compile, the page is told, and nobody waits for them at the end."""
+    """First start: two processes compile, the page is notified, and shutdown does not wait for them."""
     monkeypatch.setenv(jit_cache.VARIABLE, str(tmp_path / "compiled"))
     monkeypatch.setattr(jit, "is_loaded", lambda: False)
     monkeypatch.setattr(jit, "automatic", True)

@@ -34,7 +34,7 @@ RATE, SECONDS, DEVICES = 500.0, 3.0, 2
 
 
 async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[load_clients.Good, dict[str, Any]]:
-    """One who keeps up, among one who takes nothing, one who takes little and one who floods."""
+    """One client that keeps up, beside a stalled, a slow and a flooding one."""
     good, flood = load_clients.Good(), [0]
     tasks = [
         asyncio.create_task(good.run(server.url)),

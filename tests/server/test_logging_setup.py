@@ -27,7 +27,7 @@ links = FakeLinks()
 
 
 class Log:
-    """What is logged while a test runs, as a program would read it."""
+    """Log output during a test, as a program would read it."""
 
     def __init__(self, out: io.StringIO) -> None:
         self._out = out
@@ -142,7 +142,7 @@ def record(text: str, level: int = logging.WARNING, **extra: Any) -> logging.Log
 
 
 def test_a_line_cannot_be_forged() -> None:
-    """A path, a device's text or a file's name may hold anything; it never begins a line of its own."""
+    """A path, a device's text or a file name may contain anything, but never starts a new log line."""
     line = logging_setup.TextFormatter([]).format(
         record("gone\n2026-01-01 00:00:00 info all is well\x1b[2J", device="1")
     )

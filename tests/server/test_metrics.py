@@ -41,7 +41,7 @@ def read(running: InProcessServer) -> dict[str, Metric]:
 
 
 def value(families: dict[str, Metric], name: str, **labels: str) -> float | None:
-    """Of the sample of that name with these labels; None where there is none."""
+    """Value of the sample with this name and these labels; None if there is none."""
     found = [
         one.value
         for family in families.values()
@@ -153,7 +153,7 @@ def test_beyond_this_machine_figures_need_a_token(tmp_path: Path) -> None:
 
 
 def test_the_text_form() -> None:
-    """What is hard to reach through the server: characters that must be escaped, numbers that are none."""
+    """Cases that are difficult to produce through the server: characters to escape, values that are not numbers."""
     page = PrometheusText()
     page.family("empty", "gauge", "never seen")
     page.family("odd", "gauge", "a \\ and\na second line").add(float("nan"), what='a "b" \\ c\nd')

@@ -87,7 +87,7 @@ def test_a_recording_that_names_no_protocol_is_recognised(tmp_path: Path) -> Non
 
 
 def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tmp_path: Path) -> None:
-    """An IMX that is recorded from power-on counts from zero until its receiver knows the week."""
+    """An IMX recorded from power-on counts from zero until its receiver knows the week."""
     from protocols.isb.simulator.device import IsbSimulator
 
     path = tmp_path / "a.mcap"
@@ -109,7 +109,7 @@ def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tm
 
 
 def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None:
-    """Summed up, as a live log is, a loss would be hatched where nothing is missing."""
+    """If losses were summed up as in the live log, a range without losses would be hatched."""
     path = tmp_path / "a.mcap"
     device = XbusSimulator(start_ns=0)
     writer = McapWriter(path, {})

@@ -19,7 +19,7 @@ from tests.server.fakes import NOW_NS, FakeClock, FakeLink
 
 
 def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -> tuple[Any, Any]:
-    """A device streams, its link goes for a while, and it streams on; the gap that is told, and what health says."""
+    """A device streams, its link is interrupted, and it streams again; the reported gap and the health."""
     device: Any = {"xbus": XbusSimulator(measuring=True), "idtp": IdtpSimulator(), "isb": IsbSimulator()}[protocol]
     found: list[Any] = []
 

@@ -32,7 +32,7 @@ REST = [bytes([k, 0xEE]) for k in range(COUNT)]
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
-    """One device that sends a type of its own, an Imu3Acc that is too short, and an Imu3Gyr that is too long."""
+    """A device that sends a vendor type, an Imu3Acc that is too short and an Imu3Gyr that is too long."""
     folder = tmp_path_factory.mktemp("payloads")
     frames = []
     for k in range(COUNT):
@@ -111,7 +111,7 @@ def test_a_part_and_chosen_channels_have_their_bytes_alone(opened: ColumnStore, 
 
 
 def test_data_sets_without_a_public_layout_are_exported(tmp_path: Path) -> None:
-    """Such answers have nothing but bytes, so there is no channel beside them."""
+    """Such replies contain only bytes, so there is no other channel."""
     payloads = [bytes([k]) * 24 for k in range(20)]
     packets = [isb_packet(DATA, 250, one) for one in payloads]
     (tmp_path / "a.bin").write_bytes(b"".join(packets))

@@ -14,7 +14,7 @@ AHEAD = 1_000_000.0  # of the server's clock over ours
 
 
 def message(t0: float, dt: float, n: int, *, sent: float | None = None, device: float = 0.0) -> SampleFrame:
-    """Rows that say when they were measured, our time; sent with the last of them."""
+    """Rows with measurement times on the local clock; sent with the last of them."""
     measured = t0 + dt * np.arange(n)
     arrival = measured + AHEAD
     now = AHEAD + (float(measured[-1]) if sent is None else sent)

@@ -32,7 +32,7 @@ anything = st.recursive(
 
 
 def filled(data: st.DataObject, fields: tuple[Field, ...]) -> dict[str, Any]:
-    """Values whose names are right, and whose contents are anything."""
+    """Values with valid names and arbitrary contents."""
     values = {}
     for field in fields:
         kind = data.draw(st.integers(0, 3))
@@ -127,7 +127,7 @@ def test_values_have_display_text() -> None:
 
 
 def test_no_two_outputs_have_one_title() -> None:
-    """Two rows were called "Status"; which was which only their identifiers told."""
+    """Regression: two rows were titled "Status" and could be distinguished by identifier only."""
     for product in ("MTi-3", "MTi-300", "MTi-G-710", "MTi-630", "MTi-680G"):
         titles = [choice.title for choice in output_choices(DeviceContext(product=product), {})]
         assert len(set(titles)) == len(titles), product

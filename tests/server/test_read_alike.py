@@ -41,7 +41,7 @@ SAID = decode_options(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_
 
 
 def capture(folder: Path, mode: int = SAFETY) -> Path:
-    """Half a minute of a device whose timestamps count ms."""
+    """Half a minute of a device with timestamps in ms."""
     path = folder / "a.bin"
     frames = (build(0x80, bytes(12), timestamp=100 * k, sequence=k, device=7, mode=mode, key=KEY) for k in range(300))
     path.write_bytes(b"".join(frames))
@@ -53,7 +53,7 @@ def test_a_schema_is_written_as_it_is_read() -> None:
 
 
 def test_the_first_device_seen() -> None:
-    """A person who speaks of this file, then the recording, then what is usual here."""
+    """Priority: options given for this file, then those in the recording, then the server's defaults."""
     about: dict[str, Any] = {"time_unit": "s", "rotation": "nonsense"}
 
     def settings(options: DecodeOptions, about: dict[str, Any], usual: DecodeOptions) -> dict[str, Any]:

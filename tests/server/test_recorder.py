@@ -130,7 +130,7 @@ def test_chosen_devices_only_and_all_with_those_that_come_later(
 
 
 def test_a_recording_is_named_after_devices_that_sent_data(running: InProcessServer, links: Links) -> None:
-    """A port on which nothing ever came stood first in its name."""
+    """Regression: a port that never received anything came first in the name."""
     end = time.monotonic() + PATIENCE_S
     n = 0
     while running.call(lambda: running.services.sessions.get("2").info.last_arrival) is None:

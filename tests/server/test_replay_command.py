@@ -82,7 +82,7 @@ def test_over_udp_a_datagram_for_each_chunk(tmp_path: Path) -> None:
 
 
 def heard(port: int) -> bytes:
-    """What comes within a while; b"" when nothing does, or the other end has gone."""
+    """Bytes received within a time; b"" if there are none or the other end has closed."""
     if not select.select([port], [], [], 20.0)[0]:
         return b""
     with contextlib.suppress(OSError):

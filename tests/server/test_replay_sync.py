@@ -24,7 +24,7 @@ STARTED = 1.76e9  # unix s
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Iterator[ServerProcess]:
-    """A server whose library holds four seconds of a device that turns."""
+    """A server whose library has a recording of four seconds of a turning device."""
     (tmp_path / "recordings").mkdir()
     writer, device = McapWriter(tmp_path / "recordings" / "turn.mcap", {"title": "a turn"}), IsbSimulator(start_ns=0)
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921_600, "protocol": "isb"})

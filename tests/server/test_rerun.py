@@ -143,7 +143,7 @@ def test_live_data_are_sent_as_self_contained_batches(running: ServerProcess, tm
 
 
 def looked(url: str, wanted: int) -> tuple[dict[str, float], list[bytes]]:
-    """So many batches as a browser takes them, and what was told about them."""
+    """Receive this many batches as a browser does, and the reports about them."""
     batches: list[bytes] = []
     told: dict[str, float] = {}
     with connect(url.replace("http", "ws") + "/rerun/live", max_size=None) as socket:
@@ -204,7 +204,7 @@ def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
 
 
 def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False) -> dict[str, Any]:
-    """A batch as the process of a feed says it."""
+    """A batch in the format of a feed's process."""
     text = base64.b64encode(data).decode()
     return {"op": "batch", "still": still, "anew": False, "past": past, "newest": newest, "data": text}
 
@@ -231,7 +231,7 @@ def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() -> None:
 
 
 class RerunMessage:
-    """What a feed's process is told and what it says, without the process."""
+    """Input and output of a feed's process, without the process."""
 
     def __init__(self, devices: list[Any], channels: dict[int, Any]) -> None:
         self.devices, self.channels, self.changed = devices, channels, True
@@ -248,7 +248,7 @@ class RerunMessage:
 def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     rate: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Three seconds of a device, told 60 times a second, on a clock of the test's."""
+    """Three seconds of a device, published 60 times a second on a clock of the test."""
     from server.integrations import rerun_worker
 
     clock = SimpleNamespace(now=50.0)
@@ -285,7 +285,7 @@ def test_an_invalid_viewer_address_is_refused_before_anything_starts() -> None:
 
 
 def listens(port: int) -> None:
-    """Wait until somebody does: who takes what a viewer gets ends at once when there is none."""
+    """Wait for a viewer: a consumer of its data ends at once if there is none."""
     deadline = time.monotonic() + PATIENCE_S
     while True:
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
@@ -332,7 +332,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
 
 
 def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
-    """One that hangs: it accepts the connection and reads nothing. Rerun's SDK keeps all that is sent to such a one."""
+    """A stalled viewer: it accepts the connection and reads nothing. Rerun's SDK stores all data sent to it."""
     from server.integrations import rerun_remote
 
     async def look(address: str) -> None:
@@ -368,7 +368,7 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
 
 
 def resident_mb(pid: int) -> int:
-    """Memory of a process; 0 when it is gone."""
+    """Memory of a process; 0 if it has ended."""
     with contextlib.suppress(OSError, StopIteration):
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
         return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) // 1024

@@ -49,7 +49,7 @@ class RestartHarness:
         self.session.decode()
 
     async def send(self, *frames: bytes, every: float = 0.01) -> None:
-        """Frames at their pace, each decoded as it comes; of those that come at once, a hundred together."""
+        """Frames at their rate, each decoded on arrival; of those that arrive at once, a hundred together."""
         together = 1 if every else 100
         for count, frame in enumerate(frames, 1):
             self.clock.move(every)
@@ -145,7 +145,7 @@ def test_another_key_is_another_device(tmp_path: Path) -> None:
 
 
 def test_a_replay_is_not_a_replay_attack(tmp_path: Path) -> None:
-    """A recording of Secure frames is heard each time, and leaves nothing behind."""
+    """A recording of Secure frames is accepted each time it is played, and stores no state."""
 
     async def test(stage: RestartHarness) -> None:
         await stage.send(*captured())
@@ -160,7 +160,7 @@ def test_a_replay_is_not_a_replay_attack(tmp_path: Path) -> None:
 
 
 def test_a_restarted_secure_device_is_reported() -> None:
-    """It is said what happened, not that a rate is wrong, and an operator lets it in again."""
+    """The message names the restart instead of a wrong rate, and an operator can re-arm the device."""
 
     async def test(stage: RestartHarness) -> None:
         await stage.send(*captured(1000))
@@ -207,7 +207,7 @@ def test_a_restarted_safety_device_is_not_reported_as_a_wrong_rate() -> None:
 
 
 def test_refused_frames_are_not_reported_as_damaged() -> None:
-    """A device that mixes modes: what a setting refuses is neither lost nor damaged."""
+    """With a device that mixes modes, frames refused by a setting count neither as lost nor as damaged."""
 
     async def test(stage: RestartHarness) -> None:
         for k in range(0, 60, 3):
@@ -270,7 +270,7 @@ def samples_of(running: InProcessServer) -> int:
 def test_a_restarted_device_can_be_rearmed(
     secured: tuple[InProcessServer, FakeLink], door: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The decoder knew how, and neither a route nor a command called it."""
+    """Regression: the decoder could do it, but no route or command called it."""
     running, link = secured
     if door == "api":
         assert running.client.post("/api/devices/1/rearm", json={"sender": "102"}).json()["rearm"] == []
@@ -325,7 +325,7 @@ def test_a_configured_unit_is_kept_and_the_contradiction_reported() -> None:
 
 
 def test_a_backlog_does_not_determine_the_timestamp_unit() -> None:
-    """A minute that a link held back arrives at once, and then the device goes on as usual."""
+    """A minute of data delayed by a link arrives at once, and then the device continues as usual."""
 
     async def test(stage: RestartHarness) -> None:
         await stage.send(*(frame(k, SAFETY) for k in range(6000)), every=0.0)

@@ -50,7 +50,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Guard:
 
 @pytest.fixture(scope="module")
 def routes(guarded: Guard) -> list[Any]:
-    """Every route of the application, those that are in no document among them."""
+    """Every route of the application, including undocumented ones."""
     application: Any = guarded.app
     found = list(_leaves(application.routes))
     documented = {(path, method.upper()) for path, ways in application.openapi()["paths"].items() for method in ways}
@@ -67,7 +67,7 @@ def _leaves(routes: Any) -> Iterator[Any]:
 
 
 class Reached:
-    """In the place of the application: whoever comes here was let in, with this role."""
+    """Replaces the application: a request that arrives here was authorised, with this role."""
 
     role = ""
 
@@ -82,7 +82,7 @@ class Reached:
 
 
 def attempt(folder: Path, method: str, path: str, token: str, body: str = "") -> tuple[Answer, str]:
-    """What is answered, and which role reached the application."""
+    """The answer, and the role that reached the application."""
     reached = Reached()
     headers = {"authorization": f"Bearer {token}"} if token else {}
     if body:
@@ -117,7 +117,7 @@ def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
 
 
 def test_read_only_routes_are_those_listed(routes: list[Any]) -> None:
-    """A list that has more in it than there is would let something in that comes later."""
+    """An outdated entry in the list would authorise a route that is added later."""
     paths = {route.path for route in routes}
     assert paths >= ASKING | OPEN | SOCKETS
     assert {route.path for route in routes if not is_protected(filled(route.path))} == OPEN
@@ -163,13 +163,13 @@ def _has_op(one: Any) -> bool:
     ],
 )
 def test_no_way_of_writing_a_path_leads_around_the_guard(path: str, guarded: Guard) -> None:
-    """What is taken for the page's own is answered by the page's own, and there is nothing of that name."""
+    """A path that resembles one of the page is answered by the page, and there is no such file."""
     assert ask(guarded, "DELETE", path).status in (401, 404, 405)
     assert ask(guarded, "GET", path).status in (401, 404)
 
 
 def test_a_token_of_one_role_reveals_nothing_of_the_other(tmp_path: Path) -> None:
-    """Two tokens in one request: the one that was given by hand decides, not the cookie of another visit."""
+    """With two tokens in one request, the explicit one decides, not the cookie of an earlier visit."""
     headers = {"cookie": f"{Access(settings(tmp_path)).cookie_name}={CONTROL}"}
     reached = Reached()
     guard = Guard(reached, Access(settings(tmp_path)))

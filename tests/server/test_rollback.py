@@ -141,7 +141,9 @@ def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monkeypatc
 
 
 def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
-    """Neither end hears the other at either rate: said so, kept on disk, and put right by restoring communication."""
+    """Neither end receives the other at either rate: this is reported, stored on disk, and repaired by restoring
+    communication.
+    """
 
     async def check() -> None:
         async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1) as here:
@@ -191,7 +193,9 @@ def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -
 def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_either_rate(
     tmp_path: Path, port: int, rate: int
 ) -> None:
-    """Only the first port was guarded: a host on the UART, whose rate alone changed, lost the device for good."""
+    """Regression: only the first port was guarded; a host on the UART, whose rate alone changed, lost the device
+    permanently.
+    """
 
     async def check() -> None:
         async with bench(port) as there, house(tmp_path, rollback_s=1.0) as here:
@@ -238,7 +242,7 @@ def cycle(there: SimulatorThread) -> None:
 
 
 def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
-    """Its settings would have been overwritten with those of the one that was there before."""
+    """Regression: its settings would have been overwritten with those of the previous device."""
 
     async def check() -> None:
         async with bench() as there, house(tmp_path) as here:
@@ -310,7 +314,7 @@ def answers(http: Client, condition: Any) -> None:
 def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_settings(
     tmp_path: Path, state: str
 ) -> None:
-    """The device is still at the old rate, perhaps in the config state: it is found there, and measures again."""
+    """The device still has the old rate and may be in the config state: it is found there and measures again."""
 
     async def check() -> None:
         async with bench() as there, house(tmp_path) as here:

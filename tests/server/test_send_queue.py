@@ -58,7 +58,7 @@ def test_sent_plus_dropped_is_everything(steps: list[tuple[int, int, bool]]) -> 
 
 
 def payload(data: bytes) -> bytes:
-    """What a server's unfragmented binary frame carries (RFC 6455, 5.2)."""
+    """Payload of an unfragmented binary frame of a server (RFC 6455, 5.2)."""
     head, length = data[0], data[1]
     assert head == 0x82
     at = {126: 4, 127: 10}.get(length, 2)

@@ -169,7 +169,7 @@ def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
 
 
 def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is guessed, decoded or told again and again while no byte comes, and no time is lost when one does."""
+    """While no bytes arrive, nothing is detected, decoded or reported repeatedly; when they do, there is no delay."""
 
     async def test(stage: SessionHarness) -> None:
         guessed: list[int] = []
@@ -230,7 +230,7 @@ def test_a_clock_step_is_an_event() -> None:
 
 @pytest.mark.parametrize("protocol", ["fake", ""])
 def test_a_restart_of_a_looped_file_is_reported_once_and_is_no_jump_or_loss(protocol: str) -> None:
-    """It was told as a clock that had jumped by -880 ms, at each turn, and as lost samples."""
+    """Regression: each restart of the file was reported as a clock jump of -880 ms and as lost samples."""
 
     async def test(stage: SessionHarness) -> None:
         for turn in range(3):

@@ -20,7 +20,7 @@ IMX = DeviceContext(product="IMX-5", serial_number="1", firmware="2.7.1.0")
 
 
 def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
-    """Two readings of one device, between which nothing was set, differ in nothing."""
+    """Two readings of one device without a change between them have no differences."""
 
     async def check() -> None:
         async with house(tmp_path) as here:

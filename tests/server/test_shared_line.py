@@ -47,7 +47,7 @@ def run(coroutine: Any) -> Any:
 
 
 def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> None:
-    """All was sent to identifier 255, and what was asked of the second was asked of the first."""
+    """Regression: everything was sent to identifier 255, and requests for the second device went to the first."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -116,7 +116,9 @@ def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path: Path)
 
 
 def test_a_device_keeps_its_identity_after_an_outage_in_any_order(tmp_path: Path) -> None:
-    """After each connection the first to be heard was the line's own: two devices changed places, and settings."""
+    """Regression: the first device received after each connection became the line's own; two devices swapped places and
+    settings.
+    """
 
     def data(bid: int, number: int) -> bytes:
         return build(0x36, bytes.fromhex(f"102002{number:04x}106004{100 * number:08x}"), bid)
@@ -135,8 +137,8 @@ def test_a_device_keeps_its_identity_after_an_outage_in_any_order(tmp_path: Path
 
 @pytest.mark.parametrize("noise", [b"", build(0x3E, b"", 0xE0), build(0x36, bytes.fromhex("1020020001"), 0xE0)])
 def test_noise_does_not_displace_a_device(noise: bytes) -> None:
-    """A valid frame by chance, at a wrong rate, was the line's own device from then on, over connections: the real one
-    was a further device, and what it answered was heard by nobody.
+    """Regression: a frame that was valid by chance at a wrong rate became the line's own device across connections, and
+    the answers of the real one were ignored.
     """
     first, second = XbusDecoder(), XbusDecoder()
     first.feed(noise, 0)
@@ -152,7 +154,7 @@ def test_noise_does_not_displace_a_device(noise: bytes) -> None:
 
 
 def test_wake_up_messages_belong_to_their_device() -> None:
-    """Who the second device is was taken for who the first is, as neither had sent data yet."""
+    """Regression: the identity of the second device was used for the first, as neither had sent data yet."""
     decoder, line = XbusDecoder(), [XbusSimulator(seed=bid, bid=bid) for bid in (3, 4)]
     events: list[Event] = []
     for now in range(0, 1_200_000_000, 10_000_000):
@@ -250,7 +252,7 @@ def test_an_invalid_bus_identifier_is_refused(device: str, capsys: pytest.Captur
 
 
 def test_another_rate_on_a_shared_line_needs_confirmation(tmp_path: Path) -> None:
-    """The link follows the device that is changed, and hears the others no more."""
+    """The link follows the changed device and no longer receives the others."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -270,8 +272,8 @@ def uart_at_921600(desk: DeviceController) -> dict[str, dict[str, object]]:
 
 @pytest.mark.parametrize("keep", [False, True])
 def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool, tmp_path: Path) -> None:
-    """At its new rate the others are noise, in which no protocol was recognised: it answered, was not heard, and was
-    lost at a rate that nobody had kept.
+    """Regression: at its new rate the others are noise without a recognised protocol; its answers were ignored, and it
+    was lost at an unknown rate.
     """
 
     async def check() -> None:
@@ -344,7 +346,7 @@ async def _corrections(reader: asyncio.StreamReader, writer: asyncio.StreamWrite
 
 
 def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) -> None:
-    """What one alone could send was allowed to each."""
+    """Regression: each device was granted the full capacity of the line."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -395,7 +397,7 @@ def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path
 
 
 def test_recorded_settings_are_of_the_device_with_their_address(tmp_path: Path) -> None:
-    """The first to be heard in a file may be another than the first live: it would have had the other's settings."""
+    """The first device in a file may differ from the first live one, and must not get its settings."""
     path = tmp_path / "a.mcap"
     writer = McapWriter(path, {})
     writer.device("1", {"protocol": "xbus", "source": "/dev/ttyUSB0"})

@@ -9,7 +9,7 @@ from tests.server.session_harness import SessionHarness, play
 
 
 def test_a_link_whose_bytes_wait_is_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A busy host reads late: that is no reason to look for a fault at the device."""
+    """A busy host reads late, which is not a fault of the device."""
 
     async def test(stage: SessionHarness) -> None:
         await stage.send(*(sample(k) for k in range(10)))

@@ -86,7 +86,7 @@ def recording(tmp_path: Path) -> Iterator[RecordingSink]:
 
 
 def feed(sink: TelemetrySink, clock: FakeClock, chunks: list[bytes], protocol: Decoder | None = None) -> LinkDevices:
-    """Decode chunks that came 50 ms apart."""
+    """Decode chunks that arrived 50 ms apart."""
     info = wire.DeviceInfo("1", "simulated", "sim:xbus", "simulator", "live")
     devices = LinkDevices(sink, DeviceState(sink, info, str), str)
     decoder = LinkDecoder(sink, devices, protocol or XbusDecoder(), line=LinkTiming(10e9 / 921_600, "serial"))
@@ -133,7 +133,7 @@ def test_every_sink_receives_the_same_data(recording: RecordingSink) -> None:
 
 
 def test_clock_readings_go_to_the_archive_alone(recording: RecordingSink) -> None:
-    """Of a sequence number, say: a live view shows none, an export has it."""
+    """Details such as a sequence number are not in a live view but in an export."""
     device = IdtpSimulator()
     chunks = [device.advance(n * 50_000_000) for n in range(1, 21)]
     live = Telemetry.create(FakeClock()).bus

@@ -59,9 +59,9 @@ def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
 @pytest.mark.parametrize("full", [0.5, 1.0], ids=["half of them full", "all full"])
 @pytest.mark.parametrize("constant", [0.0028, 0.02])
 def test_fixed_costs_do_not_make_slices_small(constant: float, full: float) -> None:
-    """Three senders on one UDP port, on a slow machine: each slice cost 3 ms for a kilobyte and for four, became a
-    kilobyte for it, and the server fell behind a stream of 36 kB/s. Once it was behind, every slice was as full as the
-    one before, and none told what bytes cost.
+    """Regression: with three senders on one UDP port of a slow machine, each slice cost 3 ms regardless of its size;
+    slices became 1 kB, and the server fell behind a stream of 36 kB/s. Afterwards all slices were equally full, so the
+    cost per byte could not be learned.
     """
 
     async def check() -> None:
@@ -84,7 +84,7 @@ def test_fixed_costs_do_not_make_slices_small(constant: float, full: float) -> N
 
 
 def test_a_permanently_busy_source_starves_no_other() -> None:
-    """The turn ends when its time is over, and begins with who had none."""
+    """A turn ends when its time is over, and the next starts with a participant that had none."""
     clock, had = ManualClock(0.0), [0, 0, 0]
     turns = Turns(clock)
 
@@ -109,7 +109,9 @@ def put(inbox: ChunkQueue, count: int, size: int) -> None:
 
 
 def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """64 MB were kept, and decoded in one turn of the event loop. A recording is told before anything is dropped."""
+    """Regression: 64 MB were queued and decoded in one turn of the event loop. A recording gets the bytes before any
+    are dropped.
+    """
     monkeypatch.setattr("server.links.reader_thread.MAX_HELD", 10_000)
 
     async def check() -> None:

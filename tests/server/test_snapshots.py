@@ -190,7 +190,7 @@ def test_names_with_points_are_written_too() -> None:
 
 
 def test_an_unreadable_snapshot_is_listed_with_the_reason_and_never_deleted(tmp_path: Path) -> None:
-    """A snapshot of a newer format was missing from the list, as if it were gone."""
+    """Regression: a snapshot of a newer format was missing from the list."""
     folder = Snapshots(tmp_path, max_files=MAX_FILES)
     keep(folder, "Ours", 5.0)
     later = next(tmp_path.rglob("*.yaml")).with_name("19700102T000000Z-new-mast.yaml")

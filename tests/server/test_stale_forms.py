@@ -35,7 +35,7 @@ async def command(
 
 
 def test_a_preset_of_streams_updates_the_form(tmp_path: Path) -> None:
-    """Six streams flowed, and the form went on showing those that it had replaced; a restart brought them back."""
+    """Regression: six streams were on, but the form showed the replaced ones; a restart updated it."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -65,7 +65,7 @@ def test_factory_settings_update_every_form(tmp_path: Path) -> None:
 
 
 def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_path: Path) -> None:
-    """Bytes that a person composed: the setting that they write is not known until it is read again."""
+    """After user-composed bytes, the setting that they write is unknown until it is read again."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -103,7 +103,7 @@ def test_a_new_navigation_period_updates_the_streams_form(tmp_path: Path) -> Non
 
 
 def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
-    """The link budget said 0 B/s beside what was measured."""
+    """Regression: the link budget was 0 B/s beside the measured rate."""
 
     async def check() -> None:
         async with house(tmp_path) as here:

@@ -28,7 +28,7 @@ PROTOCOLS = [Subprotocol(wire.SUBPROTOCOL)]
 
 
 class StreamReader:
-    """Reads a WebSocket as a page does, and keeps the books: per channel what came, what was dropped."""
+    """Reads a WebSocket as a page does, and counts received and dropped samples per channel."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection

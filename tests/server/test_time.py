@@ -37,7 +37,7 @@ SPREAD_S, MS = 0.2e-3, 1e-3
 
 
 class TimeHarness:
-    """An MTi-630 at 100 Hz whose clock runs 50 ppm fast, its cable, and a session, which decodes ten times a second."""
+    """An MTi-630 at 100 Hz with a clock 50 ppm fast, its line, and a session that decodes ten times a second."""
 
     def __init__(self, faults: LineFaults) -> None:
         self.clock = FakeClock()
@@ -86,7 +86,7 @@ class TimeHarness:
         return np.asarray(time[time > self.began / 1e9 + since_s])
 
     def off(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far each is from when it was sampled, s."""
+        """Error of each time against the sampling time, s."""
         k = np.round((times - self.began / 1e9) * 1e9 / PERIOD_NS)
         return np.asarray(times - self.began / 1e9 - k * PERIOD_NS / 1e9)
 
@@ -103,7 +103,7 @@ def play(faults: LineFaults, test: Callable[[TimeHarness], Any]) -> None:
 
 
 def check(stage: TimeHarness, since_s: float) -> wire.DeviceHealth:
-    """What the issue promises of times after ten seconds."""
+    """Required accuracy of times after ten seconds."""
     times = stage.times(since_s)
     off = stage.off(times)
     health = stage.health
@@ -176,7 +176,7 @@ def test_a_host_that_did_not_read_moves_no_sample_and_is_named() -> None:
 
 
 def test_every_cause_is_a_sentence_with_a_remedy() -> None:
-    """Over a network nothing is put down to an adapter; an adapter at 1 ms is not told to be set to 1 ms."""
+    """Over a network no jitter is attributed to an adapter, and no change is suggested for an adapter at 1 ms."""
     way = Way(0, network_ms=3)
     network = mapped(stream(ModelDevice(((100, 60),)), way, 10), ClockSync(unknown_ns=1e6)).clock
     now = EPOCH_NS / 1e9 + 10
@@ -219,7 +219,7 @@ def test_the_properties_of_a_port_before_the_first_byte(tmp_path: Any) -> None:
 
 @pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
 def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
-    """It was put together from the fields, 3 bytes around each: too much by milliseconds on a slow line."""
+    """Regression: the size was computed from the fields with 3 bytes each, milliseconds too much on a slow line."""
     device: Any = {"xbus": XbusSimulator(measuring=True), "isb": IsbSimulator(), "idtp": IdtpSimulator()}[protocol]
     device.advance(0)
     data = device.advance(2_000_000_000)

@@ -177,7 +177,7 @@ def test_the_command_reports_it_in_one_line(tmp_path: Path) -> None:
 
 @contextlib.asynccontextmanager
 async def serving_with(keeper: tls.CertificateManager, limits: ConnectionLimits | None = None) -> AsyncIterator[int]:
-    """An application that does nothing, behind this certificate; its port."""
+    """A trivial application with this certificate; returns its port."""
 
     async def nothing(scope: Any, receive: Any, send: Any) -> None:
         while scope["type"] == "lifespan":
@@ -308,7 +308,7 @@ async def closed(reader: asyncio.StreamReader) -> bool:
 
 
 def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path) -> None:
-    """Who said nothing, or half a hello, was kept for a minute."""
+    """Regression: connections with no or half a handshake were kept for a minute."""
 
     async def play() -> None:
         keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))

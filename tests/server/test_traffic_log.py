@@ -17,7 +17,7 @@ from tests.server.fakes import FakeClock
 
 
 class FakeSession:
-    """What `decode` asks of one."""
+    """The part of the interface that `decode` uses."""
 
     class reading:  # noqa: N801
         @staticmethod
@@ -65,7 +65,7 @@ def test_unrequested_frames_have_no_time() -> None:
 
 
 def test_a_frame_that_is_sent_again_and_again_is_one_line() -> None:
-    """GoToConfig until it is heard; the byte that restores communication, three thousand times a second."""
+    """GoToConfig is repeated until it is received; the restore byte is sent three thousand times a second."""
     clock = FakeClock()
     one = log(clock)
     for _ in range(1000):

@@ -24,7 +24,7 @@ from tests.server.fakes import FakeClock
 
 
 def played(decoder: object, *frames: bytes) -> tuple[Telemetry, list[wire.UnknownPayload]]:
-    """What is told of frames that came 10 ms apart."""
+    """Reports for frames that arrived 10 ms apart."""
     clock = FakeClock()
     telemetry = Telemetry.create(clock)
     portrait = DeviceState(telemetry.bus, wire.DeviceInfo("1", "d", "test", "file", "live"), str)

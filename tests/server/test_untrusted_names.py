@@ -57,7 +57,7 @@ FILE = {"content-type": "application/octet-stream"}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Holds the data folder, and beside it what nobody may touch."""
+    """Contains the data folder and, beside it, files that must not be touched."""
     folder = tmp_path_factory.mktemp("names")
     (folder / "data" / "recordings").mkdir(parents=True)
     (folder / "escape.mcap").write_text("not yours")
@@ -83,7 +83,7 @@ def quoted(name: str) -> str:
 
 
 def sent(running: InProcessServer, method: str, path: str, body: Any = None, content: bytes = b"") -> httpx.Response:
-    """A request and its answer, which is in order whatever was asked."""
+    """Send a request and check that its answer is well-formed."""
     headers, data = {}, content
     if body is not None:
         headers, data = {"content-type": "application/json"}, json.dumps(body).encode()
@@ -111,7 +111,7 @@ def is_harmless(name: str) -> bool:
 
 
 def in_order(folder: Path) -> None:
-    """Nothing lies outside the data folder, and nothing in it has a name that is trouble."""
+    """No file is outside the data folder, and all names are harmless."""
     assert sorted(path.name for path in folder.iterdir()) == ["data", "escape.mcap"]
     assert (folder / "escape.mcap").read_text() == "not yours"
     for path in (folder / "data" / "recordings").iterdir():
@@ -120,7 +120,7 @@ def in_order(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def recording(running: InProcessServer, file: bytes) -> str:
-    """The address of one that is there."""
+    """Address of an existing recording."""
     uploaded = sent(running, "PUT", "/api/recordings/upload?name=there.mcap", content=file)
     return f"/api/recordings/{uploaded.json()['id']}"
 
@@ -171,7 +171,7 @@ def test_hostile_names_open_nothing(name: str, running: InProcessServer, folder:
 
 
 def sent_or_no_view(running: InProcessServer, path: str) -> int:
-    """As `sent`; a view that is not there is told with 503."""
+    """As `sent`, where an unavailable view answers with 503."""
     answer = running.client.get(f"{running.url}{path}")
     if answer.status_code == 503:
         assert answer.json()["kind"] == "no-view"
@@ -188,7 +188,7 @@ def test_a_file_gets_a_name_that_any_system_can_hold(name: str) -> None:
 
 @pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
 def test_a_snapshot_is_stored_in_its_folder_only(name: str, tmp_path: Path) -> None:
-    """Also the serial number comes from outside: from whatever is on the line."""
+    """The serial number is untrusted too: it comes from the line."""
     kept = Snapshots(tmp_path / "data" / "snapshots")
     snapshot = Snapshot("xbus", name, name, name, title=name, taken=1.76e9, values={"a": {"b": 1}}, reason=name)
     info = kept.save(snapshot, {})

@@ -32,7 +32,7 @@ FOXGLOVE = "foxglove.sdk.v1"
 
 
 def ports_of(parent: int) -> dict[str, int]:
-    """Where the processes of a server's views listen: {"viser": port, "foxglove": port}."""
+    """Ports of the viewer processes of a server: {"viser": port, "foxglove": port}."""
     inodes: dict[str, int] = {}
     for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
         fields = line.split()
@@ -68,7 +68,7 @@ def tokens(guarded: ServerProcess) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def ports(guarded: ServerProcess, tokens: dict[str, str]) -> dict[str, int]:
-    """Where viser and Foxglove listen, once both do."""
+    """Ports of viser and Foxglove, once both listen."""
     asked = get(f"{guarded.url}/viser/", params={"token": tokens["view"]}, timeout=120)
     assert asked.status_code == 200
     asyncio.run(_status(guarded.url.replace("http", "ws") + f"/foxglove?token={tokens['view']}", FOXGLOVE))
@@ -119,7 +119,7 @@ def test_the_foxglove_port_has_the_rules_of_the_main_port(ports: dict[str, int],
 
 
 class FakeConnection:
-    """As much of a connection as is asked of it."""
+    """The part of a connection's interface that is used."""
 
     remote_address = ("127.0.0.1", 5)
 

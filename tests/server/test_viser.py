@@ -87,7 +87,7 @@ def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, serv
 
 
 def test_foreign_messages_do_not_reach_it(server: ServerProcess) -> None:
-    """Viser ended the connection on it, which was told as the end of viser."""
+    """Regression: viser ended the connection, which was reported as the end of viser."""
 
     async def turns_after(*said: str | bytes) -> int:
         async with asyncio.timeout(90), looking(server.url) as socket:

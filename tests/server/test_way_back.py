@@ -51,7 +51,7 @@ def has(device: IsbSimulator, name: str, size: int = 4) -> int:
 
 
 async def strange(here: ControlHarness) -> tuple[DeviceController, IsbSimulator]:
-    """A device with a value that our table does not allow."""
+    """A device with a value that the table does not allow."""
     desk = await here.add(SOURCE)
     device = device_of(desk)
     flash = bytearray(device.memory.flash)
@@ -66,7 +66,9 @@ CHANGES: Mapping[str, dict[str, Any]] = {"DID_FLASH_CONFIG": {"dynamicModel": 4,
 
 
 def test_a_rollback_restores_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
-    """The rollback was refused by our own range: both new values stayed, and the rollback hung in "rolling-back"."""
+    """Regression: the rollback was refused by the range check; both new values stayed, and the rollback hung in
+    "rolling-back".
+    """
 
     async def check() -> None:
         async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
@@ -81,7 +83,7 @@ def test_a_rollback_restores_a_value_that_the_table_does_not_allow(tmp_path: Pat
 
 
 def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
-    """Only one that the device itself has told; a value that somebody types, or brings in a file, is checked."""
+    """Only values reported by the device are exempt; values typed by users or read from files are checked."""
 
     async def check() -> None:
         async with house(tmp_path, listening=BRIEFEST) as here:
@@ -109,7 +111,7 @@ def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_p
 
 
 def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It stood in "rolling-back" for ever, where neither keeping nor going back is taken."""
+    """Regression: it stayed in "rolling-back", where neither confirming nor rolling back is accepted."""
     write = IsbDriver.write
 
     def broken(self: IsbDriver, setting: str, values: Any, known: DeviceContext, *, held: bool = False) -> Any:

@@ -134,7 +134,7 @@ def test_routes_of_the_page_are_not_stale() -> None:
 
 
 def test_every_answer_in_json_has_a_schema() -> None:
-    """What the page's clients are typed by must say something: a route without a response model would be unknown."""
+    """Types of the page's HTTP clients need a response model for each route."""
     for path, ways in generate_route_types.document()["paths"].items():
         for method, operation in ways.items():
             for status, response in operation["responses"].items():

@@ -75,7 +75,7 @@ def _run(command: Sequence[str], given: str) -> str:
 
 
 def _own_lines(text: str, headers: Sequence[str]) -> str:
-    """What the preprocessor took from these headers, without what they include."""
+    """Preprocessed text of these headers, without their includes."""
     names = {Path(header).name for header in headers}
     kept, own = [], False
     for line in text.splitlines():

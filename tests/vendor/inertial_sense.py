@@ -85,7 +85,7 @@ _NO_SETS = ("DID_COUNT", "DID_COUNT_UINS", "DID_MAX_COUNT", "DID_GPX_FIRST", "DI
 
 
 def differences(vendor: Constants) -> list[str]:
-    """What the tables and the constants of the header do not agree on."""
+    """Differences between the tables and the constants of the header."""
     return [*_words(vendor), *_enumerations(vendor), *_numbers(vendor["macros"])]
 
 
@@ -242,7 +242,7 @@ def _places(sdk: Path) -> Iterator[str]:
 
 
 def _path(name: str) -> str:
-    """A structure in C: what has no name of its own is the first element of a list in another."""
+    """A C structure: an unnamed element is the first element of a list in another."""
     whole, *parts = name.split(".")
     text, so_far = f"(*({STRUCTS.get(whole, whole)}*)0)", whole
     for part in parts:

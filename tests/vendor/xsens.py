@@ -53,7 +53,7 @@ _RATE = re.compile(r"XBC_(\d+)(?:_(\d))?(k|MegaBaud)(\d?)")
 
 
 def differences(vendor: Constants) -> list[str]:
-    """What the tables and the constants of the headers do not agree on."""
+    """Differences between the tables and the constants of the headers."""
     return [
         *_flags("status word", enums.STATUS_BITS, vendor["XsStatusFlag"], "XSF_", STATUS),
         *_flags("option flags", enums.OPTION_FLAGS, vendor["XsDeviceOptionFlag"], "XDOF_", {}),

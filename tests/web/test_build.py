@@ -15,7 +15,7 @@ from tests.server_process import ROOT
 
 @pytest.fixture
 def build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The module, loaded as hatchling loads it, looking at a small web/ of its own."""
+    """The module, loaded as hatchling loads it, for a small web/ folder of the test."""
     spec = importlib.util.spec_from_file_location("page_build", ROOT / "web" / "build.py")
     assert spec
     assert spec.loader
@@ -88,7 +88,7 @@ def test_the_first_load_stays_within_its_budget() -> None:
 
 
 def test_licences_of_what_is_bundled_stand_beside_the_page(build: ModuleType) -> None:
-    """What only builds or tests is not in the page; what is in it and has no terms may not be handed on."""
+    """Build and test dependencies are not in the page; bundled ones without a licence are refused."""
     packages = {
         "": {"name": "page"},
         "node_modules/preact": {"version": "10.0.0", "license": "MIT"},
