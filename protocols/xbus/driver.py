@@ -67,7 +67,11 @@ _OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
 
 
 class XbusDriver:
-    """See protocols.transactions.DeviceDriver."""
+    """See protocols.transactions.DeviceDriver.
+
+    Args:
+        times: how long a device is waited for.
+    """
 
     name = "xbus"
     states: Mapping[str, str] = {
@@ -77,6 +81,9 @@ class XbusDriver:
     }
     begins: Collection[str] = ("GoToMeasurementAck", "WakeUp")
     ends_rest = "GoToMeasurement"
+
+    def __init__(self, times: requests.StateTimes | None = None) -> None:
+        self._times = times or requests.StateTimes()
 
     # -- tables
 
@@ -122,7 +129,7 @@ class XbusDriver:
                 yield from requests.to_measurement()
             return (yield from body)
         try:
-            yield from requests.to_config(restart=not (isinstance(body, RequiresState) and body.continues))
+            yield from requests.to_config(self._times, restart=not (isinstance(body, RequiresState) and body.continues))
             result = yield from body
         except TransactionCancelledError:  # also before the body: the device may have received GoToConfig already
             if not at_rest:
@@ -141,7 +148,7 @@ class XbusDriver:
         model = model_of(known.product)
         row = _row(command, values, model)
         frame = _frame(row, values, model)
-        body = self._reset_and_store(frame) if row.name == commands.RESET_AND_STORE else _run(row, frame)
+        body = self._reset_and_store(frame) if row.name == commands.RESET_AND_STORE else _run(row, frame, self._times)
         return RequiresState(
             requests.addressed(body, _bus(known)), commands.state_of(row, values), continues=commands.continues(row)
         )
@@ -223,13 +230,13 @@ class XbusDriver:
         yield from requests.addressed(reset, _bus(known))
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
-        return (yield from requests.addressed(requests.is_alive(), _bus(known)))
+        return (yield from requests.addressed(requests.is_alive(self._times), _bus(known)))
 
     def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
         """Section 7.2, at 115 200 Bd. True: the device has the factory's communication settings, and measures."""
         if not (yield ReopenLink(requests.RESTORE_BAUD)):
             return False
-        if not (yield from requests.addressed(requests.restore_communication(), _bus(known))):
+        if not (yield from requests.addressed(requests.restore_communication(self._times), _bus(known))):
             return False
         yield from requests.addressed(_measure_again(), _bus(known))
         return True
@@ -320,7 +327,7 @@ def read_frame(one: StoredSetting) -> bytes:
 # -- transactions ------------------------------------------------------------------------------------------------------
 
 
-def _run(row: CommandRow, frame: bytes) -> Transaction[Values]:
+def _run(row: CommandRow, frame: bytes, times: requests.StateTimes) -> Transaction[Values]:
     if row.message == "WakeUpAck":
         yield Send(frame, row.message)
         return {}
@@ -330,7 +337,7 @@ def _run(row: CommandRow, frame: bytes) -> Transaction[Values]:
         yield from requests.to_measurement()
         return {}
     if row.message == "GoToConfig":
-        yield from requests.to_config()
+        yield from requests.to_config(times)
         return {}
     attempts = 1 if row.kind == "do" else requests.ATTEMPTS
     return (yield from requests.send_request(frame, row.message, row.timeout_s, attempts))

@@ -17,7 +17,7 @@ Source: MT0101P 2020.A, 5.2 and 5.3.1; that some devices answer only after Reset
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from protocols.events import Batch, Event, Reply, Text
@@ -32,13 +32,28 @@ ERROR_MESSAGE = 4
 
 ATTEMPTS = 3
 STEP_S = 0.1  # between two GoToConfig
-PATIENCE_S = 1.5  # how long GoToConfig is repeated before the device is Reset
 FIRST_SAMPLE_S = 0.25  # a measuring device has sent something by then, unless it is slow or waits for a trigger
 REFUSED_S = 0.2  # a refusing Error has come by then, after samples under way
-AFTER_RESET_S = 3.0  # a restart takes up to 1.7 s
 RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
 
 Plain = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class StateTimes:
+    """Time limits of state changes and of the search for a device, s. Tests of silent devices pass shorter ones.
+
+    Args:
+        config_s: how long GoToConfig is repeated before the device is Reset.
+        reset_s: how long it is repeated after a Reset; a restart takes up to 1.7 s.
+        stream_s: for a first frame of a device that streams.
+        answer_s: for the answer to each request to a device that may not be there.
+    """
+
+    config_s: float = 1.5
+    reset_s: float = 3.0
+    stream_s: float = 1.0
+    answer_s: float = 0.4
 
 
 def addressed(transaction: Transaction[T], bid: int) -> Transaction[T]:
@@ -118,24 +133,25 @@ def refusal(what: str, error: Reply) -> DeviceRejectedError:
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def to_config(*, restart: bool = True) -> Transaction[None]:
+def to_config(times: StateTimes, *, restart: bool = True) -> Transaction[None]:
     """Bring the device to the config state.
 
     Args:
+        times: how long to wait.
         restart: whether it may be Reset if it does not answer; False if that would discard pending results.
 
     Raises:
         NoReplyError: no answer, even after Reset.
     """
-    if (yield from _insist(PATIENCE_S)):
+    if (yield from _insist(times.config_s)):
         return
     if not restart:
-        raise NoReplyError("GoToConfig", round(PATIENCE_S / STEP_S), STEP_S)
+        raise NoReplyError("GoToConfig", round(times.config_s / STEP_S), STEP_S)
     yield Note("The device does not answer GoToConfig; restarting it (Reset).")
     yield Send(frames.build(RESET), "Reset")
-    if (yield from _insist(AFTER_RESET_S)):
+    if (yield from _insist(times.reset_s)):
         return
-    attempts = round((PATIENCE_S + AFTER_RESET_S) / STEP_S)
+    attempts = round((times.config_s + times.reset_s) / STEP_S)
     raise NoReplyError("GoToConfig, including after a Reset", attempts, STEP_S)
 
 
@@ -169,19 +185,19 @@ def to_measurement() -> Transaction[None]:
             raise
 
 
-def is_alive() -> Transaction[bool]:
+def is_alive(times: StateTimes) -> Transaction[bool]:
     """Whether a device answers at the present rate. At most three seconds, two of them while it may restart."""
-    if (yield WaitFor(_speaks, 1.0)):
+    if (yield WaitFor(_speaks, times.stream_s)):
         return True
     for _ in range(4):
         yield Send(frames.build(0x00), "ReqDID")  # refused while measuring, which is an answer too
-        if (yield WaitFor(_speaks, 0.4)):
+        if (yield WaitFor(_speaks, times.answer_s)):
             return True
     yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
-    if not (yield WaitFor(_speaks, 0.4)):
+    if not (yield WaitFor(_speaks, times.answer_s)):
         return False
     yield Send(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement")
-    yield WaitFor(_speaks, 0.4)
+    yield WaitFor(_speaks, times.answer_s)
     return True
 
 
@@ -190,15 +206,15 @@ def _speaks(event: Event) -> bool | None:
     return True if isinstance(event, (Batch, Reply, Text)) else None
 
 
-def restore_communication(patience_s: float = RESTORE_S) -> Transaction[bool]:
+def restore_communication(times: StateTimes) -> Transaction[bool]:
     """Section 7.2: repeat 0xDE, with gaps, until a device that is powered on now sends WakeUp."""
     sent = 0.0
-    while sent < patience_s:
+    while sent < RESTORE_S:
         yield Send(RESTORE_BYTE, "restore communication")
         if (yield WaitFor(_awake, RESTORE_GAP_S, "WakeUp")):
             yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
             yield Sleep(STEP_S)
-            return (yield from _insist(PATIENCE_S))
+            return (yield from _insist(times.config_s))
         sent += RESTORE_GAP_S
     return False
 

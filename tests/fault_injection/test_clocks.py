@@ -21,9 +21,9 @@ from server.config import Config
 from tests.bench.serial_device import frame
 from tests.fault_injection.fault_harness import stage
 from tests.links.link_fixtures import pty
-from tests.server.fakes import sample
+from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import Links, send, settled
+from tests.server.recorder_harness import send, settled
 from tests.waiting import block_until, until
 
 
@@ -59,8 +59,8 @@ def retimed(n: int, rate: float, later_s: int) -> bytes:
 
 
 def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
-    links = Links()
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    links = FakeLinks()
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         sessions = running.services.sessions
         running.client.post("/api/recordings/start", json={})
         wall = sessions._wall_ns

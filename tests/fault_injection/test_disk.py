@@ -38,22 +38,22 @@ from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
 from tests.fault_injection.recorded_files import received
 from tests.recordings.recorded_drive import drive
-from tests.server.fakes import sample
+from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import Links, send, settled
+from tests.server.recorder_harness import send, settled
 from tests.server_process import ROOT, tied
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 
 @pytest.fixture
-def links() -> Links:
-    return Links()
+def links() -> FakeLinks:
+    return FakeLinks()
 
 
 @pytest.fixture
-def running(tmp_path: Path, links: Links) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         yield running
 
 
@@ -124,7 +124,7 @@ def test_a_full_disk(tmp_path: Path) -> None:
     assert 900_000 < int(size) < 1_048_576
 
 
-def test_a_file_size_limit(running: InProcessServer, links: Links, tmp_path: Path) -> None:
+def test_a_file_size_limit(running: InProcessServer, links: FakeLinks, tmp_path: Path) -> None:
     running.client.post("/api/recordings/start", json={})
     wanted = b""
     with files_of_at_most(20_000):
@@ -155,7 +155,9 @@ def test_an_export_onto_a_full_disk(tmp_path: Path) -> None:
         assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_slow_disk(running: InProcessServer, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_disk(
+    running: InProcessServer, links: FakeLinks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A disk that blocks on writing and on fsync for as long as the test requests."""
     running.client.post("/api/recordings/start", json={})
     settled(running)
@@ -235,13 +237,13 @@ def test_a_recording_damaged_at_random_bytes(tmp_path: Path, whole: tuple[bytes,
     assert opened >= 6, "most of what is left can be read"
 
 
-def test_damaged_recordings_over_http(tmp_path: Path, links: Links, whole: tuple[bytes, bytes, int]) -> None:
+def test_damaged_recordings_over_http(tmp_path: Path, links: FakeLinks, whole: tuple[bytes, bytes, int]) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
     for seed in (20, 21):
         (folder / f"hurt-{seed}.mcap").write_bytes(damaged(whole[1], seed))
     (folder / "nothing.mcap").write_bytes(b"")
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         client = running.client
         listed = client.get("/api/recordings").json()
         assert len(listed) == 3

@@ -24,9 +24,9 @@ from recordings.mcap_reader import TIME, McapReader
 from server.config import Config
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import received, recording
-from tests.server.fakes import sample
+from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import Links, send, settled
+from tests.server.recorder_harness import send, settled
 from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess, begun
 from tests.timeouts import PATIENCE_S, http_client
@@ -144,8 +144,8 @@ class company:  # noqa: N801 - reads as what it is
 
 def test_a_recording_that_begins_after_the_clock_was_set_has_the_new_time(tmp_path: Path) -> None:
     """A host without a real-time clock battery: the network sets the time long after the server started."""
-    links = Links()
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    links = FakeLinks()
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         ahead = 2 * 365 * 86_400 * 1_000_000_000
         recorder = running.services.recorder
         recorder._wall_ns = lambda: round(running.services.telemetry.bus.now() * 1e9) + ahead

@@ -11,6 +11,8 @@ from typing import Any
 from protocols.isb.driver import IsbDriver
 from protocols.isb.stream_discovery import ListeningTimes
 from protocols.transactions import DeviceDriver
+from protocols.xbus.driver import XbusDriver
+from protocols.xbus.requests import StateTimes
 from protocols.xbus.simulator.device import XbusSimulator
 from server.configuration import controllers
 from server.configuration.controllers import ControllerRegistry
@@ -31,15 +33,17 @@ from tests.waiting import until
 BRIEF = ListeningTimes(least_s=0.3, listen_s=0.5)  # the product's times are for streams of 1 Hz
 BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # where streams are not what a test looks at
 
+SILENT = StateTimes(config_s=0.5, reset_s=1.0, stream_s=0.5, answer_s=0.2)  # where an MTi cannot answer
+
 
 class ControlHarness:
     """Telemetry, sessions and desks."""
 
-    def __init__(self, data: Path, timings: ConfigurationTimings, listening: ListeningTimes) -> None:
-        quick = IsbDriver(listening)
+    def __init__(self, data: Path, timings: ConfigurationTimings, listening: ListeningTimes, times: StateTimes) -> None:
+        drivers: dict[str, DeviceDriver] = {"isb": IsbDriver(listening), "xbus": XbusDriver(times)}
 
         def driver_of(protocol: str) -> DeviceDriver | None:
-            return quick if protocol == quick.name else controllers.driver_of(protocol)
+            return drivers.get(protocol) or controllers.driver_of(protocol)
 
         now_ns = steady_clock()
         self.telemetry = Telemetry.create(lambda: now_ns() / 1e9)
@@ -67,16 +71,21 @@ class ControlHarness:
 
 @asynccontextmanager
 async def house(
-    data: Path, rollback_s: float = 0.5, listening: ListeningTimes = BRIEF, **timings: Any
+    data: Path,
+    rollback_s: float = 0.5,
+    listening: ListeningTimes = BRIEF,
+    times: StateTimes = StateTimes(),  # noqa: B008 (it is frozen)
+    **timings: Any,
 ) -> AsyncIterator[ControlHarness]:
     """A server's inside, closed as the server closes it.
 
     Args:
-        listening: how long the streams of a device are listened to.
+        listening: how long the streams of an IMX are listened to.
+        times: how long an MTi is waited for.
         timings: further ones of ConfigurationTimings; a port is looked for ten times a second.
     """
     limits = ConfigurationTimings(rollback_s=rollback_s, **{"port_look_s": 0.1, **timings})
-    made = ControlHarness(data, limits, listening)
+    made = ControlHarness(data, limits, listening, times)
     made.sessions.start()
     try:
         yield made

@@ -15,10 +15,9 @@ from typing import Any
 from recordings.mcap_reader import McapReader
 from server.library.compaction_worker import CompactionWorker
 from server.library.recorder import Recorder, RecordingOptions
-from server.links.base import Link, LinkSettings
 from server.wire import RecorderState
 from tests.server.control_harness import ControlHarness, house
-from tests.server.fakes import FakeLink
+from tests.server.fakes import FakeLinks
 from tests.server.in_process_server import InProcessServer
 from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
@@ -46,19 +45,8 @@ def in_a_loop(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., N
     return run
 
 
-class Links:
-    """Fake links by source."""
-
-    def __init__(self) -> None:
-        self.made: dict[str, FakeLink] = {}
-
-    def __call__(self, source: str, settings: LinkSettings) -> Link:
-        link = self.made[source] = FakeLink(source, settings)
-        return link
-
-
-def send(running: InProcessServer, links: Links, source: str, data: bytes) -> None:
-    running.call(links.made[source].send, data)
+def send(running: InProcessServer, links: FakeLinks, source: str, data: bytes) -> None:
+    running.call(links[source].send, data)
 
 
 def settled(running: InProcessServer) -> RecorderState:
@@ -74,9 +62,9 @@ def settled(running: InProcessServer) -> RecorderState:
 
 @asynccontextmanager
 async def recorder(
-    data: Path, plan: RecordingOptions | None = None, packer: CompactionWorker | None = None
+    data: Path, plan: RecordingOptions | None = None, packer: CompactionWorker | None = None, **options: Any
 ) -> AsyncIterator[tuple[ControlHarness, Recorder]]:
-    async with house(data) as made:
+    async with house(data, **options) as made:
         recorder = Recorder(
             made.telemetry.bus, made.sessions, made.desks, plan or RecordingOptions(data / "recordings"), packer
         )

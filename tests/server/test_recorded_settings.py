@@ -12,7 +12,7 @@ from recordings.mcap_reader import McapReader, json_messages
 from server import wire_codec
 from server.library.recorded_settings import settings_of
 from server.library.recorder import RecordingOptions
-from tests.server.control_harness import outputs
+from tests.server.control_harness import SILENT, outputs
 from tests.server.recorder_harness import chunks, in_a_loop, recorder
 from tests.waiting import until
 
@@ -84,7 +84,7 @@ def test_a_foreign_snapshot_shows_nothing(body: dict[str, Any]) -> None:
 
 @in_a_loop
 async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
-    async with recorder(tmp_path) as (made, one):
+    async with recorder(tmp_path, times=SILENT) as (made, one):
         desk = await made.add("sim:xbus")
 
         async def refuse(data: bytes) -> None:

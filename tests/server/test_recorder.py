@@ -28,10 +28,9 @@ from server.errors import DomainError
 from server.library.api_models import Mark
 from server.library.compaction_worker import CompactionWorker, uncompacted
 from server.library.recorder import RecordingOptions
-from tests.server.fakes import sample
+from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import (
-    Links,
     chunks,
     flowing,
     in_a_loop,
@@ -58,17 +57,17 @@ def notes(path: Path) -> list[dict[str, Any]]:
 
 
 @pytest.fixture
-def links() -> Links:
-    return Links()
+def links() -> FakeLinks:
+    return FakeLinks()
 
 
 @pytest.fixture
-def running(tmp_path: Path, links: Links) -> Iterator[InProcessServer]:
-    with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links) as running:
+def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
         yield running
 
 
-def test_data_between_start_and_stop_is_in_the_file(running: InProcessServer, links: Links, tmp_path: Path) -> None:
+def test_data_between_start_and_stop_is_in_the_file(running: InProcessServer, links: FakeLinks, tmp_path: Path) -> None:
     send(running, links, "/dev/one", sample(1))
     assert running.client.get("/api/recorder").json()["running"] is False
     began = running.client.post("/api/recordings/start", json={"title": "Test drive"}).json()
@@ -107,7 +106,7 @@ def test_data_between_start_and_stop_is_in_the_file(running: InProcessServer, li
 
 
 def test_chosen_devices_only_and_all_with_those_that_come_later(
-    running: InProcessServer, links: Links, tmp_path: Path
+    running: InProcessServer, links: FakeLinks, tmp_path: Path
 ) -> None:
     state = running.client.post("/api/recordings/start", json={"devices": ["2"]}).json()
     assert state["devices"] == ["2"]
@@ -129,7 +128,7 @@ def test_chosen_devices_only_and_all_with_those_that_come_later(
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "rx/4") == sample(9)
 
 
-def test_a_recording_is_named_after_devices_that_sent_data(running: InProcessServer, links: Links) -> None:
+def test_a_recording_is_named_after_devices_that_sent_data(running: InProcessServer, links: FakeLinks) -> None:
     """Regression: a port that never received anything came first in the name."""
     end = time.monotonic() + PATIENCE_S
     n = 0
@@ -143,8 +142,8 @@ def test_a_recording_is_named_after_devices_that_sent_data(running: InProcessSer
     assert "more" not in began["id"]
 
 
-def test_sent_bytes_are_recorded_too(running: InProcessServer, links: Links, tmp_path: Path) -> None:
-    links.made["/dev/one"].listens = True
+def test_sent_bytes_are_recorded_too(running: InProcessServer, links: FakeLinks, tmp_path: Path) -> None:
+    links["/dev/one"].listens = True
     running.client.post("/api/recordings/start", json={})
     assert running.loop is not None
     session = running.services.sessions.get("1")
@@ -173,25 +172,25 @@ def test_impossible_requests_are_refused_with_a_reason(running: InProcessServer)
     refused(client.post("/api/recordings/mark", json={"kind": "shout"}), 422, "bad-request")
 
 
-def test_an_uncreatable_folder_is_reported(tmp_path: Path, links: Links) -> None:
+def test_an_uncreatable_folder_is_reported(tmp_path: Path, links: FakeLinks) -> None:
     (tmp_path / "recordings").write_text("a file where the folder should be")
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         response = running.client.post("/api/recordings/start", json={})
         assert response.status_code == 507
         assert response.json()["kind"] == "disk"
         assert running.client.get("/api/recorder").json()["running"] is False
 
 
-def test_with_record_a_disk_that_fails_does_not_keep_the_server_from_starting(tmp_path: Path, links: Links) -> None:
+def test_with_record_a_disk_that_fails_does_not_keep_the_server_from_starting(tmp_path: Path, links: FakeLinks) -> None:
     (tmp_path / "recordings").write_text("a file where the folder should be")
-    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path, record=True), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path, record=True), links.open) as running:
         state = running.client.get("/api/recorder").json()
         assert not state["running"]
         assert state["message"]
 
 
 def test_a_full_disk_ends_the_recording_with_a_message(
-    running: InProcessServer, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    running: InProcessServer, links: FakeLinks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     running.client.post("/api/recordings/start", json={})
     send(running, links, "/dev/one", sample(1))
@@ -216,7 +215,7 @@ def test_a_full_disk_ends_the_recording_with_a_message(
 
 
 def test_a_folder_that_is_removed_ends_the_recording_with_a_message(
-    running: InProcessServer, links: Links, tmp_path: Path
+    running: InProcessServer, links: FakeLinks, tmp_path: Path
 ) -> None:
     running.client.post("/api/recordings/start", json={})
     send(running, links, "/dev/one", sample(1))
@@ -233,7 +232,7 @@ def test_a_folder_that_is_removed_ends_the_recording_with_a_message(
 # ── quota, parts, names ──────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def test_over_the_quota_the_oldest_unpinned_recordings_are_deleted(tmp_path: Path, links: Links) -> None:
+def test_over_the_quota_the_oldest_unpinned_recordings_are_deleted(tmp_path: Path, links: FakeLinks) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
     for n in range(5):
@@ -244,7 +243,7 @@ def test_over_the_quota_the_oldest_unpinned_recordings_are_deleted(tmp_path: Pat
         compact(path, edit={"pinned": "true" if n == 0 else "false"})
         os.utime(path, (1000 + n, 1000 + n))
     config = Config(sources=("/dev/one",), data=tmp_path, recordings_quota_gb=0.001)
-    with InProcessServer(config, links) as running:
+    with InProcessServer(config, links.open) as running:
         state = running.client.post("/api/recordings/start", json={}).json()
         left = sorted(path.stem for path in folder.iterdir())
         assert left == sorted(["old-0", "old-4", state["id"]])

@@ -18,7 +18,7 @@ from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.links.base import LinkError
 from server.links.simulator import SimulatorLink, SimulatorThread
 from server.wire import PendingRollback
-from tests.server.control_harness import ControlHarness, at_rate, bench, house, over
+from tests.server.control_harness import SILENT, ControlHarness, at_rate, bench, house, over
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import until
@@ -146,7 +146,7 @@ def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
     """
 
     async def check() -> None:
-        async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1) as here:
+        async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1, times=SILENT) as here:
             desk = await here.add(f"serial://{there.slave}?baud=115200")
             job = await over(await faster(here, desk))
             assert desk.pending_rollback is not None
@@ -171,7 +171,7 @@ def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -
     """Restoring communication ended when the plug was pulled, which is how such a device is switched off."""
 
     async def check() -> None:
-        async with house(tmp_path, rounds=1) as here:
+        async with house(tmp_path, rounds=1, times=SILENT) as here:
             desk = await here.add(f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1")
             await over(await faster(here, desk))
             assert desk.pending_rollback is not None
@@ -317,7 +317,7 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
     """The device still has the old rate and may be in the config state: it is found there and measures again."""
 
     async def check() -> None:
-        async with bench() as there, house(tmp_path) as here:
+        async with bench() as there, house(tmp_path, times=SILENT) as here:
             there.hold_open()
             source = f"serial://{there.slave}?baud=115200"
             desk = await here.add(source)
