@@ -78,13 +78,13 @@ const base = channel(
 );
 
 describe("positionOf", () => {
-  it("takes the receiver's own, with what its message says of it", () => {
+  it("takes the receiver's own position and its status", () => {
     const position = positionOf([base, ins, ...receiver])!;
     expect(position.channel).toBe(receiver[0]);
     expect(fixLine(position, 0)).toBe("RTK fix · 17 sat");
     expect(metresOf(position, position.horizontal, 0)).toBe(0.014);
   });
-  it("takes what there is, and the fix of the status word", () => {
+  it("takes the available position and the fix of the status word", () => {
     const word = channel("StatusWord", "status", [
       [
         "value",
@@ -109,7 +109,7 @@ describe("positionOf", () => {
 });
 
 describe("qualityOf", () => {
-  it("reads words of any family", () => {
+  it("reads the status texts of any family", () => {
     const said = [
       ["none", ""],
       ["RTK fix", ""],

@@ -10,7 +10,7 @@ const near = (a: readonly number[], b: readonly number[], eps = 1e-9): void => {
 };
 const euler = (r: number, p: number, y: number): Matrix3 => matrixOfEuler([r, p, y]);
 
-describe("the horizon shows the truth", () => {
+describe("the horizon has the correct pitch and roll", () => {
   it("nose: positive pitch is nose down in ENU and NWU, nose up in NED", () => {
     expect(horizonOf(inEnu(euler(0, 10, 0), "ENU"), "ENU").nose).toBeCloseTo(-10);
     expect(horizonOf(inEnu(euler(0, 10, 0), "NWU"), "NWU").nose).toBeCloseTo(-10);
@@ -41,13 +41,13 @@ describe("heading", () => {
     expect(headingOf(inEnu(euler(0, 0, 30), "NED"))).toBeCloseTo(30);
     expect(headingOf(inEnu(euler(0, 0, 30), "NWU"))).toBeCloseTo(330);
   });
-  it("is not invented while x points straight up", () => {
+  it("is absent while x points straight up", () => {
     expect(headingOf(inEnu(euler(0, -90, 0), "ENU"))).toBeUndefined();
   });
 });
 
 describe("the world", () => {
-  it("names the frame's axes by where they point", () => {
+  it("names the frame's axes by their direction", () => {
     for (const frame of FRAMES) {
       const axes = axesOf(frame);
       expect(axes.map((axis) => axis.letter).join("")).toBe(frame);
@@ -58,7 +58,7 @@ describe("the world", () => {
       });
     }
   });
-  it("draws up as up, and what is farther as higher from above", () => {
+  it("draws up upwards, and farther points higher when seen from above", () => {
     const camera = { azimuth: 0.6, elevation: 0.46 };
     near(project(camera, [0, 0, 0]), [0, 0, 0]);
     expect(project(camera, [0, 0, 1])[1]).toBeGreaterThan(0);
@@ -72,8 +72,8 @@ describe("the world", () => {
   });
 });
 
-describe("another frame's numbers", () => {
-  it("leave the horizon and the heading where they are", () => {
+describe("numbers in another frame", () => {
+  it("do not change horizon and heading", () => {
     const enu = euler(5, 10, 40);
     const [roll, pitch, yaw] = eulerOfMatrix(matrixIn(enu, "ENU", "NED"));
     expect(yaw).toBeCloseTo(50);

@@ -19,14 +19,14 @@ const derived = channel(-4, "euler", "NWU from body", [1, 2, 3]);
 const euler = channel(5, "euler", "", [1, 2, 3]);
 
 describe("sourceOf", () => {
-  it("prefers the quaternion, and says so", () => {
+  it("prefers the quaternion, and reports it", () => {
     const source = sourceOf([derived, matrix, euler, quaternion]);
     expect(source).toMatchObject({ words: "from quaternion", frame: "NED" });
     const m: Matrix3 | undefined = source?.at(0);
     expect(m && eulerOfMatrix(m)[2]).toBeCloseTo(90);
     expect(sourceOf([channel(1, "quaternion", "", [0, 0, 0, 0])])?.at(0)).toBeUndefined();
   });
-  it("reads a matrix through its derived angles, and takes angles as they come", () => {
+  it("reads a matrix through its derived angles, and angles directly", () => {
     expect(sourceOf([matrix, derived])).toMatchObject({
       words: "from rotation matrix",
       frame: "NWU",
@@ -45,7 +45,7 @@ describe("sourceOf", () => {
     expect(sourceOf([earth])).toBeUndefined();
     expect(sourceOf([earth, place, euler])).toMatchObject({ channel: euler });
   });
-  it("has none where none is sent", () => {
+  it("has no attitude if none is sent", () => {
     expect(sourceOf([])).toBeUndefined();
   });
 });

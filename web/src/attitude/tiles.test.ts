@@ -11,14 +11,14 @@ describe("tiles", () => {
     expect(tileAt(51.5074, -0.1278, 10).map(Math.floor)).toEqual([511, 340]);
   });
 
-  it("come back to the place they are of", () => {
+  it("map back to their position", () => {
     const [x, y] = tileAt(...ORIGIN, 15);
     const [lat, lon] = placeAt(x, y, 15);
     expect(lat).toBeCloseTo(ORIGIN[0], 9);
     expect(lon).toBeCloseTo(ORIGIN[1], 9);
   });
 
-  it("are drawn about as large as they are", () => {
+  it("are drawn at about their native size", () => {
     const placed = tilesUnder({ middle: [0, 0], scale: 1 }, ORIGIN, 800, 600);
     const width = placed[0]!.southEast[0] - placed[0]!.northWest[0];
     expect(width).toBeGreaterThan(TILE_PX / Math.SQRT2);
@@ -35,7 +35,7 @@ describe("tiles", () => {
     expect(new Set(placed.map(({ x, y }) => `${x} ${y}`)).size).toBe(placed.length);
   });
 
-  it("are few, however close or far one looks", () => {
+  it("are few at every zoom", () => {
     for (const scale of [1e-4, 1e-3, 0.1, 1, 100, 1e4]) {
       const placed = tilesUnder({ middle: [0, 0], scale }, ORIGIN, 1600, 1000);
       expect(placed.length).toBeLessThanOrEqual(96);

@@ -13,7 +13,7 @@ describe("roundLength", () => {
 });
 
 describe("stretches", () => {
-  it("join where the kind of fix changes, and never over a gap or over no fix", () => {
+  it("join where the fix type changes, but not over a gap or missing fix", () => {
     const found = stretches([
       point(0, 0),
       point(1, 0),
@@ -45,12 +45,12 @@ describe("stretches", () => {
 });
 
 describe("the view", () => {
-  it("shows all, and no less than two metres across", () => {
+  it("shows the whole track, and at least two metres", () => {
     expect(fitView([point(0, 0), undefined, point(100, 50)], 240, 224)).toEqual({ middle: [50, 25], scale: 2 });
     expect(fitView([point(3, 4)], 240, 224)).toEqual({ middle: [3, 4], scale: 100 });
     expect(fitView([undefined], 240, 224)).toBeUndefined();
   });
-  it("zooms about the pointer: the place under it stays", () => {
+  it("zooms about the pointer: the position under it stays", () => {
     const [w, h, u, v] = [200, 100, 150, 20];
     const before = { middle: [10, 20], scale: 2 } as const;
     const after = zoomed(before, 3, u, v, w, h);

@@ -62,7 +62,7 @@ const close = (a: readonly number[], b: readonly number[], digits = 9): void =>
   a.forEach((v, k) => expect(v).toBeCloseTo(b[k]!, digits));
 
 describe("a choice of frame", () => {
-  it("has one meaning: what the body feels, turned by the attitude, is the same direction in the world", () => {
+  it("rotates attitude and body vectors consistently", () => {
     for (const [from, to] of pairs) {
       const angles: Vector3 = [11, -23, 77];
       const m = matrixOfEuler(angles);
@@ -100,25 +100,25 @@ describe("a choice of frame", () => {
     }
   });
 
-  it("a level device is level in each: no roll of −179.9° beside a level horizon", () => {
+  it("a level device is level in every frame", () => {
     for (const [from, to] of pairs)
       close(eulerOfMatrix(pairIn(matrixOfEuler([0, 0, 30]), from, to)).slice(0, 2), [0, 0]);
   });
 
-  it("goes back exactly where components only swap", () => {
+  it("is reversed exactly if components only swap", () => {
     const body = info("vector", "", ["x", "y", "z"], "°/s");
     const values = [0.1, 0.2, 0.3];
     expect(apply(changeOf(body, "NED", "ENU"), apply(changeOf(body, "ENU", "NED"), values))).toEqual(values);
     expect(changeOf(body, "ENU", "NWU")).toBeUndefined(); // the body is FLU in both
   });
 
-  it("leaves alone what has no such axes", () => {
+  it("does not change quantities without such axes", () => {
     expect(changeOf(info("vector", "ECEF", ["x", "y", "z"], "m"), "ENU", "NED")).toBeUndefined();
     expect(changeOf(info("quaternion", "ECEF from body", ["w", "x", "y", "z"]), "ENU", "NED")).toBeUndefined();
     expect(changeOf(info("scalar", "", [""], "°"), "ENU", "NED")).toBeUndefined();
   });
 
-  it("is told in the names of axes and of the frame", () => {
+  it("is shown in the names of axes and of the frame", () => {
     const local = infoIn(info("vector", "NED", ["x", "y", "z"], "m", ["north", "east", "down"]), "NED", "ENU");
     expect(local.frame).toBe("ENU");
     expect(local.columns.map(({ label }) => label)).toEqual(["east", "north", "up"]);

@@ -74,7 +74,7 @@ describe("extremes of any range", () => {
 });
 
 describe("history", () => {
-  it("prepended newest block first, with live samples between, is the whole in its order", () => {
+  it("prepended newest block first, with live samples in between, is complete and in order", () => {
     for (const seed of [4, 5, 6, 7]) {
       const random = seeded(seed);
       const rows = steady(0, 3000, (i) => Math.sin(i / 50));
@@ -99,7 +99,7 @@ describe("history", () => {
     }
   });
 
-  it("without any live sample is held too", () => {
+  it("is stored without any live sample", () => {
     const rows = steady(0, 40, (i) => i);
     const ring = new Ring([FLOAT]);
     ring.take(frame(rows.slice(20), 20, { history: true }));
@@ -113,7 +113,7 @@ describe("history", () => {
     expect(held(ring)).toEqual(Array.from({ length: 45 }, (_, i) => i));
   });
 
-  it("sent twice is held once", () => {
+  it("sent twice is stored once", () => {
     const rows = steady(0, 60, (i) => i);
     const ring = new Ring([FLOAT]);
     ring.take(frame(rows.slice(20, 40), 20));
@@ -124,7 +124,7 @@ describe("history", () => {
 });
 
 describe("time", () => {
-  it("puts a late sample where it belongs, and says so", () => {
+  it("inserts a late sample in order, and reports it", () => {
     const rows = steady(0, 50, (i) => i);
     const late = { time: 1000.205, arrival: 1000.5, values: [-1] };
     const ring = new Ring([FLOAT]);
@@ -137,7 +137,7 @@ describe("time", () => {
     expect(extent).toEqual({ lo: -1, hi: 21 });
   });
 
-  it("puts a late sample at the joint of two blocks of history where it belongs", () => {
+  it("inserts a late sample in order between two blocks of history", () => {
     const rows = steady(0, 40, (i) => i);
     const late = { time: 1000.095, arrival: 1000.2, values: [-1] };
     const whole = [...rows.slice(0, 20), late, ...rows.slice(20)];
@@ -177,13 +177,13 @@ describe("time", () => {
 });
 
 describe("gaps", () => {
-  it("are where samples lie further apart than 2.5 times the usual", () => {
+  it("are where samples are further apart than 2.5 times the usual interval", () => {
     const ring = new Ring([FLOAT]);
     ring.take(frame([...steady(0, 30, () => 0), ...steady(33, 30, () => 0), ...steady(65, 30, () => 0)], 0));
     expect(breaksAt(ring)).toEqual([30, 60]);
   });
 
-  it("are where samples were dropped, however near they lie", () => {
+  it("are where samples were dropped, however close they are", () => {
     const ring = new Ring([FLOAT]);
     ring.take(
       frame(
@@ -202,7 +202,7 @@ describe("gaps", () => {
     expect(ring.dropped).toBe(1);
   });
 
-  it("are made by one missing sample where the device's counter tells of it, before or after the samples, and nowhere else", () => {
+  it("are made by one missing sample that the device's counter reports, before or after the samples", () => {
     for (const early of [true, false]) {
       const ring = new Ring([FLOAT]);
       const samples = [...steady(0, 100, () => 0), ...steady(101, 60, () => 0), ...steady(162, 60, () => 0)];
@@ -218,7 +218,7 @@ describe("gaps", () => {
     }
   });
 
-  it("are none where the device changed its rate", () => {
+  it("do not occur where the device changed its rate", () => {
     const ring = new Ring([FLOAT]);
     const slow = Array.from({ length: 600 }, (_, k) => ({ time: 2000 + k, arrival: 2000 + k, values: [0] }));
     ring.take(
@@ -232,7 +232,7 @@ describe("gaps", () => {
     expect(breaksAt(ring)[0]).toBe(600);
   });
 
-  it("are none in the bursts of a USB adapter, for samples known by arrival only", () => {
+  it("do not occur in the bursts of a USB adapter, for samples with arrival times only", () => {
     const ring = new Ring([FLOAT]);
     const bursts = Array.from({ length: 400 }, (_, k) => ({
       time: NaN,
@@ -243,7 +243,7 @@ describe("gaps", () => {
     expect(ring.breaks).toEqual([]);
   });
 
-  it("are made where the device's clock started again, whether that is told before or after the samples", () => {
+  it("are made where the device's clock restarted, whether reported before or after the samples", () => {
     for (const early of [true, false]) {
       const ring = new Ring([FLOAT]);
       const turn = steady(0, 200, (i) => i % 100)[100]!.time;
@@ -275,7 +275,7 @@ describe("gaps", () => {
     }
   });
 
-  it("are not invented where a heading goes over its edge, but marked there", () => {
+  it("are not made where a heading wraps; the wrap is marked", () => {
     const ring = new Ring([ANGLE]);
     ring.take(
       frame(
@@ -291,7 +291,7 @@ describe("gaps", () => {
 });
 
 describe("memory", () => {
-  it("grows to its budget and then forgets the oldest", () => {
+  it("grows to its budget and then drops the oldest samples", () => {
     const budget = new Budget(2 ** 30, 1100 * 26);
     const ring = new Ring([FLOAT], budget);
     for (let k = 0; k < 50; k++)
@@ -318,7 +318,7 @@ describe("memory", () => {
     expect([ring.length, ring.value(0, 0)]).toEqual([256, 744]);
   });
 
-  it("leaves the rest to other rings when all together have enough", () => {
+  it("stops growing when all rings together have reached the budget", () => {
     const budget = new Budget(600 * 26, 2 ** 30);
     const rings = [new Ring([FLOAT], budget), new Ring([FLOAT], budget)];
     for (const ring of rings)
@@ -332,7 +332,7 @@ describe("memory", () => {
   });
 });
 
-it("tells mean and spread without cancellation", () => {
+it("computes mean and spread without cancellation", () => {
   const ring = new Ring([FLOAT]);
   ring.take(
     frame(
@@ -358,7 +358,7 @@ it("keeps 64-bit integers as numbers", () => {
   expect(ring.value(0, 0)).toBe(2 ** 53);
 });
 
-it("breaks lines over thousands of lost samples, also when they are told before their samples come", () => {
+it("breaks lines over thousands of lost samples, also if they are reported before the samples arrive", () => {
   const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
   const kept = Array.from({ length: 30_000 }, (_, i) => i).filter((i) => i % 10 !== 5); // every tenth is lost
   for (let i = 29_995; i > 0; i -= 10) ring.lose((i - 1) * 0.01 + 1000, (i + 1) * 0.01 + 1000);
@@ -378,7 +378,7 @@ it("breaks lines over thousands of lost samples, also when they are told before 
   expect(ring.breaks.length).toBe(3000);
 });
 
-it("takes the mean of an angle around the circle: it was 0 between 179 and −179", () => {
+it("takes the circular mean of an angle", () => {
   const ring = new Ring([ANGLE, FLOAT]);
   const values = [179, -179, 179, -179];
   ring.take(

@@ -103,7 +103,7 @@ it("reads a matrix row by row, as the server sends it", () => {
   }
 });
 
-it("goes back and forth between frames without a trace", () => {
+it("converts between frames and back exactly", () => {
   const q: Quaternion = [0.5, -0.1, 0.7, 0.4999];
   const v: Vector3 = [1, 2, 3];
   for (const a of ["ENU", "NED", "NWU"] as const) {
@@ -122,17 +122,17 @@ it("goes back and forth between frames without a trace", () => {
   }
 });
 
-it("says NaN, and nothing else, of a quaternion without length", () => {
+it("gives NaN for a quaternion of norm 0", () => {
   expect(eulerColumns([[0], [0], [0], [0]], 1).map((column) => column[0])).toEqual([NaN, NaN, NaN]);
 });
 
-it("gives roll 0 where roll and yaw are one", () => {
+it("gives roll 0 at gimbal lock", () => {
   const up = eulerOfMatrix(matrixOfEuler([30, 90, 10]));
   expect(up[0]).toBe(0);
   close(matrixOfEuler(up), matrixOfEuler([30, 90, 10]), 6);
 });
 
-it("multiplies as rotations follow each other", () => {
+it("multiplies in the order of successive rotations", () => {
   const yaw: Quaternion = [Math.SQRT1_2, 0, 0, Math.SQRT1_2];
   const pitch: Quaternion = [Math.SQRT1_2, 0, Math.SQRT1_2, 0];
   close(eulerOfMatrix(matrixOfQuaternion(multiply(yaw, [Math.cos(0.1), Math.sin(0.1), 0, 0]))), [

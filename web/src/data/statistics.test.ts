@@ -11,14 +11,14 @@ const turn = (from: number, to: number, n = 500): number[] =>
   Array.from({ length: n }, (_, i) => wrapped(from + ((to - from) * i) / (n - 1), 360));
 
 describe("mean and σ of an angle that turns through ±180°", () => {
-  it("are those of the turn, not of the line", () => {
+  it("are circular, not linear", () => {
     // 11.46°/s over a window of 5 s: 57.3° around 175°.
     const { mean, sigma } = of(turn(175 - 28.65, 175 + 28.65));
     expect(mean).toBeCloseTo(175, 6);
     expect(sigma).toBeCloseTo(57.3 / Math.sqrt(12), 1);
   });
 
-  it("are the same wherever the turn lies, also beyond half a turn", () => {
+  it("do not depend on the position of the range, also beyond half a turn", () => {
     for (const centre of [0, 90, 170, 180, -179, -90]) {
       const { mean, sigma } = of(turn(centre - 130, centre + 130));
       expect(wrapped(mean - centre, 360)).toBeCloseTo(0, 4);
@@ -26,7 +26,7 @@ describe("mean and σ of an angle that turns through ±180°", () => {
     }
   });
 
-  it("agree with the line where nothing wraps", () => {
+  it("agree with linear statistics where nothing wraps", () => {
     expect(of([10, 12, 17])).toEqual(of([10, 12, 17], 0));
   });
 
@@ -37,18 +37,18 @@ describe("mean and σ of an angle that turns through ±180°", () => {
     expect(sigma).toBeCloseTo(60 * Math.sqrt(0.09 * (100 / 99)), 6);
   });
 
-  it("are told as the angle is counted: from −180, or from 0", () => {
+  it("are given in the range of the angle: from −180, or from 0", () => {
     expect(of([359, 1, 355]).mean).toBeCloseTo(358.333, 2);
     expect(of([-170, 175, -175]).mean).toBeCloseTo(-176.667, 2);
   });
 
-  it("leave out what is no number", () => {
+  it("omit values that are not numbers", () => {
     expect(of([179, NaN, -179])).toMatchObject({ n: 2, mean: 180 });
     expect(of([NaN]).n).toBe(0);
   });
 });
 
-it("a mean is not told of an axis that spins", () => {
+it("a spinning axis has no mean", () => {
   const { mean, sigma } = of(turn(0, 359 * 4, 4000));
   expect(mean).toBeNaN();
   expect(sigma).toBeGreaterThan(90);

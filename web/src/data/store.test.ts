@@ -83,7 +83,7 @@ beforeEach(() => {
 });
 
 describe("derived quantities", () => {
-  it("come with the samples: norm and Euler angles", () => {
+  it("are computed with the samples: norm and Euler angles", () => {
     send(store, frame(1, 0, 3, [2, 3, 6]), frame(2, 0, 3, [HALF, 0, 0, HALF]));
     const vector = store.channel("1", "Acceleration")!;
     expect(vector.info.columns.map(({ name }) => name)).toEqual(["x", "y", "z", "norm"]);
@@ -95,7 +95,7 @@ describe("derived quantities", () => {
     expect(euler.ring.time(1)).toBe(vector.ring.time(1));
   });
 
-  it("give way to the device's own Euler angles", () => {
+  it("are replaced by the device's own Euler angles", () => {
     const own = info(
       9,
       "EulerAngles",
@@ -109,7 +109,7 @@ describe("derived quantities", () => {
   });
 });
 
-it("lets the newest channel of a name live", () => {
+it("keeps the newest channel of a name", () => {
   store.receive({ kind: "text", text: { op: "channels", channels: [{ ...acceleration, id: 5 }] } });
   expect(store.channels.value.map(({ info: { id } }) => id).sort()).toEqual([-3, 2, 5]);
   send(store, frame(1, 0, 3, [1, 1, 1])); // a straggler of the old one
@@ -123,7 +123,7 @@ describe("a connection that was lost", () => {
     frame(1, 5, 15, [0, 0, 1], { history: true }),
   ];
 
-  it("comes back with only what was missed, in order, and nothing twice", () => {
+  it("receives only the missed samples, in order and once", () => {
     send(store, frame(1, 0, 20, [0, 0, 1]));
     store.receive({ kind: "subscribed", fresh: false });
     send(store, frame(1, 40, 5, [0, 0, 4]), ...missed, frame(1, 45, 5, [0, 0, 4]));
@@ -136,7 +136,7 @@ describe("a connection that was lost", () => {
     expect(ring.breaks).toEqual([]);
   });
 
-  it("is not waited for for ever", () => {
+  it("is not waited for without a limit", () => {
     vi.useFakeTimers();
     send(store, frame(1, 0, 20, [0, 0, 1]));
     store.receive({ kind: "subscribed", fresh: false });
@@ -192,7 +192,7 @@ describe("a server that was restarted", () => {
     return Array.from({ length: ring.length }, (_, i) => ring.value(2, i));
   };
 
-  it("leaves what came before on the page, and a gap between", () => {
+  it("keeps earlier data on the page, with a gap in between", () => {
     restart(device("2")); // by another id
     expect(z("2")).toEqual([...Array<number>(20).fill(1), ...Array<number>(10).fill(2), 3, 3, 4, 4]);
     const { ring } = store.channel("2", "Acceleration")!;
@@ -211,7 +211,7 @@ describe("a server that was restarted", () => {
     ]);
   });
 
-  it("keeps what is derived and the frame that was chosen", () => {
+  it("keeps derived quantities and the chosen frame", () => {
     store.showIn("NED");
     const before = store.channel("1", "EulerAngles")!.ring.value(2, 0);
     store.receive({ kind: "subscribed", fresh: true });
@@ -222,14 +222,14 @@ describe("a server that was restarted", () => {
     expect([euler.ring.length, euler.ring.value(2, 0)]).toEqual([20, expect.closeTo(before, 4)]);
   });
 
-  it("shows nothing of another device at the same port", () => {
+  it("shows no data of another device at the same port", () => {
     restart(device("1", { serial_number: "8" }));
     expect(z("1")).toEqual([4, 4]);
     expect(store.losses("1")).toEqual([]);
     expect(store.events.value).toEqual([]);
   });
 
-  it("begins again where the clock of the host was set back", () => {
+  it("restarts if the clock of the host was set back", () => {
     store.receive({ kind: "subscribed", fresh: true });
     devices(device("1"));
     channels({ ...acceleration, id: 5 });
@@ -240,8 +240,8 @@ describe("a server that was restarted", () => {
   });
 });
 
-describe("what is missing", () => {
-  it("is told by gap events, once, also when they are sent again", () => {
+describe("missing samples", () => {
+  it("are reported by gap events, once, also if these are sent again", () => {
     const gap = event(4, { kind: "gap", t0: 1001, t1: 1001.18, samples: 72 });
     store.receive({ kind: "text", text: { op: "events", events: [event(3), gap] } });
     store.receive({ kind: "text", text: { op: "events", events: [event(3), gap, event(5)] } });
@@ -249,7 +249,7 @@ describe("what is missing", () => {
     expect(store.losses("1")).toMatchObject([{ t0: 1001, t1: 1001.18, samples: 72, by: "device" }]);
   });
 
-  it("includes what was dropped for this browser, once for all channels of a moment", () => {
+  it("include drops for this browser, once for all channels of a moment", () => {
     send(store, frame(1, 0, 20, [0, 0, 1]), frame(2, 0, 20, [1, 0, 0, 0]));
     send(store, frame(1, 50, 5, [0, 0, 1], { dropped: 30 }), frame(2, 50, 5, [1, 0, 0, 0], { dropped: 30 }));
     expect(store.dropped()).toBe(60);
@@ -258,7 +258,7 @@ describe("what is missing", () => {
   });
 });
 
-it("does not join lines over a clock that started again, in channels known before and after, of that device alone", () => {
+it("break the lines of that device alone at a clock restart, in all its channels", () => {
   send(store, frame(1, 0, 20, [0, 0, 1]));
   const step = event(4, { kind: "clock", time: 1000.1 });
   store.receive({
@@ -276,8 +276,8 @@ it("does not join lines over a clock that started again, in channels known befor
   }
 });
 
-describe("what is verified and what is not", () => {
-  it("stands in that order where a quantity came both ways, and the horizon is the verified one's", () => {
+describe("verified and unverified quantities", () => {
+  it("are in this order if a quantity arrived both ways, and the horizon uses the verified one", () => {
     const old = {
       ...info(
         7,
@@ -304,7 +304,7 @@ describe("what is verified and what is not", () => {
   });
 });
 
-describe("the frame that is chosen", () => {
+describe("the chosen frame", () => {
   const felt = {
     ...info(4, "RateOfTurn", "vector", [column("x", "x", "°/s"), column("y", "y", "°/s"), column("z", "z", "°/s")]),
     frame: "",
@@ -314,7 +314,7 @@ describe("the frame that is chosen", () => {
     return ring.columns.map((_, c) => Number(ring.value(c, ring.length - 1).toFixed(4)));
   };
 
-  it("is that of everything: what is held, what comes, attitude, body and world", () => {
+  it("applies to stored and new samples, attitude, body and world", () => {
     store.receive({ kind: "text", text: { op: "channels", channels: [felt] } });
     send(store, frame(4, 0, 2, [1, 2, 3]), frame(2, 0, 2, [1, 0, 0, 0]));
     expect(store.nativeFrame("1")).toBe("ENU");
@@ -332,7 +332,7 @@ describe("the frame that is chosen", () => {
     expect(store.channel("1", "RateOfTurn")!.info.frame).toBe("");
   });
 
-  it("is that of channels, too, that come later", () => {
+  it("applies to later channels too", () => {
     store.showIn("NED");
     store.receive({ kind: "text", text: { op: "channels", channels: [felt] } });
     send(store, frame(4, 0, 2, [1, 2, 3]));
@@ -340,7 +340,7 @@ describe("the frame that is chosen", () => {
   });
 });
 
-it("breaks the lines of a channel over losses that were told before it: a page that is loaded late hears of them first", () => {
+it("breaks the lines of a channel over losses reported before it", () => {
   store.receive({
     kind: "text",
     text: { op: "events", events: [event(1, { kind: "gap", t0: 1000.095, t1: 1000.115, samples: 1 })] },

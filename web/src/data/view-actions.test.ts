@@ -24,7 +24,7 @@ beforeEach(() => {
 });
 
 describe("pause and live", () => {
-  it("freezes where the view is, and follows again", () => {
+  it("freezes the view, and follows again", () => {
     actions.pause();
     now = 1005;
     expect(view.value).toMatchObject({ live: false, end: 1000 });
@@ -49,7 +49,7 @@ describe("panning", () => {
     expect(view.value).toMatchObject({ live: false, end: 1000 });
   });
 
-  it("goes to the start of memory", () => {
+  it("moves to the start of memory", () => {
     actions.toStart();
     expect(view.value).toMatchObject({ live: false, end: 120 });
   });
@@ -91,7 +91,7 @@ describe("zooming", () => {
     expect(view.value).toMatchObject({ live: false, end: 1000 });
   });
 
-  it("keeps everything in memory on screen while it grows, until something else is asked for", () => {
+  it("keeps everything in memory on screen while it grows, until another range is chosen", () => {
     actions.fit();
     now = 1100;
     actions.keepFitted();
@@ -124,7 +124,7 @@ describe("the cursor", () => {
     expect([cursor.value, measure.value]).toEqual([undefined, undefined]);
   });
 
-  it("is dropped when it has left a live window, and told when it is beside one that stands still", () => {
+  it("is removed when it leaves a live window, and reported when it is outside a paused one", () => {
     actions.pin(995);
     actions.pinMeasure(990);
     now = 1012;
@@ -156,7 +156,7 @@ describe("the cursor", () => {
 });
 
 describe("series", () => {
-  it("are hidden and shown by their place", () => {
+  it("are hidden and shown by index", () => {
     actions.toggleSeries(1);
     expect([...hiddenSeries.value]).toEqual(["Acceleration.y"]);
     actions.toggleSeries(1);
@@ -165,7 +165,7 @@ describe("series", () => {
     expect(hiddenSeries.value.size).toBe(0);
   });
 
-  it("stand alone in their plot, and all come back; other plots are not emptied", () => {
+  it("can be shown alone and all restored; other plots keep theirs", () => {
     hiddenSeries.value = new Set(["Acceleration.norm"]);
     actions.toggleSeries(0, true);
     expect([...hiddenSeries.value].sort()).toEqual(["Acceleration.norm", "Acceleration.y"]);

@@ -50,7 +50,7 @@ function open(begin?: Begin): unknown[] {
   return bodies;
 }
 
-it("offers the protocols, inputs and examples that the server has, and sends what was said", async () => {
+it("offers the server's protocols, inputs and examples, and sends the entered values", async () => {
   const bodies = open();
   expect(screen.queryByLabelText("Ticks")).toBeNull();
   expect(screen.queryByLabelText("Key of the talk")).not.toBeNull(); // before the protocol is known, too
@@ -65,7 +65,7 @@ it("offers the protocols, inputs and examples that the server has, and sends wha
   expect(bodies[0]).toEqual({ source: "post://pigeon", protocol: "secret", key: "00ff", time_unit: "ms" });
 });
 
-it("changes how a device is read, once something was changed", async () => {
+it("changes the decode options of a device after an edit", async () => {
   const bodies = open({ id: "1", source: "post://pigeon", protocol: "secret", options: { time_unit: "ms" } });
   expect(screen.getByText<HTMLButtonElement>("Use this key").disabled).toBe(true);
   fireEvent.change(screen.getByLabelText("Ticks"), { target: { value: "" } });
@@ -74,7 +74,7 @@ it("changes how a device is read, once something was changed", async () => {
   expect(bodies[0]).toEqual({ protocol: "secret", time_unit: "" });
 });
 
-it("sends a flag as such, and whatever text an option takes", async () => {
+it("sends flags and texts of options", async () => {
   const bodies = open({ id: "1", source: "post://pigeon", protocol: "secret", options: { loud: "1", motto: "veni" } });
   expect(screen.getByLabelText<HTMLSelectElement>("Loud").value).toBe("1");
   expect(screen.getByLabelText<HTMLInputElement>("Motto").value).toBe("veni");

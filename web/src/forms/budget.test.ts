@@ -13,7 +13,7 @@ const load = (parts: number[], capacity: number | null = 11_520, baud: number | 
 });
 
 describe("barOf", () => {
-  it("puts shares side by side, to the scale of the line", () => {
+  it("draws shares side by side, to the scale of the line", () => {
     const bar = barOf(load([2880, 0, 5760]), load([2880]), undefined, []);
     expect(bar.shares.map(({ path, from, width }) => [path, from, width])).toEqual([
       ["outputs.0", 0, 0.25],
@@ -23,7 +23,7 @@ describe("barOf", () => {
     expect(bar.over).toBeUndefined();
     expect(bar.before).toBe(0.25);
   });
-  it("shows what is too much", () => {
+  it("shows an overload", () => {
     const bar = barOf(load([23_040]), null, undefined, []);
     expect(bar.fill).toBe(2);
     expect(bar.over).toBe(0.5);
@@ -31,7 +31,7 @@ describe("barOf", () => {
     expect(overWords(load([11_521]), undefined)).toBe("The outputs need 100.1 % of the link.");
     expect(overWords(load([11_520]), undefined)).toBe("");
   });
-  it("reckons with the rate that will be in effect", () => {
+  it("uses the rate that will be in effect", () => {
     const bar = barOf(load([23_040]), null, 921_600, [115_200, 230_400, 460_800, 921_600]);
     expect(bar.fill).toBe(0.25);
     expect(bar.marks.map(({ baud, at, is }) => [baud, at, is])).toEqual([
@@ -40,7 +40,7 @@ describe("barOf", () => {
       [460_800, 0.5, "other"],
     ]);
   });
-  it("has no limit where the link has none", () => {
+  it("has no limit if the link has none", () => {
     const bar = barOf(load([100], null, null), null, undefined, [9600]);
     expect(bar.fill).toBeUndefined();
     expect(bar.marks).toEqual([]);

@@ -49,7 +49,7 @@ describe("changes", () => {
     expect([0, 1, 2].map((place) => touches(one, ["words", place]))).toEqual([true, false, false]);
     expect(countOf(ports, { words: [2, 2, 0] }, { words: [10, 2, 0] })).toBe(1);
   });
-  it("are none where a set comes back in another order, or only what the device tells differs", () => {
+  it("ignore the order of a set and read-only values", () => {
     const streams = setting({
       name: "Streams",
       editor: "streams",
@@ -61,7 +61,7 @@ describe("changes", () => {
     expect(sameSetting(flash, { a: 1, b: 2, told: 5 }, { a: 1, b: 2, told: 6 })).toBe(true);
     expect(sameSetting(flash, undefined, { a: 1 })).toBe(false);
   });
-  it("know what lies in or around them", () => {
+  it("include the paths within and around them", () => {
     const found = changes(outputs.fields, out([1, 1], [2, 2]), out([1, 1], [2, 3]));
     expect(touches(found, ["outputs", 1])).toBe(true);
     expect(touches(found, ["outputs", 0])).toBe(false);
@@ -69,18 +69,18 @@ describe("changes", () => {
   });
 });
 
-describe("what is sent", () => {
+describe("sent changes", () => {
   const all = forms({
     settings: [outputs, flash, setting({ name: "Told", writable: false, fields: [field({ name: "x" })] })],
   });
-  it("is nothing where nothing differs", () => {
+  it("are empty without differences", () => {
     expect(toApply(all, { Flash: { a: 1, b: 2 } }, { Flash: { a: 1, b: 2 } })).toEqual({});
   });
-  it("is single fields where the setting allows it, and never what the device only tells", () => {
+  it("are single fields if the setting allows it, without read-only values", () => {
     const sent = toApply(all, { Flash: { a: 1, b: 2, told: 5 } }, { Flash: { a: 1, b: 3, told: 6 }, Told: { x: 1 } });
     expect(sent).toEqual({ Flash: { b: 3 } });
   });
-  it("is a whole setting elsewhere", () => {
+  it("are a whole setting otherwise", () => {
     expect(
       toApply(all, { OutputConfiguration: out([1, 1], [2, 2]) }, { OutputConfiguration: out([1, 1], [2, 4]) }),
     ).toEqual({
@@ -89,7 +89,7 @@ describe("what is sent", () => {
   });
 });
 
-it("tells what was there, and nothing where that was never read", () => {
+it("gives the previous value, and nothing if it was never read", () => {
   expect(wasAt({ a: 1 }, { a: 2 }, ["a"])).toBe(1);
   expect(wasAt({ a: 1 }, { a: 1 }, ["a"])).toBeUndefined();
   expect(wasAt(undefined, { a: 1 }, ["a"])).toBeUndefined();

@@ -16,7 +16,7 @@ const frame = {
   ],
 };
 
-it("puts the bytes of a row together, and leaves the envelope apart", () => {
+it("groups the bytes of a row, separately from the envelope", () => {
   expect(chipsOf(frame).map(({ bytes, words, path }) => [bytes, words, path])).toEqual([
     ["FA FF", "preamble, bus", ""],
     ["C0", "Set…", ""],
@@ -34,7 +34,7 @@ it("spells one row out", () => {
   ]);
 });
 
-it("knows rows from fields with dots in their names", () => {
+it("distinguishes rows from fields with dots in their names", () => {
   expect(["outputs.3.rate", "wheelConfig.bits", "words.0", "roll"].map(rowOf)).toEqual([
     "outputs.3",
     "wheelConfig.bits",

@@ -20,7 +20,7 @@ it("offers the profiles that the device lists", () => {
   expect(optionsOf(form, present)).toEqual({ profile: ["Responsive/VRU", "Mine"] });
 });
 
-it("offers what the product is known to have while the device was not asked, and nothing where any text will do", () => {
+it("offers the product's known values before the device was read, and nothing for free text", () => {
   expect(optionsOf(form, {}).profile).toHaveLength(3);
   expect(optionsOf(setting({ fields: [field({ name: "label", editor: "text" })] }), {})).toEqual({});
 });

@@ -23,7 +23,7 @@ const entry = (data_identifier: number, output_frequency: number): Entry => ({ d
 const BEFORE = [entry(0x1020, EVERY), entry(0x2010, 100)];
 
 describe("outputRows", () => {
-  it("says what is on, and what was", () => {
+  it("gives current and previous outputs", () => {
     const rows = outputRows(CHOICES, [entry(0x1020, EVERY), entry(0x2014, 400), entry(0x4020, 100)], BEFORE);
     expect(rows.map(({ title, place, was }) => [title, place, was])).toEqual([
       ["Packet counter", 0, ""],
@@ -31,7 +31,7 @@ describe("outputRows", () => {
       ["Acceleration", 2, "was off"],
     ]);
   });
-  it("keeps what the table does not know, and doubles", () => {
+  it("keeps unknown and duplicate entries", () => {
     const rows = outputRows(CHOICES, [entry(0x2010, 100), entry(0x2013, 100), entry(0xabc0, 1)], undefined);
     expect(rows).toHaveLength(5);
     expect(rows.slice(3).map(({ place }) => place)).toEqual([1, 2]);
@@ -43,7 +43,7 @@ describe("outputRows", () => {
     expect(row.was).toBe("was 100 Hz");
     expect(toggled(CHOICES, off, row)).toEqual(BEFORE);
   });
-  it("puts what comes on where the table has it", () => {
+  it("inserts an enabled output in table order", () => {
     const entries = [entry(0x1020, EVERY), entry(0x4020, 100)];
     expect(toggled(CHOICES, entries, outputRows(CHOICES, entries, [])[1]!).map((one) => one.data_identifier)).toEqual([
       0x1020, 0x2010, 0x4020,

@@ -22,7 +22,7 @@ const flash = setting({
   fields: [field({ name: "a" }), field({ name: "b" }), field({ name: "v", editor: "vector", length: 3 })],
 });
 
-it("keeps one edit one edit when somebody else writes the same setting", () => {
+it("keeps one edit when another user writes the same setting", () => {
   const base = out([0x2010, 100], [0x4020, 100], [0x8020, 100]);
   const { draft, elsewhere } = rebase(
     outputs,
@@ -34,7 +34,7 @@ it("keeps one edit one edit when somebody else writes the same setting", () => {
   expect(elsewhere.map(({ conflict }) => conflict)).toEqual([false, false, false]);
 });
 
-it("says where both changed the same value, and keeps what was edited here", () => {
+it("reports where both changed the same value, and keeps the local edit", () => {
   const { draft, elsewhere } = rebase(
     flash,
     { a: 1, b: 2, v: [0, 0, 0] },
@@ -49,13 +49,13 @@ it("says where both changed the same value, and keeps what was edited here", () 
   ]);
 });
 
-it("has no conflict where both made the same change", () => {
+it("has no conflict if both made the same change", () => {
   const { draft, elsewhere } = rebase(flash, { a: 1 }, { a: 2 }, { a: 2 });
   expect(draft).toEqual({ a: 2 });
   expect(elsewhere.some(({ conflict }) => conflict)).toBe(false);
 });
 
-it("keeps what was switched off here, and what was switched on", () => {
+it("keeps outputs switched off and on locally", () => {
   const base = out([0x2010, 100], [0x4020, 100]);
   const { draft } = rebase(outputs, base, out([0x4020, 100], [0x8020, 10]), out([0x2010, 100], [0x4020, 20]));
   expect(draft).toEqual(out([0x4020, 20], [0x8020, 10]));

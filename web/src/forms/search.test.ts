@@ -31,17 +31,17 @@ it("finds by name, title, field and meaning", () => {
   expect(search(index, "ser0")[0]).toMatchObject({ name: "DID_FLASH_CONFIG", field: "ser0BaudRate" });
 });
 
-it("wants every word", () => {
+it("requires every word", () => {
   expect(names("set baud")).toEqual(["SetBaudrate"]);
   expect(names("profile baud")).toEqual([]);
   expect(names("  ")).toEqual([]);
 });
 
-it("takes names apart", () => {
+it("splits names", () => {
   expect(names("port config")).toContain("PortConfig");
 });
 
-it("finds quantities by identifier, and what people call otherwise", () => {
+it("finds quantities by identifier and synonym", () => {
   const outputs = [
     {
       data_identifier: 0x2010,
@@ -73,7 +73,7 @@ it("finds quantities by identifier, and what people call otherwise", () => {
   expect(search(more, "lever arm")[0]).toMatchObject({ name: "DID_FLASH_CONFIG", at: "gps1AntOffset" });
 });
 
-it("says where in the form a field is, also one inside another", () => {
+it("gives the path of a field in the form, also of a nested one", () => {
   const nested = field({
     name: "wheelConfig",
     title: "Wheel",

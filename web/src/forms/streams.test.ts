@@ -20,7 +20,7 @@ it("reads periods as rates", () => {
   expect(paceWords(CHOICES[0], 10)).toBe("14.3 Hz");
 });
 
-it("switches streams on and off, and says what was", () => {
+it("switches streams on and off, and gives the previous ones", () => {
   const before = [{ did: 4, period: 1, size: 0 }];
   const rows = streamRows(CHOICES, before, before);
   const slower = streamed(before, rows[0]!, 5, before[0]!);
@@ -43,7 +43,7 @@ it("keeps a stream that the table does not know", () => {
   });
 });
 
-it("shows the rate that was measured, whatever the table says of the source", () => {
+it("shows the measured rate in preference to the table's", () => {
   const entries = [{ did: 4, period: 2, source_ms: 16 }];
   expect(streamRows(CHOICES, entries, entries).map((row) => paceWords(row.choice, row.period))).toEqual([
     "31 Hz",

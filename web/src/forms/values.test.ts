@@ -22,7 +22,7 @@ const angle = field({ name: "roll", editor: "number", unit: "°", scale: 180 / M
 const rate = field({ name: "rate", editor: "integer", unit: "Hz", low: 1, high: 2000, step: 1 });
 
 describe("wire and shown", () => {
-  it("turns units both ways", () => {
+  it("converts units both ways", () => {
     expect(typed(angle, Math.PI / 4)).toBe("45");
     expect(read(angle, "45")).toEqual({ value: (45 / 180) * Math.PI });
     expect(typed(rate, 400)).toBe("400");
@@ -42,7 +42,7 @@ describe("wire and shown", () => {
   });
 });
 
-describe("what is typed", () => {
+describe("typed input", () => {
   it("is refused with the reason", () => {
     expect(read(rate, "0")).toEqual({ problem: "1 to 2\u2009000 Hz." });
     expect(read(rate, "2.5")).toEqual({ problem: "Enter a whole number." });
@@ -50,14 +50,14 @@ describe("what is typed", () => {
     expect(read(rate, " ")).toEqual({ problem: "Enter a number." });
     expect(read(angle, "200")).toEqual({ problem: "−180 to 180 °." });
   });
-  it("may be hex, or have a comma", () => {
+  it("may be hex or have a decimal comma", () => {
     expect(read(rate, "0x10")).toEqual({ value: 16 });
     expect(read(field({ editor: "number" }), "1,5")).toEqual({ value: 1.5 });
   });
-  it("reaches the very limit of a range in another unit", () => {
+  it("reaches the exact limit of a range in another unit", () => {
     expect(read(angle, "180")).toEqual({ value: Math.PI });
   });
-  it("is measured where it is text or hex", () => {
+  it("is checked for length if it is text or hex", () => {
     expect(textProblem(field({ editor: "hex", max_length: 2 }), "AA BB CC")).toBe("At most 2 bytes.");
     expect(textProblem(field({ editor: "hex" }), "ABC")).toBe("Enter two hex digits per byte.");
     expect(textProblem(field({ editor: "text", length: 3 }), "abcd")).toBe("At most 3 characters.");
@@ -79,7 +79,7 @@ describe("paths", () => {
   });
 });
 
-describe("words", () => {
+describe("texts", () => {
   it("name choices, bits and units", () => {
     expect(words(rate, 400)).toBe("400 Hz");
     expect(words(field({ editor: "choice", choices: { "2": "115 200 Bd" } }), 2)).toBe("115 200 Bd");
@@ -99,7 +99,7 @@ describe("words", () => {
     expect([typed(id, 0x80800001), typed(id, "9259400838168707072")]).toEqual(["0080800001", "0080800001"]);
     expect(read(id, "0080003A")).toEqual({ value: 0x0080003a });
   });
-  it("begin with what the table says, else with something allowed", () => {
+  it("start with the table's default, else with an allowed value", () => {
     expect(initial(rate)).toBe(1);
     expect(initial(field({ editor: "vector", length: 3 }))).toEqual([0, 0, 0]);
     expect(initial(field({ editor: "choice", choices: { "3": "x" } }))).toBe(3);
@@ -111,18 +111,18 @@ function bit(name: string, low: number) {
   return { name, low, width: 1, choices: {}, severity: "" as const, normal_set: false, doc: "" };
 }
 
-describe("choices that are offered", () => {
+describe("offered choices", () => {
   const rates = { "10": "921 600 Bd", "128": "921 600 Bd", "2": "115 200 Bd", "255": "invalid", "7": "Reserved" };
-  it("have each meaning once, and none that is invalid", () => {
+  it("have each meaning once and no invalid one", () => {
     expect(Object.values(offered(rates, 2)).sort()).toEqual(["115 200 Bd", "921 600 Bd"]);
   });
-  it("keep what the device has", () => {
+  it("include the device's value", () => {
     expect(offered(rates, 128)).toEqual({ "128": "921 600 Bd", "2": "115 200 Bd" });
     expect(offered(rates, 255)["255"]).toBe("invalid");
   });
 });
 
-it("says where a value stands, for a person", () => {
+it("describes the position of a value in readable form", () => {
   const ports = setting({
     name: "PortConfig",
     title: "Ports",

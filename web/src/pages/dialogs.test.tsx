@@ -11,7 +11,7 @@ const open = (name: Family | Scene, answers: Answers = {}) => openPage(recorded(
 const dialog = (name: RegExp): Promise<HTMLElement> => screen.findByRole("dialog", { name }, PATIENCE);
 const gone = (): Promise<void> => eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
 
-test("a device is added by its address, and a refusal stays in sight with what to do", async () => {
+test("a device is added by its address, and an error stays visible with its hint", async () => {
   const { asked } = await open("xbus");
   fireEvent.click(screen.getByRole("button", { name: "Add a device" }));
   const form = await dialog(/Add/);
@@ -27,7 +27,7 @@ test("a device is added by its address, and a refusal stays in sight with what t
   await gone();
 });
 
-test("a key is asked for where data were not checked, and never shown", async () => {
+test("a key is requested for unverified data, and never shown", async () => {
   const key = "00112233445566778899aabbccddeeff";
   const { asked, store } = await open("unverified", { "POST /api/devices/1/read-as": {} });
   const [device] = store.devices.value;
@@ -48,7 +48,7 @@ test("a key is asked for where data were not checked, and never shown", async ()
   expect(document.body.innerHTML).not.toContain(key);
 });
 
-test("a payload of a vendor's own is described; what the server does not take is told", async () => {
+test("a vendor payload is defined; errors of the server are shown", async () => {
   const { store, asked } = await open("shared-link");
   await eventually(() => expect(store.unknownPayloads.value.length).toBeGreaterThan(0));
   const [payload] = store.unknownPayloads.value;

@@ -43,7 +43,7 @@ function sent({ store }: Opened): readonly string[] {
   return found.sort();
 }
 
-test("satellites are those that were sent", async () => {
+test("satellites are shown as sent", async () => {
   const page = await open("isb");
   const shown = (): readonly string[] =>
     [...document.querySelectorAll(".sky tr[data-use]")]
@@ -60,7 +60,7 @@ test("satellites are those that were sent", async () => {
   expect(table.textContent).toContain("used");
 });
 
-test("a device without a receiver has no panel of satellites, and one is not left behind", async () => {
+test("a device without a receiver has no satellite panel, also after one that has", async () => {
   const page = await open("isb");
   await eventually(() => expect(document.querySelector(".sky")).not.toBeNull());
   const [device] = page.store.devices.value;
@@ -107,7 +107,7 @@ test("unverified data are marked wherever they are", async () => {
   await eventually(() => expect(text(".health-list")).toMatch(/unverified\s*▲/));
 });
 
-test("devices that share a link are looked at one by one", async () => {
+test("devices that share a link are selected one by one", async () => {
   const { store, app, asked } = await open("shared-link");
   await eventually(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(3));
   expect([...texts(".device-list .device b")].sort()).toEqual(["IDTP device 102", "IDTP device 7", "IDTP device 9"]);
@@ -134,12 +134,12 @@ test("devices that share a link are looked at one by one", async () => {
   await eventually(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(0));
 });
 
-test("a remark about the link stands on the page", async () => {
+test("a notice of the link is shown on the page", async () => {
   await open("two-senders");
   await eventually(() => expect(text(".notice")).toMatch(/127\.0\.0\.1:\d+ and 127\.0\.0\.1:\d+/));
 });
 
-test("without a device it says so and what to do", async () => {
+test("without a device the page shows a hint", async () => {
   const { store } = await open("xbus");
   await act(() => store.receive({ kind: "text", text: { op: "devices", devices: [] } }));
   await eventually(() => expect(text("main")).toContain("No device"));

@@ -18,7 +18,7 @@ const state = (running: boolean, more: Partial<RecorderState> = {}): RecorderSta
   ...more,
 });
 
-it("a recording that ended is told with what leads to it, whoever ended it", () => {
+it("an ended recording is reported with a link, whoever ended it", () => {
   expect(endedOf(state(true, { bytes: 900 }), state(false, { id: "" }), 131)).toEqual({
     id: "yard",
     title: "yard",
@@ -28,7 +28,7 @@ it("a recording that ended is told with what leads to it, whoever ended it", () 
   expect(endedOf(state(true), state(false), 131, ["MTi-630", "IMX-5", "IMX-5"])?.title).toBe("MTi-630 + IMX-5");
 });
 
-it("one that goes on, failed, or was never there is not", () => {
+it("a running, failed or missing recording is not reported", () => {
   expect(endedOf(state(true), state(true), 131)).toBeUndefined();
   expect(endedOf(state(true), state(false, { message: "The disk is full." }), 131)).toBeUndefined();
   expect(endedOf(undefined, state(false), 131)).toBeUndefined();

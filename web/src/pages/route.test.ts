@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { href, parse } from "./route";
 
-it("reads what it writes, whatever the names hold", () => {
+it("reads what it writes, for any names", () => {
   const place = "AlignmentRotation.RotSensor";
   expect(parse(href("configure", "1.102", place))).toEqual({
     page: "configure",
@@ -14,7 +14,7 @@ it("reads what it writes, whatever the names hold", () => {
   expect(parse(href("live"))).toMatchObject({ page: "live" });
 });
 
-it("leaves other hashes alone", () => {
+it("ignores other hashes", () => {
   expect(parse("#plots")).toBeUndefined();
   expect(parse("#/nowhere/1")?.page).toBe("live");
   expect(parse("")?.page).toBe("live");
@@ -30,7 +30,7 @@ it("opens a recording where its link says", () => {
   });
 });
 
-it("a link to Live carries the view, which a plain one leaves alone", () => {
+it("a link to Live carries the view; a plain one does not change it", () => {
   expect(parse("#/?device=2&span=5")).toMatchObject({ page: "live", query: "device=2&span=5" });
   expect(parse("#/")?.query).toBeUndefined();
 });

@@ -18,7 +18,7 @@ const press = (key: string, more: KeyboardEventInit = {}): void =>
   void fireEvent.keyDown(document.body, { key, ...more });
 const pressed = (button: HTMLElement): string | null => button.getAttribute("aria-pressed");
 
-test("the controls of time do what they say, and say what is", async () => {
+test("the time controls work and show the state", async () => {
   const { app, bar } = await open();
   const view = () => app.viewState.view.value;
   expect(pressed(bar.getByRole("button", { name: "Live" }))).toBe("true");
@@ -63,7 +63,7 @@ test("every control of the view has its key", async () => {
   expect(view().timeBase).toBe(timeBase);
 });
 
-test("a length made by zooming stands in the list as well", async () => {
+test("a length set by zooming is in the list too", async () => {
   const { app, bar } = await open();
   press("+");
   const { span } = app.viewState.view.value;
@@ -71,7 +71,7 @@ test("a length made by zooming stands in the list as well", async () => {
   await eventually(() => expect(list()).toHaveProperty("value", String(span)));
 });
 
-test("the theme is turned over, and the button then offers the other", async () => {
+test("the theme changes, and the button then offers the other", async () => {
   const { bar } = await open();
   const before = document.documentElement.dataset["theme"];
   fireEvent.click(bar.getByRole("button", { name: /^Use the (dark|light) theme$/ }));
@@ -82,7 +82,7 @@ test("the theme is turned over, and the button then offers the other", async () 
   );
 });
 
-test("tabs and bar lead to the same pages, and mark the one that is shown", async () => {
+test("tabs and bar lead to the same pages and mark the current one", async () => {
   await open();
   const [inBar, tabs] = screen.getAllByRole("navigation", { name: "Pages" });
   if (inBar === undefined || tabs === undefined) throw new Error("no pages");
@@ -127,7 +127,7 @@ test.each(["the key", "the button"])("%s opens every key there is, and they rest
   expect(app.viewState.view.value.live).toBe(false);
 });
 
-test("the link to what is on screen is copied, or it is said why not", async () => {
+test("the link to the current view is copied, or the failure reported", async () => {
   const { app, bar } = await open();
   const copied: string[] = [];
   const clipboard = vi

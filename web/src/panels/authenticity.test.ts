@@ -6,7 +6,7 @@ const health = (more: Partial<DeviceHealth>): DeviceHealth =>
   ({ rejects_by: {}, verified: null, unverified: null, ...more }) as DeviceHealth;
 
 describe("trustOf", () => {
-  it("says verified, unverified or not protected, never by colour alone", () => {
+  it("shows verified, unverified or not protected, not by colour alone", () => {
     const told = [
       ["Secure, verified", 5, 0],
       ["Secure, unverified: no key", 0, 7],
@@ -23,14 +23,14 @@ describe("trustOf", () => {
       "○ not protected · Lite, CRC-8 of the header alone",
     ]);
   });
-  it("says nothing of a protocol that tells nothing", () => {
+  it("shows nothing for a protocol without protection", () => {
     expect(trustOf({ protection: "" }, health({}))).toBeUndefined();
     expect(trustOf({ protection: "" }, undefined)).toBeUndefined();
   });
 });
 
-describe("what was rejected", () => {
-  it("is counted by reason, in words", () => {
+describe("rejected frames", () => {
+  it("are counted by reason, in words", () => {
     const report = health({ rejects_by: { bad_checksum: 2, no_key: 1204, truncated: 0 } });
     expect(rejections(report).map(({ words, count }) => `${words} ${count}`)).toEqual([
       "no key 1204",
@@ -39,7 +39,7 @@ describe("what was rejected", () => {
     expect(keyWanted(report)).toBe("1\u2009204 Secure frames rejected: no key to verify them.");
     expect(keyWanted(health({ rejects_by: { stale: 3 } }))).toBe("");
   });
-  it("tells a wrong key from frames that were damaged", () => {
+  it("distinguish a wrong key from damaged frames", () => {
     expect(keyWrong(health({ rejects_by: { bad_hmac: 1 }, verified: 0 }))).toBe(
       "1 Secure frame rejected: the key does not match.",
     );

@@ -6,7 +6,7 @@ const live: View = { device: "1", live: true, end: 0, span: 20, timeBase: "devic
 const paused: View = { ...live, live: false, end: 100 };
 
 describe("readingAt", () => {
-  it("reads the newest sample while live, also under the pointer: data still stream", () => {
+  it("reads the newest sample while live, also under the pointer", () => {
     expect(readingAt(live, undefined, 50)).toEqual({
       time: Number.POSITIVE_INFINITY,
       word: "now",

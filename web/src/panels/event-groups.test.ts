@@ -27,7 +27,7 @@ const gap = (time: number, samples = 1, more: Partial<EventInfo> = {}): EventInf
     ...more,
   });
 
-it("a status between hundreds of lost samples is not pushed out by them", () => {
+it("a status event is not displaced by hundreds of losses", () => {
   const events = [...Array.from({ length: 300 }, (_, k) => gap(100 + k / 10)), event(131, "link", "ttyUSB0 is back.")];
   const groups = groupsOf([event(90, "device", "It said who it is."), ...events, gap(131.5)], "all", 25);
   expect(groups.map(({ kind, count }) => [kind, count])).toEqual([
@@ -49,7 +49,7 @@ it("a sum counts the gaps that it sums up", () => {
   expect(groupsOf([gap(1), gap(2, 40, { data: { gaps: 12, by: "link" } })], "all", 9)[0]).toMatchObject({ count: 13 });
 });
 
-it("what happens again later, or to another device, or for another reason is told by itself", () => {
+it("later events, of other devices or for other reasons, are listed separately", () => {
   const groups = groupsOf(
     [gap(0), gap(100), gap(101, 1, { device: "2" }), gap(102, 1, { data: { by: "device" } })],
     "all",
@@ -58,7 +58,7 @@ it("what happens again later, or to another device, or for another reason is tol
   expect(groups).toHaveLength(4);
 });
 
-it("only what is asked for is listed, newest first, and markers each by themselves", () => {
+it("only selected kinds are listed, newest first, and each marker separately", () => {
   const events = [
     gap(1),
     event(2, "marker", "kerb"),

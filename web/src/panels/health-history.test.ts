@@ -26,7 +26,7 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
 });
 
 describe("Minute", () => {
-  it("takes a report once", () => {
+  it("counts a report once", () => {
     const minute = new RecentHealth();
     minute.add(report(1));
     minute.add(report(1));
@@ -43,7 +43,7 @@ describe("rateBars", () => {
     expect(bars[20]).toEqual({ height: 1, bad: true });
     expect(bars[59]).toEqual({ height: 0, bad: true });
   });
-  it("invents nothing before the first report", () => {
+  it("shows nothing before the first report", () => {
     const minute = new RecentHealth();
     for (let t = 50; t <= 60; t += 0.5) minute.add(report(t));
     expect(rateBars(minute.of("1"), 60, 60)[5]).toBeUndefined();

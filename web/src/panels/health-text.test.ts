@@ -27,7 +27,7 @@ const quiet = { gaps: 0, lost: 0, blind: 0, rejects: 0 };
 const device = { id: "1", status: "live", message: "", hint: "" } as unknown as DeviceInfo;
 
 describe("figuresOf", () => {
-  it("has no colour while all is well, though something was lost long ago", () => {
+  it("has no colour without recent losses", () => {
     const figures = figuresOf(health, quiet, 0.004, 0);
     expect(
       Object.values(figures)
@@ -42,7 +42,7 @@ describe("figuresOf", () => {
     expect(figures.drift.value).toBe("+12.4");
     expect(figures.age).toEqual({ value: "4", unit: "ms ago", tone: "" });
   });
-  it("warns of what was lost within the minute, of a late sample, of a full link", () => {
+  it("warns of losses within the minute, late samples and a full link", () => {
     const figures = figuresOf({ ...health, bytes_per_s: 90000 }, { gaps: 1, lost: 72, blind: 0, rejects: 1 }, 2.5, 10);
     expect(figures.gaps).toEqual({ value: "1 · 72 smp", unit: "", tone: "warn" });
     expect(figures.rejects).toEqual({ value: "1", unit: "frame", tone: "warn" });
@@ -50,12 +50,12 @@ describe("figuresOf", () => {
     expect(figures.shareText.tone).toBe("warn");
     expect(figures.dropped.tone).toBe("warn");
   });
-  it("tells how long a link was down, where nobody counted samples", () => {
+  it("gives the duration of an outage without counted samples", () => {
     const gaps = (recent: Partial<Recent>): string => figuresOf(health, { ...quiet, ...recent }, 0, 0).gaps.value;
     expect(gaps({ gaps: 1, blind: 15.3 })).toBe("1 · 15 s");
     expect(gaps({ gaps: 3, lost: 72, blind: 15.3 })).toBe("3 · 72 smp + 15 s");
   });
-  it("says how far off device times may be, rounded up, and marks it while that could be mended", () => {
+  it("gives the uncertainty of device times, rounded up, and marks it if it can be improved", () => {
     const bound = (ms: number | null) => figuresOf({ ...health, uncertainty_ms: ms }, quiet, 0, 0).uncertainty;
     expect(bound(0.36)).toEqual({ value: "± 0.4", unit: "ms", tone: "" });
     expect(bound(0.062).value).toBe("± 0.07");
@@ -70,7 +70,7 @@ describe("figuresOf", () => {
     expect(figuresOf(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
     expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
   });
-  it("invents nothing before the first report", () => {
+  it("shows nothing before the first report", () => {
     const figures = figuresOf(undefined, quiet, undefined, 0);
     expect(figures.samples.value).toBe("—");
     expect(figures.share).toBeUndefined();
@@ -104,20 +104,20 @@ describe("verdict", () => {
     text: "72 samples lost (180 ms): on the device's side",
   };
   const events = [{ ...gap, t0: 52333, t1: 52333.18, samples: 72, data: {} } as EventInfo];
-  it("says who lost it", () => {
+  it("names where samples were lost", () => {
     expect(verdict(device, events, health, 0)).toBe("Gap 14:32:13: 72 samples lost (180 ms): on the device's side.");
     expect(verdict(device, [], health, 0)).toMatch(/2 frames/);
     expect(verdict(device, [], health, 7)).toMatch(/this browser/);
     expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/^No loss/);
   });
-  it("does not say of a recording that nothing was lost where it is only further on", () => {
+  it("does not report a recording as lossless if losses follow later", () => {
     expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toContain("this session");
     expect(verdict(device, [], { ...health, rejects: 0 }, 0, 0)).toBe("No loss in this recording.");
     expect(verdict(device, [], { ...health, rejects: 0 }, 0, 165)).toBe(
       "No loss up to here; 165 samples are missing later.",
     );
   });
-  it("tells the cause of a lost device before anything else", () => {
+  it("reports the cause of a lost device first", () => {
     const lost = { ...device, status: "lost", message: "ttyUSB0 is gone.", hint: "Plug it in again." } as DeviceInfo;
     expect(verdict(lost, events, health, 3)).toBe("ttyUSB0 is gone. Plug it in again.");
   });

@@ -3,7 +3,7 @@ import { bytesOf, descriptionOf, linesOf } from "./hex";
 
 const text = (runs: readonly { readonly text: string }[]): string => runs.map((run) => run.text).join("");
 
-describe("bytes for a person", () => {
+describe("readable bytes", () => {
   it("are eight to a line with offset and letters", () => {
     const lines = linesOf(bytesOf("48656c6c6f2c20776f726c6400ff"), undefined);
     expect(lines.map(({ offset }) => offset)).toEqual(["0000", "0008"]);
@@ -18,13 +18,13 @@ describe("bytes for a person", () => {
     expect(linesOf(bytesOf("0102"), bytesOf("0102"))[0]?.bytes.some(({ changed }) => changed)).toBe(false);
   });
 
-  it("end at what is no hex", () => {
+  it("end at the first character that is not hex", () => {
     expect([...bytesOf("01zz02")]).toEqual([1]);
     expect(linesOf(bytesOf(""), undefined)).toEqual([]);
   });
 });
 
-describe("a description to begin with", () => {
+describe("an initial definition", () => {
   it("covers every byte of the payload", () => {
     expect(descriptionOf(0x80, 6)).toContain("type = 0x80");
     expect(descriptionOf(0x80, 6)).toContain('type = "i16"');

@@ -18,7 +18,7 @@ const deps = {
   viewState: { view: signal({ device: "1" }) },
 } as unknown as Deps;
 
-it("panels of a place stand in their order, where they apply, and each id is there once", () => {
+it("panels of an area are in order, where they apply, with unique ids", () => {
   let applies = false;
   registerPanel(panel("second", 20));
   registerPanel(panel("first", 10));
@@ -30,7 +30,7 @@ it("panels of a place stand in their order, where they apply, and each id is the
   expect(() => registerPanel(panel("first", 0))).toThrow("first");
 });
 
-it("panels that the protocol of a device names stand before the others", () => {
+it("panels named by the protocol of a device come first", () => {
   registerPanel({ ...panel("plain", 10), where: "strip" });
   registerPanel({ ...panel("favourite", 20), where: "strip" });
   expect(panelsAt("strip", deps).map(({ id }) => id)).toEqual(["plain", "favourite"]);

@@ -45,7 +45,7 @@ const XSENS = [
 const INERTIAL = [bit("USED_IN_SOLUTION", 3, 1), bit("HEALTH", 4, 2, { 0: "UNKNOWN", 1: "GOOD", 2: "BAD" })];
 
 describe("skyAt", () => {
-  it("groups the newest table by constellation, and tells use from health", () => {
+  it("groups the newest table by constellation, with use and health", () => {
     const channel = table(XSENS, { 0: "GPS", 2: "Galileo" }, [
       [1, 0, 1, 50, 8],
       [2, 2, 7, 41, 16],
@@ -67,7 +67,7 @@ describe("skyAt", () => {
     ]);
     expect(skyAt(found!, -1)).toEqual([]);
   });
-  it("reads the words of another family, and keeps two tables of one chunk apart", () => {
+  it("reads the flags of another family, and separates two tables of one chunk", () => {
     const channel = table(INERTIAL, { 1: "GPS", 6: "GLO" }, [
       [1, 1, 4, 30, 8],
       [1, 6, 2, 31, 16],
@@ -80,7 +80,7 @@ describe("skyAt", () => {
       ["GLONASS", "1 unhealthy", 34],
     ]);
   });
-  it("takes signals where there are no satellites: the strongest of each", () => {
+  it("uses signals if there are no satellites: the strongest of each", () => {
     const signals = table(INERTIAL, { 1: "GPS" }, [
       [1, 1, 4, 30, 16, 0],
       [1, 1, 4, 35, 8, 3],

@@ -32,7 +32,7 @@ const channel = (name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[])
 });
 
 describe("groupsOf", () => {
-  it("puts what is measured first and gathers single values at the end", () => {
+  it("puts measured quantities first and groups single values at the end", () => {
     const groups = groupsOf([
       channel("Temperature", "scalar", [column("value", { unit: "°C" })]),
       channel("RateOfTurn", "vector", [
@@ -50,7 +50,7 @@ describe("groupsOf", () => {
     expect(groups[2]?.rows[1]?.column).toBe(-1);
     expect(groups[3]?.rows.map((row) => row.label)).toEqual(["lat", "fixtype"]);
   });
-  it("tells mean and spread of a quantity without axes: every column of a table is one", () => {
+  it("gives mean and spread of a quantity without axes, also of table columns", () => {
     const [group] = groupsOf([
       channel("gyro_z", "scalar", [column("value", { unit: "°/s" })]),
       channel("count", "scalar", [column("value", { dtype: "u4" })]),
@@ -60,7 +60,7 @@ describe("groupsOf", () => {
       ["", undefined],
     ]);
   });
-  it("colours by axis and leaves what has none grey", () => {
+  it("colours by axis, and grey without one", () => {
     const [group] = groupsOf([
       channel("Quaternion", "quaternion", [column("w", { axis: "w" }), column("x", { axis: "x" })]),
     ]);

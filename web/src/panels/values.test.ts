@@ -21,7 +21,7 @@ function upTo(step: number): { readonly channel: Channel } {
   return { channel: { info: {} as Channel["info"], ring } };
 }
 
-it("a value of a stream that was switched off is not shown under now as if it were", () => {
+it("the value of a stopped stream is not shown as current", () => {
   const now = { word: "now" } as const;
   expect(staleness(upTo(0.01), now, 101)).toBeUndefined();
   expect(staleness(upTo(0.01), now, 280)).toBe("3 min");

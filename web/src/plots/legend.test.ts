@@ -25,13 +25,13 @@ const seriesOf = (channel: Channel): Series => ({
   decimals: 2,
 });
 
-it("measures from the first cursor to the second, the short way round", () => {
+it("measures from the first cursor to the second, the shorter way around the circle", () => {
   const series = seriesOf(yawAt([0, 1, 2, 3, 4], 175));
   expect(changeOf(series, 0, 3, "device")).toBeCloseTo(30, 4);
   expect(changeOf(series, 3, 0, "device")).toBeCloseTo(-30, 4);
 });
 
-it("measures between moments whose samples are held apart", () => {
+it("measures between moments in separate blocks", () => {
   const drawn = yawAt([0, 4.5], 0);
   const [near, far] = [yawAt([0, 0.1, 0.2], 0), yawAt([4.4, 4.5, 4.6], 0)];
   const change = changeOf(seriesOf(drawn), 0.1, 4.5, "device", (_, t) => (t === 4.5 ? far : near));

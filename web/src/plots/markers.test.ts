@@ -6,7 +6,7 @@ import { timeWindow } from "./time-window";
 const event = (kind: string, time: number, text: string, device = ""): EventInfo =>
   ({ seq: 0, time, device, kind, level: "info", text, t0: null, t1: null, samples: 0, data: {} }) as EventInfo;
 
-it("markers and notes of all devices and of this one stand on its plots", () => {
+it("markers and notes of all devices and of this one are on its plots", () => {
   const events = [
     event("marker", 5, "Marker"),
     event("gap", 6, ""),
@@ -19,7 +19,7 @@ it("markers and notes of all devices and of this one stand on its plots", () => 
   ]);
 });
 
-it("those in the window are placed in their order, with room up to the next", () => {
+it("those in the window are placed in order, with room up to the next", () => {
   const w = timeWindow({ device: "1", live: false, end: 20, span: 20, timeBase: "device" }, 20, 100, 400, 1);
   const found = placed(
     [

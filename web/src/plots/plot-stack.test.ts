@@ -108,7 +108,7 @@ test("a range selected on one is its window alone", () => {
   expect(shownOf(right)).toEqual(before);
 });
 
-test("a cursor on one is read there, and the other goes on with the newest sample", () => {
+test("a cursor on one is read there, and the other shows the newest sample", () => {
   const [left, right] = both();
   const before = values(right);
   expect(before[0]).toMatch(/\d/);
@@ -146,7 +146,7 @@ test("series and quantities chosen on one are shown there alone", () => {
   expect(pressed(left)[0]).toBe("false");
 });
 
-test("one that is closed leaves the other as it was", () => {
+test("closing one does not change the other", () => {
   const [left, right] = both();
   left.panel.dispose();
   left.host.remove();

@@ -21,12 +21,12 @@ function ringOf(info: ChannelInfo): Ring {
 }
 
 describe("the window", () => {
-  it("moves in whole pixels, so that a pixel keeps its samples", () => {
+  it("moves in whole pixels, so that each pixel keeps its samples", () => {
     for (const end of [1000.001, 1000.05, 1000.0999]) expect(windowOf(end, 20).g1).toBe(10_001);
     expect(windowOf(1000.2001, 20).g1).toBe(10_003);
   });
 
-  it("maps time to place and back", () => {
+  it("maps time to position and back", () => {
     const w = windowOf(1000, 20);
     expect(xOf(w, w.t0)).toBe(100);
     expect(xOf(w, w.t1)).toBe(300);
@@ -45,7 +45,7 @@ describe("columns of pixels", () => {
     return [lo, hi];
   }
 
-  it("are those of every sample, as samples come, the window moves, zooms and jumps", () => {
+  it("agree with all samples while samples arrive and the window moves, zooms and jumps", () => {
     const info = CHANNELS[0]!;
     const ring = ringOf(info);
     const columns = new PixelColumns(ring, [0]);
@@ -98,7 +98,7 @@ describe("the y scale", () => {
     expect(scale.lo).toBe(lo);
   });
 
-  it("shows the whole circle of what goes round", () => {
+  it("shows the full range of an angle", () => {
     const scale = new Scale(0.2, 360);
     scale.update(-179, 178, 0, true);
     expect([scale.lo, scale.hi]).toEqual([-190, 190]);
@@ -109,7 +109,7 @@ describe("the y scale", () => {
     ).toEqual([-180, -90, 0, 90, 180]);
   });
 
-  it("has room around a constant, and ignores that there is nothing", () => {
+  it("has room around a constant, and ignores missing values", () => {
     const scale = new Scale(0.1);
     scale.update(Infinity, -Infinity, 0, false);
     scale.update(5, 5, 0, false);
@@ -117,7 +117,7 @@ describe("the y scale", () => {
     expect(scale.hi).toBeGreaterThan(5);
   });
 
-  it("puts ticks where people count, zero first", () => {
+  it("puts ticks at round numbers, including zero", () => {
     expect([0.9, 1.1, 3, 7].map((least) => niceStep(least))).toEqual([1, 2, 5, 10]);
     expect(ticks(-6, 19, 100)[0]!.value).toBe(0);
     expect(ticks(-0.02, 0.02, 60).every(({ decimals }) => decimals === 2)).toBe(true);
@@ -138,14 +138,14 @@ describe("the time axis", () => {
     expect([1.1141, 0.18, -0.0125, 75].map(duration)).toEqual(["1.114 s", "180.0 ms", "−12.50 ms", "1 min 15.0 s"]);
   });
 
-  it("shows memory in lengths that people know", () => {
+  it("shows memory in common lengths", () => {
     expect([stripLength(5, 20), stripLength(61, 20), stripLength(100, 600), stripLength(1e6, 1)]).toEqual([
       60, 120, 600, 1e6,
     ]);
   });
 });
 
-describe("which plots there are", () => {
+describe("chosen plots", () => {
   const channel = (
     name: string,
     kind: ChannelInfo["kind"],
@@ -198,7 +198,7 @@ describe("which plots there are", () => {
       .filter((plot) => plot.primary === primary)
       .map(({ title }) => title);
 
-  it("stand in the design's order, one of each family", () => {
+  it("are in the design's order, one of each family", () => {
     const sent = [
       channel("EulerAngles", "euler", angles, "°"),
       channel("MagneticField", "vector", xyz, "a.u."),
@@ -226,7 +226,7 @@ describe("which plots there are", () => {
     expect(of(["Nothing"])).toEqual(["Acceleration", "Roll, pitch", "Yaw"]);
   });
 
-  it("are the first few of what there is when none of the five is sent", () => {
+  it("are the first few quantities if none of the five is sent", () => {
     expect(
       titles(
         [
@@ -238,7 +238,7 @@ describe("which plots there are", () => {
     ).toEqual(["Temperature", "BaroPressure"]);
   });
 
-  it("keep elements without names together, and say whose they are", () => {
+  it("keep unnamed elements together, with the name of their field", () => {
     const numbered = (n: number): Channel =>
       channel(
         "Wheels",
@@ -275,13 +275,13 @@ describe("lanes", () => {
     return { info, ring };
   };
 
-  it("are there for what was set once, for enumerations, and for what must be seen when it is cleared", () => {
+  it("exist for flags that were set, enumerations, and flags whose clearing matters", () => {
     const names = (rows: number[]): string[] => lanesOf([filled(rows)]).map(({ name }) => name);
     expect(names([2, 2])).toEqual(["Filter valid", "RTK status", "No rotation update"]);
     expect(names([2, 2 | (1 << 10)])).toEqual(["Filter valid", "Clip acc Z", "RTK status", "No rotation update"]);
   });
 
-  it("are not there for what a product does not have: an IMU has no filter", () => {
+  it("do not exist for features that a product lacks", () => {
     const names = (absent: readonly string[]): string[] => lanesOf([filled([0, 0])], absent).map(({ name }) => name);
     expect(names([])).toContain("Filter valid");
     expect(names(["FilterValid"])).not.toContain("Filter valid");
@@ -301,7 +301,7 @@ describe("lanes", () => {
     expect(last.to * w.dt).toBeCloseTo(1040, 0);
   });
 
-  it("say what a value means", () => {
+  it("explain a value", () => {
     const rtk = STATUS_BITS.find(({ name }) => name === "RtkStatus")!;
     expect([0, 1, 3, -2].map((state) => stateWords(rtk, state))).toEqual(["no RTK", "floating", "3", "changing"]);
     expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(words)).toEqual([
@@ -314,13 +314,13 @@ describe("lanes", () => {
   });
 });
 
-it("a flag that is not set is not explained as if it were", () => {
+it("a cleared flag is not explained as set", () => {
   const bits = { ...STATUS_BITS[0]!, width: 1, doc: "At least one sensor is out of range." };
   expect(docOf({ bits }, "not set")).toBe("When set: at least one sensor is out of range.");
   expect(docOf({ bits }, "set")).toBe(bits.doc);
 });
 
-it("a flag that is raised for the first time gets a lane in the room kept for it, and moves no other", () => {
+it("a newly set flag gets a reserved lane and moves no other", () => {
   const info = CHANNELS.find(({ kind }) => kind === "status")!;
   const lanesAt = (word: number) => {
     const ring = ringOf(info);

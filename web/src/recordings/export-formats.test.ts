@@ -34,7 +34,7 @@ it("offers a vendor's format where its devices are", () => {
   expect(names("other")).toEqual(["csv", "bytes"]);
 });
 
-it("says the size that was measured, and before that a rough one", () => {
+it("shows the measured size, and an estimate before", () => {
   const [info, measured] = [
     { size: 1000, duration: 100 },
     { sizes: { csv: 420, parquet: 300 }, devices: { 1: 700, 2: 90 } },

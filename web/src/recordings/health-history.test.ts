@@ -15,7 +15,7 @@ const history: HealthHistory = {
 };
 const gap = { device: "1", kind: "gap", time: 1004.5, samples: 100, data: {} } as unknown as EventInfo;
 
-it("tells the rates of the whole seconds before, and counts up to there", () => {
+it("gives the rates of the seconds before, and counts up to the moment", () => {
   const told = figuresAt(history, 1004.2);
   expect(told.bytes).toBe(2400);
   expect(told.bytes_per_s).toBe(1000); // the first second, in which it began, says nothing
@@ -28,14 +28,14 @@ it("tells the rates of the whole seconds before, and counts up to there", () => 
   expect([told.jitter_ms, told.drift_ppm]).toEqual([3, 7]);
 });
 
-it("tells nothing where nothing is known", () => {
+it("gives nothing without data", () => {
   expect(figuresAt(history, 999)).toEqual({});
   expect(figuresAt(history, 1006)).toEqual({});
   expect(figuresAt(history, 1001.5)).toMatchObject({ bytes: 400 });
   expect(figuresAt(history, 1001.5).rate).toBeUndefined();
 });
 
-it("makes the minute that the little pictures show, with what was lost in it", () => {
+it("gives the minute of the sparklines with its losses", () => {
   const minute = minuteAt(history, [gap], "1", 1005.5);
   expect(minute.map(({ time }) => time)).toEqual([
     1001.49, 1001.99, 1002.49, 1002.99, 1003.49, 1003.99, 1004.49, 1004.99, 1005.49,

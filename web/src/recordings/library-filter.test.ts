@@ -55,7 +55,7 @@ it("finds by any words of title, notes, tags, devices and date", () => {
   expect(matches(one(), "yard crane")).toBe(false);
 });
 
-it("keeps what was deleted apart", () => {
+it("separates deleted recordings", () => {
   const list = [one(), one({ id: "b", deleted: 5, pinned: true })];
   expect(chosen(list, all).map(({ id }) => id)).toEqual(["a"]);
   expect(chosen(list, { ...all, category: "pinned" })).toEqual([]);
@@ -64,7 +64,7 @@ it("keeps what was deleted apart", () => {
   expect(daysLeft(0, 6.5 * 86_400)).toBe(1);
 });
 
-it("says the worst first", () => {
+it("puts the worst first", () => {
   const lossy = one({ devices: one().devices.map((device) => ({ ...device, lost: 72, rejects: 3 })) });
   expect(flaw(lossy)).toEqual({ tone: "warn", words: "72 lost" });
   expect(flaw({ ...lossy, damaged: "The file ends at 08:51." }).tone).toBe("bad");
@@ -87,7 +87,7 @@ it("writes lengths and sizes", () => {
   ]);
 });
 
-it("calls what nobody named by its devices", () => {
+it("names an untitled recording after its devices", () => {
   expect([titleOf(one()), titleOf(one({ title: "" })), titleOf(one({ title: "a", devices: [] }))]).toEqual([
     "Yard loop",
     "MTi-630",
@@ -95,13 +95,13 @@ it("calls what nobody named by its devices", () => {
   ]);
 });
 
-it("tells no count of messages before they are counted", () => {
+it("shows no message count before it is known", () => {
   const uncounted = { ...one().devices[0]!, messages: null };
   expect([messagesOf(one()), messagesOf(one({ devices: [uncounted] }))]).toEqual([10, undefined]);
   expect(heardOf(one({ devices: [uncounted] })).devices).toHaveLength(1);
 });
 
-it("a device that never sent anything names no recording, and stands in no filter", () => {
+it("a device without data is in no recording name and no filter", () => {
   const silent = {
     id: "2",
     name: "ttyUSB9",
@@ -124,7 +124,7 @@ it("a device that never sent anything names no recording, and stands in no filte
   expect(heardIn(detail).devices.map(({ id }) => id)).toEqual(["1"]);
 });
 
-it("says the serial number of a device once", () => {
+it("shows the serial number of a device once", () => {
   const device = {
     id: "1",
     name: "IDTP device 102",

@@ -15,12 +15,12 @@ const frame = (time: readonly number[], ...columns: readonly (readonly number[])
   columns: columns.map((values) => Float64Array.from(values)),
 });
 
-it("says how much the liveliest column varied in every part", () => {
+it("gives the variation of the most active column in every part", () => {
   const motion = motionOf(frame([0, 1, 5, 6, 9], [0, 1, 0, 4, 7], [0, 0, 0, 2, 7]), 0, 10, 4);
   expect([...motion]).toEqual([0.25, NaN, 1, 0]);
 });
 
-it("keeps a fault of one sample, and a flag that should be up and is not", () => {
+it("keeps a fault of one sample, and a flag that should be set and is not", () => {
   const bits = [
     { name: "clip", low: 0, width: 1, severity: "warning", normal_set: false },
     { name: "self_test", low: 1, width: 1, severity: "error", normal_set: true },

@@ -21,7 +21,7 @@ it("reads what it writes", () => {
   expect(readPlace(route?.query ?? "")).toEqual(place);
 });
 
-it("leaves out what it does not understand, and opens the rest", () => {
+it("ignores unknown parts, and opens the rest", () => {
   expect(readPlace("t0=5&t1=4&cursor=later&loop=1&base=moon&hide=%25E0%25A4%25A&x=1")).toEqual({
     hide: [],
     show: [],
@@ -31,14 +31,14 @@ it("leaves out what it does not understand, and opens the rest", () => {
   expect(placeHref("a", { hide: [], show: [], panels: [] })).toBe("#/recordings/a");
 });
 
-it("a live place has a length and no range", () => {
+it("a live view has a length and no range", () => {
   const place = { span: 12.5, device: "2", base: "device" as const, hide: [], show: [], panels: [] };
   expect(placeQuery(place)).toBe("span=12.5&device=2");
   expect(readPlace("span=12.5&device=2")).toEqual({ span: 12.5, device: "2", hide: [], show: [], panels: [] });
   expect(readPlace("span=-1").span).toBeUndefined();
 });
 
-it("a norm that was shown is shown again after a reload, and the others stay hidden", () => {
+it("a shown norm is restored after a reload, and others stay hidden", () => {
   const before = new Set(["a.norm", "b.norm"]);
   const told = seriesOf(new Set(["a.norm", "a.x"]), before);
   expect(told).toEqual({ hide: ["a.x"], show: ["b.norm"] });

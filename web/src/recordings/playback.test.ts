@@ -18,7 +18,7 @@ it("moves by the speed and stops at the end", () => {
   expect(begin(at({ head: 200, playing: false }), bounds)).toMatchObject({ head: 100, playing: true });
 });
 
-it("loops a range, entering it from before and keeping what went over", () => {
+it("loops a range, also when entered from before, and carries the excess over", () => {
   const loop = { loop: [120, 130] as const, looping: true };
   expect(advance(at({ ...loop, head: 119 }), 1, bounds).head).toBe(121);
   expect(advance(at({ ...loop, head: 129 }), 1, bounds).head).toBe(121);
@@ -26,7 +26,7 @@ it("loops a range, entering it from before and keeping what went over", () => {
   expect(begin(at({ ...loop, head: 130 }), bounds).head).toBe(120);
 });
 
-it("keeps the head's place on screen", () => {
+it("keeps the playhead's position on screen", () => {
   expect(followed(120, 20, 110, 111)).toBe(121);
   expect(followed(120, 20, 50, 150)).toBeCloseTo(156);
 });

@@ -39,7 +39,7 @@ const detail = {
   progress: 1,
 };
 
-describe("a recording that somebody is about to open", () => {
+describe("a recording that is about to be opened", () => {
   const asked: string[] = [];
   let prefetch = new Prefetch();
   beforeEach(() => {
@@ -61,7 +61,7 @@ describe("a recording that somebody is about to open", () => {
   });
   const settled = () => vi.advanceTimersByTimeAsync(100);
 
-  it("is there, with its window, when the pointer has rested on it", async () => {
+  it("is prefetched, with its window, when the pointer rests on it", async () => {
     const known = info();
     prefetch.prepare(known, new Set());
     await settled();
@@ -73,7 +73,7 @@ describe("a recording that somebody is about to open", () => {
     expect(asked.length).toBe(2);
   });
 
-  it("is not asked for where the pointer only passes, nor before it was ever opened", async () => {
+  it("is not prefetched if the pointer only passes, or before it was first opened", async () => {
     prefetch.prepare(info(), new Set());
     prefetch.pass();
     prefetch.prepare(info({ opened: false }), new Set(), true);
@@ -82,7 +82,7 @@ describe("a recording that somebody is about to open", () => {
     expect(asked).toEqual([]);
   });
 
-  it("is asked for anew when the library tells something else of it by then", async () => {
+  it("is requested again if the library has changed it", async () => {
     prefetch.prepare(info(), new Set(), true);
     await settled();
     const { screen } = await prefetch.take("yard", info({ title: "Another" }));

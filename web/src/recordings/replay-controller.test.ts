@@ -23,7 +23,7 @@ beforeEach(() => {
 });
 afterEach(() => vi.unstubAllGlobals());
 
-it("two recordings beside each other are read, played and shown each by itself, and Live is left alone", () => {
+it("two recordings side by side are read, played and shown independently of each other and of Live", () => {
   const live = createViewState();
   live.actions.pin(7);
   const left = new ReplayController(detail("left", 1000), NOWHERE, createViewState(live));

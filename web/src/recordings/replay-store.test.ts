@@ -57,7 +57,7 @@ const step = {
 const store = (events: readonly EventInfo[] = []): ReplayStore =>
   new ReplayStore({ devices: [], channels: [info(1), info(2)], events, longest_s: { 1: 0.1, 2: 0.1 } }, () => 42);
 
-it("holds the newest stretch and no other, and leaves other channels alone", () => {
+it("stores only the newest range, and does not change other channels", () => {
   const replay = store();
   const of = (name: string) => replay.channel("1", name)!.ring;
   replay.show([1, 2], [frame(1, [0, 1, 2], [1, 2, 3]), frame(2, [0], [9])], { t0: 0, t1: 3, width: 10 }, true);
@@ -69,7 +69,7 @@ it("holds the newest stretch and no other, and leaves other channels alone", () 
   expect(replay.serverNow()).toBe(42);
 });
 
-it("knows bounds from samples, joins bounds that follow each other and no others", () => {
+it("takes bounds from samples, and joins adjacent bounds only", () => {
   const times = [0, 0, 1, 1, 2, 2, 5, 5];
   expect(isBounds(frame(1, times, times), "vector")).toBe(true);
   expect(isBounds(frame(1, times, times), "table")).toBe(false);
@@ -98,7 +98,7 @@ it("draws no line over one lost sample, nor a break where a slow channel lost no
   expect(replay.channel("1", "N2")!.ring.breaks).toEqual([]);
 });
 
-it("draws no line over a step of the device's clock, in whatever stretch", () => {
+it("draws no line over a step of the device's clock, in any range", () => {
   const replay = store([step]);
   const { ring } = replay.channel("1", "N1")!;
   for (const from of [4, 4.5]) {

@@ -4,7 +4,7 @@ import { type Asked, StatisticsFeed } from "./statistics-feed";
 const window = (from: number, to: number): Asked => ({ channels: [1, 2], from, to, base: "device" });
 const answer = { 1: [{ n: 5, mean: null, sigma: 2, min: 0, max: 4 }] };
 
-it("tells of a window that is summarised on the page, and is asked when that stands still", async () => {
+it("reports a summarised window, and requests exact figures when it stands still", async () => {
   let now = 0;
   const fetch = vi.fn(async () => answer);
   const feed = new StatisticsFeed("a", fetch as never, () => now);
@@ -23,7 +23,7 @@ it("tells of a window that is summarised on the page, and is asked when that sta
   expect(fetch).toHaveBeenCalledTimes(2);
 });
 
-it("tells of no window other than the one that was counted", async () => {
+it("gives figures only for the counted window", async () => {
   let now = 1000;
   const feed = new StatisticsFeed("a", (async () => answer) as never, () => now);
   feed.want(window(0, 30));

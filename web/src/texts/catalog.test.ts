@@ -135,7 +135,7 @@ describe("the catalogue", () => {
     expect(unused).toEqual([]);
   });
 
-  it("is missed where a text stands in a source", () => {
+  it("finds a text in a source file", () => {
     expect(strayTexts("a.tsx", "<p title='Go'>Stop {n} <b>{ok ? 'yes' : n}</b></p>")).toEqual(["Go", "Stop", "yes"]);
     expect(strayTexts("a.ts", "const a = { hint: 'Wait' }; f('Try it again.'); b('Take ' + n)")).toHaveLength(2);
     expect(strayTexts("a.ts", "const s = n === 1 ? 'frame' : 'frames';")).toEqual(["plural by hand: frames"]);

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { clear } from "./canvas";
 
-it("clearing is never the only operation of a frame: a graphics processor would leave the cursor line on screen", () => {
+it("a frame never consists of clearing only", () => {
   const done: string[] = [];
   const context = new Proxy(
     {},

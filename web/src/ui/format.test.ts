@@ -25,7 +25,7 @@ describe("number", () => {
   });
 });
 
-describe("other writings", () => {
+describe("other formats", () => {
   it("groups both sides of a geographic angle", () => {
     expect(geographic(52.2203184)).toBe("52.220\u2009318\u20094");
     expect(geographic(undefined)).toBe(NONE);
@@ -59,7 +59,7 @@ describe("other writings", () => {
 });
 
 describe("decimalsOf", () => {
-  it("takes the table's word, then the unit, then three; whole numbers have none", () => {
+  it("takes the table's decimals, then the unit's, then three; whole numbers have none", () => {
     expect(decimalsOf({ decimals: 5, dtype: "f4", unit: "°" })).toBe(5);
     expect(decimalsOf({ decimals: -1, dtype: "f4", unit: "m/s²" })).toBe(3);
     expect(decimalsOf({ decimals: -1, dtype: "f4", unit: "furlong" })).toBe(3);

@@ -16,7 +16,7 @@ const json = (value: unknown, status = 200): Response =>
 
 afterEach(() => vi.unstubAllGlobals());
 
-test("names in a path are escaped, and a query holds what was given", () => {
+test("names in a path are escaped, and a query contains the given values", () => {
   expect(addressOf("GET /api/recordings/{recording}/download", { path: { recording: "a/b c" } })).toBe(
     "/api/recordings/a%2Fb%20c/download",
   );
@@ -29,7 +29,7 @@ test("names in a path are escaped, and a query holds what was given", () => {
   expect(addressOf("GET /api/recordings")).toBe("/api/recordings");
 });
 
-test("what changes something is sent as JSON, also where there is nothing to say", async () => {
+test("changing requests are sent as JSON, also without content", async () => {
   const asked = answering(() => json({ id: "1" }));
   await request("POST /api/devices/{device}/retry", { path: { device: "1" } });
   await request("POST /api/devices", { body: { source: "udp://:1" } });
@@ -42,7 +42,7 @@ test("what changes something is sent as JSON, also where there is nothing to say
   ]);
 });
 
-test("JSON is read, a text stays one though it reads as JSON, and no content is nothing", async () => {
+test("JSON is parsed, text stays text even if it is valid JSON, and no content is undefined", async () => {
   const answers = [json([]), new Response("12", { headers: { "content-type": "application/yaml" } })];
   answering(() => answers.shift() ?? new Response(null, { status: 204 }));
   expect(await request("GET /api/devices")).toEqual({ ok: true, value: [] });
@@ -51,7 +51,7 @@ test("JSON is read, a text stays one though it reads as JSON, and no content is 
   expect(await request("DELETE /api/devices/{device}", { path })).toEqual({ ok: true, value: undefined });
 });
 
-test("every failure is a problem with words", async () => {
+test("every failure is a problem with a message", async () => {
   answering(() => json({ kind: "busy", message: "The recording is still running.", hint: "Stop it." }, 409));
   const busy = { kind: "busy", message: "The recording is still running.", hint: "Stop it.", status: 409 };
   expect(await request("GET /api/devices")).toEqual({ ok: false, problem: busy });

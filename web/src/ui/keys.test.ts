@@ -19,28 +19,28 @@ describe("actionFor", () => {
     expect(actionFor(press("F"))).toEqual({ do: "fit" });
     expect(actionFor(press("?", { shiftKey: true }))).toEqual({ do: "help" });
   });
-  it("records with Shift only: a stray R ended a recording", () => {
+  it("records with Shift only", () => {
     expect(actionFor(press("r"))).toEqual({ do: "askRecord" });
     expect(actionFor(press("R"))).toEqual({ do: "askRecord" }); // caps lock
     expect(actionFor(press("R", { shiftKey: true }))).toEqual({ do: "record" });
   });
-  it("reads digits by place, because Shift changes what they type", () => {
+  it("reads digits by key position, because Shift changes their character", () => {
     expect(actionFor(press("!", { code: "Digit1", shiftKey: true }))).toEqual({ do: "series", index: 0, alone: true });
     expect(actionFor(press("3", { code: "Numpad3" }))).toEqual({ do: "series", index: 2, alone: false });
   });
-  it("leaves the browser's own keys alone", () => {
+  it("ignores the browser's own shortcuts", () => {
     expect(actionFor(press("f", { ctrlKey: true }))).toBeUndefined();
     expect(actionFor(press("[", { metaKey: true }))).toBeUndefined();
     expect(actionFor(press("q"))).toBeUndefined();
   });
-  it("prints no key twice", () => {
+  it("lists no key twice", () => {
     const printed = KEY_LINES.flatMap((line) => line.keys);
     expect(new Set(printed).size).toBe(printed.length);
   });
 });
 
 describe("nextSpan", () => {
-  it("steps through the menu from anywhere and stays at its ends", () => {
+  it("steps through the menu from any position and stops at its ends", () => {
     expect(nextSpan(20, true)).toBe(30);
     expect(nextSpan(20, false)).toBe(10);
     expect(nextSpan(17, true)).toBe(20);

@@ -2,8 +2,8 @@ import { describe, expect, it } from "vitest";
 import type { ChannelInfo } from "../wire/types";
 import { choiceWords, titlesOf, words } from "./labels";
 
-describe("words", () => {
-  it("reads names as documents write them", () => {
+describe("texts", () => {
+  it("writes names as in the documents", () => {
     const names = [
       "ClipAccX",
       "HDG_ALIGN_FINE",
@@ -24,7 +24,7 @@ describe("words", () => {
     ];
     expect(names.map(words).map((text) => text.toLowerCase())).toEqual(said.map((text) => text.toLowerCase()));
   });
-  it("spells abbreviations as everybody does", () => {
+  it("writes abbreviations in their usual case", () => {
     expect(["RtkStatus", "GnssFix", "Selftest", "insStatus"].map(words)).toEqual([
       "RTK status",
       "GNSS fix",
@@ -32,7 +32,7 @@ describe("words", () => {
       "INS status",
     ]);
   });
-  it("names satellite systems as everybody does", () => {
+  it("uses the usual names of satellite systems", () => {
     expect(["GPS", "QZS", "GAL", "BDS", "GLO", "SBS"].map(words)).toEqual([
       "GPS",
       "QZSS",

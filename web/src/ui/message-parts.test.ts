@@ -7,7 +7,7 @@ const shown = (message: string): string =>
     .map(({ text, isCode }) => (isCode ? `[${text}]` : text))
     .join("");
 
-it("tells commands from words, wherever they stand", () => {
+it("distinguishes commands from text", () => {
   expect(shown("The port is taken.")).toBe("The port is taken.");
   expect(shown("Run `sudo usermod -aG dialout $USER`, then log out and in again.")).toBe(
     "Run [sudo usermod -aG dialout $USER], then log out and in again.",
@@ -20,7 +20,7 @@ it("tells commands from words, wherever they stand", () => {
   expect(messageParts("")).toEqual([]);
 });
 
-it("leaves a backtick alone that has no partner", () => {
+it("ignores an unpaired backtick", () => {
   expect(shown("A ` in a name")).toBe("A ` in a name");
   expect(shown("`top` and a ` more")).toBe("[top] and a ` more");
   expect(shown("``")).toBe("``");

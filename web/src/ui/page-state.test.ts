@@ -29,7 +29,7 @@ const device = (status: DeviceStatus): DeviceInfo => ({
 });
 
 describe("pageState", () => {
-  it("tells what was before the first sample from what is after it", () => {
+  it("distinguishes the states before and after the first sample", () => {
     expect(pageState(false, 0, undefined, false)).toBe("starting");
     expect(pageState(true, 0, undefined, false)).toBe("empty");
     expect(pageState(true, 1, device("connecting"), false)).toBe("connecting");
@@ -46,7 +46,7 @@ describe("pageState", () => {
   });
 });
 
-describe("the rail's words", () => {
+describe("texts of the sidebar", () => {
   it("marks by shape and word", () => {
     expect(markOf("live", 0)).toEqual({ dot: "live", word: "live" });
     expect(markOf("live", 2).dot).toBe("warn");

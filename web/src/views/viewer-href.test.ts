@@ -11,7 +11,7 @@ test("a stretch keeps its microseconds", () => {
   );
 });
 
-test("what is live is that of a device, or of all", () => {
+test("a live view is that of a device, or of all", () => {
   expect(liveHref("usb 1", "dark")).toBe("/rerun/?live=usb+1&theme=dark");
   expect(liveHref(undefined, "light")).toBe("/rerun/?live=&theme=light");
 });

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { ServerClock } from "./clock";
 
-it("believes the ping with the shortest round trip", () => {
+it("uses the ping with the shortest round trip", () => {
   const clock = new ServerClock();
   expect(clock.estimate).toBeUndefined();
   clock.add(100, 160.4, 101); // a slow way back: 59.9 s
@@ -11,14 +11,14 @@ it("believes the ping with the shortest round trip", () => {
   expect(clock.estimate!.uncertainty).toBeCloseTo(0.01, 6);
 });
 
-it("forgets old pings, because clocks drift", () => {
+it("drops old pings, because clocks drift", () => {
   const clock = new ServerClock();
   clock.add(0, 50, 0.001);
   for (let k = 1; k <= 16; k++) clock.add(k, k + 51, k + 0.1);
   expect(clock.estimate!.offset).toBeCloseTo(50.95, 6);
 });
 
-it("ignores a ping during which our own clock was set back", () => {
+it("ignores a ping during which the local clock was set back", () => {
   const clock = new ServerClock();
   clock.add(100, 160, 99);
   clock.add(100, NaN, 101);

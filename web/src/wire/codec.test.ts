@@ -55,7 +55,7 @@ describe("frames that Python wrote", () => {
   });
 });
 
-describe("a message that does not hold together", () => {
+describe("an inconsistent message", () => {
   const broken = (change: (data: DataView) => void): string | undefined => {
     const data = bytes(first.hex);
     change(new DataView(data.buffer));

@@ -7,7 +7,7 @@ const asked = (silence: Silence, from: number, to: number): (number | undefined)
   return found.filter((since) => since !== undefined);
 };
 
-it("a dead network is told within two seconds, once, and so is its end", () => {
+it("a dead network is reported within two seconds, once, and so is its end", () => {
   const silence = new Silence();
   for (let t = 0; t <= 10; t += 0.5) {
     silence.hear(t);
@@ -20,7 +20,7 @@ it("a dead network is told within two seconds, once, and so is its end", () => {
   expect(asked(silence, 30.5, 32.25)).toEqual([30.5]);
 });
 
-it("reports twice a second are no silence, nor is what a page slept through", () => {
+it("reports twice a second are not silence, nor is time in which the page was suspended", () => {
   const silence = new Silence();
   expect(silence.ask(0)).toBeUndefined(); // nothing was heard yet: it is connecting
   silence.hear(0);

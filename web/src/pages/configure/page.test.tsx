@@ -42,7 +42,7 @@ test.each<Family>(["xbus", "isb", "idtp"])(
   300_000, // an Inertial Sense device has some hundred forms
 );
 
-test("a wrong value is refused where it is typed", async () => {
+test("a wrong value is refused at its input", async () => {
   await openConfigure("xbus", { place: "LatLonAlt" });
   const latitude = (await until("[data-field=latitude] input")) as HTMLInputElement;
   const before = latitude.value;
@@ -59,7 +59,7 @@ test("a wrong value is refused where it is typed", async () => {
   await waitFor(() => expect((find("[data-field=latitude] input") as HTMLInputElement).value).toBe(before));
 });
 
-test("discarding all edits takes invalid text and its marks too", async () => {
+test("discarding all edits removes invalid text and its marks too", async () => {
   await openConfigure("xbus", { place: "LatLonAlt" });
   const field = (name: string) => find(`[data-field=${name}] input`) as HTMLInputElement;
   await until("[data-field=altitude] input");
@@ -74,7 +74,7 @@ test("discarding all edits takes invalid text and its marks too", async () => {
   await gone(".apply-bar");
 });
 
-test("more than the line carries is not written but made to fit", async () => {
+test("a load above the capacity is not written, and rates can be fitted", async () => {
   await openConfigure("xbus");
   const rate = (await until('tr[data-id="0x4020"] select')) as HTMLSelectElement;
   fireEvent.click(screen.getByRole("checkbox", { name: "Pressure" }));
@@ -88,7 +88,7 @@ test("more than the line carries is not written but made to fit", async () => {
   await waitFor(() => expect(button("Apply").disabled).toBe(false), PATIENCE);
 });
 
-test("a row, its bytes and its share of the line light together", async () => {
+test("a row, its bytes and its share of the line are highlighted together", async () => {
   await openConfigure("xbus");
   fireEvent.change(await until('tr[data-id="0x4020"] select'), { target: { value: "50" } });
   const bytes = await until(".hex-part.changed");
@@ -105,7 +105,7 @@ test("a row, its bytes and its share of the line light together", async () => {
   await waitFor(() => expect(lit()).toBe("I,SPAN,TR"), PATIENCE);
 });
 
-test("a dangerous command asks once more in words, and nothing is sent by then", async () => {
+test("a dangerous command needs confirmation before anything is sent", async () => {
   const page = await openConfigure("xbus", { place: "RestoreFactoryDef" });
   fireEvent.click(await screen.findByRole("button", { name: "Send" }, PATIENCE));
   const dialog = await until("dialog");
@@ -142,7 +142,7 @@ function onlyLocation(): Record<string, unknown> {
   return { "GET /api/devices/1/values": { info, values: { LocationID: { locationId: 0 } }, missing: {} } };
 }
 
-test("a device whose settings were read is never shown as unread", async () => {
+test("a device with read settings is never shown as unread", async () => {
   let shown = false;
   const observer = new MutationObserver(
     () => (shown ||= document.body.textContent?.includes("Read settings") ?? false),
@@ -164,7 +164,7 @@ test("restoring communication is offered without a rollback having failed", asyn
   );
 });
 
-test("the command of a data set opens with what the device has, not with zeros", async () => {
+test("the command of a data set opens with the device's values", async () => {
   const page = await openConfigure("isb", { place: "SET_DID_FLASH_CONFIG" });
   const shown = (await until('[data-command="SET_DID_FLASH_CONFIG"] input[id$="startupNavDtMs"]')) as HTMLInputElement;
   const { startupNavDtMs } = page.values["DID_FLASH_CONFIG"] as { startupNavDtMs: number };
@@ -172,13 +172,13 @@ test("the command of a data set opens with what the device has, not with zeros",
   expect(Number(shown.value)).toBe(startupNavDtMs);
 });
 
-test("a command that needs what was not read asks to read it first", async () => {
+test("a command that needs unread values offers to read them first", async () => {
   await openConfigure("isb", { place: "SET_DID_FLASH_CONFIG", unread: true });
   await screen.findByRole("button", { name: "Read settings" }, PATIENCE);
   expect(document.querySelector('[data-command="SET_DID_FLASH_CONFIG"] input')).toBeNull();
 });
 
-test("temporary settings say that the server is gone, and their buttons wait for it", async () => {
+test("temporary settings report a disconnected server and disable their buttons", async () => {
   const page = await openConfigure("xbus");
   const words = "The device answers at 921 600 Bd.";
   const deadline = Date.now() / 1000 + 20;
@@ -193,7 +193,7 @@ test("temporary settings say that the server is gone, and their buttons wait for
   expect(both()).toEqual([true, true]);
 });
 
-test("who may only look sees everything and touches nothing", async () => {
+test("a view-only user sees everything and can change nothing", async () => {
   const answers = { "GET /api/build": { role: "view" } };
   await openConfigure("xbus", { answers });
   await waitFor(() => expect(document.body.textContent).toContain("View only"), PATIENCE);
@@ -201,7 +201,7 @@ test("who may only look sees everything and touches nothing", async () => {
   expect(button("Send hex").disabled).toBe(true);
 });
 
-test("what was typed stays while the device is gone", async () => {
+test("typed input stays while the device is disconnected", async () => {
   const { store } = await openConfigure("xbus");
   const rate = (await until('tr[data-id="0x4020"] select')) as HTMLSelectElement;
   fireEvent.change(rate, { target: { value: "50" } });

@@ -17,13 +17,13 @@ const info = (title: string, taken: number, part: Partial<SnapshotInfo> = {}): S
   ...part,
 });
 
-it("keeps the first contact and what was named in the list, however much is written", () => {
+it("keeps the first and named snapshots in the list", () => {
   const writes = [9, 8, 7, 6, 5, 4, 3].map((taken) => info("Before this change", taken));
   const all = [...writes, info("New mast", 2, { pinned: true }), info("First contact", 1, { pinned: true })];
   expect(listed(all, 5).map(({ taken }) => taken)).toEqual([9, 8, 7, 6, 5, 2, 1]);
 });
 
-it("tells snapshots of one title apart", () => {
+it("distinguishes snapshots with the same title", () => {
   expect(titleOf({ title: "Before this change", reason: "Before writing Output configuration." })).toBe(
     "Before writing Output configuration",
   );

@@ -54,7 +54,7 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-test("part, form and channels are chosen, said, and asked for", async () => {
+test("range, format and channels are chosen, shown and requested", async () => {
   const { asked, store } = open();
   const words = (): string => document.querySelector("dialog p")?.textContent ?? "";
   expect(words()).toContain("2 channels");
@@ -78,7 +78,7 @@ test("part, form and channels are chosen, said, and asked for", async () => {
   expect(link.getAttribute("download")).toBe(job.file);
 });
 
-test("nothing is exported of no channel", async () => {
+test("without a channel nothing is exported", async () => {
   open();
   fireEvent.click(screen.getByRole("button", { name: "None" }));
   await waitFor(() =>

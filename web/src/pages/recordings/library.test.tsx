@@ -27,7 +27,7 @@ async function openLibrary(): Promise<Opened> {
   return page;
 }
 
-test("a recording is found by its words, and nothing by others", async () => {
+test("a recording is found by matching words only", async () => {
   const { asked } = await openLibrary();
   fireEvent.input(find(".words form input"), { target: { value: "mast" } });
   fireEvent.submit(find(".words form"));
@@ -42,7 +42,7 @@ test("a recording is found by its words, and nothing by others", async () => {
   await eventually(() => expect(rows().length).toBe(1));
 });
 
-test("what was deleted is gone from the list, and is put back", async () => {
+test("a deleted recording leaves the list and is restored", async () => {
   const { asked } = await openLibrary();
   fireEvent.click(screen.getByRole("button", { name: "Delete" }));
   await eventually(() => expect(find(".library-centre").textContent).toContain(`${TITLE} deleted`));

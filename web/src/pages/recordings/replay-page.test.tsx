@@ -54,7 +54,7 @@ async function open(query = "", answers: Answers = {}): Promise<OpenedReplay> {
   return { ...page, replay };
 }
 
-test("a recording opens with all of it on screen, read at its start", async () => {
+test("a recording opens in full, with the playhead at its start", async () => {
   const page = await open();
   expect(screen.getByRole("heading", { level: 1 }).textContent).toBe("Yard loop");
   const [first] = windows(page);
@@ -67,7 +67,7 @@ test("a recording opens with all of it on screen, read at its start", async () =
   expect(page.app.viewState.view.value.live).toBe(true); // Live is left as it was
 });
 
-test("the position is moved by keys, and what is read moves with it", async () => {
+test("keys move the playhead, and the values follow", async () => {
   const { replay } = await open();
   press("End");
   expect(replay.head).toBe(YARD.t1);
@@ -86,7 +86,7 @@ test("the position is moved by keys, and what is read moves with it", async () =
   await eventually(() => expect(replay.head).toBeLessThan(stepped));
 });
 
-test("a press on the overview moves the position, and with Shift it sets the loop", async () => {
+test("a press on the overview moves the playhead, and with Shift sets the loop", async () => {
   const { replay } = await open();
   const strip = find(".overview canvas");
   fireEvent.pointerDown(strip, { clientX: 500, pointerId: 1, button: 0 });
@@ -121,7 +121,7 @@ test("a range selected on the plots is shown, and the whole again", async () => 
   expect(view.value.span).toBeGreaterThanOrEqual(DURATION);
 });
 
-test("it plays by a key, as fast as chosen, and loops what is in view", async () => {
+test("it plays by a key, at the chosen speed, and loops the visible range", async () => {
   const { replay } = await open();
   fireEvent.change(screen.getByRole("combobox", { name: "Speed" }), { target: { value: "10" } });
   press(" ", { code: "Space" });
@@ -139,7 +139,7 @@ test("it plays by a key, as fast as chosen, and loops what is in view", async ()
   expect(replay.playing.value).toBe(false);
 });
 
-test("a marker is set where it is read, and led to by a press", async () => {
+test("a marker is set at the playhead, and a press moves to it", async () => {
   const { replay, asked } = await open();
   const list = within(screen.getByRole("region", { name: "Markers" }));
   expect(list.getAllByRole("listitem").map(({ textContent }) => textContent)).toEqual([
@@ -162,7 +162,7 @@ test("a marker is set where it is read, and led to by a press", async () => {
   expect(replay.head).toBeCloseTo(YARD.t0 + 1.5, 3);
 });
 
-test("another device is read at the same moment", async () => {
+test("another device is shown at the same moment", async () => {
   const { replay } = await open();
   replay.seek(YARD.t0 + 2);
   const [, second] = document.querySelectorAll(".rail .categories button");
@@ -174,7 +174,7 @@ test("another device is read at the same moment", async () => {
   await eventually(() => expect(read()).toBeCloseTo(sent(replay.head, other), 2));
 });
 
-test("the link to a place opens that place", async () => {
+test("a link with a position opens that position", async () => {
   const { t0 } = YARD;
   const place = `t0=${t0 + 1}&t1=${t0 + 2}&cursor=${t0 + 1.25}&device=1&base=arrival&hide=Acceleration.y`;
   const { replay } = await open(`?${place}`);
@@ -188,7 +188,7 @@ test("the link to a place opens that place", async () => {
   expect(y?.getAttribute("aria-pressed")).toBe("true");
 });
 
-test("one that is closed asks for nothing, hears no keys, and leaves the library", async () => {
+test("a closed recording makes no requests and handles no keys", async () => {
   const page = await open();
   const { replay, asked } = page;
   location.hash = "#/recordings";
@@ -222,7 +222,7 @@ test("while it is decoded its progress is shown, then the recording", async () =
   expect(document.querySelector(".opening")).toBeNull();
 });
 
-test("what is decoded is shown at once, and the rest comes under the place that is looked at", async () => {
+test("decoded data are shown at once, and the rest is added without moving the view", async () => {
   let isDecoded = false;
   const { t0, t1 } = YARD;
   const part = { ...YARD, t1: t0 + 3, progress: 0.5, markers: [], snapshots: { "1": SNAPSHOT } };
@@ -244,7 +244,7 @@ test("what is decoded is shown at once, and the rest comes under the place that 
   expect(text(".markers")).toContain("kerb");
 });
 
-test("what is exported is the loop, the window, or all of it", async () => {
+test("the export covers the loop, the window or everything", async () => {
   const { replay } = await open();
   const { first } = replay.bounds;
   replay.viewState.actions.select(first + 1, first + 3);
@@ -263,7 +263,7 @@ test("what is exported is the loop, the window, or all of it", async () => {
   await eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
 });
 
-test("its figures are those of the moment", async () => {
+test("the health figures are those of the playhead", async () => {
   const { replay } = await open();
   replay.seek(YARD.t0 + 4);
   const health = () => replay.near.health.value.get("1");
@@ -273,7 +273,7 @@ test("its figures are those of the moment", async () => {
   await eventually(() => expect(text(".side")).toMatch(/[1-9][0-9.]*\s*kB/));
 });
 
-test("one that cannot be opened says why, and leads back", async () => {
+test("a recording that cannot be opened shows the reason and a link back", async () => {
   const known = recorded("recordings");
   await openPage(known, { place: "#/recordings/nowhere" });
   await eventually(() => expect(text("main")).toContain("Nothing was recorded of /api/recordings/nowhere"));

@@ -70,7 +70,7 @@ const stateOf = (side: Side): unknown => ({
   loop: text(side, ".transport .loop"),
 });
 
-test("one that is moved, cut to a range and read elsewhere leaves the other alone", async () => {
+test("moving, cutting and reading one does not affect the other", async () => {
   const [left, right] = await both();
   await eventually(() => expect(clock(right)).toMatch(/^00:00/));
   const before = stateOf(right);
@@ -89,7 +89,7 @@ test("one that is moved, cut to a range and read elsewhere leaves the other alon
   expect(stateOf(right)).toEqual(before);
 });
 
-test("each plays by itself, at its own speed", async () => {
+test("each plays independently, at its own speed", async () => {
   const [left, right] = await both();
   const start = right.replay.head;
   fireEvent.change(left.in.getByRole("combobox", { name: "Speed" }), { target: { value: "5" } });
@@ -120,7 +120,7 @@ test("a marker is set in one of them", async () => {
   expect(stateOf(left)).toEqual(before);
 });
 
-test("keys belong to the one that has the focus", async () => {
+test("keys act on the focused one", async () => {
   const [left, right] = await both();
   const plots = right.element.querySelector(".stack");
   if (plots === null) throw new Error("no plots");
@@ -131,7 +131,7 @@ test("keys belong to the one that has the focus", async () => {
   expect([left.replay.playing.value, right.replay.playing.value]).toEqual([true, false]);
 });
 
-test("what is opened over one is not opened over the other", async () => {
+test("a dialog over one is not opened over the other", async () => {
   const [left, right] = await both();
   await act(() => {
     left.app.overlay.value = "track";
@@ -146,7 +146,7 @@ test("what is opened over one is not opened over the other", async () => {
   expect(right.element.className).not.toContain("folded");
 });
 
-test("events listed, and the last problem, are those of one page", async () => {
+test("listed events and the last problem belong to one page", async () => {
   const [left, right] = await both();
   const sort = ({ element }: Side): HTMLSelectElement =>
     element.querySelector(".event-sort select") as HTMLSelectElement;

@@ -45,7 +45,7 @@ afterEach(() => {
 const button = (name: string | RegExp): HTMLElement => screen.getByRole("button", { name });
 const list = (): readonly string[] => [...document.querySelectorAll(".markers li")].map((one) => one.textContent ?? "");
 
-test("it plays, stops, loops what is in view, and at what speed", async () => {
+test("it plays, stops, loops the visible range and changes speed", async () => {
   const { replay } = open();
   fireEvent.click(button("Play"));
   expect(replay.playing.value).toBe(true);
@@ -70,7 +70,7 @@ test("a press on a marker goes there", () => {
   replay.dispose();
 });
 
-test("a marker put in later is where it is read, has its words, and stands in its place", async () => {
+test("an added marker is at the playhead, has its text, and is in order", async () => {
   const later = { id: "n", time: FIRST + 5, kind: "marker", text: "second look", device: "" };
   const { replay, asked } = open({ "POST /api/recordings/yard/markers": later });
   replay.seek(FIRST + 5);
@@ -91,7 +91,7 @@ test("a marker put in later is where it is read, has its words, and stands in it
   replay.dispose();
 });
 
-test("Esc puts no marker", async () => {
+test("Esc adds no marker", async () => {
   const { replay, asked } = open();
   fireEvent.click(button("Marker"));
   const field = await screen.findByPlaceholderText(/^Marker at/);
