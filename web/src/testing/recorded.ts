@@ -77,6 +77,8 @@ export interface Asked {
   readonly method: string;
   readonly path: string;
   readonly body: unknown;
+  /** Cancels it, if it can be cancelled. */
+  readonly signal: AbortSignal | undefined;
 }
 
 const inOrder = (value: unknown): unknown =>
@@ -103,9 +105,9 @@ const [ON_THE_WAY_MS, SLOW_MS] = [5, 200];
 export function answering(answers: Answers, slow = ""): Asked[] {
   const known = new Map(Object.entries(answers).map(([key, answer]) => [keyOf(key), answer]));
   const asked: Asked[] = [];
-  vi.stubGlobal("fetch", (path: string, { method = "GET", body }: RequestInit = {}) => {
+  vi.stubGlobal("fetch", (path: string, { method = "GET", body, signal }: RequestInit = {}) => {
     const text = typeof body === "string" ? body : "";
-    asked.push({ method, path, body: text === "" ? undefined : JSON.parse(text) });
+    asked.push({ method, path, body: text === "" ? undefined : JSON.parse(text), signal: signal ?? undefined });
     const [place, query] = path.split("?");
     const whole = known.get(keyOf(`${method} ${path} ${text}`.trim())) ?? known.get(`${method} ${path}`);
     const answered = whole ?? known.get(`${method} ${place}`);

@@ -196,6 +196,9 @@ test("a closed recording makes no requests and handles no keys", async () => {
   await eventually(() => expect(document.querySelectorAll(".recording-list tbody tr").length).toBe(2));
   expect(document.querySelector(".replay")).toBeNull();
   expect(window.imuscopeReplay).toBeUndefined();
+  const samples = asked.filter(({ path }) => /\/(window|health)\?/.test(path));
+  expect(samples.length).toBeGreaterThan(2);
+  expect(samples.filter(({ signal }) => signal?.aborted !== true)).toEqual([]); // those under way are cancelled
   const windowsBefore = windows(page).length;
   press(" ", { code: "Space" });
   expect(replay.playing.value).toBe(false);
