@@ -47,7 +47,7 @@ if fork_server.IS_THERE:
     server_process.nursery = ForkServer()
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
-settings.register_profile("fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=SLOW)
+settings.register_profile("fast", max_examples=30, deadline=None, derandomize=True, suppress_health_check=SLOW)
 settings.register_profile("deep", max_examples=2000, deadline=None, print_blob=True, suppress_health_check=SLOW)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 

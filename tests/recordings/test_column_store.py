@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -62,7 +62,6 @@ def test_a_stretch_is_exactly_its_rows(tmp_path: Path) -> None:
     assert store.manifest["title"] == "a drive"
 
 
-@settings(max_examples=80, deadline=None)
 @given(data=st.data())
 def test_buckets_agree_with_a_plain_loop(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     """Each bucket holds at least what lies within it and nothing from further away than one summary."""

@@ -188,7 +188,7 @@ def test_routes_without_a_token() -> None:
         assert is_protected(path)
 
 
-LOOKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")}
+LOOKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")} | {"/api/analysis/{name}"}
 
 
 def test_every_route_asks_for_the_right_role() -> None:
