@@ -41,8 +41,8 @@ class Part:
 
     name: str
     command: Callable[[argparse.Namespace], list[str]]
-    closing: str = ""  # how the line begins that says how it ended; "" for the last one
-    alone: Callable[[argparse.Namespace], list[str]] | None = None  # runs again what failed beside other work
+    closing: str = ""  # start of the line with the result; "" for the last line
+    alone: Callable[[argparse.Namespace], list[str]] | None = None  # repeats the tests that failed beside other work
     is_narrow: bool = False  # one core is enough for it: two of these run beside each other
     folder: Path = ROOT  # where it runs
 
@@ -87,7 +87,7 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
 
 
 def _tests(name: str, workers: int, *arguments: str) -> Part:
-    own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # what failed is noted by each for itself
+    own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # each process notes its own failures
     beside = ("--numprocesses", str(workers), "--dist", "loadfile")
     return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"))
 
@@ -172,10 +172,10 @@ def main() -> int:
     if unknown := set(options.parts) - set(names):
         parser.error(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
 
-    # A browser that is not there is a failure here, not a skipped test.
+    # A missing browser is a failure here, not a skipped test.
     env = {**os.environ, "NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "IMUSCOPE_NEEDS_BROWSER": "1"}
     env.pop("FORCE_COLOR", None)
-    env.pop("PYTHONDONTWRITEBYTECODE", None)  # some hundred processes would each compile every module anew
+    env.pop("PYTHONDONTWRITEBYTECODE", None)  # otherwise some hundred processes would each compile every module
     if options.deep:
         env["HYPOTHESIS_PROFILE"] = "deep"
     chosen = [part for part in PARTS if part.name in (options.parts or names)]

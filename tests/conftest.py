@@ -41,7 +41,7 @@ READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.le
     && document.querySelector("[data-numeral]") !== null"""
 """In a page: samples have arrived and are shown."""
 
-# Servers started by tests have a data folder each; what numba compiled is kept for all of them.
+# Servers started by tests have a data folder each; numba's cache is shared by all of them.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
 if fork_server.IS_THERE:
     server_process.nursery = ForkServer()
@@ -204,7 +204,7 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
         refused = "status of 422" in message.text and "/api/recordings/upload" in message.location.get("url", "")
         if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text and not refused:
             asked = "status of 409" in message.text and message.location.get("url", "").endswith("/apply")
-            if not asked:  # it asks before it writes, and the page shows the question
+            if not asked:  # it needs confirmation before it writes, and the page shows the dialog
                 complaints.append(f"console: {message.text} ({message.location.get('url', 'no address')})")
 
     def connected(socket: WebSocket) -> None:

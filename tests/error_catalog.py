@@ -117,7 +117,7 @@ def _of_module(path: Path) -> Iterator[ErrorText]:
     module = _assigned(tree_of(path).body, deep=False)
     functions = [node for node in nodes_of(path) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
     inner: dict[ast.Call, ast.AST] = {}
-    for function in functions:  # the innermost comes last
+    for function in functions:  # the innermost is last
         for node in ast.walk(function):
             if isinstance(node, ast.Call):
                 inner[node] = function

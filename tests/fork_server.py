@@ -145,7 +145,7 @@ def _learn() -> None:
     """Import what serving imports, and settle it in memory: none of it is to be copied in every child."""
     from server.commands.common import prepare_decoders
 
-    prepare_decoders(ROOT / "artifacts")  # first: it says where compiled code lies
+    prepare_decoders(ROOT / "artifacts")  # first, because it sets the folder of compiled code
     for name in LEARNT:
         importlib.import_module(name)
     importlib.import_module("server.library.sources").decoding_mark()  # of the sources as they are now
@@ -161,7 +161,7 @@ def _forking(line: socket.socket) -> list[str] | None:
         with contextlib.suppress(ChildProcessError):
             while (found := os.waitpid(-1, os.WNOHANG))[0]:
                 end = ends.pop(found[0])
-                with contextlib.suppress(OSError):  # nobody asks any more
+                with contextlib.suppress(OSError):  # the test process has ended
                     os.write(end, str(os.waitstatus_to_exitcode(found[1])).encode())
                 os.close(end)
 
@@ -171,7 +171,7 @@ def _forking(line: socket.socket) -> list[str] | None:
         if not asked:
             return None
         *streams, end = given
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # not before it is known whose end it is
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # after its process id is known
         nursery, pid = os.getpid(), os.fork()
         if pid == 0:
             for one in (line.detach(), end, *ends.values()):

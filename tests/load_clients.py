@@ -131,7 +131,7 @@ async def _flood(url: str, counted: list[int]) -> None:
             while True:
                 for question in questions:
                     await connection.send(question)
-                await asyncio.sleep(0)  # a socket takes megabytes at once, and who measures here would stand still
+                await asyncio.sleep(0)  # a socket accepts megabytes at once, which would block the measurement
         finally:
             hearing.cancel()
             await asyncio.gather(hearing, return_exceptions=True)

@@ -110,7 +110,7 @@ def record(family: str) -> None:
     with tempfile.TemporaryDirectory() as folder, ServerProcess(f"sim:{family}", data=Path(folder)) as server:
         while ask(server, "GET", "/api/devices")[0]["status"] != "live":
             time.sleep(0.1)
-        time.sleep(3)  # a minute's figures begin, and what is sent seldom has come
+        time.sleep(3)  # the figures of a minute have started, and rare messages have arrived
         page = heard(server, SAMPLES_OF.get(family, SAMPLES))
         unread = shown(server)
         read = dict(unread)

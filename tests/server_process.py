@@ -166,7 +166,7 @@ class ServerProcess:
             except subprocess.TimeoutExpired:
                 self.process.kill()
         status = self.process.wait()
-        self._reader.join(PATIENCE_S)  # what a killed one had begun aside ends a little later
+        self._reader.join(PATIENCE_S)  # subprocesses of a killed server end a little later
         if self.process.stdout:
             self.process.stdout.close()
         return status

@@ -97,14 +97,14 @@ SERVER: dict[str, set[str]] = {
     "generate_ts_types": {"generate_route_types", "reference"},
 }
 
-# Mechanisms of which there is one: its file, and what would be another.
+# Mechanisms that exist once: the file, and a pattern of further implementations.
 ONE_PLACE = {
     "recordings/atomic_write.py": r"\bos\.replace\(|\baside\.replace\(",
     "server/workers.py": r"create_subprocess_|\bmultiprocessing\b",
     "server/backoff.py": r"min\(2 \* \w*(\.\w*)?(pause|retry|again|next)",
 }
 
-# What a pure decoder has no business with: sockets, threads, sleeps, clocks, processes, servers.
+# Modules forbidden in pure decoders: sockets, threads, sleeps, clocks, processes, servers.
 IMPURE = {
     *("asyncio", "concurrent", "fastapi", "httpx", "multiprocessing", "pty", "select", "selectors", "serial", "signal"),
     *("socket", "socketserver", "ssl", "starlette", "subprocess", "threading", "time", "tty", "uvicorn", "websockets"),
@@ -362,7 +362,7 @@ def test_no_machine_path_and_no_private_host() -> None:
 
 
 def test_lock_files_name_public_hosts_only() -> None:
-    # As committed (or about to be): whoever runs this with an index of their own may have a lock file of their own.
+    # As committed or staged: a user with another package index may have a different lock file.
     asked = subprocess.run(["git", "show", ":uv.lock"], cwd=ROOT, capture_output=True, text=True, check=False)
     lock = asked.stdout if asked.returncode == 0 else (ROOT / "uv.lock").read_text()
     assert set(re.findall(r"https?://([^/\"]+)", lock)) <= {"pypi.org", "files.pythonhosted.org"}

@@ -7,7 +7,7 @@ import re
 from server.errors import KINDS
 from tests.error_catalog import ErrorText, everything, kinds
 
-MAX_LENGTH = 200  # characters, with what is filled in
+MAX_LENGTH = 200  # characters, with values filled in
 FILLED = 12  # that a brace is counted as
 JARGON = re.compile(
     r"\b(None|NoneType|Traceback|[Ee]rrno|[A-Z]\w*(Error|Exception)\b|dict|tuple|str\b|int\b|bool\b|NaN|stderr|stdin"

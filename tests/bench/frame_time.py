@@ -93,7 +93,7 @@ def main() -> None:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
         page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()
         page.goto(f"{address}/bench.html?mode=bench")
-        # Asked seldom, so that asking does not disturb what is measured.
+        # Polled rarely, so that polling does not disturb the measurement.
         deadline = time.monotonic() + 120
         while not page.evaluate("window.bench?.done") and time.monotonic() < deadline:
             time.sleep(2)

@@ -57,7 +57,7 @@ def cost(rate: float, seconds: float, turns: int) -> dict[str, float]:
     whole = SETTLE_S + 2 * turns * (seconds + 2 * PAUSE_S) + 10
     with tempfile.TemporaryDirectory() as folder, feeding.Feed(rate, whole) as feed:
         config = Path(folder) / "imuscope.toml"
-        config.write_text("record_head = false\n")  # nobody answers there
+        config.write_text("record_head = false\n")  # nothing listens there
         source = f"serial://{feed.terminal}?baud=2000000"
         with ServerProcess(source, data=Path(folder), arguments=("--config", str(config))) as server:
             feed.go()

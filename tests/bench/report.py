@@ -35,7 +35,7 @@ def machine() -> dict[str, Any]:
             if line.startswith("model name"):
                 model = line.split(":", 1)[1].strip()
     system = f"{platform.system()} {platform.machine()}"
-    load = os.getloadavg()[1]  # what else went on: over 5 minutes, so that a short run does not count itself twice
+    load = os.getloadavg()[1]  # other load: over 5 minutes, so that a short run does not count itself twice
     return {"cpu": model, "cores": os.cpu_count(), "system": system, "gpu": None, "load_5_min": round(load, 1)}
 
 

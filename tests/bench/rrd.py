@@ -93,7 +93,7 @@ def fill(folder: Path) -> dict[str, float]:
         chromium.until(page, f"({LOADED_MS}) > 0", timeout_s=120)
         loaded_ms = float(page.evaluate(LOADED_MS))
         engine.close()
-    # The body can be on the screen before the last byte is here: then there is nothing to wait for.
+    # The body may be visible before the last byte has arrived: then no wait is needed.
     return {"fill_from_address_s": shown, "fill_from_loaded_s": max(0.0, seen_ms - loaded_ms) / 1000}
 
 

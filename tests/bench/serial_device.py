@@ -136,7 +136,7 @@ def main() -> None:
     threading.Thread(target=listen, args=(master,), daemon=True).start()
     print(os.ttyname(slave), flush=True)
     if not sys.stdin.readline():
-        return  # who started this has gone
+        return  # the process that started this one has ended
     written: list[float] = []
     began = time.monotonic()
     while len(written) < len(frames):

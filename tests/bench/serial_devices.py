@@ -177,7 +177,7 @@ def main() -> None:
         threading.Thread(target=serial_device.listen, args=(master,), daemon=True).start()
     print(json.dumps([os.ttyname(slave) for _, slave in pairs]), flush=True)
     if not sys.stdin.readline():
-        return  # who started this has gone
+        return  # the process that started this one has ended
     print(time.time(), flush=True)
     print(json.dumps(speak([master for master, _ in pairs], rate, seconds, speed)), flush=True)
     sys.stdin.readline()  # the terminals stay until the last bytes have been read

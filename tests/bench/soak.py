@@ -110,7 +110,7 @@ def serve(options: argparse.Namespace) -> None:
     from server.jit_cache import prepare_cache
 
     prepare_cache(options.data)
-    logging_setup.install("text", "error")  # that a client does not keep up with a day in minutes is no news
+    logging_setup.install("text", "error")  # a client is expected not to keep up with a day in minutes
     sessions.WALL_STEP_S = float("inf")  # its wall clock goes at another pace, all the time
     clock = Time()
     config = Config(

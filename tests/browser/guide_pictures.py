@@ -252,7 +252,7 @@ def corrections(studio: Studio) -> None:
 
 @picture("library")
 def library(studio: Studio) -> None:
-    with opened(studio):  # what an opened recording holds is known: its thumbnail, messages, losses
+    with opened(studio):  # contents of an opened recording are known: its thumbnail, messages, losses
         limit = time.monotonic() + PATIENCE_S
         while not studio.ask("GET", "/api/recordings")[0]["opened"] and time.monotonic() < limit:
             time.sleep(0.5)

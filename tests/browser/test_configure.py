@@ -111,7 +111,7 @@ def test_an_unconfirmed_rate_is_rolled_back_even_without_the_browser(
     until(other, "document.querySelector('.pending-rollback')?.innerText.includes('previous settings')")
 
 
-# Previews that come late, as from a busy server: who is quick applies before they are there.
+# Late previews, as from a busy server: a quick user applies before they arrive.
 LATE_PREVIEWS = """() => {
   const fetch = window.fetch;
   window.fetch = async (place, ...more) => {

@@ -75,7 +75,7 @@ def test_the_track_opens_large_and_asks_for_no_map_without_a_tile_server(
     page.keyboard.press("ArrowLeft")
     page.keyboard.press("0")
     eventually(page, lambda: [url for url in asked if "/api/map" in url])
-    assert serious(page) == []  # which takes longer than a map would need to be asked for
+    assert serious(page) == []  # takes longer than a request for a map would
     assert not [url for url in asked if "/tiles/" in url]
     assert page.get_by_role("button", name="Map", exact=True).count() == 0
     page.keyboard.press("Escape")
@@ -136,7 +136,7 @@ def test_a_map_lies_under_the_track_where_a_tile_server_is_configured(
             page.get_by_role("button", name="Zoom out", exact=True).click()
             page.wait_for_timeout(150)
         eventually(page, lambda: canvas.evaluate(COVERED) > 0.9)
-        assert 4 <= len(MapServer.asked) < 200  # a short track lies where four tiles meet
+        assert 4 <= len(MapServer.asked) < 200  # a short track is where four tiles meet
         assert len(MapServer.asked) == len(set(MapServer.asked)), "each is asked for once"
         page.get_by_role("button", name="Map", exact=True).click()
         eventually(page, lambda: canvas.evaluate(COVERED) == 0)
@@ -244,7 +244,7 @@ def test_switching_is_instant(families: ServerProcess, open_page: OpenPage) -> N
     page = open_page(families.url)
     looking_at(page, "1")
     until(page, READY)
-    # Counted in frames of the page, not in time: what is asked for first would come some later.
+    # Counted in frames of the page instead of time, because the first requests take longer.
     frames = """async ([name, frame]) => {
       [...document.querySelectorAll(".device .choose-device")].find(e => e.innerText.includes(name)).click();
       for (let n = 1; n < 200; n++) {

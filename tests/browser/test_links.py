@@ -130,7 +130,7 @@ def test_a_killed_link_shows_within_a_second_and_recovers(
         assert len(waited) < 4, waited
         plug.pull()
         began = time.monotonic()
-        # Not live any more, and said in a word that a person can see.
+        # No longer live, with a visible text.
         until(page, f"{STATUS} !== 'live'")
         until(page, "/\\blost\\b/i.test(document.body.innerText)")
         waited.append(time.monotonic() - began)

@@ -147,7 +147,7 @@ def test_nothing_moves_while_values_change(
     server: ServerProcess, open_page: Callable[..., Page], size: tuple[int, int]
 ) -> None:
     page = opened(server, open_page, size)
-    page.wait_for_timeout(2500)  # what a device sends seldom has appeared, and the first events have
+    page.wait_for_timeout(2500)  # rare messages of a device and the first events have appeared
     page.evaluate("""() => {
       window.shift = 0;
       new PerformanceObserver(list => { for (const entry of list.getEntries()) window.shift += entry.value; })

@@ -171,7 +171,7 @@ def test_a_lost_sample_is_visible_at_every_zoom(recorded: ServerProcess, open_pa
     assert losses, "the simulator drops frames"
     middle = losses[len(losses) // 2]
     t = (middle["t0"] + middle["t1"]) / 2
-    # Where the loss lies on the overview, and in the lane of losses, there is its colour.
+    # The overview and the lane of losses have the colour of a loss at its position.
     red = """([selector, x]) => {
       const canvas = document.querySelector(selector), ratio = canvas.width / canvas.clientWidth;
       const {data} = canvas.getContext("2d").getImageData(Math.round((x - 4) * ratio), 0, 8 * ratio, canvas.height);
@@ -289,7 +289,7 @@ def test_a_recording_is_played_as_a_live_device(recorded: ServerProcess, open_pa
     until(page, "!location.hash.includes('recordings')")
     until(page, f"window.imuscope.store.devices.value.length > {before}")
     until(page, "document.querySelector('.rail').innerText.length > 0")
-    page.context.close()  # it might just be asking about what goes now
+    page.context.close()  # it may still be requesting the previous range
     played = [one for one in ask(recorded, "GET", "/api/devices")[before:] if not one["parent"]]
     for one in played:
         urllib.request.urlopen(
@@ -382,7 +382,7 @@ def test_refused_and_damaged_uploads_and_renaming(
     page.evaluate("location.hash = '#/recordings/battery%20pulled'")
     until(page, DRAWN)
     until(page, "document.querySelector('.band.warning')?.innerText.includes('torn off')")
-    page.close()  # it asks on for what it shows
+    page.close()  # it keeps requesting the shown range
     ask(recorded, "DELETE", "/api/recordings/battery%20pulled")
 
 
@@ -406,5 +406,5 @@ def test_long_names_are_cut_and_cover_nothing(recorded: ServerProcess, open_page
         })"""
     )
     assert all(0.2 < width < 0.7 and inside for width, inside in widths)
-    page.close()  # it asks on for what it shows
+    page.close()  # it keeps requesting the shown range
     ask(recorded, "DELETE", "/api/recordings/long")

@@ -100,7 +100,7 @@ def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Call
     assert chatter == []
 
 
-@pytest.mark.slow  # tests/recordings/test_rrd.py reads the attitude from what the viewer is given
+@pytest.mark.slow  # tests/recordings/test_rrd.py reads the attitude from the viewer's input
 def test_the_body_turns(running: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
     first = seen(page)

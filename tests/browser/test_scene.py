@@ -123,7 +123,7 @@ def settled(page: Page) -> NDArray[np.int16]:
     raise TimeoutError("the scene does not come to rest")
 
 
-@pytest.mark.slow  # tests/server/test_viser.py turns a device and reads what the scene is told
+@pytest.mark.slow  # tests/server/test_viser.py turns a device and reads the scene's messages
 def test_the_body_on_screen_turns_with_the_device(
     serve: Callable[..., ServerProcess], line: PathLine, open_scene: Callable[[str], Page]
 ) -> None:

@@ -85,7 +85,7 @@ def end(data: Path) -> float:
         with ServerProcess(line.source, *SOURCES, data=data, arguments=("--record",)) as server:
             with http_client(base_url=server.url) as http, busy(server, http):
                 block_until(lambda: line.size > 100_000, "the line was busy, too")
-                # Between the process that opens the recording and the one that exports it there is none for a moment.
+                # Between the process that opens the recording and the one that exports it, none exists for a moment.
                 block_until(lambda: len(children(server.process.pid)) >= 2, "a scene and an export run aside")
                 begun = children(server.process.pid)
                 started = time.monotonic()

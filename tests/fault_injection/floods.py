@@ -38,9 +38,9 @@ from tests.protocols.nmea_sentences import sentence
 from tests.timeouts import PATIENCE_S, connect, http_client
 
 DATAGRAMS = 1400, 60_000  # bytes, in turn
-PIECE = 1 << 20  # of what is sent over TCP
+PIECE = 1 << 20  # bytes sent over TCP
 SILENT, DEAF, CHATTY = 1200, 100, 12  # connections
-RECORDING = "long"  # id of a recording of some length, to be asked for
+RECORDING = "long"  # id of a longer recording, to be requested
 
 
 @dataclass

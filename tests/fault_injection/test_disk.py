@@ -230,7 +230,7 @@ def test_a_recording_damaged_at_random_bytes(tmp_path: Path, whole: tuple[bytes,
     for seed in range(12):
         path = tmp_path / f"{seed}.mcap"
         path.write_bytes(damaged(whole[1] if packed else whole[0], seed))
-        with contextlib.suppress(RecordingError):  # any other exception would be a fault of ours
+        with contextlib.suppress(RecordingError):  # any other exception is a fault
             columns = decode(open_file(path), tmp_path / f"store{seed}", all_protocols())
             assert 0 <= rows_of(columns) <= whole[2]
             opened += 1

@@ -34,7 +34,7 @@ from tests.server_process import tied
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
-TCP_REPAIR = 19  # Linux: close such a socket, and the other side hears nothing
+TCP_REPAIR = 19  # Linux: closing such a socket does not notify the other side
 
 
 def run(coroutine: Coroutine[Any, Any, None]) -> None:
@@ -166,7 +166,7 @@ def test_half_a_frame_while_the_server_was_held_up() -> None:
                 port.write(frames(0, 20) + whole[:30])
                 await until(lambda: here.samples == 20, "the frames are there")
                 port.write(whole[30:] + frames(21, 40))
-                # Nothing of this server runs: what is due then comes at once, in whatever order.
+                # The server is stopped: afterwards everything due arrives at once, in any order.
                 time.sleep(0.6)
                 here.sessions.tick()
                 await until(lambda: here.samples == 40, "every frame is there")

@@ -32,7 +32,7 @@ from tests.server_process import ServerProcess, begun
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
 
-ENOUGH = 60_000  # bytes, of more than what was lost: the recording used to end after 0.8 s
+ENOUGH = 60_000  # bytes, more than were lost: the recording used to end after 0.8 s
 
 
 def library(folder: Path) -> tuple[dict[str, bytes], bytes]:

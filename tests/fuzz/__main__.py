@@ -45,7 +45,7 @@ def main() -> int:
     shown = begin
     kinds: dict[str, int] = {}
     while (search.cases < given.cases) if given.cases else (time.monotonic() - begin < 60 * given.minutes):
-        faulthandler.dump_traceback_later(HANG_S, exit=True)  # says where; the same seed leads there again
+        faulthandler.dump_traceback_later(HANG_S, exit=True)  # gives the place; the same seed reproduces it
         found = search.step()
         if found is not None:
             case, broken = found
@@ -71,7 +71,7 @@ def main() -> int:
 
 def _outside(given: argparse.Namespace) -> int:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[2] / "artifacts" / "numba"))
-    from tests.fuzz.external_inputs import ExternalRun  # after that: it loads what is compiled
+    from tests.fuzz.external_inputs import ExternalRun  # afterwards, because it loads compiled code
 
     begin = time.monotonic()
     run = ExternalRun(given.protocol, given.seed)

@@ -38,9 +38,9 @@ from schemathesis.checks import CHECKS, load_all_checks
 
 from tests.fuzz.cases import FINDINGS, BrokenError
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S  # what takes longer does not answer
+from tests.timeouts import PATIENCE_S  # a longer time counts as no answer
 
-MAX_GROWN_MB = 400.0  # of the server's memory, over all that is asked
+MAX_GROWN_MB = 400.0  # growth of the server's memory over all requests
 SIMULATORS = ("sim:xbus", "sim:isb", "sim:idtp")
 TIDY_EVERY = 40
 MAX_DEVICES = 6
@@ -363,7 +363,7 @@ class RequestSearch:
         try:
             one()
         except (HypothesisException, schemathesis.errors.SchemathesisError):
-            self._nothing.add((number, mode))  # nothing wrong can be said to an operation that takes nothing
+            self._nothing.add((number, mode))  # an operation without parameters has no wrong input
         return broken
 
     def _judge(self, case: Any, asked: Asked) -> None:

@@ -148,7 +148,7 @@ def _like_the_listing(speaker: ProtocolCase, events: list[Event], lines: Lines) 
     wanted = sorted((x["offset"], speaker.message_of(x)) for x in lines if x.get("protocol") == speaker.name)
     got = [(offset, e.message.name) for e in events if isinstance(e, Batch) for offset in e.offset.tolist()]
     got += [(e.offset, e.message.name) for e in events if isinstance(e, Reply) and e.message.id >= 0]
-    if speaker.name == "idtp":  # a payload too short for its type has a message of its own
+    if speaker.name == "idtp":  # a payload too short for its type has a separate message
         got = [(offset, name.removesuffix("Bytes")) for offset, name in got]
     if sorted(got) != wanted:
         raise BrokenError("decoder", f"{sorted(set(got) ^ set(wanted))!s:.300} differ, or come twice")

@@ -118,7 +118,7 @@ _torn = st.one_of(
     st.sampled_from(
         [
             bytes([0x81, 0xFF]) + b"\xff" * 8,  # a text of 2^64 bytes
-            bytes([0x81, 0xFE, 0xFF, 0xFF]),  # one of 65535 that never comes
+            bytes([0x81, 0xFE, 0xFF, 0xFF]),  # a frame of 65535 bytes that never arrives
             bytes([0x89, 0xFE, 0x01, 0x00]),  # a ping longer than a ping may be
             bytes([0x80, 0x80, 0, 0, 0, 0]),  # the rest of nothing
             bytes([0x01, 0x81, 0, 0, 0, 0, 0x7B]),  # the beginning of a text, no end
@@ -183,7 +183,7 @@ class Floor:
         try:
             client = self._connected(talk.path, talk.protocol)
         except (InvalidHandshake, OSError):
-            client = None  # refused; of the others what is not there is
+            client = None  # refused; for the others, missing items are
         if client is not None:
             code = self._say(client, talk)
             self.ended[code] = self.ended.get(code, 0) + 1
@@ -200,7 +200,7 @@ class Floor:
             compression=None,
             close_timeout=1,
             max_size=None,
-            max_queue=None,  # the witness takes all at once, whatever we do meanwhile
+            max_queue=None,  # the witness reads everything immediately
             ping_interval=None,
         )
 

@@ -29,7 +29,7 @@ def test_a_serial_link_takes_another_rate_and_keeps_it() -> None:
         await link.reopen(921_600)
         assert (link.baud, link.capacity) == (921_600, 92_160)
         noise = joined(await gather(link, 200))
-        assert b"\xfa\xff\x36" not in noise  # the device speaks at the old rate
+        assert b"\xfa\xff\x36" not in noise  # the device uses the old rate
         await link.reopen(115_200)
         await gather(link, until=lambda data: b"\xfa\xff\x36" in data)
         await link.reopen()

@@ -48,7 +48,7 @@ def test_a_recording_is_played_byte_for_byte(tmp_path: Path) -> None:
     before = left_behind()
     chunks, error = run(to_the_end(f"{path}?speed=10"))
     assert joined(chunks) == of(1)
-    assert len(chunks) == 100  # as they came, not joined
+    assert len(chunks) == 100  # as received, not joined
     assert error.kind == "ended"
     assert left_behind() == before
 

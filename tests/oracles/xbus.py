@@ -246,7 +246,7 @@ def _message_vector(message: dict[str, Any]) -> dict[str, Any]:
     payload, fields = b"", {}
     for seed, row in enumerate(rows, 1):
         if name == "Configuration" and row["name"] == "device_id":
-            seed = 1  # the same as at the beginning: so devices do, and it tells the two forms apart
+            seed = 1  # repeated from the start, as devices do; it distinguishes the two forms
         raw, value = _sample(row["type"], seed) if row["type"][:6] != "repeat" else (b"", None)
         payload += raw
         if value is not None:

@@ -45,7 +45,7 @@ class ProtocolCase:
     preamble: bytes
     plain: Callable[[bytes], dict[str, Any]]
     again: Callable[..., bytes]  # of a listed line, and a key where there are keys
-    expected: Callable[..., Expected]  # of bytes, and what a decoder can be told
+    expected: Callable[..., Expected]  # of bytes, and the decoder's settings
     of_line: Callable[[dict[str, Any]], str]  # a listed line's values, as `expected` spells them
     everything: Callable[[], Iterable[bytes]]
     message_of: Callable[[dict[str, Any]], str] = lambda line: line["message"]  # name of the event of a listed line

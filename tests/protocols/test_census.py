@@ -46,7 +46,7 @@ def test_the_number_of_vectors() -> None:
     assert len(GROUPS["IDTP payload types, each mode"].rows()) == 7 * 3
 
 
-ADDED: dict[str, tuple[Any, str, Any]] = {  # group → whose attribute, and what it is with one row more
+ADDED: dict[str, tuple[Any, str, Any]] = {  # group → owner of the attribute, and its value with one row more
     "Xbus messages, each form": (
         *(xbus_messages, "MESSAGES"),
         (*xbus_messages.MESSAGES, replace(xbus_messages.MESSAGES[0], id=0xEE, name="New")),

@@ -52,6 +52,8 @@ def test_modes_and_replays(file: Path, tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize("given", ["zz", "abc", "", "@nowhere"])
 def test_no_key(file: Path, given: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["inspect", str(file), "--key", given]) == 1
-    error = [line for line in capsys.readouterr().err.splitlines() if "compiling" not in line]  # told by the first run
+    error = [
+        line for line in capsys.readouterr().err.splitlines() if "compiling" not in line
+    ]  # reported by the first run
     assert len(error) == 1
     assert "key" in error[0]

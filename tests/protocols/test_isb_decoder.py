@@ -151,7 +151,7 @@ def test_a_restart_soon_after_an_early_fix_is_detected_and_nothing_is_in_1980() 
     assert times(events, "DID_IMU") == pytest.approx([4.0, MIDNIGHT + 0.1, 0.2, 0.3, MIDNIGHT + 7.1])
     assert times(events, "DID_INS_1") == pytest.approx([MIDNIGHT, 0.25, MIDNIGHT + 7])
     assert [event.kind for event in events if isinstance(event, ClockStep)] == ["sync", "reset", "sync"]
-    # a set that knew the date and does not any more says so as well, with no other clock beside it
+    # a set that loses the date reports it too, without any other clock
     events = decode(ins(0, 3.0), ins(WEEK, 18.0), ins(0, 2.5))
     assert times(events, "DID_INS_1") == pytest.approx([3.0, MIDNIGHT, 2.5])
     assert [event.kind for event in events if isinstance(event, ClockStep)] == ["sync", "reset"]

@@ -217,7 +217,7 @@ def test_sentences_are_a_stored_setting() -> None:
     fewer = {"options": 0, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 2}]}
     got = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", fewer, KNOWN), there).got
     assert got is not None
-    assert got["nmeaBroadcastMsgs"] == [{"msgID": 7, "msgPeriod": 2}]  # what is not named any more is ended
+    assert got["nmeaBroadcastMsgs"] == [{"msgID": 7, "msgPeriod": 2}]  # streams that are no longer listed are stopped
     play(DRIVER.run("SRST", {}, KNOWN), there)
     there.pass_time(1)
     assert {one["msgID"] for one in read("DID_NMEA_BCAST_PERIOD", there)["nmeaBroadcastMsgs"]} == {7, 1}

@@ -218,7 +218,7 @@ def test_rmc_chooses_streams_and_keeps_them() -> None:
     events = decode(run(device, 3, begin=2.01))
     assert isinstance(events[0], Reply)
     assert {batch.message.name for batch in batches(events)} == {"DID_PIMU", "DID_MAGNETOMETER"}
-    assert column(events, "time", 3)[0] < 0.4  # its time begins anew
+    assert column(events, "time", 3)[0] < 0.4  # its time restarts
 
 
 def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
@@ -236,7 +236,7 @@ def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
 @pytest.mark.parametrize(
     "packet",
     [
-        frames.set_data(1, bytes(4)),  # nobody renames a device
+        frames.set_data(1, bytes(4)),  # devices cannot be renamed
         frames.set_data(12, bytes(8), 284),  # beyond its end
         frames.set_data(7, struct.pack("<II", 99, 99)),  # without the inverse
         frames.set_data(200, bytes(4)),

@@ -78,7 +78,7 @@ def test_streams_are_begun_changed_and_ended() -> None:
     written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
     assert written.got is not None
     got = {row["did"]: row["period"] for row in written.got["streams"]}
-    assert got == {4: 4, 52: 1, 10: 100}  # DID_SYS_PARAMS has no bit: it was heard
+    assert got == {4: 4, 52: 1, 10: 100}  # DID_SYS_PARAMS has no bit: it was found by listening
     assert DRIVER.same("streams", wanted, written.got) == []
 
 
@@ -149,7 +149,7 @@ def test_a_request_to_save_is_carried_out_and_is_not_a_state() -> None:
     wish = {**streams, "options": PERSISTENT}
     assert DRIVER.same("streams", streams, wish) == ["options"]
     assert DRIVER.same("streams", {"options": 0}, {"options": PERSISTENT}) == ["options"]
-    assert DRIVER.same("streams", wish, streams) == []  # as asked: it cannot be read back
+    assert DRIVER.same("streams", wish, streams) == []  # as requested: it cannot be read back
     sentences = {"options": 0, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 1}]}
     assert DRIVER.same("DID_NMEA_BCAST_PERIOD", sentences, {**sentences, "options": PERSISTENT}) == ["options"]
 
@@ -215,5 +215,5 @@ def test_streams_are_made_to_fit() -> None:
     streams = {"streams": [{"did": did, "period": 1, "source_ms": 1.0} for did in (4, 5, 58, 52)]}
     fitted = DRIVER.fit_rates({"streams": streams}, 11_520, KNOWN)
     assert DRIVER.load({"streams": streams}, KNOWN).total > 11_520 >= DRIVER.load(fitted, KNOWN).total
-    assert all(row["period"] == 1 for row in streams["streams"])  # what was given is not changed
+    assert all(row["period"] == 1 for row in streams["streams"])  # the argument is not changed
     assert DRIVER.fit_rates({"streams": streams}, 1e9, KNOWN) == {"streams": streams}

@@ -47,7 +47,7 @@ def test_sentences_without_checksum_in_the_document_are_accepted(line: bytes) ->
         b"$HCHDM,238.50,M*00\r\n",  # wrong
         b"$HCHDM,238.50,M\r\n",  # none
         b"$HCHDM,238.50,M*2\r\n",  # cut
-        b"$HCHDM,238.5\xff0,M*2F\r\n",  # a byte that is no text
+        b"$HCHDM,238.5\xff0,M*2F\r\n",  # a byte that is not text
     ],
 )
 def test_failed_sentences_have_no_name(line: bytes) -> None:

@@ -71,7 +71,7 @@ def configured(always: str, fast: str, **others: str) -> list[Pair]:
     return found + [(int(one, 16), int(rate[3:])) for rate, names in others.items() for one in names.split()]
 
 
-CONFIGURED = {  # what the captured devices were set to, by the rates of their items
+CONFIGURED = {  # output configuration of the captured devices, by the rates of their items
     "mti_100hz_49s": configured("1020 1060", "2010 4020 8020", hz_65535="E020", hz_4="7010"),
     "mti_float32": configured("1020 1060 1010 E020", "2030 4020 4010 8020 8030 5040 5020 D010", hz_4="7010"),
     "mti_float32_satinfo_ecef": configured(

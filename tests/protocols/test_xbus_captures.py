@@ -63,7 +63,7 @@ def test_time_and_loss(capture: tuple[list[Event], list[dict[str, Any]]]) -> Non
     events, lines = capture
     for batch in events:
         if isinstance(batch, Batch):
-            if batch.time_ns is None:  # without a fix, or before one is told, the clock of a GNSS message is arbitrary
+            if batch.time_ns is None:  # without a reported fix, the clock of a GNSS message is arbitrary
                 assert batch.message.fields[0].name in ("GnssPvtData", "GnssSatInfo")
                 continue
             assert np.array_equal(batch.time_ns, batch.columns["SampleTimeFine"].astype(np.int64) * 100_000)

@@ -152,7 +152,7 @@ def test_the_factory_values_can_be_written_and_are_accepted(product: str) -> Non
 
     def body() -> Transaction[None]:
         for setting, values in factory.items():
-            if "string_types" not in values:  # 0 is what it is
+            if "string_types" not in values:  # 0 is the stored value
                 written = yield from DRIVER.write(setting, values, known)
                 assert written.refused == "", (setting, written)
                 assert written.got is not None

@@ -65,7 +65,7 @@ def test_a_value_beyond_its_range_is_refused_with_field_value_and_range(
     assert repr(wrong) in str(refused.value)
 
 
-# Rules that no range tells (flags of other products, periods between two multiples): what they refuse is held below.
+# Rules beyond ranges (flags of other products, periods between two multiples) are tested below.
 BEYOND_A_RANGE = {"SetOptionFlags", "SetPeriod", "SetPortConfig", "SetUTCTime"}
 
 

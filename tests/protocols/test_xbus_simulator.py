@@ -219,7 +219,7 @@ def test_config_and_back() -> None:
     run(device, 1)
     data = device.receive(bytes.fromhex("FAFF3000D1"), 1_500_000_000)
     assert data.endswith(bytes.fromhex("FAFF3100D0"))
-    assert len(column(decode(data), "PacketCounter")) == 50  # what was due is sent first
+    assert len(column(decode(data), "PacketCounter")) == 50  # due messages are sent first
     assert device.advance(9 * S) == b""
     assert device.receive(bytes.fromhex("FAFF3000D1"), 9 * S).hex() == "faff3100d0"
     assert device.receive(bytes.fromhex("FAFF1000F1"), 9 * S).hex() == "faff1100f0"
@@ -234,7 +234,7 @@ def test_reset_restarts_and_applies_the_new_baud_rate() -> None:
     assert ask(device, 0x40) == (0x41, b"")
     assert device.baud == 115_200  # while it boots, for the restore procedure
     assert device.advance(2 * S + 200_000_000) == b""
-    assert device.receive(bytes.fromhex("FAFF3000D1"), 2 * S + 200_000_000) == b""  # nobody listens yet
+    assert device.receive(bytes.fromhex("FAFF3000D1"), 2 * S + 200_000_000) == b""  # no host is connected yet
     events = decode(run(device, 2, begin=2.25))
     assert device.baud == 921_600
     assert [event.message.name for event in events if isinstance(event, Reply)] == ["WakeUp", "Configuration"]

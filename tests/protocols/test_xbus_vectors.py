@@ -19,7 +19,7 @@ from tests.protocols.xbus_vectors import COMMANDS, COMPUTED, DATA, DEVICE, every
 SAMPLES = [v for v in DATA if v.get("kind") is None]
 DERIVED = [v for v in DATA if v.get("kind") is not None]
 
-# What the vendor's reader calls differently from the document, or derives from an item.
+# Names in which the vendor's reader differs from the document, and values that it derives.
 IGNORED = {"unknown", "xspublic_sampleTime64", "llcp_BigTimestamp_s", "RawBlob_len"}
 
 

@@ -89,7 +89,7 @@ def test_buckets_agree_with_a_plain_loop(tmp_path_factory: pytest.TempPathFactor
     assert np.nanmax(found.high[0]) >= np.nanmax(value)
     assert np.bitwise_or.reduce(found.low[1]) & np.bitwise_or.reduce(flags) == np.bitwise_or.reduce(flags)
     assert inside.sum() <= found.n.sum() <= inside.sum() + 2 * 4096 / 8 * 2
-    # every row lies between low and high of a bucket that begins no later than it, and at most one later
+    # every row is between low and high of a bucket that starts no later than it, and at most one later
     bucket = np.maximum(np.searchsorted(found.t, key[inside], "right") - 1, 0)
     low, high = found.low[0][bucket], found.high[0][bucket]
     previous = np.maximum(bucket - 1, 0)
@@ -222,7 +222,7 @@ def test_an_unfinished_store_is_readable_and_the_result_is_the_same(tmp_path: Pa
             early = so_far
     store = writer.finish({"title": "a drive"})
     assert early.manifest["progress"] == 11 / 21
-    np.testing.assert_array_equal(early.exact(7, 0, 5).arrival, columns[0][:5])  # who read it then still can
+    np.testing.assert_array_equal(early.exact(7, 0, 5).arrival, columns[0][:5])  # open readers still can read it
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
     whole = store.exact(7, 0, 20_000)
     for got, wanted in zip((whole.arrival, *whole.columns), (columns[0], *columns[2:]), strict=True):

@@ -49,7 +49,7 @@ def test_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
         assert entry.title == "Yard loop"
         assert entry.probe.duration == pytest.approx(0.9)
         assert entry.probe.devices[0].serial_number == "0080A1B2"
-        assert entry.probe.devices[0].messages is None  # the chunks that brought them were told for messages
+        assert entry.probe.devices[0].messages is None  # message counts were given for chunks
         assert entry.markers == 1
         assert not entry.probe.damaged
     (tmp_path / "old.mcap").unlink()
@@ -295,7 +295,7 @@ def test_the_quota_deletes_the_bin_first_and_no_file_of_others(tmp_path: Path) -
         theirs.start("ros2", "another")
         theirs.add_attachment(1, 1, "a", "application/octet-stream", bytes(500_000))
         theirs.finish()
-    assert cull(tmp_path, 450_000) == []  # what was put there is not counted
+    assert cull(tmp_path, 450_000) == []  # other files in the folder are not counted
     assert [path.stem for path in cull(tmp_path, 350_000)] == ["thrown"]
     assert [path.stem for path in cull(tmp_path, 250_000)] == ["oldest"]
     assert [path.stem for path in cull(tmp_path, 0, spare=[tmp_path / "newest.mcap"])] == []

@@ -101,7 +101,7 @@ def described() -> tuple[bytes, type]:
     outer.field.add(name="picture", number=4, type=bytes_, label=one)
     stamp = descriptor_pb2.FileDescriptorProto()
     timestamp_pb2.DESCRIPTOR.CopyToProto(stamp)
-    files = descriptor_pb2.FileDescriptorSet(file=[file, stamp])  # what is needed stands last, as some write it
+    files = descriptor_pb2.FileDescriptorSet(file=[file, stamp])  # the required part is last, as some writers do
     pool = descriptor_pool.DescriptorPool()
     pool.Add(stamp)
     pool.Add(file)
@@ -127,7 +127,7 @@ def test_protobuf_that_describes_itself_is_read_zeros_too(tmp_path: Path) -> Non
     rows = rows_of(path)
     assert rows.columns.keys() == {"turn.x", "turn.y", "turn.z", "noise.0", "noise.1"}
     assert rows.columns["turn.x"][0].tolist() == list(range(20))
-    assert rows.columns["turn.y"][0].tolist() == [0.0] * 20  # nobody set it: it is zero, and told
+    assert rows.columns["turn.y"][0].tolist() == [0.0] * 20  # unset: it is zero, and included
     np.testing.assert_allclose(rows.arrival - rows.time, 0.001, atol=1e-6)
 
 

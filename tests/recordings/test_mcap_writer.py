@@ -69,7 +69,7 @@ def test_a_packed_recording_is_the_same_messages_in_order(tmp_path: Path) -> Non
         assert len(recording.chunks) >= 3
         assert not recording.damage
         assert recording.meta("recording") == {**ABOUT, "format": "1"}
-        assert recording.meta("device/1")["product"] == "MTi-630"  # the last that was told
+        assert recording.meta("device/1")["product"] == "MTi-630"  # the last reported value
         assert recording.meta("edit") == {"title": "Another drive"}
     assert path.stat().st_mtime_ns == before.st_mtime_ns
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]
@@ -241,7 +241,7 @@ def test_a_recording_that_says_it_held_more_is_not_packed(tmp_path: Path) -> Non
     raw = path.read_bytes()
     at = raw.index(wanted[200][2]) - 31
     size = 31 + len(wanted[200][2])
-    path.write_bytes(raw[:at] + bytes([0x80]) + raw[at + 1 : at + size] + raw[at + size :])  # a kind nobody knows
+    path.write_bytes(raw[:at] + bytes([0x80]) + raw[at + 1 : at + size] + raw[at + size :])  # an unknown kind
     with pytest.raises(RecordingError, match="stays as it is"):
         compact(path)
     assert len(read(path)) == len(wanted) - 1
@@ -278,7 +278,7 @@ def test_kill_9_loses_nothing_that_was_handed_over(tmp_path: Path) -> None:
     assert [int.from_bytes(data[:4], "little") for _, _, data in found] == list(range(len(found)))
     with path.open("rb") as file:  # and the standard reader that does not look for an end agrees up to the tear
         count = 0
-        with contextlib.suppress(McapError):  # it says that the end is missing
+        with contextlib.suppress(McapError):  # it reports that the end is missing
             for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
                 count += 1
         assert count == len(found)
@@ -310,7 +310,7 @@ def test_a_full_disk_is_one_sentence_and_what_is_written_stays(tmp_path: Path) -
         assert not recording.damage  # cut back to the last whole record
     with pytest.raises(RecordingError, match="closed"):
         writer.chunk("1", "rx", b"more", 0)
-    writer.close()  # a second goodbye hurts nobody
+    writer.close()  # closing twice is harmless
 
 
 def test_a_disk_that_is_full_from_the_start_leaves_no_empty_file(

@@ -68,7 +68,7 @@ def test_queued_data_is_written_without_a_request(tmp_path: Path) -> None:
     wanted = put(tape, 100)
     block_until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
     tape.stop()
-    assert GATHER_S <= 0.010  # half of what may be lost
+    assert GATHER_S <= 0.010  # half of the allowed loss
 
 
 def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ async def _ask(app: ASGIApp, method: str, target: str, given: Mapping[str, str],
         elif kind == "accept":
             status = ACCEPTED
         elif kind == "close" and not status:
-            status = 403  # what a server makes of it
+            status = 403  # as a server transforms it
 
     await app(scope, receive, send)
     return Answer(status, headers, b"".join(parts))

@@ -31,7 +31,7 @@ from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
 BRIEF = ListeningTimes(least_s=0.3, listen_s=0.5)  # the product's times are for streams of 1 Hz
-BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # where streams are not what a test looks at
+BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # for tests that do not concern streams
 
 SILENT = StateTimes(config_s=0.5, reset_s=1.0, stream_s=0.5, answer_s=0.2)  # where an MTi cannot answer
 

@@ -65,7 +65,7 @@ class TcpDevice:
             while n < due:
                 data = frame(n, self._rate)
                 self._times.append(time.monotonic())
-                self._pieces.append(data)  # before it can be received: what is recorded is compared with it
+                self._pieces.append(data)  # noted before it can be received, to be compared with the recording
                 connection.sendall(data)
                 self._ends.append(self.size + len(data))
                 n += 1
@@ -76,7 +76,7 @@ class TcpDevice:
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
-        with contextlib.suppress(OSError):  # who waits for a connection is told; closing alone would let it wait
+        with contextlib.suppress(OSError):  # notifies a waiting accept; closing alone would leave it waiting
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         self._thread.join(PATIENCE_S)

@@ -306,7 +306,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
         assert client.get("/recordings", headers={"accept": "text/html"}).text == "<p>page</p>"
         assert client.head("/").status_code == 200
         assert_problem(client.get("/../config.py"), 404)
-        icon = client.get("/favicon.ico")  # what a browser asks for by itself
+        icon = client.get("/favicon.ico")  # requests that a browser makes by itself
         assert (icon.text, icon.headers["content-type"]) == ("<svg/>", "image/svg+xml")
         assert_problem(client.get("/assets"), 404)
 

@@ -128,7 +128,7 @@ def test_origin(origin: str | None, host: str, is_allowed: bool) -> None:
     assert outcome(rules, "POST", headers={**headers, **JSON}) == ("control" if is_allowed else 403)
     assert outcome(rules, "DELETE", headers=headers) == ("control" if is_allowed else 403)
     assert outcome(rules, "GET", headers=headers, websocket=True) == ("control" if is_allowed else 403)
-    assert outcome(rules, "GET", headers=headers) == "control"  # reading is what the browser itself keeps apart
+    assert outcome(rules, "GET", headers=headers) == "control"  # the browser itself prevents reading
 
 
 @pytest.mark.parametrize(

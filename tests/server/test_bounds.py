@@ -90,7 +90,7 @@ def test_a_request_whose_head_does_not_come_is_not_waited_for(tmp_path: Path) ->
 
 def test_idle_connections_leave_descriptors_for_recordings(tmp_path: Path) -> None:
     """About 1,010 of them, without a token, stopped a recording and every link that had to be opened again."""
-    # Their number is what is bounded here.
+    # Their number is limited here.
     with serving(tmp_path, most=20, head_s=10 * PATIENCE_S) as running:
         block_until(lambda: answers(running), "it answers")
         idle = [connected(running) for _ in range(60)]
@@ -254,7 +254,7 @@ def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:
     found = probe(path)
     assert time.process_time() - began < 5
     assert found is not None
-    assert (len(found.devices), found.devices[-1].id) == (count, "0")  # what is told again is the last
+    assert (len(found.devices), found.devices[-1].id) == (count, "0")  # the repeated event is the last
 
 
 def test_a_small_chunk_that_unpacks_to_much_is_damage(tmp_path: Path) -> None:

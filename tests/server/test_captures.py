@@ -18,7 +18,7 @@ from server.links.base import Chunk
 from server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock
 
-RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of the 49 s capture
+RATE = 7_730  # bytes/s: nominal rate of the chunks; that of the 49 s capture
 
 
 def play(path: Path, chunk: int) -> tuple[Telemetry, LinkStatistics]:

@@ -25,7 +25,7 @@ from tests import virtual_time
 from tests.decode_options import decode_options
 from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
 
-# What the table must say, written another way: the letters of the events (in their order) that a state knows.
+# Expected table in another notation: the letters of the events (in their order) accepted in a state.
 LEGAL = {
     "closed": "S.......C",
     "opening": ".O..fn.rC",

@@ -86,7 +86,7 @@ def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
             running = desk.job_report.running
             assert running is not None
             assert running.title == "first"
-            assert here.telemetry.bus.jobs.latest[desk.device].queue[0].title == "second"  # as browsers are told
+            assert here.telemetry.bus.jobs.latest[desk.device].queue[0].title == "second"  # as sent to browsers
             jobs = [await over(first), await over(second)]
             assert [job.state for job in jobs] == ["done", "done"]
             ended = jobs[0].ended
@@ -108,7 +108,7 @@ def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> No
             assert task.job.state == "stopped"
             assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
             await until(lambda: desk.state == "Measurement", "it measures again")
-            job = await here.read(desk)  # the queue goes on
+            job = await here.read(desk)  # the queue continues
             assert job.state == "done"
 
     run(check())

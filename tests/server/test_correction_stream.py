@@ -279,7 +279,7 @@ def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> 
     told: list[tuple[bytes, str, str]] = []
     diary = CorrectionLog("tcp://base:1", lambda frame, text, level: told.append((frame, text, level)))
     diary.stopped("base does not answer.")
-    diary.stopped("base does not answer.")  # tried again: the same reason is told once
+    diary.stopped("base does not answer.")  # retried: the same reason is reported once
     for n in range(50):
         diary.forwarded("1077", b"frame %d" % n, 300)
     diary.refused()

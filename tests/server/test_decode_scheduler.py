@@ -114,7 +114,7 @@ def test_an_answer_is_decoded_at_once() -> None:
         for suppressed in (False, True):
             session.suppress_timeout(suppressed)
             await asyncio.sleep(UNWATCHED_S)
-            link.send(sample(1))  # what begins a stretch
+            link.send(sample(1))  # the first slices of a stretch
             await asyncio.sleep(0.01)
             began = loop.time()
             heard.clear()

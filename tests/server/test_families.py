@@ -59,7 +59,7 @@ def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
         assert (stage.info.firmware, stage.info.status, stage.info.protection) == ("2.7.1", "live", "")
         [step] = stage.events("clock")
         assert step.text.startswith("The device has received the date")
-        assert stage.link.written == []  # it has said so by itself
+        assert stage.link.written == []  # it has identified itself
         health = stage.health
         assert (health.rejects_by, health.verified, health.unverified) == ({}, None, None)
         assert health.rate == pytest.approx(100, abs=3)

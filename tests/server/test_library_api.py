@@ -214,7 +214,7 @@ def test_files_of_others_are_downloaded_with_the_users_changes(running: InProces
     for name, suffix in (("table", "csv"), ("theirs", "mcap")):
         client.patch(f"{URL}/{name}", json={"title": "Größer", "tags": ["yard"], "notes": "two\nlines"})
         client.post(f"{URL}/{name}/markers", json={"text": "x" * 2000, "time": 1.76e9})
-        for n in range(40):  # a line longer than what is looked at first
+        for n in range(40):  # a line longer than the examined start
             client.post(f"{URL}/{name}/markers", json={"text": f"{n} " + "y" * 1990, "time": 1.76e9})
         got = client.get(f"{URL}/{name}/download")
         assert f'filename="{name}.{suffix}"' in got.headers["content-disposition"]

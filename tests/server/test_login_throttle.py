@@ -110,8 +110,8 @@ def test_memory_is_constant(clock: Clock) -> None:
     failures = LoginThrottle(clock)
     for n in range(3 * ADDRESSES):
         failures.count(f"10.{n >> 16}.{n >> 8 & 255}.{n & 255}")
-        failures.count("192.0.2.7")  # who goes on failing is not forgotten
-        failures.wait_s(f"2001:db8:{n:x}::1")  # who only asks is not remembered
+        failures.count("192.0.2.7")  # clients that keep failing stay in the table
+        failures.wait_s(f"2001:db8:{n:x}::1")  # clients that only ask are not stored
     assert len(failures) == ADDRESSES
     assert failures.wait_s("192.0.2.7") > 0
 

@@ -40,7 +40,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     batches = events.batches(decoder.drain(stalled=True))
     pieces = ChannelRegistry("1", advertise).split([(batch, np.full(len(batch), np.nan)) for batch in batches])
     found = {info["name"]: info["id"] for info in store.manifest["channels"]}
-    assert found.keys() == {*names, "EulerAngles"}  # and what is worked out of them
+    assert found.keys() == {*names, "EulerAngles"}  # and the channels derived from them
     for piece in pieces:
         number = found[names[piece.channel - 1]]
         rows = store.exact(number, 0, store.rows(number))

@@ -42,7 +42,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
         await stream(device, 3)
         link.die(LinkError("gone", "It closed the connection.", ""))
         await asyncio.sleep(0.001)
-        device.advance(clock.ns - NOW_NS + int(away_s * 1e9))  # nobody hears it
+        device.advance(clock.ns - NOW_NS + int(away_s * 1e9))  # not received
         clock.move(away_s)
         session.retry()
         await asyncio.sleep(0.001)

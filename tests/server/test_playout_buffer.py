@@ -10,7 +10,7 @@ import pytest
 from server.integrations.playout_buffer import DELAY_S, FAR_S, MAX_WAITING, MESSAGES_PER_S, OVERDUE_S, PlayoutBuffer
 from server.wire_codec import SampleFrame
 
-AHEAD = 1_000_000.0  # of the server's clock over ours
+AHEAD = 1_000_000.0  # of the server's clock against the local one
 
 
 def message(t0: float, dt: float, n: int, *, sent: float | None = None, device: float = 0.0) -> SampleFrame:

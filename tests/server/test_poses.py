@@ -135,7 +135,7 @@ def test_positions_become_metres_and_invalid_ones_are_omitted() -> None:
     one.update(samples(2, [0, 0, 0], [math.nan, 8, 400], [47.0, 8.0, 400.0], [47.001, 8.0, 410.0]))
     assert one.place is not None
     track = one.track(600)
-    assert track[-1].tolist() == pytest.approx([0, 0, 0], abs=0.01)  # the first that came is the newest of them
+    assert track[-1].tolist() == pytest.approx([0, 0, 0], abs=0.01)  # the first received is the newest of them
     assert track[0].tolist() == pytest.approx([0, -111.2, -10], abs=0.2)
     assert len(track) == 2
 

@@ -150,15 +150,15 @@ def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: P
         assert shelf_in(tmp_path).cached("a") is not None  # it outlives the server
         (tmp_path / "a.mcap").unlink()
         drive(tmp_path / "a.mcap", seconds=1.0)
-        await shelf.prepare()  # somebody looks at the library: a process waits for what comes now
+        await shelf.prepare()  # the library is viewed: a process waits for the next recording
         opening = shelf.open("a")
         assert isinstance(opening, DecodeJob)
         opening.partial = first
-        assert await shelf.so_far("a") is first  # what is there while the rest is decoded
+        assert await shelf.so_far("a") is first  # available while the rest is decoded
         again = await shelf.opened("a")
         assert again is not first
         assert await shelf.so_far("a") is again
-        await shelf.prepare()  # and what waits in vain is gone with the server
+        await shelf.prepare()  # and a waiting process ends with the server
         assert sum(again.rows(number) for number in again.shapes) < sum(first.rows(number) for number in first.shapes)
         with pytest.raises(KeyError):
             shelf.open("b")

@@ -54,7 +54,7 @@ def test_a_flood_of_requests_is_limited_with_retry_after() -> None:
     assert (status, told["kind"], told["retry-after"]) == (429, "too-fast", "1")
     assert told["message"].endswith("address.")
     assert told["hint"]
-    assert statuses(turnstile, 3, path="/healthz") == [200] * 3  # whoever watches over it is not turned away
+    assert statuses(turnstile, 3, path="/healthz") == [200] * 3  # monitoring is not rejected
     assert statuses(turnstile, 3, client="192.0.2.2") == [200] * 3
     clock.now += 1.0  # to ask in vain cost nothing
     assert statuses(turnstile, int(PER_S) + 50) == [200] * int(PER_S) + [429] * 50
@@ -118,8 +118,8 @@ def test_readings_of_one_address_take_turns() -> None:
         others = [asyncio.create_task(ask(turnstile, path)) for path in (f"{ONE}/download", "/api/devices")]
         others.append(asyncio.create_task(ask(turnstile, "/api/devices/1/query", "192.0.2.2")))
         await asyncio.sleep(0)
-        assert len(reads) == READING + 3  # nobody else waits for them
-        asked[-1].cancel()  # a browser that has gone
+        assert len(reads) == READING + 3  # others do not wait for them
+        asked[-1].cancel()  # a disconnected browser
         let.set()
         found = await asyncio.gather(*asked, *others, return_exceptions=True)
         assert [one[0] for one in found if isinstance(one, tuple)] == [200] * (len(found) - 1)

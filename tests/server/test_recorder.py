@@ -45,7 +45,7 @@ from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
-LOST_S = 0.020  # what a killed server may lose
+LOST_S = 0.020  # allowed loss of a killed server
 
 
 def notes(path: Path) -> list[dict[str, Any]]:
@@ -285,7 +285,7 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
         assert b"\xfa\xff\x0c\x00" in chunks(path, "tx/1")
         with McapReader(path) as recording:
             commands = [body["text"] for _, body in json_messages(recording, "events") if body["kind"] == "command"]
-        # On a busy machine an answer may come after its time, and the question is repeated, which a note says.
+        # On a busy machine an answer may arrive after its time-out; the request is repeated, which a note reports.
         asked = [text for text in commands if not text.startswith("Sent ")]
         assert asked == ["GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
 

@@ -45,7 +45,7 @@ def all_of(connection: socket.socket) -> bytes:
 
 def test_over_tcp_the_original_bytes_at_their_pace(tmp_path: Path) -> None:
     with replaying(recording(tmp_path, devices=1), "--tcp", "127.0.0.1:0") as (process, place):
-        time.sleep(0.5)  # nobody is there: it waits
+        time.sleep(0.5)  # no reader: it waits
         host, port = place.removeprefix("tcp://").split(":")
         with socket.create_connection((host, int(port))) as connection:
             began = time.monotonic()
@@ -92,7 +92,7 @@ def heard(port: int) -> bytes:
 
 def test_on_a_pseudo_terminal_every_byte_from_the_first(tmp_path: Path) -> None:
     with replaying(recording(tmp_path, devices=1, frames=600), "--pty", "--speed", "20") as (process, place):
-        time.sleep(0.5)  # nobody has opened it: nothing is lost by that
+        time.sleep(0.5)  # not opened by any reader: nothing is lost
         port = os.open(place, os.O_RDWR | os.O_NOCTTY)
         try:
             found, wanted = b"", of(1, 0, 600)

@@ -135,11 +135,11 @@ def test_live_data_are_sent_as_self_contained_batches(running: ServerProcess, tm
         path.write_bytes(batch)
         if RrdReader(path).recordings():
             found |= entities(path).keys()
-    assert any(name.endswith("/body/shape") for name in found), found  # what is static comes to each
+    assert any(name.endswith("/body/shape") for name in found), found  # static data are sent to each
     assert any("Acceleration" in name for name in found)
     late, again = looked(running.url, 6)
     assert late["kind"] == "lag"
-    assert again[0] == batches[0]  # what is static comes first, also to one who is late
+    assert again[0] == batches[0]  # static data are sent first, also to a late viewer
 
 
 def looked(url: str, wanted: int) -> tuple[dict[str, float], list[bytes]]:
@@ -217,7 +217,7 @@ def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() -> None:
             feed._on_report(batch(n + 1.0, b"%02d" % n + bytes(1 << 20)))
         assert sum(len(data) for _, data in feed._backlog) <= KEPT_BYTES
         viewer = feed.join()
-        feed._on_report(batch(99.0, b"now"))  # what is live overtakes what was before
+        feed._on_report(batch(99.0, b"now"))  # live data are sent before older data
         taken = [await viewer.take() for _ in range(AHEAD)]
         assert [data[:5].rstrip(b"\0") for _, data in taken] == [b"still", b"now", b"39", b"38"]
         assert feed.lag_ms(taken[1][0]) == 1000
@@ -275,7 +275,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
         whole.write_bytes(base64.b64decode(words["data"]))
         [chunk] = entities(whole)[name_of(("D", "Acceleration [m/s²]"))]
         rows += chunk.num_rows
-    assert sent - rate / 10 <= rows <= sent  # what the last batch did not yet have comes with the next
+    assert sent - rate / 10 <= rows <= sent  # rows missing in the last batch are in the next
 
 
 def test_an_invalid_viewer_address_is_refused_before_anything_starts() -> None:
@@ -352,7 +352,7 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
                     at = now() - np.arange(2000, 0, -1) / 2000 * 0.02
                     telemetry.bus.publish([ChannelRows(channel, [at, at, at, at, at])])
                     telemetry.clients.request_flush()
-                    await asyncio.sleep(0.02)  # fifty times what a device sends
+                    await asyncio.sleep(0.02)  # fifty times the rate of a device
                     if elsewhere.pid is not None:
                         pids.add(elsewhere.pid)
                         highest = max(highest, resident_mb(elsewhere.pid))

@@ -287,7 +287,7 @@ def test_a_device_is_rearmed_where_no_server_runs(tmp_path: Path, capsys: pytest
     store.update(KEY, {102: 500, 103: 7})
     store.save()
     with socket.socket() as held:
-        held.bind(("127.0.0.1", 0))  # bound, and nobody listens: refused
+        held.bind(("127.0.0.1", 0))  # bound but not listening: refused
         server = f"http://127.0.0.1:{held.getsockname()[1]}"
         assert main(["rearm", "102", "--server", server, "--data", str(tmp_path)]) == 0
     assert "was deleted" in capsys.readouterr().out

@@ -62,7 +62,7 @@ def _leaves(routes: Any) -> Iterator[Any]:
     for route in routes:
         if isinstance(route, Route | WebSocketRoute):
             yield route
-        else:  # one that was included; of any other sort there is none, or it would be walked around here
+        else:  # an included router; any other kind would escape this check
             yield from _leaves(route.original_router.routes)
 
 
@@ -128,7 +128,7 @@ def test_read_only_routes_are_those_listed(routes: list[Any]) -> None:
 
 def test_every_websocket_with_every_role(routes: list[Any], tmp_path: Path) -> None:
     sockets = [route.path for route in routes if isinstance(route, WebSocketRoute)]
-    assert set(sockets) == SOCKETS  # one that is added: what can it change?
+    assert set(sockets) == SOCKETS  # an added one: state what it can change
     for path, role in itertools.product(sockets, TOKENS):
         answer, reached = attempt(tmp_path, "WS", filled(path), TOKENS[role])
         wanted = (ACCEPTED, role) if role in ("view", "control") else (401, "")

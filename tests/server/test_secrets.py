@@ -17,10 +17,10 @@ from tests.server_process import ServerProcess
 from tests.timeouts import connecting, http_client
 
 VIEW, CONTROL, NEAR = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
-SECRETS = (VIEW, CONTROL, NEAR)  # also one that is nearly right: who mistypes a token has given most of it away
+SECRETS = (VIEW, CONTROL, NEAR)  # also an almost correct one: a mistyped token reveals most of the right one
 
 
-PROXIED = {"x-forwarded-for": "203.0.113.5"}  # whoever comes through a proxy is asked for a token
+PROXIED = {"x-forwarded-for": "203.0.113.5"}  # requests through a proxy need a token
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_a_token_is_in_nothing_that_is_printed_or_written(guarded: ServerProcess
             everything[str(path)] = path.read_bytes().decode("latin-1")
     assert len(everything) > len(told) + 2  # something was written
     found = {where: secret for where, text in everything.items() for secret in SECRETS if secret in text}
-    # The cookie is the one place: it is set once, to whoever has just shown that they have the token.
+    # The cookie is the only place: it is set once, for a client that has presented the token.
     assert {where: everything[where][:2000] for where in found if "set-cookie" not in everything[where]} == {}
     assert len(found) == 2
     assert "Traceback" not in guarded.log
@@ -91,9 +91,7 @@ def use(url: str) -> list[httpx.Response]:
             ]
             client.cookies.clear()
         answers += [client.get("/api/build", params={"token": NEAR}) for _ in range(12)]
-    answers = [
-        one for one in answers if not urlsplit(str(one.url)).path.endswith(SECRETS)
-    ]  # it tells what was asked for
+    answers = [one for one in answers if not urlsplit(str(one.url)).path.endswith(SECRETS)]  # it names the request
     asyncio.run(_sockets(url.replace("http", "ws")))
     with (
         contextlib.suppress(OSError),

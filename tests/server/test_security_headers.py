@@ -10,7 +10,7 @@ from server.config import Config
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
-# Of a page, beyond "only this server": what it may do that the strict one may not. All else has no page in it.
+# Permissions of a page beyond the strict policy "only this server". All other responses contain no page.
 WASM = "'wasm-unsafe-eval'"
 PAGES = {"/": set(), "/docs": set(), "/docs/websocket": set(), "/rerun/": {WASM}, "/rerun/start.js": {WASM}}
 DATA = (

@@ -94,7 +94,7 @@ def test_a_dead_link_shows_at_once_and_comes_back() -> None:
         assert stage.status == "live"
         assert {one.info.id for one in stage.telemetry.store.all} == ids  # the same channels go on
         assert [event.data["kind"] for event in stage.events("link")] == ["live", "gone", "back"]
-        (gap,) = stage.events("gap")  # so that the page hatches what the link missed
+        (gap,) = stage.events("gap")  # so that the page hatches the missed range
         assert gap.data["by"] == "link"
         assert 0.0 < gap.t1 - gap.t0 < 1.0
 
@@ -114,7 +114,7 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
     async def test(stage: SessionHarness) -> None:
         assert waits == [0.5, 1, 2, 4, 8, 10, 10, 10]
         assert stage.status == "denied"
-        (event,) = stage.events("link")  # said once, not at every retry
+        (event,) = stage.events("link")  # reported once, not at every retry
         assert event.level == "error"
         assert len(stage.telemetry.bus.devices.latest["1"].attempts) <= device_state.ATTEMPTS_KEPT
 
@@ -146,7 +146,7 @@ def test_an_ended_file_waits_for_a_retry() -> None:
         await stage.settle()
         device = stage.telemetry.bus.devices.latest["1"]
         assert (device.status, device.next_attempt) == ("ended", None)
-        assert stage.session.health(stage.clock()).rejects == 1  # what was incomplete at the end is counted
+        assert stage.session.health(stage.clock()).rejects == 1  # incomplete data at the end are counted
         stage.session.retry()
         await stage.send(sample(0))
         assert stage.status == "live"

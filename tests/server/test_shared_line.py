@@ -176,7 +176,7 @@ def test_a_fix_of_one_device_does_not_affect_another() -> None:
     def data(bid: int, tick: int) -> bytes:
         return build(0x36, bytes.fromhex(f"106004{tick:08x}0804020000"), bid)
 
-    def velocity(bid: int, tick: int) -> bytes:  # a message of GNSS items that does not say whether there is a fix
+    def velocity(bid: int, tick: int) -> bytes:  # a message of GNSS items without a fix status
         return build(0x36, bytes.fromhex(f"106004{tick:08x}702004") + bytes(4), bid)
 
     decoder = XbusDecoder()

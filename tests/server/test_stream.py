@@ -184,11 +184,11 @@ def test_a_slow_browser_is_sent_its_losses_and_slows_no_others() -> None:
             dropped = [assert_whole(reader, source.channel) for reader in readers]
             assert dropped[1] == 0
             assert dropped[0] > 10_000
-            for reader in readers:  # events all came, to both
+            for reader in readers:  # both received all events
                 told = [event["text"] for text in reader.said("events") for event in text["events"]]
                 assert [text for text in told if text.isdigit()] == [str(1000 * k) for k in range(1, 61)] + ["60001"]
             readers[0].read(PATIENCE_S, lambda r: _dropped(r) == dropped[0])
-            assert _dropped(readers[0]) == dropped[0]  # and health says the same
+            assert _dropped(readers[0]) == dropped[0]  # and health agrees
 
 
 def _end(reader: StreamReader, channel: int) -> int:
@@ -236,7 +236,7 @@ def test_live_data_do_not_wait_for_history() -> None:
             reader = StreamReader(connection)
             reader.subscribe()
             reader.read(PATIENCE_S, lambda r: r.history[source.channel])  # the first of many
-            rounds = 0  # that came and went while history was on its way
+            rounds = 0  # created and removed while history was being sent
             while not reader.said("history_end") and rounds < 1000:
                 source.send(10)
                 reader.read(PATIENCE_S, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)

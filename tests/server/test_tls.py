@@ -64,7 +64,7 @@ def test_the_certificate_is_generated_once_and_renewed_before_expiry(
 ) -> None:
     first = tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.7"])
     first.key.chmod(0o644)
-    assert tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address comes and goes
+    assert tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address appears and disappears
     assert first.key.stat().st_mode & 0o777 == 0o600
     days_on(monkeypatch, tls.DAYS - tls.RENEW_DAYS - 1)
     assert tls.ensure_self_signed(tmp_path, ["localhost"]) == first
@@ -264,7 +264,7 @@ def test_everything_is_served_over_tls(tmp_path: Path) -> None:
             assert shown.status_code == 200, shown.text
             assert client.get("/rerun/").status_code == 200
         with pytest.raises(httpx.ConnectError):
-            httpx.get(server.url, timeout=PATIENCE_S)  # who trusts the world's authorities only
+            httpx.get(server.url, timeout=PATIENCE_S)  # a client that trusts public authorities only
         with pytest.raises(httpx.HTTPError):
             httpx.get(server.url.replace("https", "http"), timeout=PATIENCE_S)
         asyncio.run(_talk(server))

@@ -237,7 +237,7 @@ def test_a_body_beyond_a_megabyte_is_refused_before_it_is_read(running: InProces
         (b'{"text": "\\uD83D"}', False),
         (b'{"\\ude80": 1}', False),
         (b'{"text": "\\\\ud83d"}', True),  # six letters
-        (b'{"text": "\\ud83d"', True),  # no JSON: said by who reads it
+        (b'{"text": "\\ud83d"', True),  # not JSON: reported by the parser
         (b"[" * 100_000 + b'"\\ud83d"', True),
         (b"", True),
     ],

@@ -194,7 +194,7 @@ def test_viewers_change_nothing_in_a_shared_scene(
             await viewer.send(update(before["Follow"][0]))
             await controller.send(update(before["Reference frame"][0]))
             told: set[str] = set()
-            while not told:  # the others are told of a change
+            while not told:  # the others are notified of a change
                 told = {one["uuid"] for one in messages(await viewer.recv()) if one["type"] == "GuiUpdateMessage"}
             assert told == {before["Reference frame"][0]}
             async with looking(guarded.url, f"/viser?token={tokens['view']}") as late:

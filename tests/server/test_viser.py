@@ -112,7 +112,7 @@ def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) 
                     pass
             return socket.close_code
 
-    # 1009 says why; a reset overtakes it when the server closes before it has taken all that was sent.
+    # 1009 gives the reason; a reset overtakes it if the server closes before reading everything.
     assert asyncio.run(attempt()) in (1009, 1006)
     assert get(f"{server.url}/healthz").status_code == 200
 

@@ -25,7 +25,7 @@ from server.links.simulator import SimulatorLink
 from tests.server.control_harness import BRIEFEST, ControlHarness, house, over
 from tests.waiting import until
 
-MODEL = 213  # of motion; the table knows no such one
+MODEL = 213  # of motion; not in the table
 SOURCE = "sim:isb?baud=921600"
 
 

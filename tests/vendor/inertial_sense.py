@@ -74,7 +74,7 @@ APART = re.compile(
 )
 """Constants that are neither a bit nor a value: masks, places, counts, defaults, and what is unused."""
 
-_OTHERWISE = (  # a constant, and what it is called in the table
+_OTHERWISE = (  # a constant, and its name in the table
     (re.compile(r"RUG3_IOEXP_BIT_OFFSET_(\w+)"), r"PLATFORM_CFG_RUG3_IOEXP_\1"),
     (re.compile(r"PLATFORM_CFG_RUG3_PRESET__0__PRESETS_DISABLED"), "PLATFORM_CFG_PRESET_DISABLED"),
 )

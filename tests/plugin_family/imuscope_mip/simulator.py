@@ -33,7 +33,7 @@ from protocols.simulator import trajectory
 
 PRODUCT = "3DM-GX5-45"
 FIRMWARE = 1_121
-WEEK, TOW_S = 2_400, 100_000.0  # GPS time when power comes
+WEEK, TOW_S = 2_400, 100_000.0  # GPS time at power-up
 NED_FROM_ENU = np.array((0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0))
 BODY_FROM_FRD = np.array((0.0, 1.0, 0.0, 0.0))  # forward, right, down as the device has it; the drive: left, up
 FRD = np.array((1.0, -1.0, -1.0))

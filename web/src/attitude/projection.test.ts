@@ -78,7 +78,7 @@ describe("numbers in another frame", () => {
     const [roll, pitch, yaw] = eulerOfMatrix(matrixIn(enu, "ENU", "NED"));
     expect(yaw).toBeCloseTo(50);
     expect(pitch).toBeCloseTo(-10); // nose down, in both
-    expect(Math.abs(roll)).toBeCloseTo(175); // z of the sensor points up, which NED calls upside down
+    expect(Math.abs(roll)).toBeCloseTo(175); // z of the sensor points up, which is upside down in NED
     const back = inEnu(euler(roll, pitch, yaw), "NED");
     near(back, enu);
     expect(horizonOf(back, "ENU").nose).toBeCloseTo(-10);

@@ -209,12 +209,12 @@ describe("gaps", () => {
       const [t0, t1] = [samples[99]!.time, samples[100]!.time];
       const lose = (): void => {
         ring.lose(t0, t1);
-        ring.lose(samples[40]!.time, samples[41]!.time); // of another message of the device: nothing is missing here
+        ring.lose(samples[40]!.time, samples[41]!.time); // of another message of the device: no gap here
       };
       if (early) lose();
       ring.take(frame(samples, 0));
       if (!early) lose();
-      expect(breaksAt(ring)).toEqual([100]); // the second hole could be jitter: nobody said that it is one
+      expect(breaksAt(ring)).toEqual([100]); // the second hole may be jitter: no gap was reported
     }
   });
 
@@ -261,7 +261,7 @@ describe("gaps", () => {
         ),
       );
       if (!early) ring.cut(turn);
-      ring.cut(turn); // told again after a reconnect
+      ring.cut(turn); // reported again after a reconnect
       expect(breaksAt(ring)).toEqual([100]);
       const earlier: SampleFrame = {
         ...frame(
@@ -362,7 +362,7 @@ it("breaks lines over thousands of lost samples, also if they are reported befor
   const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
   const kept = Array.from({ length: 30_000 }, (_, i) => i).filter((i) => i % 10 !== 5); // every tenth is lost
   for (let i = 29_995; i > 0; i -= 10) ring.lose((i - 1) * 0.01 + 1000, (i + 1) * 0.01 + 1000);
-  ring.lose(1010, 1010.5); // one that lies over others
+  ring.lose(1010, 1010.5); // one that overlaps others
   const times = Float64Array.from(kept, (i) => 1000 + i * 0.01);
   ring.take({
     channel: 1,

@@ -32,11 +32,11 @@ const all = orientation.conversions as unknown as readonly Conversion[];
 const conversions = all.filter(({ to }) => to !== undefined);
 const orientations = all.filter(({ euler }) => euler !== undefined);
 
-/** Row by row, of a matrix as it travels. */
+/** A matrix row by row, as it is sent. */
 const rows = (w: readonly number[]): Matrix3 => [w[0]!, w[3]!, w[6]!, w[1]!, w[4]!, w[7]!, w[2]!, w[5]!, w[8]!];
 const close = (found: readonly number[], wanted: readonly number[], digits = 9): void =>
   wanted.forEach((v, k) => expect(found[k]).toBeCloseTo(v, digits));
-/** A rotation and its quaternion: q and −q are the same. */
+/** A rotation and its quaternion; q and −q are equivalent. */
 const sign = (q: readonly number[], like: readonly number[]): number =>
   Math.sign(q.reduce((sum, v, k) => sum + v * like[k]!, 0)) || 1;
 const isRotation = (m: Matrix3): boolean =>
@@ -64,7 +64,7 @@ describe("the vendor's own conversions between world frames", () => {
         );
       case "matrix": {
         const m = rows(values);
-        // The vendor's set 1 is no rotation (it went through a quaternion and came out as something else): nothing to agree on.
+        // The vendor's set 1 is not a rotation, so there is nothing to compare.
         if (!isRotation(m)) return expect(isRotation(rows(expected))).toBe(false);
         return close(matrixIn(m, frame, to), rows(expected));
       }
@@ -75,7 +75,7 @@ describe("the vendor's own conversions between world frames", () => {
 describe("the vendor's Euler angles and matrices", () => {
   test.each(orientations)("$what", ({ values, euler, matrix }) => {
     const m = matrixOfQuaternion(values as unknown as Quaternion);
-    // The vendor takes the quaternion as it is: one of length 0.9998 gives a matrix that is shorter by its square.
+    // The vendor does not normalise: a quaternion of norm 0.9998 gives a matrix scaled by its square.
     const square = values.reduce((sum, v) => sum + v * v, 0);
     close(
       m.map((v) => v * square),

@@ -112,7 +112,7 @@ describe("derived quantities", () => {
 it("keeps the newest channel of a name", () => {
   store.receive({ kind: "text", text: { op: "channels", channels: [{ ...acceleration, id: 5 }] } });
   expect(store.channels.value.map(({ info: { id } }) => id).sort()).toEqual([-3, 2, 5]);
-  send(store, frame(1, 0, 3, [1, 1, 1])); // a straggler of the old one
+  send(store, frame(1, 0, 3, [1, 1, 1])); // a late sample of the old one
   expect(store.channel("1", "Acceleration")!.ring.length).toBe(0);
 });
 
@@ -165,14 +165,14 @@ describe("a server that was restarted", () => {
     store.receive({ kind: "text", text: { op: "devices", devices: list } });
   const channels = (...list: readonly ChannelInfo[]): void =>
     store.receive({ kind: "text", text: { op: "channels", channels: list } });
-  /** A second later another run has sent 10 samples already, and goes on. */
+  /** Another run, a second later, that has sent 10 samples already and continues. */
   const later = (sequence: number, n: number, value: number, history = false) => {
     const made = frame(5, sequence, n, [0, 0, value], { history });
     return { ...made, arrival: made.arrival.map((t) => t + 1.2), time: made.time.map((t) => t + 1.2) };
   };
   const restart = (now: DeviceInfo): void => {
     store.receive({ kind: "subscribed", fresh: true });
-    devices({ ...now, serial_number: "" }); // it is not known yet
+    devices({ ...now, serial_number: "" }); // not known yet
     channels({ ...acceleration, id: 5, device: now.id });
     send(store, later(10, 2, 3), later(5, 5, 2, true), later(0, 5, 2, true));
     store.receive({ kind: "text", text: { op: "history_end" } });
@@ -193,7 +193,7 @@ describe("a server that was restarted", () => {
   };
 
   it("keeps earlier data on the page, with a gap in between", () => {
-    restart(device("2")); // by another id
+    restart(device("2")); // with another id
     expect(z("2")).toEqual([...Array<number>(20).fill(1), ...Array<number>(10).fill(2), 3, 3, 4, 4]);
     const { ring } = store.channel("2", "Acceleration")!;
     expect(ring.breaks.map((row) => row - ring.first)).toEqual([20]);
@@ -320,10 +320,10 @@ describe("the chosen frame", () => {
     expect(store.nativeFrame("1")).toBe("ENU");
     store.showIn("NED");
     expect(row("RateOfTurn")).toEqual([1, -2, -3, 3.7417]);
-    expect(row("EulerAngles").map(Math.abs)).toEqual([0, 0, 90]); // level, to the east, and no roll of 180°
+    expect(row("EulerAngles").map(Math.abs)).toEqual([0, 0, 90]); // level, east, without a roll of 180°
     send(store, frame(4, 2, 2, [4, 5, 6]), frame(2, 2, 2, [HALF, 0, 0, HALF]));
     expect(row("RateOfTurn").slice(0, 3)).toEqual([4, -5, -6]);
-    expect(row("EulerAngles").map((v) => Math.abs(v) < 0.001)).toEqual([true, true, true]); // to the north
+    expect(row("EulerAngles").map((v) => Math.abs(v) < 0.001)).toEqual([true, true, true]); // north
     expect(store.channel("1", "RateOfTurn")!.info.frame).toBe("FRD");
     expect(store.channel("1", "EulerAngles")!.info.frame).toBe("NED from body");
     store.showIn(undefined);

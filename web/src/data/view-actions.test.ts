@@ -44,7 +44,7 @@ describe("panning", () => {
 
   it("stops at now and at the first sample", () => {
     actions.pan(-1000);
-    expect(view.value.end).toBe(102); // a tenth of the window still shows something
+    expect(view.value.end).toBe(102); // a tenth of the window still shows data
     actions.panTo(5000);
     expect(view.value).toMatchObject({ live: false, end: 1000 });
   });

@@ -18,7 +18,7 @@ test("a device is added by its address, and an error stays visible with its hint
   fireEvent.input(within(form).getByLabelText("Address"), { target: { value: "/dev/none" } });
   fireEvent.submit(form.querySelector("form") as HTMLFormElement);
   const alert = await within(form).findByRole("alert", {}, PATIENCE);
-  expect(alert.textContent).toContain("Nothing was recorded of"); // the words of the server that refused
+  expect(alert.textContent).toContain("Nothing was recorded of"); // the server's message
   expect(asked.find(({ method }) => method === "POST")).toMatchObject({
     path: "/api/devices",
     body: { source: "/dev/none" },

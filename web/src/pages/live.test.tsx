@@ -30,7 +30,7 @@ test.each([
   expect(text(".numerals .from")).toBe(source);
 });
 
-/** Number, strength and use of each satellite as it was sent last. */
+/** Number, strength and use of each satellite, as sent last. */
 function sent({ store }: Opened): readonly string[] {
   const channel = store.channels.value.find(({ info }) => info.name.includes("GPS1_SAT"));
   if (channel === undefined) throw new Error("no satellites were recorded");

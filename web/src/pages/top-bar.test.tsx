@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-/** What stands around the pages: the bar, the tabs of a phone, the keys and their overlay, the link to what is on screen. */
+/** The frame of the pages: the bar, the tabs of a phone, the keys and their overlay, the link to the current view. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { type Opened, openPage } from "../testing/live-page";

@@ -35,7 +35,7 @@ describe("figuresOf", () => {
         .join(""),
     ).toBe("");
     expect(figures.shareText.value).toBe("33.9");
-    // "Last minute" says what was in it; what the session lost is told beside.
+    // "Last minute" counts its own losses; those of the session are shown beside it.
     expect(figures.gaps).toEqual({ value: "0", unit: "smp", tone: "" });
     expect(figures.rejects).toEqual({ value: "0", unit: "frames", tone: "" });
     expect(totals(health)).toBe("Since the session began: 3 gaps, 90 samples lost, 2 frames rejected.");

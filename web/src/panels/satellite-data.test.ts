@@ -12,7 +12,7 @@ const bit = (name: string, low: number, width: number, choices: Record<string, s
   normal_set: false,
   doc: "",
 });
-/** A channel of satellites; each row is its values and when it came. */
+/** A channel of satellites; each row has its values and its arrival time. */
 function table(
   flags: readonly BitsInfo[],
   systems: Record<string, string>,

@@ -25,7 +25,7 @@ it("the value of a stopped stream is not shown as current", () => {
   const now = { word: "now" } as const;
   expect(staleness(upTo(0.01), now, 101)).toBeUndefined();
   expect(staleness(upTo(0.01), now, 280)).toBe("3 min");
-  expect(staleness(upTo(10), now, 130)).toBeUndefined(); // seldom, and on time
+  expect(staleness(upTo(10), now, 130)).toBeUndefined(); // rare, and on time
   expect(staleness(upTo(10), now, 160)).toBe("60 s");
-  expect(staleness(upTo(0.01), { word: "cursor" }, 280)).toBeUndefined(); // of another moment, which is told
+  expect(staleness(upTo(0.01), { word: "cursor" }, 280)).toBeUndefined(); // of another moment, which is shown
 });

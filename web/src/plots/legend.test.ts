@@ -5,7 +5,7 @@ import { changeOf } from "./legend";
 import type { Series } from "./plot-selection";
 import { CHANNELS, frameOf } from "./synthetic";
 
-/** A channel whose first column counts 10° a second from `start`, at `times`, around the circle. */
+/** A channel whose first column increases by 10° a second from `start`, at `times`, and wraps. */
 function yawAt(times: readonly number[], start: number): Channel {
   const info = { ...CHANNELS[0]!, columns: CHANNELS[0]!.columns.map((column) => ({ ...column, period: 360 })) };
   const ring = new Ring(info.columns.map(({ dtype, period }) => ({ dtype, period, status: false })));

@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-/** Two plot stacks in one document, over the same samples: what is done on one is not done on the other. */
+/** Two plot stacks in one document over the same samples: actions on one do not affect the other. */
 import { fireEvent } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { Store } from "../data/store";
@@ -43,7 +43,7 @@ afterEach(() => {
 });
 
 let clock = 0;
-/** Draws a frame of both, a second later: nothing waits for its turn. */
+/** Draws a frame of both a second later, past all rate limits. */
 const draw = (): void => {
   clock += 1000;
   for (const { panel } of views) panel.update(clock);
@@ -65,7 +65,7 @@ const canvas = ({ host }: View): HTMLCanvasElement => {
   return found;
 };
 
-/** Everything that a view shows, and that it is made from. */
+/** Everything that a view shows, and its inputs. */
 const shownOf = (one: View): unknown => ({
   titles: titles(one),
   values: values(one),

@@ -35,7 +35,7 @@ describe("the window", () => {
 });
 
 describe("columns of pixels", () => {
-  /** What a slow look at every sample finds. */
+  /** Result of a slow pass over every sample. */
   function oracle(ring: Ring, g: number, dt: number): [number, number] {
     let [lo, hi] = [Infinity, -Infinity];
     for (let i = 0; i < ring.length; i++) {

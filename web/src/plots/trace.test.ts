@@ -19,7 +19,7 @@ class Pen {
   }
 }
 
-/** A saw that climbs 0 … 99 and starts again, as a capture does that is played in a loop; 100 samples/s. */
+/** A sawtooth 0 … 99, like a capture played in a loop; 100 samples/s. */
 function saw(ring: Ring, n: number): void {
   const at = Float64Array.from({ length: n }, (_, i) => 1000 + i * 0.01);
   const values = Float64Array.from({ length: n }, (_, i) => i % 100);

@@ -18,7 +18,7 @@ const gap = { device: "1", kind: "gap", time: 1004.5, samples: 100, data: {} } a
 it("gives the rates of the seconds before, and counts up to the moment", () => {
   const told = figuresAt(history, 1004.2);
   expect(told.bytes).toBe(2400);
-  expect(told.bytes_per_s).toBe(1000); // the first second, in which it began, says nothing
+  expect(told.bytes_per_s).toBe(1000); // the incomplete first second does not count
   expect(told.messages).toEqual([
     { name: "Fast", rate: 100, count: 240 },
     { name: "Slow", rate: 0.5, count: 1 },

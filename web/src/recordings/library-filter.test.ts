@@ -69,7 +69,7 @@ it("puts the worst first", () => {
   expect(flaw(lossy)).toEqual({ tone: "warn", words: "72 lost" });
   expect(flaw({ ...lossy, damaged: "The file ends at 08:51." }).tone).toBe("bad");
   expect(flaw(one({ opened: true })).words).toBe("none");
-  expect(flaw(one({ opened: false, thumbnail: [] })).words).toBe("—"); // nobody has looked
+  expect(flaw(one({ opened: false, thumbnail: [] })).words).toBe("—"); // not opened yet
 });
 
 it("writes lengths and sizes", () => {
@@ -115,7 +115,7 @@ it("a device without data is in no recording name and no filter", () => {
   const info = one({ title: "", devices: [...one().devices, silent] });
   expect(titleOf(heardOf(info))).toBe("MTi-630");
   expect(heardOf(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
-  expect(heardOf(one({ devices: [silent] })).devices).toHaveLength(1); // of a recording of nothing it is all there is
+  expect(heardOf(one({ devices: [silent] })).devices).toHaveLength(1); // a recording without data keeps its only device
   const detail = {
     info,
     devices: [{ id: "1" }, { id: "2" }],
@@ -137,6 +137,6 @@ it("shows the serial number of a device once", () => {
   };
   expect(deviceName(device)).toBe("IDTP device 102");
   expect(deviceName({ ...device, name: "IMX-5" })).toBe("IMX-5 102");
-  expect(deviceName({ ...device, name: "IMX-5", serial_number: "5" })).toBe("IMX-5 5"); // the 5 of its name is its product's
+  expect(deviceName({ ...device, name: "IMX-5", serial_number: "5" })).toBe("IMX-5 5"); // the 5 in its name belongs to the product
   expect(deviceName({ ...device, name: "102" })).toBe("102");
 });

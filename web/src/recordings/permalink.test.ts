@@ -42,8 +42,8 @@ it("a shown norm is restored after a reload, and others stay hidden", () => {
   const before = new Set(["a.norm", "b.norm"]);
   const told = seriesOf(new Set(["a.norm", "a.x"]), before);
   expect(told).toEqual({ hide: ["a.x"], show: ["b.norm"] });
-  const norms = new Set<string>(); // a page that has seen nothing yet
+  const norms = new Set<string>(); // a newly opened page
   expect([...takeSeries(told, norms)]).toEqual(["a.x"]);
-  expect(norms.has("b.norm")).toBe(true); // so it is not hidden when it is first seen
+  expect(norms.has("b.norm")).toBe(true); // so it is not hidden when it first appears
   expect([...takeSeries({ hide: [], show: [] }, new Set(["a.norm"]))]).toEqual(["a.norm"]);
 });

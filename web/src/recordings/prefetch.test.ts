@@ -55,7 +55,7 @@ describe("a recording that is about to be opened", () => {
     });
   });
   afterEach(async () => {
-    (await prefetch.take("nobody", undefined)).screen?.dispose(); // what is left prepared
+    (await prefetch.take("nobody", undefined)).screen?.dispose(); // dispose of a prepared one
     vi.useRealTimers();
     vi.unstubAllGlobals();
   });
@@ -87,6 +87,6 @@ describe("a recording that is about to be opened", () => {
     await settled();
     const { screen } = await prefetch.take("yard", info({ title: "Another" }));
     expect(asked.filter((path) => !path.includes("/window")).length).toBe(2);
-    expect(screen?.held).toBeUndefined(); // a link may want another window
+    expect(screen?.held).toBeUndefined(); // a link may request another window
   });
 });

@@ -16,7 +16,7 @@ it("reports a summarised window, and requests exact figures when it stands still
   feed.want(window(0, 31));
   expect(fetch).toHaveBeenCalledTimes(1);
   now += 100;
-  feed.want(window(5, 9)); // being zoomed: it does not stand still yet
+  feed.want(window(5, 9)); // being zoomed: it is still moving
   expect(fetch).toHaveBeenCalledTimes(1);
   now += 300;
   feed.want(window(5, 9));
@@ -30,7 +30,7 @@ it("gives figures only for the counted window", async () => {
   await vi.waitFor(() => expect(feed.of(1, 0)).toBeDefined());
   now += 10;
   feed.want(window(0.5, 30.5));
-  expect(feed.of(1, 0)).toBeDefined(); // played on by a little
+  expect(feed.of(1, 0)).toBeDefined(); // played a little further
   feed.want(window(60, 90));
   expect(feed.of(1, 0)).toBeUndefined();
 });

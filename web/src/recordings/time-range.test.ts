@@ -20,7 +20,7 @@ it("requests again only if the data are insufficient", () => {
   expect(enough(115, 135)).toBe(false);
   expect(enough(109, 129, false, 5)).toBe(false); // soon played past its end
   expect(enough(105, 110)).toBe(false); // four times as fine
-  expect(enough(105, 110, true)).toBe(true); // there is nothing finer
+  expect(enough(105, 110, true)).toBe(true); // no finer data exist
   expect(isEnough(undefined, true, 0, 1, 10, 0, bounds)).toBe(false);
   expect(isEnough({ t0: 0, t1: 3600, width: 1000 }, false, -500, 4000, 1000, 0, bounds)).toBe(true);
 });

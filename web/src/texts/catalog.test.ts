@@ -10,13 +10,13 @@ const SOURCES = import.meta.glob<string>(
 );
 const CATALOG = import.meta.glob<Record<string, unknown>>(["./*.ts", "!./plural.ts", "!./*.test.ts"], { eager: true });
 
-/** Files with literals that only look like texts: benchmark, drawings, names that devices and search use. */
+/** Files with literals that resemble texts: benchmark, drawings, names used by devices and search. */
 const EXEMPT =
   /plots\/(bench|synthetic)\.ts|ui\/(icons|labels)\.tsx?|forms\/(search|fixtures)\.ts|panels\/value-groups\.ts/;
-/** Units and names that are written alike in every language. */
+/** Units and names that are the same in every language. */
 const UNIT =
   /^[\s·().,:%/×▲●○△+−\d-]*(Hz|Bd|B|B\/s|s|ms|S\/N|0x|dB-Hz|σ|imuscope|CSV|Parquet|MCAP|RRD|MTB|RAW)?[\s·().,:%/×-]*$/;
-/** Attributes and properties whose literal a person reads or hears. */
+/** Attributes and properties whose literal is displayed or read aloud. */
 const READ = /^(title|aria-label|ariaLabel|placeholder|label|alt|words|message|hint|help)$/;
 const SENTENCE = /^[A-Z][a-z]+ .*[a-z]{2}|[a-z]{2} [a-z]{2,}.*[.…!?]$/;
 
@@ -40,7 +40,7 @@ function shown(node: unknown): readonly string[] {
   return text !== undefined && isWords(text) ? [text] : [];
 }
 
-/** Texts that stand in a source itself, and plurals made by hand. */
+/** Texts in a source file itself, and hand-made plurals. */
 function strayTexts(file: string, source: string): readonly string[] {
   const found: string[] = [];
   const visit = (node: Node, parent: Node | undefined): void => {
@@ -75,7 +75,7 @@ function strayTexts(file: string, source: string): readonly string[] {
   return [...new Set(found)];
 }
 
-/** Every text of the catalogue with its key; functions are given ones. */
+/** Every text of the catalogue with its key; functions are called with 1. */
 function texts(value: unknown, key: string): readonly (readonly [key: string, text: string])[] {
   if (typeof value === "function") {
     const fill = value as (...values: readonly number[]) => unknown;
@@ -85,7 +85,7 @@ function texts(value: unknown, key: string): readonly (readonly [key: string, te
   return Object.entries(value as object).flatMap(([name, one]) => texts(one, `${key}.${name}`));
 }
 
-/** Words and turns that a technical writer leaves out. */
+/** Words and phrases that a technical writer avoids. */
 const AVOIDED =
   /\b(anew|aside|beside each other|by itself|heard|hears|kept|likewise|meanwhile|nobody|somebody|thereby|told|tells|wherever|whoever|what (came|is read|was)|(is|has) none|any more|try number)\b/i;
 const ALL = Object.entries(CATALOG).flatMap(([file, module]) => texts(module, file));

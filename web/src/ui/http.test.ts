@@ -1,7 +1,7 @@
 import { afterEach, expect, test, vi } from "vitest";
 import { addressOf, request, respond } from "./http";
 
-/** Answers every request in this way; returns what was asked. */
+/** Answers every request in this way; returns the requests. */
 function answering(answer: () => Response): readonly [path: string, init: RequestInit][] {
   const asked: [string, RequestInit][] = [];
   vi.stubGlobal("fetch", (path: string, init: RequestInit) => {

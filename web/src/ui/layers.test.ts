@@ -1,4 +1,4 @@
-/** Which style outdoes which is said in one file, by layers, and not by which file is loaded first; no class is styled that nothing has. */
+/** Style precedence is given by layers in one file, independent of load order; every styled class is used. */
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { describe, expect, it } from "vitest";
@@ -14,7 +14,7 @@ const ORDER = "./layers.css";
 const FILES = Object.keys(import.meta.glob("../**/*.css")).filter((file) => file !== ORDER);
 const declared = bare(ORDER).slice("@layer ".length, -1).split(/,\s*/);
 
-/** The layer that holds all rules of a file; undefined where a rule stands outside, or in a second one. */
+/** The layer with all rules of a file; undefined if a rule is outside a layer or in a second one. */
 function layerOf(file: string): string | undefined {
   const [, name, rules = ""] = /^@layer ([\w-]+) \{(.*)\}$/s.exec(bare(file)) ?? [];
   let depth = 0;

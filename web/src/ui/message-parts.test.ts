@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { messageParts } from "./message-parts";
 
-/** As it is shown, code in brackets. */
+/** The displayed text, with code in brackets. */
 const shown = (message: string): string =>
   messageParts(message)
     .map(({ text, isCode }) => (isCode ? `[${text}]` : text))

@@ -22,10 +22,10 @@ it("a dead network is reported within two seconds, once, and so is its end", () 
 
 it("reports twice a second are not silence, nor is time in which the page was suspended", () => {
   const silence = new Silence();
-  expect(silence.ask(0)).toBeUndefined(); // nothing was heard yet: it is connecting
+  expect(silence.ask(0)).toBeUndefined(); // nothing received yet: connecting
   silence.hear(0);
   expect(asked(silence, 0.25, 1.5)).toEqual([]);
-  expect(silence.ask(100)).toBeUndefined(); // frozen for a hundred seconds: what waits is heard first
+  expect(silence.ask(100)).toBeUndefined(); // suspended for a hundred seconds: queued messages are read first
   silence.hear(100.1);
   expect(asked(silence, 100.25, 101.5)).toEqual([]);
 });

@@ -136,7 +136,7 @@ test.each(["OutputConfiguration", "Output%20configuration"])(
   },
 );
 
-/** What a device has of which only LocationID was read. */
+/** Values of a device of which only LocationID was read. */
 function onlyLocation(): Record<string, unknown> {
   const info = { name: "x", title: "x", taken: 1_790_000_000, reason: "", settings: 1, missing: 0 };
   return { "GET /api/devices/1/values": { info, values: { LocationID: { locationId: 0 } }, missing: {} } };

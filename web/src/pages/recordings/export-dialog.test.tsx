@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-/** What is exported is said before it is: how long, of how many channels, in which form. */
+/** The export dialog shows length, channels and format before it exports. */
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
 import type { Store } from "../../data/store";

@@ -17,7 +17,7 @@ const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE
 const search = (words: string): void =>
   void fireEvent.input(screen.getByRole("searchbox"), { target: { value: words } });
 
-/** The library, with its one recording chosen. */
+/** The library with its only recording selected. */
 async function openLibrary(): Promise<Opened> {
   const page = await openPage(recorded("library"), { place: "#/recordings" });
   await eventually(() => expect(rows().length).toBe(1));

@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-/** A recording is opened, read, moved through, marked and closed; its samples are those that a server sent. */
+/** Opening, reading, seeking, marking and closing a recording, with samples recorded from a server. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import type { ReplayController } from "../../recordings/replay-controller";
@@ -28,14 +28,14 @@ const windows = ({ asked }: Opened): readonly URLSearchParams[] =>
 
 /** The first value of the first legend: x of the acceleration. */
 const read = (): number => Number(text(".plot .legend .series-value").replace("−", "-"));
-/** What was sent of it at a moment: the last sample until then. */
+/** The last sample sent before a moment. */
 function sent(t: number, { n, time, columns } = ACCELERATION): number {
   let k = 0;
   while (k + 1 < n && (time[k + 1] ?? Infinity) <= t + 1e-6) k += 1;
   return Number(columns[0]?.[k]);
 }
 
-/** Settings of a device as they were recorded. */
+/** Recorded settings of a device. */
 const SNAPSHOT = { values: { LocationID: { locationId: 7 } }, missing: {}, protocol: "xbus", product: "MTi-630" };
 
 interface OpenedReplay extends Opened {
@@ -64,7 +64,7 @@ test("a recording opens in full, with the playhead at its start", async () => {
   await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t0), 2));
   await eventually(() => expect(text(".transport .now")).toMatch(/^00:00\.000 \/ 00:0[56]/));
   expect([...document.querySelectorAll(".rail .categories button")].length).toBe(YARD.devices.length);
-  expect(page.app.viewState.view.value.live).toBe(true); // Live is left as it was
+  expect(page.app.viewState.view.value.live).toBe(true); // Live is unchanged
 });
 
 test("keys move the playhead, and the values follow", async () => {
@@ -133,7 +133,7 @@ test("it plays by a key, at the chosen speed, and loops the visible range", asyn
   expect(replay.loop.value?.map((t) => t - YARD.t0)).toEqual([expect.closeTo(1, 3), expect.closeTo(2, 3)]);
   replay.seek(YARD.t0 + 1.9);
   press(" ", { code: "Space" });
-  await eventually(() => expect(replay.head).toBeLessThan(YARD.t0 + 1.9)); // it began again
+  await eventually(() => expect(replay.head).toBeLessThan(YARD.t0 + 1.9)); // it restarted
   expect(replay.head).toBeGreaterThanOrEqual(YARD.t0 + 1);
   press(" ", { code: "Space" });
   expect(replay.playing.value).toBe(false);
@@ -243,7 +243,7 @@ test("decoded data are shown at once, and the rest is added without moving the v
   expect(replay().head).toBe(t0 + 1.5);
   expect(replay().viewState.view.value).toMatchObject({ end: expect.closeTo(t0 + 2, 6), span: expect.closeTo(1, 6) });
   await eventually(() => expect(screen.queryByRole("progressbar", { name: /decod/i })).toBeNull());
-  await screen.findByRole("dialog", {}, PATIENCE); // it was not closed meanwhile
+  await screen.findByRole("dialog", {}, PATIENCE); // it has stayed open
   expect(text(".markers")).toContain("kerb");
 });
 
@@ -261,7 +261,7 @@ test("the export covers the loop, the window or everything", async () => {
   fireEvent.click(dialog.getByRole("button", { name: "In view" }));
   await eventually(() => expect(words()).toMatch(/00:02.* to 00:04/));
   press(" ", { code: "Space" });
-  expect(replay.playing.value).toBe(false); // its keys rest under the dialog
+  expect(replay.playing.value).toBe(false); // its keys are inactive under the dialog
   fireEvent.click(dialog.getByRole("button", { name: "Close" }));
   await eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
 });

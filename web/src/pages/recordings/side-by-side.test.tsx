@@ -57,7 +57,7 @@ const markers = ({ in: side }: Side): readonly (string | null)[] =>
 const pressed = ({ element }: Side): readonly (string | null)[] =>
   [...element.querySelectorAll(".legend button")].map((button) => button.getAttribute("aria-pressed"));
 
-/** Everything of a side that the other must leave alone. */
+/** Everything of one side that the other must not change. */
 const stateOf = (side: Side): unknown => ({
   place: side.replay.place(),
   playing: side.replay.playing.value,

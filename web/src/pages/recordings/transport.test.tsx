@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-/** A recording that is open: its controls of time, and its markers. */
+/** Time controls and markers of an open recording. */
 import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
 import { createViewState } from "../../data/view-state";
