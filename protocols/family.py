@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from protocols.composer import ProtocolComposer
 from protocols.decode_options import DecodeOption, settings_of
-from protocols.editor_choices import OutputChoice, StreamChoice
+from protocols.editor_choices import RateTable
 from protocols.events import Batch, Decoder, Reply
 from protocols.framing import Bytes, Ints, Scan
 from protocols.simulator.family import SimulatorInfo
@@ -203,7 +203,8 @@ class ProtocolInfo:
             address of commands.
         driver: configures its devices; None if they cannot be configured.
         composer: makes frames from words and JSON, with the settings of the given options.
-        outputs, streams: choices of the editors of that name (schema.Setting.editor).
+        tables: of its settings with an editor of their own, by its name (schema.Setting.editor); `values` are its
+            settings as far as read.
         entry_words: title and value of a record of such a list, for display; None for other records.
         utc: UTC of each sample of a batch as reported by the device, ns since the Unix epoch (UNKNOWN of dates.py if
             not reported); None if the device never reports it.
@@ -245,8 +246,7 @@ class ProtocolInfo:
     sender: str = ""
     driver: DeviceDriver | None = None
     composer: Callable[[Mapping[str, Any]], ProtocolComposer] | None = None
-    outputs: Callable[[DeviceContext, Mapping[str, Values]], list[OutputChoice]] = lambda known, values: []
-    streams: Callable[[DeviceContext, Mapping[str, Values]], list[StreamChoice]] = lambda known, values: []
+    tables: Callable[[DeviceContext, Mapping[str, Values]], Mapping[str, RateTable]] = lambda known, values: {}
     entry_words: Callable[[Mapping[str, Any]], tuple[str, str] | None] = lambda entry: None
     utc: Callable[[Batch], Ints | None] = lambda batch: None
     dated: Callable[[Reply], int | None] = lambda reply: None

@@ -247,7 +247,7 @@ class Setting:
         fields: wire values by name, as `imuscope inspect` prints them.
         read, write: names of the commands; write "" for read-only values.
         partial: True if single fields can be written alone (an ISB data set by offset).
-        editor: "" for a plain form; "outputs" (Xsens output configuration) and "streams" (ISB streams) have their own.
+        editor: "" for a plain form, else the name of a table of the family (ProtocolInfo.tables).
         after: when a written value takes effect: "" at once, "measurement" on leaving Config, "reset".
         caution, consequence: as for a command.
         group, basic, title, doc, source: as for a command.
@@ -258,7 +258,7 @@ class Setting:
     read: str = ""
     write: str = ""
     partial: bool = False
-    editor: Literal["", "outputs", "streams"] = ""
+    editor: str = ""
     after: Literal["", "measurement", "reset"] = ""
     caution: Caution = ""
     consequence: str = ""

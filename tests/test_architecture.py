@@ -22,6 +22,7 @@ import pytest
 
 from protocols.plugins import protocol_plugins
 from protocols.registry import PROTOCOLS
+from protocols.transactions import DeviceContext
 from server.reference.blocks import anchor
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, PAINTERS
 from tests.source_files import ROOT, nodes_of, python_files, text_of
@@ -213,16 +214,28 @@ def test_no_line_outside_the_families_names_their_decode_options() -> None:
 
 
 def test_no_line_of_the_page_names_a_family() -> None:
+    assert not (found := code_of_page(NAMES_A_FAMILY)), "\n".join(found)
+
+
+def test_no_line_of_the_page_names_a_field_of_their_tables() -> None:
+    """Fields of an entry in a list of outputs; names of one word mean other things too."""
+    tables = [table for family in PROTOCOLS.values() for table in family.tables(DeviceContext(), {}).values()]
+    names = {name for table in tables for name in (table.key, table.rate, table.interval) if "_" in name}
+    assert len(names) > 2
+    assert not (found := code_of_page(re.compile("|".join(names)))), "\n".join(found)
+
+
+def code_of_page(pattern: re.Pattern[str]) -> list[str]:
+    """Lines of TypeScript with the pattern; comments, tests and generated files left out."""
     source = ROOT / "web" / "src"
     comment = re.compile(r"/\*.*?\*/|(?<!:)//[^\n]*", re.DOTALL)
-    found = [
+    return [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for path in sorted([*source.rglob("*.ts"), *source.rglob("*.tsx")])
         if ".test." not in path.name and path.name not in ("types.ts", "routes.ts", "fixtures.ts", "recorded.ts")
         for line in comment.sub("", path.read_text()).splitlines()
-        if NAMES_A_FAMILY.search(line)
+        if pattern.search(line)
     ]
-    assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize("house", HOUSES)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from protocols.composer import ProtocolComposer
-from protocols.editor_choices import StreamChoice
+from protocols.editor_choices import RateRow, RateTable
 from protocols.events import Batch
 from protocols.family import CorrectionInput, FamilyHints, LogFormat, PositionFix, ProtocolInfo
 from protocols.isb import logs
@@ -18,7 +18,7 @@ from protocols.isb.device_info import identity
 from protocols.isb.driver import IsbDriver
 from protocols.isb.frames import DATA, build, get_data, scan, stop
 from protocols.isb.inspect import IsbFrameLister
-from protocols.isb.streams import BY_GPX_BIT, OF_GPX, STREAMS
+from protocols.isb.streams import OF_GPX, STREAMS
 from protocols.isb.supported import supported
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from protocols.transactions import DeviceContext, Values
@@ -49,25 +49,27 @@ def _position(batch: Batch) -> PositionFix | None:
     return PositionFix(latitude, longitude, height, satellites)
 
 
-def stream_choices(known: DeviceContext, values: Mapping[str, Values]) -> list[StreamChoice]:
-    """Streams available on this device."""
+DIVISORS = (1, 2, 3, 4, 5, 8, 10, 15, 20, 25, 50, 75, 100, 200, 500, 1000)
+
+
+def tables(known: DeviceContext, values: Mapping[str, Values]) -> dict[str, RateTable]:
+    """Streams available on this device: a data set each, at a multiple of its source's period."""
     periods = periods_ms(values)
     gpx = known.product.startswith("GPX")
-    gpx_bits = {did: bit for bit, did in BY_GPX_BIT.items()}
-    return [
-        StreamChoice(
-            did=stream.did,
+    rows = [
+        RateRow(
+            id=stream.did,
             name=stream.name,
             title=stream.title,
             group=stream.group,
-            size=-1 if stream.counted else stream.size,
-            rmc_bit=gpx_bits.get(stream.did, -1) if gpx else stream.rmc_bit,
-            source_ms=periods[stream.did],
+            interval_ms=periods[stream.did],
             basic=stream.basic,
         )
         for stream in STREAMS.values()
         if not gpx or stream.did in OF_GPX
     ]
+    table = RateTable("did", "period", "Data set", rows, interval="source_ms", divisors=list(DIVISORS), grouped=True)
+    return {"streams": table}
 
 
 # -- simulated devices -------------------------------------------------------------------------------------------------
@@ -125,7 +127,7 @@ FAMILY = ProtocolInfo(
     bauds=(921_600,),
     driver=DRIVER,
     composer=_composer,
-    streams=stream_choices,
+    tables=tables,
     utc=utc_of,
     position=_position,
     corrections=CorrectionInput(lambda known: True, hint="any Inertial Sense device"),

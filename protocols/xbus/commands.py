@@ -221,7 +221,7 @@ class StoredSetting:
     group: str = ""
     title: str = ""
     products: frozenset[int] = ALL
-    editor: Literal["", "outputs", "streams"] = ""
+    editor: str = ""
     after: Literal["", "measurement", "reset"] = ""
     basic: bool = True
     only: tuple[str, ...] = ()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.composer import FrameRecord, ProtocolComposer
-from protocols.editor_choices import OutputChoice
+from protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
 from protocols.events import Batch, Reply
 from protocols.family import CorrectionInput, FamilyHints, LogFormat, LogHeader, PositionFix, ProtocolInfo
 from protocols.framing import ID, OFFSET, Bytes, Ints
@@ -94,7 +94,17 @@ def _is_rejection(reply: Reply) -> bool:
 # -- forms -------------------------------------------------------------------------------------------------------------
 
 
-def output_choices(known: DeviceContext, values: Mapping[str, Values]) -> list[OutputChoice]:
+PRECISION = KeyVariant(
+    "precision",
+    "Precision",
+    3,
+    [VariantChoice(bits, words) for bits, words in enumerate(("Float32", "Fp12.20", "Fp16.32", "Float64"))],
+    "fixed",
+)
+FRAME = KeyVariant("frame", "Frame", 0xC, [VariantChoice(at << 2, words) for at, words in enumerate(COORDINATES)])
+
+
+def tables(known: DeviceContext, values: Mapping[str, Values]) -> dict[str, RateTable]:
     """Outputs available in an output configuration of this product.
 
     Args:
@@ -110,21 +120,34 @@ def output_choices(known: DeviceContext, values: Mapping[str, Values]) -> list[O
         spread = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", output.name).capitalize()
         return title if titles[title] == 1 or output.basic else spread
 
-    return [
-        OutputChoice(
-            data_identifier=output.identifier,
+    rows = [
+        RateRow(
+            id=output.identifier,
             title=title_of(output),
             group=output.group,
             rates=list(allowed(max_rate(output, model))),
-            formats=list(range(len(PRECISIONS))) if output.real else [],
-            frames=[at << 2 for at in range(len(COORDINATES))] if output.local else [],
-            size=output.size(output.identifier),
-            unit=output.field.unit,
+            variants={
+                one.name: [choice.bits for choice in one.choices]
+                for one, has_it in ((PRECISION, output.real), (FRAME, output.local))
+                if has_it
+            },
             basic=output.basic,
             doc=output.field.doc,
         )
         for output in offered
     ]
+    return {
+        "outputs": RateTable(
+            "data_identifier",
+            "output_frequency",
+            "Data",
+            rows,
+            key_mask=0xFFF0,
+            key_digits=4,
+            every=ALWAYS,
+            variants=[PRECISION, FRAME],
+        )
+    }
 
 
 def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
@@ -236,7 +259,7 @@ FAMILY = ProtocolInfo(
     bauds=(115_200,),
     driver=DRIVER,
     composer=_composer,
-    outputs=output_choices,
+    tables=tables,
     entry_words=entry_words,
     utc=utc_of,
     dated=date_of,

@@ -40,7 +40,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from protocols.editor_choices import OutputChoice, StreamChoice
+from protocols.editor_choices import RateTable
 from server.wire import BitsInfo
 
 Editor = Literal["number", "integer", "choice", "flags", "bool", "text", "hex", "record", "list", "vector"]
@@ -115,7 +115,7 @@ class SettingForm:
     fields: list[FieldForm]
     writable: bool
     partial: bool  # single fields can be written alone
-    editor: Literal["", "outputs", "streams"] = ""
+    table: RateTable | None = None  # by which its list is edited; None for a plain form
     after: Literal["", "measurement", "reset"] = ""  # when a written value takes effect
     caution: CautionKind = ""
     consequence: str = ""
@@ -154,8 +154,6 @@ class Forms:
     groups: list[str]  # in the order in which they are listed
     settings: list[SettingForm]
     commands: list[CommandForm]
-    outputs: list[OutputChoice] = field(default_factory=list)
-    streams: list[StreamChoice] = field(default_factory=list)
     corrections: bool = False  # accepts RTCM
     factory: bool = False  # its factory settings are documented
     note: str = ""  # what is not known yet, one sentence

@@ -1,7 +1,7 @@
 """Forms built from the rows of a protocol's tables.
 
     Setting ──> SettingForm        Field ──> FieldForm: editor, range, unit
-    Command ──> CommandForm        a family's outputs and streams: lists with their own editors
+    Command ──> CommandForm        a family's lists of outputs: tables of their own
 
 All information comes from the tables; a new command is a new row there and needs no code here. The editor follows from
 the type:
@@ -21,6 +21,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from protocols.editor_choices import RateTable
 from protocols.labels import constant_label
 from protocols.layouts import is_open
 from protocols.registry import PROTOCOLS
@@ -52,18 +53,16 @@ def forms_of(
     settings = list(driver.settings(known))
     commands = list(driver.commands(known))
     groups = dict.fromkeys([*(row.group for row in settings), *(row.group for row in commands)])
-    editors = {setting.editor for setting in settings}
     family = PROTOCOLS.get(protocol)
+    tables = family.tables(known, values) if family is not None else {}
     return Forms(
         protocol=protocol,
         product=known.product,
         serial_number=known.serial_number,
         firmware=known.firmware,
         groups=list(groups),
-        settings=[setting_form(setting) for setting in settings],
+        settings=[setting_form(setting, tables.get(setting.editor)) for setting in settings],
         commands=[command_form(command, _written_by(command, settings)) for command in commands],
-        outputs=family.outputs(known, values) if family is not None and "outputs" in editors else [],
-        streams=family.streams(known, values) if family is not None and "streams" in editors else [],
         corrections=family is not None and family.corrections is not None and family.corrections.takes(known),
         factory=bool(driver.factory(known)),
         note=note,
@@ -77,7 +76,7 @@ def all_forms() -> list[Forms]:
     return [forms_of(one.driver, one.name, DeviceContext()) for one in PROTOCOLS.values() if one.driver is not None]
 
 
-def setting_form(setting: Setting) -> SettingForm:
+def setting_form(setting: Setting, table: RateTable | None = None) -> SettingForm:
     """Form of a setting; `writable` if a command writes it."""
     return SettingForm(
         name=setting.name,
@@ -86,7 +85,7 @@ def setting_form(setting: Setting) -> SettingForm:
         fields=field_forms(setting.fields),
         writable=bool(setting.write),
         partial=setting.partial,
-        editor=setting.editor,
+        table=table,
         after=setting.after,
         caution=setting.caution,
         consequence=setting.consequence,

@@ -67,8 +67,9 @@ def test_every_bit_and_preset_names_data_sets() -> None:
 
 def test_forms_of_a_gpx_offer_what_it_has() -> None:
     forms = forms_of(DRIVER, "isb", KNOWN)
-    assert {row.did for row in forms.streams} == OF_GPX
-    assert next(row.rmc_bit for row in forms.streams if row.did == 13) == 5
+    [table] = [form.table for form in forms.settings if form.table is not None]
+    assert {row.id for row in table.rows} == OF_GPX
+    assert BY_GPX_BIT[5] == 13
     names = {row.name for row in forms.commands}
     assert "DID_GPX_RMC.GPX_IMX" in names
     assert "DID_RMC.INS" not in names

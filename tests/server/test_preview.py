@@ -13,7 +13,7 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Field
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
-from protocols.xbus.family import output_choices
+from protocols.xbus.family import tables
 from server.configuration.form_builder import field_form, forms_of
 from server.configuration.preview import DevicePresentState, SerialLine, fit, preview_command, preview_setting
 from server.configuration.value_format import numbers, words
@@ -85,8 +85,8 @@ def test_every_row_becomes_a_form(family: str) -> None:
     assert all(row.title and row.group in forms.groups for row in rows)
     assert len({row.name for row in forms.settings}) == len(forms.settings)
     assert len({row.name for row in forms.commands}) == len(forms.commands)
-    assert bool(forms.outputs) == (family == "xbus")
-    assert bool(forms.streams) == (family == "isb")
+    tables = {"xbus": ["OutputConfiguration"], "isb": ["streams"]}.get(family, [])
+    assert [form.name for form in forms.settings if form.table is not None] == tables
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_values_have_display_text() -> None:
 def test_no_two_outputs_have_one_title() -> None:
     """Regression: two rows were titled "Status" and could be distinguished by identifier only."""
     for product in ("MTi-3", "MTi-300", "MTi-G-710", "MTi-630", "MTi-680G"):
-        titles = [choice.title for choice in output_choices(DeviceContext(product=product), {})]
+        titles = [row.title for row in tables(DeviceContext(product=product), {})["outputs"].rows]
         assert len(set(titles)) == len(titles), product
         assert "Status" in titles
 

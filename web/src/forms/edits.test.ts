@@ -1,10 +1,10 @@
 import { describe, expect, it } from "vitest";
 import { changes, changesOf, countOf, sameSetting, toApply, touches, wasAt } from "./edits";
-import { field, forms, setting } from "./fixtures";
+import { field, forms, OUTPUTS, setting, STREAMS } from "./fixtures";
 
 const outputs = setting({
   name: "OutputConfiguration",
-  editor: "outputs",
+  table: OUTPUTS,
   fields: [
     field({
       name: "outputs",
@@ -52,7 +52,7 @@ describe("changes", () => {
   it("ignore the order of a set and read-only values", () => {
     const streams = setting({
       name: "Streams",
-      editor: "streams",
+      table: STREAMS,
       fields: [field({ name: "streams", editor: "list", fields: [field({ name: "did" }), field({ name: "period" })] })],
     });
     const of = (...dids: number[]) => ({ streams: dids.map((did) => ({ did, period: 1 })) });

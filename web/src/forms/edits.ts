@@ -22,15 +22,10 @@ export type KeyOf = (entry: Values) => number;
 
 /** The list of a setting that is a set (outputs by quantity, streams by data set), and the key of its entries. */
 export function keyedList(form: SettingForm): { readonly list: FieldForm; readonly key: KeyOf } | undefined {
-  const list = form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
-  if (list === undefined) return undefined;
-  return {
-    list,
-    key:
-      form.editor === "outputs"
-        ? (entry) => Number(entry.data_identifier) & 0xfff0
-        : (entry) => Number(entry.did) & 0xffff,
-  };
+  const { table } = form;
+  const list = form.fields.find(({ editor }) => editor === "list");
+  if (table === null || list === undefined) return undefined;
+  return { list, key: (entry) => Number(entry[table.key]) & table.key_mask };
 }
 
 const entriesOf = (list: unknown): readonly Values[] => (Array.isArray(list) ? (list as Values[]) : []);

@@ -21,8 +21,8 @@ export function describe(
   }
   const entry = (path.length > 2 ? at(now, path.slice(0, 2)) : (value ?? before)) as Values | undefined;
   const id = entry === undefined ? -1 : keyed.key(entry);
-  const output = forms.outputs.find(({ data_identifier }) => (data_identifier & 0xfff0) === id);
-  const title = `${form.title}, ${(output ?? forms.streams.find(({ did }) => did === id))?.title ?? id}`;
+  const output = form.table?.rows.find((row) => (row.id & (form.table?.key_mask ?? -1)) === id);
+  const title = `${form.title}, ${output?.title ?? id}`;
   if (path.length === 2) return `${title}: ${before === undefined ? TEXT.offToOn : TEXT.onToOff}`;
   const field = fieldAt(form.fields, path);
   return `${title}: ${said(field, before)} → ${said(field, value)}`;

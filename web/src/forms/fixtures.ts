@@ -1,5 +1,5 @@
 /** For the tests of the forms: a field, a setting, a command with everything at its plainest. */
-import type { CommandForm, FieldForm, Forms, SettingForm } from "./types";
+import type { CommandForm, FieldForm, Forms, RateRow, RateTable, SettingForm } from "./types";
 
 export function field(part: Partial<FieldForm> = {}): FieldForm {
   return {
@@ -41,7 +41,7 @@ export function setting(part: Partial<SettingForm> = {}): SettingForm {
     fields: [],
     writable: true,
     partial: false,
-    editor: "",
+    table: null,
     after: "",
     caution: "",
     consequence: "",
@@ -80,11 +80,60 @@ export function forms(part: Partial<Forms> = {}): Forms {
     groups: ["Group"],
     settings: [],
     commands: [],
-    outputs: [],
-    streams: [],
     corrections: false,
     factory: false,
     note: "",
     ...part,
   };
+}
+
+const TABLE: RateTable = {
+  key: "data_identifier",
+  rate: "output_frequency",
+  heading: "Data",
+  rows: [],
+  key_mask: 0xfff0,
+  key_digits: 4,
+  every: 0xffff,
+  interval: "",
+  divisors: [],
+  variants: [
+    {
+      name: "precision",
+      title: "Precision",
+      mask: 3,
+      choices: ["Float32", "Fp12.20", "Fp16.32", "Float64"].map((words, bits) => ({ bits, words })),
+      fixed: "fixed",
+    },
+    {
+      name: "frame",
+      title: "Frame",
+      mask: 0xc,
+      choices: ["ENU", "NED", "NWU"].map((words, at) => ({ bits: at << 2, words })),
+      fixed: "",
+    },
+  ],
+  grouped: false,
+};
+
+/** A table of rates in Hz, with variants in the key. */
+export const OUTPUTS = TABLE;
+
+/** A table of divisors. */
+export const STREAMS: RateTable = {
+  ...TABLE,
+  key: "did",
+  rate: "period",
+  heading: "Data set",
+  key_mask: 0xffff,
+  key_digits: 0,
+  every: 0,
+  interval: "source_ms",
+  divisors: [1, 2, 5, 10],
+  variants: [],
+  grouped: true,
+};
+
+export function tableRow(id: number, title: string, part: Partial<RateRow> = {}): RateRow {
+  return { id, title, group: "", name: "", rates: [], variants: {}, interval_ms: 0, basic: true, doc: "", ...part };
 }

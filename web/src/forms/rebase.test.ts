@@ -1,10 +1,10 @@
 import { expect, it } from "vitest";
-import { field, setting } from "./fixtures";
+import { field, OUTPUTS, setting } from "./fixtures";
 import { rebase } from "./rebase";
 
 const outputs = setting({
   name: "OutputConfiguration",
-  editor: "outputs",
+  table: OUTPUTS,
   fields: [
     field({
       name: "outputs",

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { command, field, forms, setting } from "./fixtures";
+import { command, field, forms, OUTPUTS, setting, tableRow } from "./fixtures";
 import { indexOf, search } from "./search";
 
 const index = indexOf(
@@ -42,25 +42,11 @@ it("splits names", () => {
 });
 
 it("finds quantities by identifier and synonym", () => {
-  const outputs = [
-    {
-      data_identifier: 0x2010,
-      title: "Quaternion",
-      group: "",
-      rates: [],
-      formats: [],
-      frames: [],
-      size: 16,
-      unit: "",
-      basic: true,
-      doc: "",
-    },
-  ];
+  const table = { ...OUTPUTS, rows: [tableRow(0x2010, "Quaternion")] };
   const more = indexOf(
     forms({
-      outputs,
       settings: [
-        setting({ name: "OutputConfiguration", title: "Output configuration", editor: "outputs" }),
+        setting({ name: "OutputConfiguration", title: "Output configuration", table }),
         setting({
           name: "DID_FLASH_CONFIG",
           title: "Flash configuration",

@@ -1,5 +1,5 @@
 /** Search of settings and commands by a few letters. Pure; names rank before titles, titles before descriptions. */
-import type { FieldForm, Forms, SettingForm } from "./types";
+import type { FieldForm, Forms, RateTable } from "./types";
 
 export interface Found {
   readonly kind: "setting" | "command";
@@ -41,36 +41,25 @@ export function indexOf(forms: Forms): Index {
       ...fields.flatMap((field) => fieldTexts(field)),
     ],
   });
-  const tables = (row: SettingForm): Entry["texts"] =>
-    row.editor === "outputs" ? outputTexts(forms) : row.editor === "streams" ? streamTexts(forms) : [];
   return [
     ...forms.settings.map((row) => {
       const own = entry("setting", row, row.fields);
-      return { ...own, texts: [...own.texts, ...tables(row)] };
+      return { ...own, texts: [...own.texts, ...tableTexts(row.table)] };
     }),
     ...forms.commands.map((row) => entry("command", row, row.arguments)),
   ];
 }
 
-/** Entries of the output table, by name and by identifier: "Quaternion", "0x2010". */
-function outputTexts({ outputs }: Forms): Entry["texts"] {
-  return outputs.flatMap(({ data_identifier, title, doc }) => {
-    const id = `0x${data_identifier.toString(16).padStart(4, "0")}`;
+/** Rows of a table, by name and by number: "Quaternion", "0x2010". */
+function tableTexts(table: RateTable | null): Entry["texts"] {
+  return (table?.rows ?? []).flatMap(({ id, name, title, doc }) => {
+    const hex = `0x${id.toString(16).padStart(4, "0")}`;
+    const place = table?.key_digits ? hex : String(id);
     return [
-      [5, fold(`${title} ${id}`), title, id],
-      [2, fold(doc), title, id],
+      [5, fold([title, name, ...new Set([place, hex])].filter(Boolean).join(" ")), title, place],
+      [2, fold(doc), title, place],
     ] as const;
   });
-}
-
-function streamTexts({ streams }: Forms): Entry["texts"] {
-  return streams.flatMap(
-    ({ did, name, title, doc }) =>
-      [
-        [5, fold(`${title} ${name} ${did} 0x${did.toString(16).padStart(4, "0")}`), title, String(did)],
-        [2, fold(doc), title, String(did)],
-      ] as const,
-  );
 }
 
 /** Texts of a field, located at its outermost field, to which a form can scroll. */

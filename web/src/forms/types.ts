@@ -87,7 +87,8 @@ export interface SettingForm {
   readonly writable: boolean;
   /** single fields can be written alone */
   readonly partial: boolean;
-  readonly editor: "" | "outputs" | "streams";
+  /** by which its list is edited; None for a plain form */
+  readonly table: RateTable | null;
   /** when a written value takes effect */
   readonly after: "" | "measurement" | "reset";
   readonly caution: CautionKind;
@@ -126,8 +127,6 @@ export interface Forms {
   readonly groups: readonly string[];
   readonly settings: readonly SettingForm[];
   readonly commands: readonly CommandForm[];
-  readonly outputs: readonly OutputChoice[];
-  readonly streams: readonly StreamChoice[];
   /** accepts RTCM */
   readonly corrections: boolean;
   /** its factory settings are documented */
@@ -344,37 +343,62 @@ export interface Corrections {
   readonly refused: number;
 }
 
-/** One quantity available in an output configuration. */
-export interface OutputChoice {
-  /** with Float32 and ENU if selectable */
-  readonly data_identifier: number;
+export interface VariantChoice {
+  /** of the key */
+  readonly bits: number;
+  /** "Float32" */
+  readonly words: string;
+}
+
+/** A property of an output that is in bits of its key. */
+export interface KeyVariant {
+  /** class of its column: "precision", "frame" */
+  readonly name: string;
+  readonly title: string;
+  readonly mask: number;
+  readonly choices: readonly VariantChoice[];
+  /** words for an output without a choice */
+  readonly fixed: string;
+}
+
+/** One quantity that a device can send. */
+export interface RateRow {
+  /** its key, without variants */
+  readonly id: number;
   readonly title: string;
   readonly group: string;
-  /** allowed, Hz, fastest first; empty: with every message (0xFFFF) */
+  /** in the vendor's documents */
+  readonly name: string;
+  /** allowed, Hz, fastest first; empty: with every message */
   readonly rates: readonly number[];
-  /** available precision bits; empty: fixed */
-  readonly formats: readonly number[];
-  /** available coordinate bits; empty: fixed */
-  readonly frames: readonly number[];
-  /** bytes of its data at Float32 */
-  readonly size: number;
-  readonly unit: string;
+  /** variant → available bits */
+  readonly variants: Readonly<Record<string, readonly number[]>>;
+  /** at divisor 1; 0: unknown until the device reports it */
+  readonly interval_ms: number;
   readonly basic: boolean;
   readonly doc: string;
 }
 
-/** One data set that a device can stream. */
-export interface StreamChoice {
-  readonly did: number;
-  readonly name: string;
-  readonly title: string;
-  readonly group: string;
-  /** bytes of its data; −1: variable */
-  readonly size: number;
-  /** bit of the RMC word; −1: by GET_DATA only */
-  readonly rmc_bit: number;
-  /** period of one, ms; 0: unknown until the device reports it */
-  readonly source_ms: number;
-  readonly basic: boolean;
-  readonly doc: string;
+/** The table of a list: names of the fields of its entries, and its rows. */
+export interface RateTable {
+  /** field with the number of the quantity */
+  readonly key: string;
+  /** field with the rate, or the divisor */
+  readonly rate: string;
+  /** of the column of titles */
+  readonly heading: string;
+  readonly rows: readonly RateRow[];
+  /** bits of the key that name the quantity */
+  readonly key_mask: number;
+  /** hexadecimal digits of a displayed key; 0: decimal */
+  readonly key_digits: number;
+  /** rate of every message, or the highest; 0: none */
+  readonly every: number;
+  /** field with the measured interval at divisor 1, ms; "": rates are in Hz */
+  readonly interval: string;
+  /** offered ones */
+  readonly divisors: readonly number[];
+  readonly variants: readonly KeyVariant[];
+  /** the group of a row is shown beside its title */
+  readonly grouped: boolean;
 }

@@ -42,7 +42,6 @@ export const TEXT = {
 
   // frame view
   framePreview: "Frame preview",
-  frame: "Frame",
   frameCount: (frames: number) => (frames === 1 ? "Frame" : count(frames, "frame")),
   bytesToTheDevice: (bytes: number) => `${count(bytes, "byte")} to the device`,
   changedBytesUnderlined: ", changed bytes underlined",
@@ -79,14 +78,10 @@ export const TEXT = {
   forwarding: "Forwarding",
 
   // outputs table
-  data: "Data",
   id: "ID",
   rate: "Rate",
-  precision: "Precision",
   rateOf: (title: Value) => `Rate of ${title}`,
-  fixed: "fixed",
-  precisionOf: (title: Value) => `Precision of ${title}`,
-  frameOf: (title: Value) => `Frame of ${title}`,
+  variantOf: (variant: Value, title: Value) => `${variant} of ${title}`,
 
   // outputs
   everySample: "every sample",
@@ -97,7 +92,6 @@ export const TEXT = {
   wasParts: (parts: Value) => `was ${parts}`,
 
   // streams table
-  dataSet: "Data set",
 
   // streams
   nativeRate: "native rate",

@@ -161,7 +161,8 @@ export class Model {
     const [body, snapshots] = await Promise.all([server.values(this.id), server.snapshots(this.id)]);
     if (snapshots.ok) this.snapshots.value = snapshots.value;
     if (!body.ok) return;
-    if (this.forms.peek()?.streams.length && body.value.info.taken !== this.body.peek()?.info.taken) {
+    const measured = this.forms.peek()?.settings.some(({ table }) => table !== null && table.interval !== "");
+    if (measured && body.value.info.taken !== this.body.peek()?.info.taken) {
       const forms = await server.forms(this.id); // streams that are off also get rates of the device once it was read
       if (forms.ok) this.forms.value = forms.value;
     }
@@ -401,7 +402,7 @@ export class Model {
     }
     for (const name of names) {
       const load = this.loadOf(name);
-      const why = this.setting(name)?.editor ? overWords(load, this.baud.value) : "";
+      const why = this.setting(name)?.table ? overWords(load, this.baud.value) : "";
       if (why) return why;
     }
     const device = this.device.value;

@@ -35,7 +35,7 @@ test.each<Family>(["xbus", "isb", "idtp"])(
       const drawn = document.querySelectorAll(`${place} > .fields > .field-row`).length;
       if (fields !== undefined && drawn !== fields) wrong.push(`${name}: ${drawn} of ${fields} fields`);
     };
-    for (const form of forms.settings) open("setting", form, form.editor === "" ? form.fields.length : undefined);
+    for (const form of forms.settings) open("setting", form, form.table === null ? form.fields.length : undefined);
     for (const form of forms.commands) open("command", form, form.arguments.length);
     expect(wrong).toEqual([]);
   },

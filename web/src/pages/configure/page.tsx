@@ -169,7 +169,7 @@ function Unread({ model }: { readonly model: Model }) {
 
 /** The load of all outputs in one line: on a phone it stays in sight. */
 function Budget({ model }: { readonly model: Model }) {
-  const form = model.forms.value?.settings.find(({ editor }) => editor !== "");
+  const form = model.forms.value?.settings.find(({ table }) => table !== null);
   if (!form) return null;
   return <BudgetLine load={model.loadOf(form.name) ?? model.loadOf(`=${form.name}`)} baud={model.baud.value} />;
 }

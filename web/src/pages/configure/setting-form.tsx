@@ -4,11 +4,10 @@ import { BudgetBar } from "../../forms/budget-bar";
 import { BytesView } from "../../forms/frame-view";
 import { changesOf, touches } from "../../forms/edits";
 import { Fields } from "../../forms/field";
-import { OutputsTable } from "../../forms/outputs-table";
+import { RateTableEditor } from "../../forms/rate-table-editor";
 import { optionsOf } from "../../forms/options";
 import type { FormContext } from "../../forms/form-context";
-import { StreamsTable } from "../../forms/streams-table";
-import type { FieldForm, Forms, LoadInfo, SettingForm } from "../../forms/types";
+import type { FieldForm, LoadInfo, SettingForm } from "../../forms/types";
 import type { Path, Values } from "../../forms/values";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
@@ -35,12 +34,12 @@ export function Setting({ model, form, alone }: Props) {
   const edits = model.counts.value.get(form.name) ?? 0;
   const lacking = model.body.value?.missing[form.name];
   const unread = model.present.value[form.name] === undefined;
-  const showsBytes = alone || edits > 0 || form.editor !== "";
+  const showsBytes = alone || edits > 0 || form.table !== null;
   // biome-ignore lint/correctness/useExhaustiveDependencies: a preview belongs to the form, which is listed
   useEffect(() => {
     if (!showsBytes) return undefined;
     model.preview(form.name, 0);
-    if (form.editor) model.preview(`=${form.name}`, 0);
+    if (form.table) model.preview(`=${form.name}`, 0);
     return () => {
       model.forget(form.name);
       model.forget(`=${form.name}`);
@@ -133,21 +132,15 @@ export function sheetOf(model: Model, form: SettingForm): FormContext {
 
 function Body({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
   const sheet = sheetOf(model, form);
-  const forms = model.forms.value as Forms;
-  const list: FieldForm | undefined =
-    form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
-  if (list === undefined) return <Fields sheet={sheet} fields={form.fields} />;
+  const { table } = form;
+  const list: FieldForm | undefined = form.fields.find(({ editor }) => editor === "list");
+  if (table === null || list === undefined) return <Fields sheet={sheet} fields={form.fields} />;
   if (!model.isKnown(form)) return null; // an empty table would suggest that nothing is sent
   const load = model.loadOf(form.name) ?? model.loadOf(`=${form.name}`);
   const rest = form.fields.filter((field) => field !== list);
-  const table = { sheet, field: list, load, hot: model.hot.value };
   return (
     <>
-      {form.editor === "outputs" ? (
-        <OutputsTable {...table} choices={forms.outputs} />
-      ) : (
-        <StreamsTable {...table} choices={forms.streams} />
-      )}
+      <RateTableEditor sheet={sheet} field={list} table={table} load={load} hot={model.hot.value} />
       {rest.length > 0 && <Fields sheet={sheet} fields={rest} />}
     </>
   );
@@ -165,7 +158,7 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
       found,
       path.split(".").map((part) => (/^\d+$/.test(part) ? Number(part) : part)),
     );
-  const load: LoadInfo | null = model.loadOf(form.name) ?? (form.editor ? model.loadOf(`=${form.name}`) : null);
+  const load: LoadInfo | null = model.loadOf(form.name) ?? (form.table ? model.loadOf(`=${form.name}`) : null);
   const loose = (preview?.problems ?? []).filter(
     ({ path }) => !form.fields.some(({ name }) => path === name || path.startsWith(`${name}.`)),
   );
@@ -174,7 +167,7 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
   };
   return (
     <>
-      {(form.editor || (preview?.line && preview.load)) && load && (
+      {(form.table || (preview?.line && preview.load)) && load && (
         <BudgetBar
           load={load}
           before={model.loadOf(`=${form.name}`)}
@@ -184,7 +177,7 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
           hot={model.hot.value}
           hover={hover}
         >
-          {form.editor && (
+          {form.table && (
             <button
               type="button"
               class="btn edge small"
@@ -197,7 +190,7 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
           )}
         </BudgetBar>
       )}
-      {form.editor && <FitWords model={model} form={form} />}
+      {form.table && <FitWords model={model} form={form} />}
       {preview?.line && (
         <p class="caution inset">
           <span class="tag warn">{TEXT.temporary}</span> {preview.line}

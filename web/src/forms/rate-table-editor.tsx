@@ -1,0 +1,134 @@
+/** The outputs of a device as a table: which, at what rate, in which variant, and their load on the line. */
+import { ChoiceRow, ChoiceTable, Pick } from "./choice-table";
+import type { FormContext } from "./form-context";
+import {
+  baseOf,
+  bitsOf,
+  bitsWords,
+  changed,
+  type Entry,
+  idWords,
+  offeredRates,
+  rateWords,
+  type TableRow,
+  tableRows,
+  toggled,
+  withBits,
+} from "./rate-table";
+import type { FieldForm, KeyVariant, LoadInfo, RateTable } from "./types";
+import { at, initialElement } from "./values";
+import { TEXT } from "../texts/forms";
+
+interface Props {
+  readonly sheet: FormContext;
+  /** The list of entries. */
+  readonly field: FieldForm;
+  readonly table: RateTable;
+  readonly load: LoadInfo | null;
+  readonly hot: string;
+}
+
+export function RateTableEditor({ sheet, field, table, load, hot }: Props) {
+  const path = [field.name];
+  const entries = (at(sheet.values, path) ?? []) as readonly Entry[];
+  const before = sheet.before === undefined ? undefined : ((at(sheet.before, path) ?? []) as readonly Entry[]);
+  const idOf = (row: TableRow): string => idWords(table, baseOf(table, row.id));
+  const rows = tableRows(table, entries, before).filter(
+    (row) =>
+      sheet.all ||
+      row.choice?.basic !== false ||
+      idOf(row).toLowerCase() === sheet.sought ||
+      row.place >= 0 ||
+      row.was !== "",
+  );
+  const full = field.max_length > 0 && entries.length >= field.max_length;
+  const blank = initialElement(field) as Entry;
+  const set = (next: readonly Entry[]): void => sheet.set(path, next);
+  const columns: readonly (readonly [string, string])[] = [
+    ["", table.heading],
+    ["id", TEXT.id],
+    ["rate", TEXT.rate],
+    ...table.variants.map(({ name, title }) => [name, title] as const),
+  ];
+  return (
+    <ChoiceTable columns={columns} kind={table.variants.length === 0 ? "without-variants" : ""}>
+      {rows.map((row) => {
+        const cell: CellProps = {
+          table,
+          row,
+          disabled: sheet.readOnly,
+          change: (part) => set(changed(table, entries, row, part, blank)),
+        };
+        const toggle = (): void => set(toggled(table, entries, row, blank));
+        return (
+          <ChoiceRow
+            key={row.key}
+            sheet={sheet}
+            list={field.name}
+            place={row.place}
+            title={row.title}
+            was={row.was}
+            id={idOf(row)}
+            hot={hot}
+            load={load}
+            full={full}
+            toggle={toggle}
+          >
+            <td class="ellipsis" title={row.choice?.doc || row.choice?.name}>
+              {row.title}
+              {table.grouped && <small class="dim"> {row.choice?.group}</small>}
+            </td>
+            <td class="mono dim">{idWords(table, row.id)}</td>
+            <td>
+              <Rate {...cell} />
+            </td>
+            {table.variants.map((variant) => (
+              <td key={variant.name}>
+                <Variant {...cell} variant={variant} />
+              </td>
+            ))}
+          </ChoiceRow>
+        );
+      })}
+    </ChoiceTable>
+  );
+}
+
+interface CellProps {
+  readonly table: RateTable;
+  readonly row: TableRow;
+  readonly disabled: boolean;
+  readonly change: (part: { readonly id?: number; readonly rate?: number }) => void;
+}
+
+function Rate({ table, row, disabled, change }: CellProps) {
+  const on = row.place >= 0;
+  const rates = offeredRates(table, row);
+  if (rates.length === 0) return <span class="fixed">{on ? rateWords(table, row, row.rate) : TEXT.offInTable}</span>;
+  return (
+    <Pick
+      label={TEXT.rateOf(row.title)}
+      value={on ? row.rate : ""}
+      options={rates.map((rate) => [rate, rateWords(table, row, rate)] as const)}
+      disabled={disabled}
+      edited={on && row.was !== ""}
+      pick={(rate) => change({ rate })}
+    />
+  );
+}
+
+function Variant({ row, variant, disabled, change }: CellProps & { readonly variant: KeyVariant }) {
+  const on = row.place >= 0;
+  const available = row.choice?.variants[variant.name] ?? [];
+  if (available.length === 0)
+    return variant.fixed === "" ? null : <span class="fixed dim">{on ? variant.fixed : ""}</span>;
+  return (
+    <Pick
+      label={TEXT.variantOf(variant.title, row.title)}
+      value={bitsOf(variant, row.id)}
+      options={available.map((bits) => [bits, bitsWords(variant, bits)] as const)}
+      disabled={disabled || !on}
+      pick={(bits) => change({ id: withBits(variant, row.id, bits) })}
+    />
+  );
+}
