@@ -1,4 +1,4 @@
-"""Files of a device at an attitude that is known: nose 12° up, right side 20° down, heading 70°.
+"""Files of a device at a known attitude: nose 12° up, right side 20° down, heading 70°.
 
 Written by the textbook in the form that each message has: angles in NED, quaternions from body to NED, to ENU, to the
 earth's axes.

@@ -1,4 +1,4 @@
-"""Clients of every manner, for tests and benchmarks: who keeps up, who is slow, who takes nothing, who floods.
+"""Clients for tests and benchmarks: good, slow, stalled and flooding ones.
 
     Good        takes everything at once; knows what was lost and how late each message was
     slow        takes so many bytes a second

@@ -1,4 +1,4 @@
-"""Real server processes for tests and benchmarks. As a process of its own, on a port the system chooses.
+"""Real server processes for tests and benchmarks, on a port chosen by the system.
 
 It never outlives who started it, however that one ended: a server that is left behind goes on trying its serial port,
 and so takes the next run's pseudo-terminal, which has the same name, before the server of that run is there.

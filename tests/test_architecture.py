@@ -1,4 +1,4 @@
-"""The house stands as drawn: which way imports point, how long files are, what may not be in them.
+"""Architecture rules: direction of imports, length of files, forbidden contents.
 
     web → (wire) → server → recordings → protocols        never back
     within server: the arrows of SERVER, each to a row above its own

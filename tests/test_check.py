@@ -1,4 +1,4 @@
-"""The check command: a test that failed has failed, also when it passes alone."""
+"""The check command: a failed test is a failure, even if it passes alone."""
 
 from __future__ import annotations
 

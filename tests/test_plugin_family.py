@@ -1,4 +1,4 @@
-"""A protocol family in a package of its own, installed beside imuscope, without a line of imuscope that knows it.
+"""A protocol family in a separate package, installed beside imuscope, which needs no line of code about it.
 
 The package is tests/plugin_family. Here it is made visible as pip would: by its folder and a .dist-info on the path.
 """

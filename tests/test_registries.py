@@ -1,4 +1,4 @@
-"""An exporter, a kind of link and an analysis in a package of their own, used without a line of imuscope about them."""
+"""An exporter, a link and an analysis in a separate package, without a line of imuscope about them."""
 
 from __future__ import annotations
 

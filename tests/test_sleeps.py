@@ -1,4 +1,4 @@
-"""Fixed waits of tests: each is listed with its reason, and none is added.
+"""Fixed waits in tests: each is listed with its reason, and none is added.
 
 A test waits for a condition (tests/waiting.py), or on a clock that it moves (tests/virtual_time.py). A fixed wait is
 too long where all is well and too short on a machine that is busy. Not counted: a look in a loop until something is so,

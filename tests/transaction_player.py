@@ -1,4 +1,4 @@
-"""Play a dialogue against a simulator, on a clock of its own: no link, no thread, no sleeping.
+"""Play a transaction against a simulator on a virtual clock: no link, no thread, no sleeping.
 
     play(driver.read("LocationID", known), PlayedWire(XbusDevice(), "xbus"))
 

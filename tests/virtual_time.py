@@ -1,4 +1,4 @@
-"""An event loop whose clock is moved by its own waiting: hours of timers pass at once, and always alike."""
+"""An event loop with a clock that its waits advance: hours of timers pass at once, deterministically."""
 
 from __future__ import annotations
 

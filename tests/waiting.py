@@ -1,4 +1,4 @@
-"""Waiting for a condition, for as long as nobody would; what did not come is told."""
+"""Waiting for a condition with a generous time limit and a report of its last value."""
 
 from __future__ import annotations
 

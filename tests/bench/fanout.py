@@ -1,4 +1,4 @@
-"""Fifty browsers, 2 kHz × 10 values: is anything dropped, and what does it cost?
+"""Benchmark of the fan-out: losses and cost with fifty browsers at 2 kHz × 10 values.
 
     feed ══ pty ══> server ── WebSocket × 50 ──> one process that reads them all
 

@@ -1,4 +1,4 @@
-"""All at once, for minutes: is anything lost, late, or growing?
+"""Benchmark of long load: losses, latency and memory over minutes.
 
     4 devices × 2 kHz ══ ptys ══> server ── WebSocket × 20 ──> clients that keep up
                                     ├── one recording, from before the first byte

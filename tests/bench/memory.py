@@ -1,4 +1,4 @@
-"""Benchmark of memory over time. Looked at every few seconds, told as a curve and its slope."""
+"""Benchmark of memory over time: a curve, sampled every few seconds, and its slope."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The yardstick of the fan-out: a WebSocket server that passes on what `/send` sends, to everyone else.
+"""Reference for the fan-out benchmark: a WebSocket server that relays messages from `/send` to all others.
 
 It prints its port. uvicorn and `websockets` as in the product, and nothing above them.
 """

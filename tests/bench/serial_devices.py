@@ -1,4 +1,4 @@
-"""Several devices on pseudo-terminals, all from one process: what each sends is known to the last byte.
+"""Several devices on pseudo-terminals, from one process, with exact counts of the sent bytes.
 
     with Speakers(4, rate=2000, seconds=600) as speakers:
         speakers.terminals      paths, one a device

@@ -1,4 +1,4 @@
-"""A day of 2 kHz, in minutes: does the memory of the server, or of a page, grow?
+"""Benchmark of memory growth: a day of 2 kHz in minutes, for the server or a page.
 
     python tests/bench/soak.py server               24 h as fast as the server takes them, at most --minutes 10
     python tests/bench/soak.py page --speed 144     24 h in 10 minutes, into one page in Chromium

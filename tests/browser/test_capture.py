@@ -1,4 +1,4 @@
-"""A real capture plays in a real browser, and the attitude on the page is the attitude in the capture.
+"""A real capture in a real browser: the attitude on the page is that of the capture.
 
 The expected angles are worked out here from the quaternions of the capture's published values, by the textbook formula,
 with nothing of the product in between: bytes, decoder, wire, rings, derived channel, cursor and table must all be right

@@ -1,5 +1,4 @@
-"""The Configure page with real servers and real simulators: what a person does there, and what may never happen to
-them.
+"""The Configure page with real servers and simulators: workflows, and guarantees for the user.
 
 Rates are changed and seen in the plot; a rate that cuts the line comes back by itself, also when nobody is there any
 more; profiles are compared and applied; every command and setting of every family opens as a form without an error.

@@ -1,4 +1,4 @@
-"""The Configure page while something is not as it should be: a silent device, a server that is gone, stale forms."""
+"""The Configure page under faults: a silent device, a disconnected server, stale forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages of Inertial Sense and IDTP devices, with real servers: track, map, keys, payloads of a vendor's own.
+"""Pages of Inertial Sense and IDTP devices, with real servers: track, map, keys, vendor payloads.
 
 What needs no browser (attitude, satellites, position, marks of trust) is tested in web/src/pages/live.test.tsx.
 """

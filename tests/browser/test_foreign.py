@@ -1,4 +1,4 @@
-"""A page of strangers in the browser of somebody who has imuscope on their machine: it reads nothing and does nothing.
+"""A page of another origin in the user's browser can neither read nor change anything.
 
 Two dangers that only a real browser shows whole: what a page of another origin can send without being asked (forms,
 "simple" requests, beacons, WebSockets), and a name that its owner lets resolve to this machine (DNS rebinding), under

@@ -1,4 +1,4 @@
-"""A link that dies is seen on the page within a second, and one that comes back goes on without a hand.
+"""A lost link is shown on the page within a second and recovers by itself.
 
 A pseudo-terminal behind a symbolic link stands for a USB adapter that is pulled out and plugged in again; a TCP
 listener that closes for a device server that restarts.

@@ -1,4 +1,4 @@
-"""The page's own standard (design, section 10), in a real browser with the simulator streaming.
+"""The page's design standard (design, section 10), in a real browser with a streaming simulator.
 
 No serious finding of axe-core in either theme and at either width; 360 px without sideways scrolling; targets that a
 finger can hit; nothing that moves while digits change; a reload that has its past at once. Keys, bar and dialogs are

@@ -1,4 +1,4 @@
-"""Pictures of the page for people, in artifacts/: both widths, both themes, and the states that say what to do next.
+"""Pictures of the page in artifacts/: both widths, both themes, and states with hints.
 
 Each is also a test: the state is there, and its words are.
 """

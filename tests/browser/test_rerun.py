@@ -1,4 +1,4 @@
-"""Rerun's viewer in a real browser: it opens a recording and what is live, asks nobody else, and the body turns.
+"""Rerun's viewer in a real browser: it opens recordings and live data, contacts no other host, and the body turns.
 
 What is drawn is compared by pixels: the 3D view is filled, and two attitudes look different.
 """

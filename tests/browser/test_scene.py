@@ -1,4 +1,4 @@
-"""The 3D scene in a real browser: it opens beside our own panels, the body turns, and nobody else is asked."""
+"""The 3D scene in a real browser: it opens beside the panels, the body turns, and no other host is contacted."""
 
 from __future__ import annotations
 

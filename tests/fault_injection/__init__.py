@@ -1,4 +1,4 @@
-"""Failures on a robot, and their outcomes: each fault is a test with an outcome, and nothing is lost.
+"""Faults in operation and their outcomes: each fault is a test, and no data are lost.
 
 Nothing lost: every sample that arrived is recorded and shown, or counted; nothing hangs; a person is told in one
 sentence with a hint. Real pseudo-terminals, sockets, disks and server processes; the tables at the head of each file

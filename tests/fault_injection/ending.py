@@ -1,4 +1,4 @@
-"""A busy server that is ended."""
+"""A busy server to be shut down."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Floods: what strangers, devices gone wild and hostile files throw at a server, each for as long as it is told to.
+"""Floods by clients, faulty devices and hostile files, each for a given time.
 
     of bytes       of a device's link, over TCP and UDP at once: noise, valid frames, beginnings of frames and sentences
     of senders     thousands of IDTP devices, of names of sentences, of UDP ports

@@ -1,4 +1,4 @@
-"""Files of recordings in the making, and what of them arrived."""
+"""Files of recordings in progress, and the data in them."""
 
 from __future__ import annotations
 

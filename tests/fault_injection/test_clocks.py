@@ -1,4 +1,4 @@
-"""Clocks that jump: the device's, and this host's.
+"""Clock jumps of the device and of the host.
 
     fault                         outcome
     the device's clock jumps      one event with its size; no sample is lost, none is shown before the one before it

@@ -1,4 +1,4 @@
-"""People who close their browser in the middle of a command, or command at the same time.
+"""Users who close their browser during a command, or send commands at the same time.
 
     fault                                   outcome
     browser gone once the command was sent  the command is carried out to its end, and the device measures again

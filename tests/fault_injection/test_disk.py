@@ -1,4 +1,4 @@
-"""Disks that are full, slow, limited or damaged, and what becomes of what is on them.
+"""Full, slow, limited and damaged disks, and the outcome for their files.
 
     fault                                       outcome
     disk full while it is recorded (tmpfs)      the recording ends with a sentence and a hint; what was written is whole

@@ -1,4 +1,4 @@
-"""Beside every flood the server answers within a second, and the recording of another device is whole.
+"""During every flood the server answers within a second, and the recording of another device is complete.
 
 One server with one device that streams all the while, and is recorded; then one flood after the other
 (tests/fault_injection/floods.py), each for a quarter of a second here, for as long as one likes in

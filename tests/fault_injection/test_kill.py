@@ -1,4 +1,4 @@
-"""kill -9 in the middle of everything: what the next server finds, and what it does with it.
+"""kill -9 at any time: the state found by the next server, and its recovery.
 
     killed while it …                outcome when it starts again
     records                          every byte but the last 20 ms is in the file, which is packed

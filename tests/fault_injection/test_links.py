@@ -1,4 +1,4 @@
-"""Cables, ports and networks that fail, and what becomes of what was on them.
+"""Failing cables, ports and networks, and the outcome for data in transit.
 
 fault                                   outcome
 unplugged, back under another number    found by the adapter's lasting name; a notice says where it is now

@@ -1,4 +1,4 @@
-"""Restarts, kills and company in a library of sixty recordings, damaged ones among them.
+"""Restarts, kills and concurrent servers in a library of sixty recordings, some of them damaged.
 
 what happens                                           outcome
 `serve --record` starts, ends in order, starts again   every recording goes on until its server ends, and is whole

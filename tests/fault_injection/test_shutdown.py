@@ -1,4 +1,4 @@
-"""SIGTERM: flush, close, exit, whoever is connected and whatever runs.
+"""SIGTERM: flush, close and exit, regardless of clients and running work.
 
     meanwhile                                       outcome
     four sources, a recording, three browsers, one  the recording is whole and on disk; every process that was begun is

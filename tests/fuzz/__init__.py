@@ -1,4 +1,4 @@
-"""Fuzzing of the decoders. Looked for at random, but with knowledge of the frames.
+"""Fuzzing of the decoders: random search that knows the frames.
 
     python -m tests.fuzz isb --minutes 10 [--seed 7]
 

@@ -1,4 +1,4 @@
-"""A case: bytes, the places where they are cut into chunks, and what the decoder is told; and how a finding is kept.
+"""A case: bytes, cut positions and decoder settings; and the file format of findings.
 
 # isb: a part of a list alone was read as whole            what it showed, in a sentence
 # broke: chunks · seed 7 · case 1204

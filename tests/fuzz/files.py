@@ -1,4 +1,4 @@
-"""Fuzzing of damaged files. It is refused in a sentence, or opened as far as it is whole.
+"""Fuzzing of damaged files: each is refused with a message, or opened as far as it is intact.
 
     a whole file of each kind ──> mutated ──> the very functions that read it ──> documented error, or what it holds
          SEEDS                     _mutated        READERS

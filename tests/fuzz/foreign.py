@@ -1,4 +1,4 @@
-"""Messages of others that a port may carry: sentences, u-blox, RTCM 3, an MTi's strings; right, wrong and odd.
+"""Messages of other protocols on a port: sentences, u-blox, RTCM 3, strings of an MTi; valid, damaged and unusual.
 
 Checksums are computed plainly, not by the project's own functions.
 """

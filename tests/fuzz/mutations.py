@@ -1,4 +1,4 @@
-"""Mutations of a stream. Edits of a list of pieces, which are frames and what lies between them.
+"""Mutations of a stream: edits of a list of pieces, which are frames and the bytes between them.
 
 Every edit draws from one `random.Random`, so a seed repeats it. Edits of bytes leave checksums wrong; a target's `mend`
 makes them right again, for contents that are hostile rather than damaged.

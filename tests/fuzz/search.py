@@ -1,4 +1,4 @@
-"""The search: from which case next, and what is left of one that broke something.
+"""The search: selection of the next case, and reduction of a failing one.
 
 A step takes an entry of the corpus (often one of the newest), joins it with parts of others, spoils it, and checks it.
 All that is random comes from one generator, so a seed gives the same steps everywhere.

@@ -1,4 +1,4 @@
-"""Fuzz targets, one per protocol: what a frame is made of, where cases begin, what can be told.
+"""Fuzz targets, one per protocol: structure of frames, initial cases, settings.
 
 A protocol is one more class here, and one more row of TARGETS.
 """

@@ -1,4 +1,4 @@
-"""Every input that ever broke something, and a few new ones with each run; the long runs are in runs.json."""
+"""All earlier findings, and a few new cases with each run; the long runs are in runs.json."""
 
 from __future__ import annotations
 

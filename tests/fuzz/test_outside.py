@@ -1,4 +1,4 @@
-"""A few requests, words and files of strangers with each run, and all that ever broke something.
+"""A few random requests, texts and files with each run, and all earlier findings.
 
 Nothing here looks at the time but to give up: the machine is busy with other tests.
 """

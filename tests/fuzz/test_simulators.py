@@ -1,4 +1,4 @@
-"""The other end of the wire: a simulator takes any bytes from a host, and goes on."""
+"""Simulators accept any bytes from a host and continue."""
 
 from __future__ import annotations
 

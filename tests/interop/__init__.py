@@ -1,1 +1,1 @@
-"""Other people's host programs against imuscope's simulators: see run.py. Not part of the tests that everybody runs."""
+"""Third-party host programs against imuscope's simulators: see run.py. Not part of the regular tests."""

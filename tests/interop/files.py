@@ -1,4 +1,4 @@
-"""Files and streams of ours in the programs of others."""
+"""Files and streams of imuscope in third-party programs."""
 
 from __future__ import annotations
 

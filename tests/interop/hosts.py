@@ -1,4 +1,4 @@
-"""Host programs of others at our simulated devices."""
+"""Third-party host programs with simulated devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A host program on ethzasl's mtdevice.py: who the device is, what it is set to, two outputs, a second of data.
+"""A host program based on ethzasl's mtdevice.py: identity, settings, two outputs, a second of data.
 
 python mtdevice_host.py PORT BAUD, with the checkout's src folder on PYTHONPATH
 """

@@ -1,4 +1,4 @@
-"""Other people's programs against imuscope's simulators, files and streams, one command each, for whoever has them.
+"""Third-party programs against imuscope's simulators, files and streams, one command each.
 
     python -m tests.interop.run mtdevice          ethzasl's mtdevice.py (Python)
     python -m tests.interop.run xda               Xsens' own library, by xda_host, which must be on PATH: xda_host.cpp,

@@ -1,4 +1,4 @@
-"""Helpers for checks against other programs. fetching, running, simulated devices, comparing."""
+"""Helpers for checks against other programs: fetching, running, simulated devices, comparing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording of devices whose bytes are known."""
+"""A recording of devices with known bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search for the rate, on pseudo-terminals that have one: at another rate a port hears what a receiver would."""
+"""The baud scan on pseudo-terminals with a baud rate: at another rate, a port receives what a real receiver would."""
 
 from __future__ import annotations
 

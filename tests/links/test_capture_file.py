@@ -1,4 +1,4 @@
-"""A capture played by the device's own clock: the pace against the capture's expected times, the words, the end."""
+"""A capture played by the device's own clock: pace, messages, end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A pipe as a source: a device's bytes are never held back, a capture that is poured in has its own pace."""
+"""A pipe as a source: device bytes are not delayed; a capture written at once is played at its own pace."""
 
 from __future__ import annotations
 

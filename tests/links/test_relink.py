@@ -1,4 +1,4 @@
-"""A link is closed and opened again, at another rate: what a change of the device's rate needs."""
+"""Closing and reopening a link at another rate, as required by a rate change of the device."""
 
 from __future__ import annotations
 

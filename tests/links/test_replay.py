@@ -1,4 +1,4 @@
-"""A recording as a source: each device's bytes, as they came, and what is said where it cannot be played."""
+"""A recording as a source: unchanged bytes of each device, and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The serial link on real pseudo-terminals: bytes, arrival times, unplugging, refusals, nothing left behind."""
+"""The serial link on real pseudo-terminals: bytes, arrival times, unplugging, refusals, clean-up."""
 
 from __future__ import annotations
 

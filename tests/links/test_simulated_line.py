@@ -1,4 +1,4 @@
-"""Simulated line: nothing when it is good, and each fault as its name says."""
+"""The simulated line: transparent without faults, and each fault as specified."""
 
 from __future__ import annotations
 

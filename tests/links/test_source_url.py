@@ -1,4 +1,4 @@
-"""The grammar of sources: what is understood, and how what is not is answered."""
+"""The grammar of sources: accepted forms, and errors for others."""
 
 from __future__ import annotations
 

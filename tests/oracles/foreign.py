@@ -1,4 +1,4 @@
-"""Messages of others, as vectors: u-blox and RTCM 3, every one that two public libraries know by name.
+"""Messages of other protocols as vectors: all u-blox and RTCM 3 messages known to two public libraries.
 
     uv run --with pyubx2 --with pyrtcm python -m tests.oracles.foreign
 

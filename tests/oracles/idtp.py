@@ -1,4 +1,4 @@
-"""IDTP, read slowly and obviously: what the fast decoder is compared with.
+"""Slow and simple IDTP decoder, the reference for the fast one.
 
 Pure Python, one candidate at a time, nothing imported from the project. Checksums bit by bit, HMAC from the standard
 library's own function, types written here a second time, from the document.

@@ -1,4 +1,4 @@
-"""ISB, read slowly and obviously: what the fast decoder is compared with.
+"""Slow and simple ISB decoder, the reference for the fast one.
 
 Pure Python, one byte at a time, nothing imported from the project. The structures come straight from the facts, not
 from the project's table, so that a slip there does not repeat itself.

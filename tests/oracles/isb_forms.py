@@ -1,4 +1,4 @@
-"""The forms of ISB that are more than one data set in its present structure, as vectors that the facts alone decide.
+"""Vectors of ISB forms beyond the data sets in their present structure, derived from the facts alone.
 
     python -m tests.oracles.isb_forms FACTS.json VERSIONS.json
 

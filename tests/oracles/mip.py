@@ -1,4 +1,4 @@
-"""MIP, slowly and plainly: what the plug-in's decoder is compared with.
+"""Slow and simple MIP decoder, the reference for the plug-in's.
 
 Written from the vendor's public SDK (tests/plugin_family/README.md names its files), one byte at a time.
 """

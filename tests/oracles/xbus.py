@@ -1,4 +1,4 @@
-"""Xbus, read slowly and obviously: what the fast decoder is compared with.
+"""Slow and simple Xbus decoder, the reference for the fast one.
 
 Pure Python, one byte at a time, nothing imported from the project. Types are written here a second time, from the
 document, so that a slip in the project's tables does not repeat itself.

@@ -1,4 +1,4 @@
-"""Frames of IDTP, right and wrong."""
+"""Frames of IDTP, valid and invalid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The driver of an IMX and the device that it is played to."""
+"""The driver of an IMX with a simulated device."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One case per protocol for shared tests: its oracle, its plain values, its vectors, and events that compare.
+"""One case per protocol for shared tests: oracle, JSON values, vectors, and comparable events.
 
 The properties (test_properties.py) and the fuzz target (tests/fuzz) stand on this; a protocol is one row of SPEAKERS.
 """

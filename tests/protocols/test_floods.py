@@ -1,4 +1,4 @@
-"""Work grows with the bytes, not with their square, whatever they are: beginnings of messages that never go on.
+"""Linear decoding time for any bytes, including incomplete messages.
 
 Compared is processor time, of one size and of four times as much: linear work takes 4 times as long, a search that
 starts over for each candidate 16 times.

@@ -1,4 +1,4 @@
-"""Frames of any type, in any mode, with a key; a protocol that has no settings says so."""
+"""Frames of any type and mode, with a key; errors of a protocol without settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`imuscope inspect` of IDTP: keys, modes, replays; from each line the frame again."""
+"""`imuscope inspect` of IDTP: keys, modes, replays; and composing the frame from each line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated IDTP sensor: what it sends is what the drive does, in every mode, with every fault."""
+"""The simulated IDTP sensor: its output follows the trajectory, in every mode, with every fault."""
 
 from __future__ import annotations
 

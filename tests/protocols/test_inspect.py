@@ -1,4 +1,4 @@
-"""`imuscope inspect`: one line a frame, from which the frame can be made again."""
+"""`imuscope inspect`: one line per frame, from which the frame can be composed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time across fix and restart, parts of sets, foreign messages between packets, and what is told by name."""
+"""Time across fix and restart, parts of sets, embedded messages between packets, and named events."""
 
 from __future__ import annotations
 

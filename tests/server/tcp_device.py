@@ -1,4 +1,4 @@
-"""A fast device at the end of a TCP connection, that knows when it sent each byte.
+"""A fast device on a TCP connection that records the sending time of each byte.
 
 with TcpDevice(rate=2000) as line:
     serve(line.source)

@@ -1,4 +1,4 @@
-"""Advice about a link fits that link: no baud rate over UDP, no other program where it is this one."""
+"""Hints about a link fit the kind of link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The HTTP side: routes do what they say, and every error of every route has the one shape."""
+"""The HTTP API: behaviour of the routes, and one error format for all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A device that a person has sent to the config state stays there, whatever it is asked, until somebody ends that."""
+"""A device set to the config state by the user stays there until the user ends it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Access control: the whole matrix of where, how and with what a request comes."""
+"""Access control: the complete matrix of origins, routes and credentials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Upgrading keeps what was kept: files of every earlier format open, with their values; a later one is refused.
+"""Backward compatibility: files of every earlier format open with their values; later formats are refused.
 
 tests/golden/previous_formats/N holds files as a server of format N left them: a recording of each family (of the
 simulators,

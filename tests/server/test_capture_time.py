@@ -1,4 +1,4 @@
-"""Time of captures without arrival times is the device's clock: its spacing, its length, its pauses, its date."""
+"""Times of captures without arrival times follow the device's clock: spacing, length, pauses, date."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Captures of real devices, whole, through decoder, intake and store: in order, complete, however they were cut."""
+"""Complete captures of real devices through decoder, ingest and store, for any chunk boundaries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Channels: what a batch is cut into, what the columns are called, and that layouts are merged in stream order."""
+"""Channels: splitting of batches, names of columns, and merging of layouts in stream order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: quick answers, one clear line when something is wrong, compiled code kept where it can be."""
+"""The command line: quick answers, one clear line per error, cache of compiled code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Store, bus and fan-out: late browsers are back-filled exactly, everybody gets the same bytes, memory is bounded."""
+"""Store, bus and fan-out: exact backfill for late browsers, the same bytes for all, bounded memory."""
 
 from __future__ import annotations
 

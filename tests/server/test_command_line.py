@@ -1,4 +1,4 @@
-"""Commands, options and their values: where they may stand, what is said, what is read through a pipe."""
+"""Commands, options and their values: positions, messages, and input through a pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables as text and over HTTP: the same rows that the forms are drawn from, none missing."""
+"""The tables as text and over HTTP: the same rows as the forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Packing by a process aside: what is waiting is packed, and one that cannot be packed stops no other."""
+"""Compaction in a subprocess: queued recordings are compacted, and a failing one does not stop the others."""
 
 from __future__ import annotations
 

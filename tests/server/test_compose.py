@@ -1,4 +1,4 @@
-"""Frames round-trip through the real command line, and words become the intended frame."""
+"""Frames round-trip through the real command line, and texts become the intended frame."""
 
 from __future__ import annotations
 

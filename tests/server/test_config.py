@@ -1,4 +1,4 @@
-"""Settings: the command line over the file over defaults; what is wrong is said."""
+"""Settings: the command line overrides the file, which overrides defaults; errors are reported."""
 
 from __future__ import annotations
 

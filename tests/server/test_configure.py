@@ -1,4 +1,4 @@
-"""Configuring over HTTP and the WebSocket, as the page does it: the real server, two simulators, several people."""
+"""Configuration over HTTP and the WebSocket, as the page does it: real server, two simulators, several users."""
 
 from __future__ import annotations
 

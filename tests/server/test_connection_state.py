@@ -1,4 +1,4 @@
-"""The machine of a connection: every event in every state is legal or rejected, and a session obeys it."""
+"""The state machine of a connection: legal and rejected events in every state, and a session that follows it."""
 
 from __future__ import annotations
 

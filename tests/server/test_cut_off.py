@@ -1,4 +1,4 @@
-"""A device that goes while it is written: it is read when it is back, and what it took is told as it is."""
+"""A device disconnected during a write: it is read after its return, and applied settings are reported."""
 
 from __future__ import annotations
 

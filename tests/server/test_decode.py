@@ -1,4 +1,4 @@
-"""`imuscope decode`: the files it names are there and hold what the recording holds; else one line says why not."""
+"""`imuscope decode`: the named files exist with the contents of the recording; errors are one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Decode options of a source: on the command line, in the source, over HTTP; and that a key is told to nobody."""
+"""Decode options of a source: on the command line, in the source and over HTTP; keys are never revealed."""
 
 from __future__ import annotations
 

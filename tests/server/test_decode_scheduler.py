@@ -1,4 +1,4 @@
-"""When sessions decode: as often as somebody needs samples, however many look; and at once where an answer is due."""
+"""Decode scheduling: at the interval of the most demanding viewer, and at once for answers."""
 
 from __future__ import annotations
 

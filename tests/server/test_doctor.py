@@ -1,4 +1,4 @@
-"""`imuscope doctor`: machines built of files, each with one thing wrong with it."""
+"""`imuscope doctor`: simulated machines with one problem each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Events for clients that connect later: all that is drawn over the samples it is given."""
+"""Events for clients that connect later, including all that are drawn over samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The size said before an export is about that of the file that comes, for every family and every format of columns."""
+"""Estimated export sizes are close to the real ones, for every family and column format."""
 
 from __future__ import annotations
 

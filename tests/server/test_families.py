@@ -1,5 +1,6 @@
-"""Simulators of the other families, from their bytes to what a page is told: who sends, how well it is protected, what
-is refused and why. The protocols are the real ones; link and clock are moved by the test.
+"""Simulators of the other families, from bytes to the page: senders, protection, refused frames.
+
+The protocols are the real ones; link and clock are moved by the test.
 """
 
 from __future__ import annotations

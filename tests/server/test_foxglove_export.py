@@ -1,4 +1,4 @@
-"""An exported .mcap says what the live Foxglove server says: the same topics, schemas and messages."""
+"""An exported .mcap has the topics, schemas and messages of the live Foxglove server."""
 
 from __future__ import annotations
 

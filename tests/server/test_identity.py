@@ -1,4 +1,4 @@
-"""Identity of a device, learned from its own messages: nobody interrupts a measurement to ask."""
+"""Device identity learned from its own messages, without interrupting a measurement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of `imuscope inspect`: what a person reads has units and names, and steers no terminal."""
+"""The table of `imuscope inspect`: units and names, and no terminal control characters."""
 
 from __future__ import annotations
 

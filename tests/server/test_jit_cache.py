@@ -1,4 +1,4 @@
-"""The folder of compiled code: where it lies, when it is filled, and what is done where it cannot be used."""
+"""The cache folder of compiled code: location, filling, and fallback if it is unusable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The library over HTTP, with the real application: lists, words, uploads and their bounds, downloads, exports."""
+"""The library over HTTP with the real application: lists, texts, uploads and limits, downloads, exports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rates: true for any burst, any spacing, and zero soon after the last arrival."""
+"""Rates: correct for any bursts and spacing, and zero soon after the last arrival."""
 
 from __future__ import annotations
 

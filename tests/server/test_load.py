@@ -1,4 +1,4 @@
-"""Many at once, small enough for every run: nobody's manners cost anybody else a sample.
+"""Many clients at once: no client's behaviour costs another one a sample.
 
 The same at length, with its figures, is tests/bench/load.py.
 """

@@ -1,4 +1,4 @@
-"""The log: a line for each thing that happens, never a secret, never a flood, never a forged line."""
+"""The log: one line per event, without secrets, floods or forged lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wrong tokens: so many from an address and no more, and whom that does not lock out."""
+"""Limits on wrong tokens, by address, and exemptions from them."""
 
 from __future__ import annotations
 

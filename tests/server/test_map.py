@@ -1,4 +1,4 @@
-"""Map tiles: only of the configured server, only pictures, bounded, and never a way to other hosts."""
+"""Map tiles: from the configured server only, images only, bounded, without access to other hosts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/metrics: what the official parser of Prometheus reads in it is what happened."""
+"""/metrics, read by the official Prometheus parser, agrees with events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A port that is opened first and speaks later: how every benchmark of the stream begins."""
+"""A port that is opened before its device sends data, as in every benchmark."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording, decoded, is what the live page had: the same rows, the same events, in little memory."""
+"""A decoded recording has the rows and events of the live page, in little memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Payloads that nobody has described, that are too short or too long for their type: exports have all their bytes."""
+"""Payloads without a definition, too short or too long for their type: exports have all their bytes."""
 
 from __future__ import annotations
 

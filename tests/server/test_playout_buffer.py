@@ -1,4 +1,4 @@
-"""Rows that come many at once are shown one after another: the newest whose time has come, and none waits for ever."""
+"""Rows that arrive in bursts are shown one after another, and none waits without a limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Attitude, gravity and track of a device, as a scene in 3D has them; what may be a mesh."""
+"""Attitude, gravity and track of a device in a 3D scene; accepted meshes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Preview of any values a client may send: problems at their fields, never a fault; and what a form is made of."""
+"""Preview of arbitrary client values: problems at their fields, never an internal error; and form contents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of the previous version go on working: settings, sources, saved rollbacks, paths, levels of events."""
+"""Names of the previous version remain accepted: settings, sources, rollbacks, paths, event levels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One query, live or recorded: the same rows, the same buckets, as frames and as tables."""
+"""One query for live and recorded data: the same rows and buckets, as frames and tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flood from one address is refused in words, and neither other addresses nor who asks as a page does notice it."""
+"""A flood from one address is refused with a message; other addresses and the page are not affected."""
 
 from __future__ import annotations
 

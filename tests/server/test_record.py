@@ -1,4 +1,4 @@
-"""`imuscope record`: a file of what came, ended by time, by hand or by the source; nothing where nothing came."""
+"""`imuscope record`: a file with the received data, ended by time, by hand or by the source; no file without data."""
 
 from __future__ import annotations
 

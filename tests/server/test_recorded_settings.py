@@ -1,4 +1,4 @@
-"""The settings in a recording are told as Configure tells them, and nothing that was recorded is left out."""
+"""Settings in a recording are shown as in Configure, without omissions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recording as people use it: the button, the mark, `--record`; and what is in the file, whatever ends the server."""
+"""Recording as users do it: button, marker, `--record`; and the contents of the file, however the server ends."""
 
 from __future__ import annotations
 

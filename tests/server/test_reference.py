@@ -1,4 +1,4 @@
-"""Reference pages: true to the program, whole, and harmless in a browser."""
+"""Reference pages: correct, complete and harmless in a browser."""
 
 from __future__ import annotations
 

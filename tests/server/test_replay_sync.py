@@ -1,4 +1,4 @@
-"""A 3D scene that follows the player of a recording: paused it stands, moved it turns, with its page it is gone."""
+"""A 3D scene that follows the player of a recording: it pauses, moves and ends with its page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rerun behind our own port: the viewer's files, recordings streamed into it, what is live, and who is kept out."""
+"""Rerun behind the server's port: viewer files, streamed recordings, live data, and access control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every route and every WebSocket with every role, where a token is needed: what changes something needs control.
+"""Every route and WebSocket with every role where a token is required: changes need the control role.
 
 The expectation is derived from the method, so that a route that is added is judged by it: GET, HEAD and OPTIONS look,
 all others change something. What differs from that stands in the two lists here, one by one and with its reason.

@@ -1,4 +1,4 @@
-"""The dead man's hand: nobody there, a killed server, a cable that is too poor, another device, a full disk."""
+"""Automatic rollback: absent user, killed server, poor cable, another device, full disk."""
 
 from __future__ import annotations
 

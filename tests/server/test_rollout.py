@@ -1,4 +1,4 @@
-"""Profiles for other devices, and the check of the link budget that every way of changing settings passes."""
+"""Profiles for other devices, and the link budget check on every way of changing settings."""
 
 from __future__ import annotations
 

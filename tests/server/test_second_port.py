@@ -1,4 +1,4 @@
-"""An MTi of the 600-series whose UART is where the host listens: no change of a port may lose it without a word."""
+"""A 600-series MTi with the host on its UART: port changes need confirmation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tokens are in nothing that is printed, written or told, whatever is done with them; and in an address only once."""
+"""Tokens are never printed, written or sent; and appear in an address only once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Security headers of every response, path by path: policies, types, and who may take it in."""
+"""Security headers of every response by path: policies, types, and permitted embedding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`imuscope send`: what is answered, read back, refused, and never sent without a yes."""
+"""`imuscope send`: answers, read-back, refusals, and confirmation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The outbox: what a slow browser loses is the oldest, is counted exactly, and is never an event."""
+"""The send queue: a slow browser loses the oldest samples, counted exactly, and never events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A comparison is of what devices are set to: not of temperatures, counters and what runs at the moment."""
+"""A comparison covers settings only, not temperatures, counters and momentary states."""
 
 from __future__ import annotations
 

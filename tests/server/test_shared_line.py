@@ -1,4 +1,4 @@
-"""Two MTi on one line: each read, changed and heard by itself, under its bus identifier, behind a real port."""
+"""Two MTi on one line, each read and changed separately under its bus identifier, behind a real port."""
 
 from __future__ import annotations
 

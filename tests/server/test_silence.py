@@ -1,4 +1,4 @@
-"""When a device counts as silent."""
+"""Silence timeout of a device."""
 
 from __future__ import annotations
 

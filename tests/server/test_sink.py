@@ -1,4 +1,4 @@
-"""The telemetry sink interface: a live bus, the store of a recording and any other sink are given the same."""
+"""The telemetry sink interface: a live bus, the store of a recording and other sinks receive the same data."""
 
 from __future__ import annotations
 

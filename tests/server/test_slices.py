@@ -1,4 +1,4 @@
-"""A flood on one link: work per turn stays short, the others have their turns, what is too much is dropped and told."""
+"""A flood on one link: short turns, turns for the others, and reported drops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Snapshots: what is kept comes back as it was, names are never paths, and text from outside does no harm."""
+"""Snapshots: round trip, names that are never paths, and harmless handling of untrusted text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The columns of a recording are made anew when, and only when, something that decodes it has changed."""
+"""The columns of a recording are rebuilt if, and only if, a part of its decoding has changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings that a command alters by the way: nobody is shown what the device had before it."""
+"""Settings changed by a command: forms do not show outdated values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples on a real WebSocket: the simulator in a process of its own, slow browsers, stuck browsers."""
+"""Samples on a real WebSocket: a simulator in a subprocess, slow and stalled browsers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables that are asked for and files that are exported: in order, one at a time, with names that tell them apart."""
+"""Requested tables and exported files: in order, one at a time, with distinct names."""
 
 from __future__ import annotations
 

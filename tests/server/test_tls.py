@@ -1,4 +1,4 @@
-"""https: with a certificate that is made here, with one that is given, and what is said where neither will do."""
+"""HTTPS: with a generated certificate, with a given one, and errors for neither."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The traffic log: what it tells, what it sums up, and that a talkative device does not fill it."""
+"""The traffic log: entries, summaries, and limits for frequent messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bytes that nobody has described: none vanish, none become numbers, and noise cannot fill memory with them."""
+"""Payloads without a definition: none are lost or decoded, and noise cannot fill memory with them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""viser behind our own port: when it runs, what goes through, who is kept out. The real viser, in its own process."""
+"""viser behind the server's port: lifetime, forwarding, access control. The real viser, in its own process."""
 
 from __future__ import annotations
 

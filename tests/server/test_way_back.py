@@ -1,4 +1,4 @@
-"""The way back restores what was read, whatever the tables of this program allow."""
+"""A rollback restores the values read, even if the tables do not allow them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wire, both ways in Python; and that the page's types are those of today."""
+"""The wire format in both directions in Python, and up-to-date types of the page."""
 
 from __future__ import annotations
 

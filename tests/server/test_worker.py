@@ -1,4 +1,4 @@
-"""Worker processes of the library: what they tell, how they fail, and how they end."""
+"""Worker processes of the library: reports, failures and shutdown."""
 
 from __future__ import annotations
 

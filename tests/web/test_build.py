@@ -1,4 +1,4 @@
-"""web/build.py: when is the page stale, and what is said when npm fails."""
+"""web/build.py: staleness of the page, and errors of npm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bytes of MIP devices in, events out; and the listing, and how much bytes look like them.
+"""MIP decoder: bytes in, events out; with the listing and the detection score.
 
 Packets with the same fields in the same order are one batch. The time of a packet is its GPS timestamp, where it has
 one; there is no counter, so nothing can be said of what was lost.

@@ -1,4 +1,4 @@
-"""MIP as a family of imuscope: what the entry point names."""
+"""MIP as a protocol family: the object named by the entry point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One packet as plain values, and the packet again from them, byte for byte.
+"""One packet as JSON values and back, byte for byte.
 
     {"id": 128, "message": "ScaledAccelerometer+GpsTimestamp", "fields": {"Acceleration": [0.0, 0.0, -1.0], "tow": …}}
 

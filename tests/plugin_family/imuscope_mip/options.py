@@ -1,4 +1,4 @@
-"""Decode options of MIP: what a device cannot say of itself."""
+"""Decode options of MIP: properties that a device does not report."""
 
 from __future__ import annotations
 

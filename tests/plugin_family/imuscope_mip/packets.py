@@ -1,4 +1,4 @@
-"""MIP packets: how they are delimited, found in a stream, and built.
+"""MIP packets: format, search in a stream, and construction.
 
     75 65   SET   LENGTH   field, field, …   SUM (2)
     0 1     2     3        4                 4 + LENGTH

@@ -1,4 +1,4 @@
-"""A simulated 3DM-GX5-45: what it measures on the shared drive, and what it answers.
+"""A simulated 3DM-GX5-45: its readings of the shared trajectory, and its answers.
 
 Settings are written, read, saved, loaded and reset to their defaults; what was saved outlives its power.
 """
