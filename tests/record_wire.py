@@ -1,4 +1,4 @@
-"""`python -m tests.record_wire`: what a page is sent, recorded for the page's component tests.
+"""`python -m tests.record_wire`: record the frames sent to a page, for the page's component tests.
 
     sim:xbus, sim:isb, sim:idtp ── a server ──> tests/golden/wire/page-NAME.json.gz ──> web/src/testing/recorded.ts
     other scenes ─┘

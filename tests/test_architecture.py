@@ -180,9 +180,9 @@ def test_no_line_outside_the_families_names_one() -> None:
 
 
 def names_of_options() -> re.Pattern[str]:
-    """Decode options of imuscope's own families, as declared and as keywords of their decoders.
+    """Decode options of the built-in families, as declared and as keywords of their decoders.
 
-    Names of one word ("key", "schema") mean other things too. "below_min_mode" is a reason of a reject.
+    Names of one word ("key", "schema") have other meanings too. "below_min_mode" is a reason of a reject.
     """
     names = {
         name
@@ -218,7 +218,7 @@ def test_no_line_of_the_page_names_a_family() -> None:
 
 
 def test_no_line_of_the_page_names_a_field_of_their_tables() -> None:
-    """Fields of an entry in a list of outputs; names of one word mean other things too."""
+    """Fields of an entry in a list of outputs; names of one word have other meanings too."""
     tables = [table for family in PROTOCOLS.values() for table in family.tables(DeviceContext(), {}).values()]
     names = {name for table in tables for name in (table.key, table.rate, table.interval) if "_" in name}
     assert len(names) > 2

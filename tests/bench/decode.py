@@ -72,7 +72,7 @@ def decode(protocol: str, chunks: Sequence[bytes]) -> int:
 
 
 def alone(protocol: str, data: bytes, *, columns: bool) -> float:
-    """Median time to feed and drain one frame, µs. Frames are cut where the decoder says they begin."""
+    """Median time to feed and drain one frame, µs. Frames are cut at the starts given by the decoder."""
     offsets: list[int] = []
     decoder = decoder_of(protocol)
     decoder.feed(data, 0)

@@ -117,7 +117,7 @@ async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
 
 
 async def bare(clients: int, per_s: float, size: int, seconds: float) -> dict[str, float]:
-    """The yardstick: a relay that does nothing else, in a process of its own."""
+    """The reference: a relay without other work, in a separate process."""
     command = tied([sys.executable, str(ROOT / "tests/bench/relay.py")])
     relay = subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     assert relay.stdout

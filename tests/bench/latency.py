@@ -59,7 +59,7 @@ CLOCK = "() => performance.timeOrigin + performance.now()"
 
 
 def clock_offset_s(worker: Worker) -> float:
-    """The worker's clock minus ours, by the quickest of some round trips."""
+    """Offset of the worker's clock from the local one, from the fastest of some round trips."""
     trips = []
     for _ in range(20):
         before = time.time()

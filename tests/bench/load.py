@@ -90,7 +90,7 @@ async def exported(api: Api) -> dict[str, Any]:
 
 
 def figures_of(goods: list[load_clients.Good]) -> dict[str, Any]:
-    """What the clients that keep up saw since they were told to count."""
+    """Samples seen by the clients that keep up, since counting started."""
     ages = sorted(age for good in goods for age in good.ages)
     return {
         "dropped": sum(good.lost for good in goods),

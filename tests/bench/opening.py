@@ -88,7 +88,7 @@ def make(path: Path, minutes: float) -> None:
 
 
 def measure(path: Path, store: Path) -> dict[str, float]:
-    """What the process of its own does; figures in s and MB."""
+    """Work of the separate process; figures in s and MB."""
     from protocols import jit
     from recordings.column_store import ColumnStore
     from recordings.sources import McapSource

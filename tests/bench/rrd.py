@@ -40,7 +40,7 @@ LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.inclu
 
 
 def export(store: Path, out: Path) -> dict[str, float]:
-    """What the process of its own does."""
+    """Work of the separate process."""
     from recordings.column_store import ColumnStore
 
     start = time.perf_counter()

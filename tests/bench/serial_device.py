@@ -95,10 +95,10 @@ class Feed:
 
 
 def must_be_live(url: str) -> None:
-    """That the server at `url` gets what is fed: figures of a server without its port would say nothing.
+    """Check that the server at `url` receives the data; figures of a server without its port would be meaningless.
 
     Raises:
-        RuntimeError: it does not, in the words of its page.
+        RuntimeError: it does not; with the message of its page.
     """
     with urllib.request.urlopen(f"{url}/api/devices", timeout=5) as answer:
         for device in json.load(answer):

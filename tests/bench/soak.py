@@ -64,7 +64,7 @@ class Time:
 
 
 class Quick(Link):
-    """A device that sends a second of frames whenever it is asked for more, not faster than `speed` times our time."""
+    """A device that sends a second of frames per request, at most `speed` times faster than real time."""
 
     kind = "tcp"
 
@@ -168,7 +168,7 @@ class Soaked:
 
 
 async def watched(soaked: Soaked, options: argparse.Namespace, look: Any) -> dict[str, Any]:
-    """Look every few seconds until the day or the time is over; what the server says at the end."""
+    """Sample every few seconds until the day or the time is over; returns the server's final state."""
     began, told = time.monotonic(), {}
     every = max(0.5, options.minutes * 60 / LOOKS)
     while time.monotonic() - began < options.minutes * 60:

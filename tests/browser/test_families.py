@@ -222,9 +222,9 @@ def test_raw_payloads_are_shown_and_can_be_described(serve: Serve, open_page: Op
 def test_the_pages_of_all_families_are_accessible(
     families: ServerProcess, open_page: OpenPage, size: tuple[int, int]
 ) -> None:
-    """Nothing serious from axe, no sideways scrolling, and a finger hits every control.
+    """No serious findings of axe, no horizontal scrolling, and touch targets of sufficient size.
 
-    A phone is shown the same elements: axe looks at them once. Contrast is asked about where there are other colours.
+    On a phone the elements are the same, so axe runs once. Contrast is checked where colours differ.
     """
     phone = size[0] < 721
     page = open_page(families.url, width=size[0], height=size[1], touch=phone, still=True)

@@ -80,11 +80,11 @@ NO_CONTRAST = {"rules": {"color-contrast": {"enabled": False}}}
 
 
 def serious(page: Page, place: str = "document", *, colours: bool = True) -> list[str]:
-    """What axe-core finds in the page as it stands that keeps somebody from using it.
+    """Findings of axe-core that keep someone from using the page.
 
     Args:
-        colours: contrast in both themes, which takes most of the time. A page's colours are the same wherever else it
-            is looked at: there False will do.
+        colours: check contrast in both themes, which takes most of the time. False where the page has colours that
+        are checked elsewhere.
     """
     if page.evaluate("window.axe === undefined"):
         page.evaluate(AXE.read_text())

@@ -88,7 +88,7 @@ def running(data: Path) -> Iterator[ServerProcess]:
 
 
 def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Callable[..., Page]) -> None:
-    """`open_page` fails when another host is asked, or when the console has an error."""
+    """`open_page` fails if another host is contacted or the console has an error."""
     page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
     chatter: list[str] = []  # of the viewer, a line or more for every frame
     page.on("console", lambda message: chatter.append(message.text) if message.type == "debug" else None)

@@ -97,10 +97,10 @@ class Beside:
 
 @dataclass
 class Watched:
-    """A server, and a device that is recorded.
+    """A server with a recorded device.
 
     Attributes:
-        begins: how many bytes the device had sent when its recording began.
+        begins: number of bytes the device had sent when its recording started.
         pid: of the server.
     """
 

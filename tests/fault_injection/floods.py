@@ -59,7 +59,7 @@ class Place:
     ends: float = 0.0
 
     def begin(self) -> None:
-        """The flood begins."""
+        """Start the flood."""
         self.ends = time.monotonic() + self.seconds
 
     @property

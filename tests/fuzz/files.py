@@ -474,7 +474,7 @@ class FileSearch:
 
 
 def _where(error: BaseException) -> str:
-    """The deepest place of ours."""
+    """The innermost frame in the project's code."""
     trace, place = error.__traceback__, ""
     while trace is not None:
         code = trace.tb_frame.f_code

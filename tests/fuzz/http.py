@@ -85,10 +85,10 @@ class Asked:
 
 
 class FuzzedServer:
-    """The server that is asked: three simulators, one recording named R; tidied so that it stays what it is.
+    """The tested server: three simulators and one recording named R, restored after changes.
 
     Raises:
-        BrokenError: from `check`: it ended, logged a fault or grew.
+        BrokenError: from `check`: it ended, logged an error or its memory grew.
     """
 
     def __init__(self, data: Path) -> None:
@@ -304,10 +304,10 @@ def _asked(sent: dict[str, Any], url: str) -> Asked:
 
 
 class RequestSearch:
-    """Requests of every operation, round after round.
+    """Requests of every operation in rounds.
 
     Args:
-        server: is asked.
+        server: the tested server.
         first: the seed.
     """
 

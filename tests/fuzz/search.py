@@ -24,11 +24,11 @@ class CorpusSearch:
     """One target with its corpus.
 
     Args:
-        captures: begin also from recordings that lie beside the project, where there are any.
+        captures: start from recordings beside the project too, if there are any.
 
     Attributes:
-        cases, bytes, frames: how many so far.
-        seen: what has been shown.
+        cases, bytes, frames: counts so far.
+        seen: features found so far.
     """
 
     def __init__(self, protocol: str, seed: int, *, captures: bool = True) -> None:

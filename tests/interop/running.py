@@ -98,10 +98,10 @@ def from_pip(folder: Path, package: str, program: str) -> Path:
 
 
 def owned(program: str, where: str) -> str:
-    """A program that whoever runs this has already.
+    """A program that must be installed.
 
     Args:
-        where: it comes from.
+        where: its origin.
 
     Raises:
         DiffersError: it is not on PATH.

@@ -1,4 +1,4 @@
-"""A GPX has streams, bits, presets and a configuration of its own."""
+"""Streams, bits, presets and configuration of a GPX."""
 
 from __future__ import annotations
 

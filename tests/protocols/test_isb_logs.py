@@ -1,4 +1,4 @@
-"""Logs of the vendor's own logger, read as its own code reads them.
+"""Logs of the vendor's logger, decoded as by the vendor's own code.
 
 A .raw log is the port's bytes. A .dat log holds data sets without packets, in chunks:
 

@@ -1,4 +1,4 @@
-"""Settings and commands of ISB: units as on the wire, the vendor's ranges, words for a person."""
+"""Settings and commands of ISB: wire units, the vendor's ranges, readable texts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kernels: the same answers as plain Python and as machine code, and a cache that notices every change."""
+"""Kernels: equal results of plain Python and compiled code, and a cache that detects every change."""
 
 from __future__ import annotations
 
@@ -123,8 +123,8 @@ for path in sorted(Path(sys.argv[1]).iterdir()):
 
 
 def test_all_decoders_give_the_same_whenever_they_are_loaded(tmp_path: Path) -> None:
-    """As tests use them, with arguments that are looked at; and as a server does: plain Python at first, then without
-    that look, in the midst of a stream. With the streams of the benchmarks and all vectors, damaged a little.
+    """With argument checks, as in tests; and as in a server: plain Python first, then without checks, in the middle of
+    a stream. With the streams of the benchmarks and all vectors, slightly damaged.
     """
     streams = (
         ("isb", isb_mixed.stream(8.0)),

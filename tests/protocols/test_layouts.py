@@ -1,4 +1,4 @@
-"""Rows of a table ⇄ bytes, and the mistakes of a caller."""
+"""Rows of a table ⇄ bytes, and errors of callers."""
 
 from __future__ import annotations
 

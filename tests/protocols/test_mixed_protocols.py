@@ -1,4 +1,4 @@
-"""A short stretch of another protocol anywhere in a stream is seen, and chance is not taken for one."""
+"""A short stretch of another protocol in a stream is detected; chance matches are not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""NMEA sentences are found, checked and read, wherever they begin and however they are cut.
+"""NMEA sentences are found, checked and decoded at any position and for any chunk boundaries.
 
 The values expected here were worked out by hand from the formats in MT0101P 2020.A, 5.3.5, and NMEA 0183.
 """

@@ -1,4 +1,4 @@
-"""Quantities from sentences: units as the sentence's own table has them, vectors whole, headings that wrap."""
+"""Quantities from sentences: units of the sentence's table, complete vectors, wrapping headings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Properties of every protocol, for any bytes: one module, one row a protocol.
+"""Properties of every protocol for any bytes: one module, one row per protocol.
 
     - any split into chunks gives the same events; so does one byte at a time
     - arbitrary bytes raise nothing, and leave at most one maximal frame (and an unfinished text) buffered

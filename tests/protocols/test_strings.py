@@ -1,4 +1,4 @@
-"""The two binary strings of an MTi are found where they are, and nowhere else.
+"""The two binary strings of an MTi are found at their positions and nowhere else.
 
 Computed by hand from MT0101P 2020.A, 5.3.5: heading 123.45°, roll −1.50°, pitch 2.50°, heave 0.
 """

@@ -205,7 +205,7 @@ def reset(given: ModelStream, at_s: float, away_s: float = 0.4) -> ModelStream:
 
 @dataclass(frozen=True)
 class ModelMapping:
-    """Per row, as first told: host time and ±, in ns; how often the mapping had begun anew by then."""
+    """Per row, as first published: host time and ±, in ns; and the number of mapping restarts until then."""
 
     host: Floats
     bound: Floats
@@ -214,9 +214,10 @@ class ModelMapping:
 
 
 def mapped(given: ModelStream, clock: ClockSync | None = None, *, drain_ms: float = 100) -> ModelMapping:
-    """Feed a clock as a session does: every some milliseconds, what has arrived of each message.
+    """Feed a clock as a session does, with the arrived rows of each message.
 
-    Ten times a second, as while nobody looks; how often makes no difference that matters, which a test of its own says.
+    Ten times a second, as without viewers; the interval makes no significant difference, which a separate test
+    checks.
     """
     clock = clock or ClockSync(given.byte_ns, pieces=given.pieces())
     ends = np.flatnonzero(np.diff(given.arrival // int(drain_ms * MS))) + 1

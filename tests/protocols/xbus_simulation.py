@@ -1,4 +1,4 @@
-"""A simulated MTi: what it sends and answers."""
+"""A simulated MTi: its output and its answers."""
 
 from __future__ import annotations
 

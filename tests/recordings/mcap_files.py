@@ -1,4 +1,4 @@
-"""MCAP files, as our reader and the official one find them."""
+"""MCAP files, read by imuscope's reader and the official one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A query of a store is what a plain loop over all rows gives, at every zoom, and hides no fault."""
+"""A query of a store equals a plain loop over all rows at every zoom, and hides no fault."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_stretch_is_exactly_its_rows(tmp_path: Path) -> None:
 
 @given(data=st.data())
 def test_buckets_agree_with_a_plain_loop(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    """Each bucket holds at least what lies within it and nothing from further away than one summary."""
+    """Each bucket covers at least the rows within it, and none further away than one summary."""
     n = data.draw(st.integers(1, 30_000))
     columns = rows(n, data.draw(st.integers(0, 9)))
     with pytest.MonkeyPatch.context() as patch:

@@ -1,4 +1,4 @@
-"""Euler angles agree with the vendor's own, and with the rotation that they stand for."""
+"""Euler angles agree with the vendor's, and with the rotation they represent."""
 
 from __future__ import annotations
 

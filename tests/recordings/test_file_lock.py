@@ -1,4 +1,4 @@
-"""A file that somebody writes belongs to that writer alone, in whatever process."""
+"""A file being written belongs to its writer alone, across processes."""
 
 from __future__ import annotations
 

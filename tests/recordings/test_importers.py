@@ -1,4 +1,4 @@
-"""Files of other programs: every record of the vendor's logs has its listed values, and no damage raises."""
+"""Files of other programs: every record of the vendor's logs has its listed values, and damage never raises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A real folder: what lies in it is listed, changed, deleted, taken back; hostile names, damaged files do no harm."""
+"""A real folder: listing, editing, deleting, restoring; hostile names and damaged files do no harm."""
 
 from __future__ import annotations
 

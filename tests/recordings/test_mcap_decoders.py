@@ -1,4 +1,4 @@
-"""MCAP files of other programs, written by their own libraries: ROS 2 bags, protobuf; the senseless does no harm."""
+"""MCAP files written by other libraries: ROS 2 bags, protobuf; malformed ones do no harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording is a plain MCAP file, loses nothing that was handed over, and is the same messages after packing."""
+"""A recording is a plain MCAP file, loses no written data, and has the same messages after compaction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording is played as it was recorded: the same bytes, in order, when they are due; whatever the speed."""
+"""A recording is replayed with the same bytes, in order and on time, at any speed."""
 
 from __future__ import annotations
 

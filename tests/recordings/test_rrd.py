@@ -1,4 +1,4 @@
-"""An `.rrd` file, read back with Rerun's own reader, has what the columns have, under names and times that say so."""
+"""An `.rrd` file, read with Rerun's own reader, has the data of the columns under meaningful names and times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statistics of any stretch: the same as of all of it at once, and around the circle where a column wraps."""
+"""Statistics of any range: equal to those of the whole at once, and circular where a column wraps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers of other programs: CSV with times of any kind, MCAP with JSON; what is no number is told and does no harm."""
+"""Tables of other programs: CSV with any kind of times, MCAP with JSON; invalid numbers are reported."""
 
 from __future__ import annotations
 

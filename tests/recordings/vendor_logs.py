@@ -1,4 +1,4 @@
-"""Logs that the vendor's software wrote."""
+"""Logs written by the vendor's software."""
 
 from __future__ import annotations
 

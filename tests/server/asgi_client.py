@@ -1,4 +1,4 @@
-"""Ask an ASGI application without a network: exact headers, any method, any peer; what it answered."""
+"""Requests to an ASGI application without a network: exact headers, any method, any peer."""
 
 from __future__ import annotations
 

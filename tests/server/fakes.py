@@ -1,4 +1,4 @@
-"""A link without a world, a clock that only a test moves, and a protocol of four-byte frames."""
+"""A link without hardware, a manual clock, and a protocol of four-byte frames."""
 
 from __future__ import annotations
 

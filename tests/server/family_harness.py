@@ -1,4 +1,4 @@
-"""A session with a device of any family, on a clock that a test moves."""
+"""A session with a device of any family, on a manual clock."""
 
 from __future__ import annotations
 

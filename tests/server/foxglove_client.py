@@ -69,7 +69,7 @@ class FoxgloveTestClient:
 
 @contextlib.asynccontextmanager
 async def attached(server: ServerProcess, path: str = "/foxglove", **options: Any) -> AsyncIterator[FoxgloveTestClient]:
-    """A client behind our own port; the bridge may still be starting."""
+    """A client behind the server's port; the bridge may still be starting."""
     address = server.url.replace("http", "ws") + path
     async with asyncio.timeout(90), connecting(address, subprotocols=[SUBPROTOCOL], max_size=None, **options) as socket:
         assert socket.subprotocol == SUBPROTOCOL

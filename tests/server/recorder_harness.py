@@ -1,4 +1,4 @@
-"""A recorder with links that a test feeds, and what is in its files."""
+"""A recorder with links fed by a test, and the contents of its files."""
 
 from __future__ import annotations
 

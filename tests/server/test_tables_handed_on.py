@@ -16,7 +16,7 @@ from server.wire import ChannelInfo
 
 
 def test_rows_of_a_query_go_by_their_time() -> None:
-    """A solution that comes late stands where it belongs; a row without a clock goes by its arrival."""
+    """A late solution is inserted in order; a row without a clock is ordered by arrival."""
     info = ChannelInfo(1, "1", "M", "M", "M", "scalar", "", "", [])
     rows = ExactRows(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.9, 1.9, 1.2, np.nan]), [np.array([1, 2, 3, 4])])
     got = ordered(QueryResult(info, rows, (0,))).rows

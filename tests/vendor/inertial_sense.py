@@ -150,9 +150,9 @@ def _of_row(word: str, row: Bits, pool: Mapping[str, int], named: set[str]) -> I
 
 
 def _group_of(constant: str, pool: Mapping[str, int]) -> str:
-    """The group of several bits, further up in the word, of which this constant is a value; "" for a flag.
+    """The group of several bits that has this constant as a value; "" for a flag.
 
-    A rotation of 8 looks like the flag of bit 3, and a level of 2 like that of bit 1: both could be ticked.
+    A rotation of 8 resembles the flag of bit 3, and a level of 2 that of bit 1, so both could be listed.
     """
     for name, low in pool.items():
         group = re.sub(r"_(OFFSET|SHIFT)\Z", "", name)
