@@ -195,6 +195,8 @@ class ProtocolInfo:
         payload_option: name of the option that describes a vendor's own messages; "" for none.
         permissive: keywords of a decoder that accepts frames unchecked, for inspecting bytes.
         datagrams: whether the decoder has that keyword: every chunk is a datagram.
+        frame_size: name of a module with a function `frame_size(data, at)` (server/holder/queues.py, FrameSize), which
+            imports nothing heavy: with it a slow client of a shared port loses whole frames. "" for none.
         identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
         identify_request: harmless request to any device of the protocol for its identity; b"" for none.
         bauds: default rates of its devices' serial lines; a search for the rate tries them first.
@@ -239,6 +241,7 @@ class ProtocolInfo:
     payload_option: str = ""
     permissive: Mapping[str, Any] = field(default_factory=dict)
     datagrams: bool = False
+    frame_size: str = ""
     identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
     identify_request: bytes = b""
     bauds: tuple[int, ...] = ()

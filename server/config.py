@@ -13,6 +13,7 @@
     recordings_quota_gb = 20    # above it, the oldest recordings that are not pinned are deleted; 0: no quota
     split_mb = 2000             # size at which a recording continues in a new file
     split_min = 60              # … or duration
+    shares = { "/dev/ttyUSB0" = ["/run/imuscope/imu0", "tcp://127.0.0.1:4001"] }  # for other programs (server/holder)
     foxglove = 8765             # serve the Foxglove protocol, on this loopback port and at /foxglove
     rerun_connect = "rerun+http://desk.local:9876/proxy"  # stream to this Rerun viewer
     log_format = "json"         # for programs; "text" for reading
@@ -50,6 +51,7 @@ from server.devices.decode_options import (
     option_text,
     source_options,
 )
+from server.holder.shares import ShareAddress, ShareError
 from server.logging_setup import LEVELS, STYLES
 
 DEFAULT_HOST = "127.0.0.1"
@@ -87,6 +89,7 @@ _TYPES = {
     bool: "true or false",
     Path: "a path",
     tuple[str, ...]: "a list of strings",
+    dict[str, tuple[str, ...]]: "a table of lists of strings",
     MapTiles: "a table with tiles and attribution",
 }
 
@@ -114,6 +117,8 @@ class Config:
         recordings_quota_gb: maximum size of all recordings together, 10⁹ bytes; 0 for no quota.
         split_mb, split_min: size (10⁶ bytes) or duration at which a recording continues in a new file; 0 for never.
         record_head: request the Configuration of an Xsens device when a recording begins (it pauses for a moment).
+        shares: addresses at which the port of a source is offered to other programs, by source
+            (server/holder/shares.py).
         upload_gb: maximum size of an uploaded recording, 10⁹ bytes.
         foxglove: loopback port of the Foxglove protocol (server/integrations/foxglove.py); 0 for any free one, −1 for
             none.
@@ -144,6 +149,7 @@ class Config:
     split_mb: float = 0.0
     split_min: float = 0.0
     record_head: bool = True
+    shares: dict[str, tuple[str, ...]] = field(default_factory=dict)
     upload_gb: float = 16.0
     foxglove: int = -1
     rerun_connect: str = ""
@@ -262,6 +268,7 @@ def _checked(settings: Mapping[str, Any]) -> Config:
         raise ConfigError(f"{given} needs {other}: the files of a certificate and of its key.")
     if config.tls and config.tls_cert:
         raise ConfigError("tls creates a certificate and tls_cert names one: give one of the two.")
+    _check_shares(config)
     if config.view_token and config.view_token == config.control_token:
         raise ConfigError("view_token and control_token must differ, otherwise every viewer could control.")
     return config
@@ -285,6 +292,27 @@ def _decode_options(settings: Mapping[str, Any]) -> dict[str, str | bool]:
     return dict(settings)
 
 
+def _check_shares(config: Config) -> None:
+    """Raise ConfigError for an invalid share, one given twice, or one of a source that is not opened."""
+    names: list[str] = []
+    for source, texts in config.shares.items():
+        if source not in config.sources:
+            raise ConfigError(f"shares has {source!r}, which is not among the sources: {', '.join(config.sources)}.")
+        try:
+            names += [ShareAddress.parse(text).text for text in texts]
+        except ShareError as error:
+            raise ConfigError(f"shares of {source}: {error}.") from None
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise ConfigError(f"shares has {twice} twice; give each address once.")
+
+
+def _as_tuples(value: Any) -> Any:
+    """TOML's lists as tuples, also those in a table."""
+    if isinstance(value, Mapping):
+        return {name: _as_tuples(one) for name, one in value.items()}
+    return tuple(value) if isinstance(value, list) else value
+
+
 T = TypeVar("T", Config, MapTiles)
 
 
@@ -302,7 +330,7 @@ def _typed(default: T, settings: Any, table: str = "") -> T:
         elif types[name] is Path and isinstance(value, str):
             value = Path(value)
         try:
-            checked = tuple(value) if isinstance(value, list) else value
+            checked = _as_tuples(value)
             changes[name] = TypeAdapter(types[name]).validate_python(checked, strict=True)
         except ValidationError:
             shown = "…" if name in SECRETS else repr(value)  # as written

@@ -20,6 +20,7 @@ from server.capability_list import list_capabilities
 from server.config import Config
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.correction_manager import CorrectionManager
+from server.configuration.port_shares import PortShares
 from server.configuration.timings import ConfigurationTimings
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_detection import ProtocolSet
@@ -66,6 +67,7 @@ class Services:
     sessions: Sessions
     controllers: ControllerRegistry
     corrections: CorrectionManager
+    shares: PortShares
     catalogue: Catalogue
     columns: ColumnCache
     recorder: Recorder
@@ -158,6 +160,8 @@ def build_services(
         sample_interval=lambda: telemetry.clients.sample_interval,
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
+    shares = PortShares(bus, sessions, controllers, config.shares)
+    sessions.shared = shares.shared
     library = Library(config.data / FOLDER)
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
@@ -171,6 +175,7 @@ def build_services(
         sessions=sessions,
         controllers=controllers,
         corrections=CorrectionManager(sessions),
+        shares=shares,
         catalogue=catalogue,
         columns=columns,
         recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns),

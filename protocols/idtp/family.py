@@ -91,6 +91,7 @@ FAMILY = ProtocolInfo(
     build(4, bytes(36), sequence=1, mode=1) + build(6, bytes(16), sequence=3),
     scanner(None, LITE, show_unverified=True),
     short="IDTP",
+    frame_size="protocols.idtp.frame_size",
     options=OPTIONS,
     payload_option="schema",
     permissive={"show_unverified": True, "replay_check": False},

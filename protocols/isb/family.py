@@ -122,6 +122,7 @@ FAMILY = ProtocolInfo(
     2 * build(DATA, 58, bytes(36)) + stop(),
     scan,
     short="ISB",
+    frame_size="protocols.isb.frame_size",
     identity=identity,
     identify_request=get_data(1, period=0),  # device information, once; streams are not affected
     bauds=(921_600,),

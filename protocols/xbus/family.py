@@ -254,6 +254,7 @@ FAMILY = ProtocolInfo(
     build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
     scan,
     short="Xbus",
+    frame_size="protocols.xbus.frame_size",
     is_certain=_is_certain,
     identity=identity,
     bauds=(115_200,),

@@ -131,7 +131,9 @@ def parse(given: Sequence[str]) -> argparse.Namespace:
     for at, word in enumerate(rest):  # its port may be left out, and then no source is one
         if word == "--foxglove" and not (at + 1 < len(rest) and rest[at + 1].lstrip("-").isdigit()):
             rest[at] = f"--foxglove={FOXGLOVE_PORT}"
+    owners = _owners_of_shares(command, rest) if given[0] == "serve" else []
     options = command.parse_intermixed_args(rest)
+    options.share_owners = owners
     options.command = given[0]
     variables = dict(ENVIRONMENT)
     if given[0] in DECODE_SCOPES or given[0] == "simulate":
@@ -141,6 +143,16 @@ def parse(given: Sequence[str]) -> argparse.Namespace:
             value = os.environ[variable]
             setattr(options, name, Path(value) if name in ("data", "config") else value)
     return options
+
+
+def _owners_of_shares(command: argparse.ArgumentParser, words: Sequence[str]) -> list[int]:
+    """For each --share the position of the source before it, which argparse does not keep; −1 for none."""
+    owners = []
+    for at, word in enumerate(words):
+        if word == "--share" or word.startswith("--share="):
+            before, _ = command.parse_known_intermixed_args(list(words[:at]))
+            owners.append(len(before.sources) - 1)
+    return owners
 
 
 def parser(*, with_help: bool = True, command: str = "") -> _Parser:
@@ -194,6 +206,14 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument("--tls", action="store_true", default=None, help="serve HTTPS with a self-signed certificate")
     command.add_argument("--tls-cert", metavar="FILE", help="certificate to serve HTTPS with (PEM); requires --tls-key")
     command.add_argument("--tls-key", metavar="FILE", help="private key of --tls-cert (PEM, without a passphrase)")
+    command.add_argument(
+        "--share",
+        action="append",
+        dest="shares",
+        metavar="ADDRESS",
+        help="offer the port of the source before it to other programs: PATH of a pseudo-terminal, tcp://HOST:PORT or "
+        "udp://HOST:PORT, each with ?mode=read to forbid writing; may be repeated",
+    )
     command.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
     command.add_argument(
         "--foxglove",

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 
 from server import logging_setup
 from server.analysis.registry import load_analyses
-from server.commands.common import UsageError, check_sources, given_options, normalized_sources, prepare
+from server.commands.common import (
+    UsageError,
+    check_sources,
+    given_options,
+    normalized_sources,
+    prepare,
+    shares_by_source,
+)
 from server.config import Config, load
 from server.devices.decode_options import declared_options, option_text
 from server.devices.protocol_set import problems
@@ -68,16 +75,18 @@ def _config(options: argparse.Namespace) -> Config:
         name: option_text(declared[name], value) if declared[name].kind == "secret" else value
         for name, value in given_options(options).items()
     }
+    sources = normalized_sources(options.sources)
     return load(
         options.config,
         host=options.host,
         port=options.port,
         data=options.data,
         protocol="" if options.protocol == "auto" else options.protocol,
-        sources=normalized_sources(options.sources) or None,
+        sources=sources or None,
         tls=options.tls,
         tls_cert=options.tls_cert,
         tls_key=options.tls_key,
+        shares=shares_by_source(options.shares or (), options.share_owners, sources) or None,
         record=options.record,
         foxglove=options.foxglove,
         rerun_connect=options.rerun_connect,

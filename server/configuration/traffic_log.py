@@ -57,7 +57,7 @@ class TrafficLog:
     ) -> None:
         self._bus = bus
         self._device = device
-        self._decode = decode
+        self.decode = decode
         self._name_of = name_of
         self._bytes_at = bytes_at
         self._entries: deque[TrafficEntry] = deque(maxlen=MAX_ENTRIES)
@@ -82,19 +82,33 @@ class TrafficLog:
             return
         self._log_repeats()
         self._last_sent = frame
-        line = self._decode(frame) or {}
+        line = self.decode(frame) or {}
         name = what or str(line.get("message") or "") or self._name_of(frame)
         text = values_text(line.get("fields", {})) if line.get("size", len(frame)) == len(frame) else ""
         self._add("tx", name, frame, text)
         data = {"message": name, "hex": frame[:HEX_BYTES].hex()}
         self._bus.event(self._device, "command", "info", f"{name}: {text}" if text else name, data=data)
 
+    def client_sent(self, client: str, frame: bytes, line: Mapping[str, Any]) -> None:
+        """Log a frame that another client of a shared port sent to the device.
+
+        Args:
+            line: the decoded frame, {} if it is none.
+        """
+        self.flush()
+        self._log_repeats()
+        name = str(line.get("message") or "") or self._name_of(frame)
+        values = values_text(line.get("fields", {}))
+        self._add("tx", name, frame, f"{client}: {values}" if values else client)
+        data = {"message": name, "hex": frame[:HEX_BYTES].hex(), "client": client}
+        self._bus.event(self._device, "command", "info", f"{client} sent {name or 'bytes'}.", data=data)
+
     def streamed(self, frame: bytes, text: str, level: Level = "info") -> None:
         """Log a continuous stream to the device: its first frame, and texts on interruptions and its end."""
         if frame:
             self.flush()
             self._log_repeats()
-            name = str((self._decode(frame) or {}).get("message") or "") or self._name_of(frame)
+            name = str((self.decode(frame) or {}).get("message") or "") or self._name_of(frame)
             self._add("tx", name, frame, text)
         self._bus.event(self._device, "command", level, text, data={"hex": frame[:HEX_BYTES].hex()} if frame else None)
 
@@ -159,12 +173,12 @@ class TrafficLog:
         """Name, values, bytes and arrival time of a received event."""
         if isinstance(event, Reply):
             frame = self._bytes_at(event.offset, event.size)
-            line = self._decode(frame) if frame else None
+            line = self.decode(frame) if frame else None
             values = line.get("fields", {}) if line else event.values
             return event.message.name, values, frame, event.arrival_ns / 1e9
         assert isinstance(event, Batch)
         data = self._bytes_at(int(event.offset[-1]), HEX_BYTES)
-        line = self._decode(data) if data else None
+        line = self.decode(data) if data else None
         size = int(line["size"]) if line else 0
         fields = line.get("fields", {}) if line else {}
         return event.message.name, fields, data[:size], float(event.arrival_ns[-1]) / 1e9

@@ -36,6 +36,10 @@ class Audience:
         """Call `callback(data, time)` with all sent data; returns a function that removes it."""
         return self._sent.add(callback)
 
+    def note_sent(self, data: bytes, time_ns: int) -> None:
+        """Pass bytes that another client of a shared port sent to the device to the listeners."""
+        self._sent.call(data, time_ns)
+
     def listen(self, callback: Callable[[Event], None], sender: str = "") -> Callable[[], None]:
         """Call `callback` with every event of one device, in the decoder's order; returns a function that removes it.
         It stays over reconnections, after which offsets count from 0 again.

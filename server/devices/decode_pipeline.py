@@ -69,6 +69,10 @@ class DecodePipeline:
         """Samples of the link's own device since it was last silent."""
         return self.stream.samples if self.stream is not None else 0
 
+    def use_link(self, link: Link) -> None:
+        """Decode what arrives on another link from now on."""
+        self._link = link
+
     def disconnect(self) -> None:
         """Reset for what arrives next: on another connection, or with other options."""
         self.stream = None
@@ -81,6 +85,7 @@ class DecodePipeline:
         about = self._protocols.about(protocol)
         self._restarts.begin(decoder)
         self._link.flow.keep_datagrams = about.datagrams
+        self._link.use_frames(about.frame_size)
         line = LinkTiming.of(self._link)
         self.stream = LinkDecoder(self._sink, self._devices, decoder, line=line, about=about, on_events=self._on_events)
         name = self._state.name(self._state.info.product, protocol)

@@ -69,6 +69,7 @@ class ProtocolTraits:
     sender: str = ""
     utc: Callable[[Batch], NDArray[np.int64] | None] = lambda batch: None
     datagrams: bool = False
+    frame_size: str = ""
 
 
 @dataclass(slots=True)

@@ -49,7 +49,9 @@ def all_protocols() -> ProtocolSet:
         from protocols.registry import PROTOCOLS
 
         row = PROTOCOLS[name]
-        return ProtocolTraits(row.identify_request, row.identity, row.protection, row.sender, row.utc, row.datagrams)
+        return ProtocolTraits(
+            row.identify_request, row.identity, row.protection, row.sender, row.utc, row.datagrams, row.frame_size
+        )
 
     def messages_in(data: bytes) -> Mapping[str, int]:
         from protocols.registry import count_messages

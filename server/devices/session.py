@@ -143,13 +143,23 @@ class Session(Audience):
         task = self._run(opened=opened)
         self._task = asyncio.get_running_loop().create_task(task, name=f"session {self.info.source}")
 
-    async def close(self) -> None:
-        """Stop, close the link, remove its devices."""
-        await self._close_listeners()
+    async def _stop_reading(self) -> None:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
-            self._task = None
+
+    async def _interrupt(self, message: str) -> None:
+        """Stop reading and decode what was received; the link is opened again next."""
+        await self._stop_reading()
+        self._drain(final=True)
+        self._connection.apply(ConnectionEvent.REOPEN)
+        self._set(is_open=False, status="connecting", message=message, hint="", next_attempt=None)
+
+    async def close(self) -> None:
+        """Stop, close the link, remove its devices."""
+        await self._close_listeners()
+        await self._stop_reading()
+        self._task = None
         self._connection.apply(ConnectionEvent.CLOSE)
         await self._identification.close()
         self.restarts.save()
@@ -168,9 +178,8 @@ class Session(Audience):
         A simulator has the key of its source, so it is restarted; any other link stays open.
         """
         rekeyed = self._task is not None and self._link.kind == "simulator" and reading.secrets != self.reading.secrets
-        if rekeyed and self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
+        if rekeyed:
+            await self._stop_reading()
             await self._link.close()
             self._link.settings = replace(self._link.settings, decode_options=reading.values)
         self._drain(final=True)
@@ -275,13 +284,7 @@ class Session(Audience):
         Raises:
             LinkError: it could not be opened; retries continue as after any loss.
         """
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-        self._drain(final=True)
-        self._connection.apply(ConnectionEvent.REOPEN)
-        message = f"Opening {self._link.source}{f' at {baud} Bd' if baud else ''}."
-        self._set(is_open=False, status="connecting", message=message, hint="", next_attempt=None)
+        await self._interrupt(f"Opening {self._link.source}{f' at {baud} Bd' if baud else ''}.")
         try:
             await self._link.reopen(baud)
         except BaseException:
@@ -295,6 +298,20 @@ class Session(Audience):
         await self._link.check_rate(baud)
 
     @property
+    def link(self) -> Link:
+        """The present link."""
+        return self._link
+
+    async def use_link(self, link: Link) -> None:
+        """Continue on another link to the same device: id, channels, history and listeners stay."""
+        await self._interrupt(f"Opening {link.source}.")
+        await self._link.close()
+        link.flow = self._link.flow
+        self._link = link
+        self._pipeline.use_link(link)
+        self._start()
+
+    @property
     def capacity(self) -> float | None:
         """Bytes/s that the link can carry, None if unknown."""
         return self._link.capacity
@@ -306,11 +323,12 @@ class Session(Audience):
 
     def suppress_timeout(self, on: bool, device: str = "") -> None:
         """Ignore silence while `on` (a device that is being configured does not measure)."""
+        self._link.hold_clients(on)
         self._silence.suppress(on, self._sink.now())
         self.devices.suppress_timeout(device, on)
 
     async def wait_idle(self) -> None:
-        """Wait until the device is not being configured, so that data cannot get between a request and its answer."""
+        """Wait until the device is not being configured: data must not get between a request and its answer."""
         while self._silence.suppressed:
             await asyncio.sleep(IDLE_POLL_S)
 
@@ -471,11 +489,10 @@ class Session(Audience):
             self._pipeline.stream.samples = 0  # the next sample makes it live again
 
     def health(self, now: float) -> wire.DeviceHealth:
-        """The figures for the page."""
         return self.health_of_all(now)[0]
 
     def health_of_all(self, now: float) -> list[wire.DeviceHealth]:
-        """The same of every device on the link."""
+        """The figures for the page of every device on the link."""
         return self.devices.health_of_all(now, self._link.capacity)
 
     def unknown_payloads(self, now: float) -> list[wire.UnknownPayload]:

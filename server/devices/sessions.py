@@ -69,6 +69,8 @@ class Sessions:
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
         self._ticks = 0
+        self.shared: Callable[[Link], Link] = lambda link: link
+        """The link of a source whose port is shared (server/configuration/port_shares.py)."""
 
     def start(self) -> None:
         """Start checking the sessions."""
@@ -103,7 +105,7 @@ class Sessions:
         if len(self._sessions) >= MAX_DEVICES:
             raise LinkError("full", f"The maximum of {MAX_DEVICES} devices is open.", "Remove one first.")
         settings = replace(self._settings, protocol=reading.protocol, decode_options=reading.values)
-        link = self._open_link(source, settings)
+        link = self.shared(self._open_link(source, settings))
         device = str(self._next_id)
         self._next_id += 1
         session = self._sessions[device] = Session(

@@ -231,6 +231,12 @@ class Link(ABC):
     def expect_reply(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do
         """Note that an answer is expected, which must be delivered without delay."""
 
+    def use_frames(self, module: str) -> None:  # noqa: B027 - only a shared port does something
+        """Find frames for clients of a shared port with this module (protocols/family.py: ProtocolInfo.frame_size)."""
+
+    def hold_clients(self, on: bool) -> None:  # noqa: B027 - only a shared port does something
+        """Let other clients of a shared port wait before they may send, while `on`."""
+
     @abstractmethod
     async def write(self, data: bytes) -> None:
         """Send all of `data`.

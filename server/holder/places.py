@@ -1,0 +1,45 @@
+"""Places of holders: one Unix socket for each port, in a folder that only its user may enter.
+
+$XDG_RUNTIME_DIR/imuscope/   of a user who is logged in, or as a service sets it
+/run/imuscope/               of root
+/tmp/imuscope-UID/           else
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+
+def runtime_folder() -> Path:
+    """The folder for sockets; it is created if necessary.
+
+    Raises:
+        OSError: it cannot be created, or belongs to somebody else.
+    """
+    runtime, uid = os.environ.get("XDG_RUNTIME_DIR"), os.getuid()
+    if runtime:
+        folder = Path(runtime) / "imuscope"
+    elif uid == 0:
+        folder = Path("/run/imuscope")
+    else:
+        folder = Path(tempfile.gettempdir()) / f"imuscope-{uid}"
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    about = folder.lstat()
+    if not stat.S_ISDIR(about.st_mode) or about.st_uid != uid or about.st_mode & 0o022:
+        raise PermissionError(f"{folder} can be written by others; remove it, or set XDG_RUNTIME_DIR")
+    return folder
+
+
+def socket_of(place: str, folder: Path | None = None) -> Path:
+    """The socket of the holder of a port: different paths of one port have the same.
+
+    Args:
+        place: path of a serial port, or "tcp://host:port".
+        folder: in place of `runtime_folder`.
+    """
+    name = place if "://" in place else os.path.realpath(place)
+    return (folder or runtime_folder()) / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.sock"

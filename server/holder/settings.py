@@ -1,0 +1,38 @@
+"""Settings of a holder, as text for its command line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from server.holder.shares import ShareAddress
+
+
+@dataclass(frozen=True, slots=True)
+class HolderSettings:
+    """Settings of a holder.
+
+    Args:
+        source: of the port, see port.Port.
+        socket: path of the Unix socket for the server.
+        shares: offered from the start.
+        stay: run until a signal, whether or not anybody is there.
+    """
+
+    source: Mapping[str, Any]
+    socket: str
+    shares: tuple[ShareAddress, ...] = ()
+    stay: bool = False
+
+    def to_text(self) -> str:
+        """The inverse of `from_text`."""
+        shares = [share.to_json() for share in self.shares]
+        return json.dumps({"source": self.source, "socket": self.socket, "shares": shares, "stay": self.stay})
+
+    @classmethod
+    def from_text(cls, text: str) -> HolderSettings:
+        body = json.loads(text)
+        shares = tuple(ShareAddress.from_json(one) for one in body["shares"])
+        return cls(body["source"], body["socket"], shares, body["stay"])

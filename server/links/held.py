@@ -1,0 +1,384 @@
+"""Link to a port that a holder keeps open and shares (server/holder).
+
+    holder ── Unix socket ──> HeldLink ──> session
+
+The holder is started when it is not there yet, and stays when this server ends. Arrival times are those of the holder,
+which stamps right after it read. What the clients of the shares send is passed on to `on_client_data`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from server.holder.messages import (
+    CLIENT,
+    STAMP,
+    VERSION,
+    MessageError,
+    MessageKind,
+    MessageReader,
+    json_message,
+    message,
+)
+from server.holder.places import socket_of
+from server.holder.settings import HolderSettings
+from server.holder.shares import ShareAddress
+from server.links.base import Chunk, LinkError, LinkSettings, Progress
+from server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
+from server.links.serial import PARITIES, SerialLink, cannot_open, latency_notices
+from server.links.tcp import TcpLink
+from server.listeners import CallbackList
+
+ROOT = Path(__file__).resolve().parents[2]
+START_S = 5.0  # until a holder that was started answers
+ANSWER_S = 12.0  # until a request is carried out; a client that has the voice may delay it
+
+
+@dataclass(frozen=True, slots=True)
+class ClientData:
+    """Bytes that a client of a share sent to the device; arrival as Chunk.arrival_ns."""
+
+    client: int
+    peer: str
+    data: bytes
+    arrival_ns: int
+
+
+class HeldLink(ThreadedLink):
+    """A port that is shared.
+
+    Args:
+        inner: the link that would open the port itself: serial or TCP.
+        shares: what the port is handed on as.
+
+    Attributes:
+        state: last state of the holder (server/holder/process.py), {} before the first.
+        on_state, on_client_data: called in the event loop.
+    """
+
+    def __init__(self, inner: SerialLink | TcpLink, shares: Sequence[ShareAddress], settings: LinkSettings) -> None:
+        super().__init__(inner.source, settings)
+        self.kind = inner.kind
+        self.shares = list(shares)
+        self.state: Mapping[str, Any] = {}
+        self.on_state: CallbackList[[Mapping[str, Any]]] = CallbackList()
+        self.on_client_data: CallbackList[[ClientData]] = CallbackList()
+        self._inner = inner
+        self._connection: socket.socket | None = None
+        self._messages = MessageReader()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._requests: dict[int, asyncio.Future[None]] = {}
+        self._numbers = 0
+        self._offset_ns = 0  # from the monotonic clock to the clock of arrivals
+        self._frames = ""
+        self.holder_pid = 0
+        self._sending = asyncio.Lock()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the holder is connected."""
+        return self._connection is not None
+
+    @property
+    def inner(self) -> SerialLink | TcpLink:
+        """The link that opens the port itself, for when it is shared no longer."""
+        return self._inner
+
+    @property
+    def detects_baud(self) -> bool:
+        return self._inner.detects_baud
+
+    @property
+    def place(self) -> str:
+        """Identity of the port, for its socket."""
+        inner = self._inner
+        return inner.place if isinstance(inner, SerialLink) else f"tcp://{inner.host}:{inner.port}"
+
+    # ── opening ──────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    async def open(self, progress: Progress | None = None) -> None:
+        await self.close()
+        self._loop = asyncio.get_running_loop()
+        path = self._socket()
+        try:
+            connection, first = await self._connected(path, progress)
+        except ConnectionError:  # it was just ending
+            connection, first = await self._connected(path, progress)
+        self._connection = connection
+        self._offset_ns = self.settings.now_ns() - time.monotonic_ns()
+        self._take_state(first)
+        if not self.state["open"]:
+            await self.close()
+            raise self._port_error()
+        if isinstance(self._inner, SerialLink):
+            self.notices = latency_notices(self.place, self.settings.sys_root)
+        connection.setblocking(False)
+        self._start(connection.fileno(), self._on_readable)
+        offered = {one["text"] for one in self.state["shares"]}
+        for share in self.shares:
+            if share.text not in offered:
+                await self.request("share", share=share.to_json())
+        if self._frames:
+            await self.request("frames", module=self._frames)
+
+    async def _connected(self, path: Path, progress: Progress | None) -> tuple[socket.socket, Mapping[str, Any]]:
+        """A connection to the holder, which is started if necessary, and its state.
+
+        Raises:
+            LinkError: there is no holder, and none can be started.
+            ConnectionError: the holder ended.
+        """
+        connection = await asyncio.to_thread(_connect, path)
+        if connection is None:
+            await self._start_holder(path, progress)
+            connection = await asyncio.to_thread(_connect, path)
+        if connection is None:
+            raise LinkError("gone", f"The holder of {self.source} does not answer.", "It is started again.")
+        try:
+            return connection, await asyncio.to_thread(self._greeted, connection)
+        except (OSError, MessageError, ValueError) as problem:
+            connection.close()
+            if isinstance(problem, ConnectionError):
+                raise
+            raise LinkError("gone", f"The holder of {self.source} does not answer: {problem}.", "Retry.") from None
+
+    def _socket(self) -> Path:
+        try:
+            return socket_of(self.place)
+        except OSError as error:
+            raise LinkError("denied", f"{self.source} cannot be shared: {error}.", "Correct it, then retry.") from None
+
+    async def _start_holder(self, path: Path, progress: Progress | None) -> None:
+        """Start a holder, after the rate was detected if it is not known.
+
+        Raises:
+            LinkError: the port cannot be opened, or a share cannot be offered.
+        """
+        inner = self._inner
+        if isinstance(inner, SerialLink):
+            await inner.open(progress)  # errors of the port are told as without a holder
+            baud = inner.baud
+            await inner.close()
+            inner.line = replace(inner.line, baud=baud)
+        settings = HolderSettings(_source_of(inner), str(path), tuple(self.shares))
+        await asyncio.to_thread(_run_holder, settings)
+
+    def _greeted(self, connection: socket.socket) -> Mapping[str, Any]:
+        """The first state of the holder; in a thread."""
+        self._messages = MessageReader()
+        connection.settimeout(START_S)
+        while data := connection.recv(READ_BYTES):
+            for kind, body in self._messages.feed(data):
+                if kind == MessageKind.HELLO:
+                    hello = json.loads(body)
+                    if hello["version"] != VERSION:
+                        raise MessageError("it is of another version of imuscope; stop it, then retry")
+                    self.holder_pid = int(hello["pid"])
+                if kind == MessageKind.STATE:
+                    found: Mapping[str, Any] = json.loads(body)
+                    return found
+        raise ConnectionResetError("it ended")
+
+    def _take_state(self, state: Mapping[str, Any]) -> None:
+        self.state = state
+        self.baud = state["baud"]
+        if isinstance(self._inner, SerialLink) and self.baud:
+            self.capacity = self._inner.line.capacity(self.baud)
+
+    def _port_error(self) -> LinkError:
+        number, text = self.state["errno"], self.state["error"]
+        if isinstance(self._inner, SerialLink):
+            return cannot_open(self.place, self._inner.line, OSError(number, text))
+        return LinkError("refused", f"{self.source} is not reachable: {text}.", "Check the device and the network.")
+
+    # ── reading ──────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _on_readable(self) -> None:
+        assert self._queue is not None
+        assert self._connection is not None
+        try:
+            data = self._connection.recv(READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            raise LinkError("gone", f"The holder of {self.source} ended.", "It is started again.")
+        try:
+            for kind, body in self._messages.feed(data):
+                self._on_message(kind, body)
+        except (MessageError, ValueError, KeyError) as error:
+            raise LinkError("gone", f"The holder of {self.source} sent nonsense: {error}.", "Retry.") from None
+
+    def _on_message(self, kind: MessageKind, body: bytes) -> None:
+        """A message, in the reading thread."""
+        assert self._queue is not None
+        if kind == MessageKind.DATA:
+            (stamp,) = STAMP.unpack_from(body)
+            self._queue.put(Chunk(body[STAMP.size :], stamp + self._offset_ns))
+        elif kind == MessageKind.CLIENT_DATA:
+            stamp, client = CLIENT.unpack_from(body)
+            peer = next((one["peer"] for one in self.state["clients"] if one["number"] == client), "")
+            self._in_loop(
+                self.on_client_data.call, ClientData(client, peer, body[CLIENT.size :], stamp + self._offset_ns)
+            )
+        elif kind == MessageKind.STATE:
+            was_open = self.state.get("open", True)
+            self._take_state(json.loads(body))
+            self._in_loop(self.on_state.call, self.state)
+            if was_open and not self.state["open"]:
+                raise self._port_error()
+        elif kind == MessageKind.DONE:
+            self._in_loop(self._on_done, json.loads(body))
+
+    def _in_loop(self, function: Callable[..., None], argument: Any) -> None:
+        assert self._loop is not None
+        with contextlib.suppress(RuntimeError):  # the loop is closed already
+            self._loop.call_soon_threadsafe(function, argument)
+
+    # ── sending ──────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    async def write(self, data: bytes) -> None:
+        await self._ask(lambda number: message(MessageKind.WRITE, number.to_bytes(4, "little") + data))
+
+    async def request(self, do: str, **arguments: Any) -> None:
+        """A request to the holder (process.Holder.on_request).
+
+        Raises:
+            LinkError: it cannot be carried out.
+        """
+        await self._ask(lambda number: json_message(MessageKind.REQUEST, {"id": number, "do": do, **arguments}))
+
+    async def _ask(self, make: Callable[[int], bytes]) -> None:
+        connection = self._connection
+        if connection is None:
+            raise closed(self.source)
+        self._numbers += 1
+        number = self._numbers
+        answered = self._requests[number] = asyncio.get_running_loop().create_future()
+        try:
+            async with self._sending:
+                await write_all(connection.fileno(), make(number))
+            await asyncio.wait_for(answered, ANSWER_S)
+        except TimeoutError:
+            hint = "Wait until it has finished, or end it under Share."
+            raise LinkError("busy", f"{self._speaker()} is talking to {self.source}.", hint) from None
+        except OSError:
+            raise LinkError("gone", f"The holder of {self.source} ended.", "It is started again.") from None
+        finally:
+            self._requests.pop(number, None)
+
+    def _speaker(self) -> str:
+        speaker = self.state.get("speaker")
+        peers = [one["peer"] for one in self.state.get("clients", ()) if one["number"] == speaker]
+        return f"The client {peers[0]}" if peers else "Another program"
+
+    def _on_done(self, body: Mapping[str, Any]) -> None:
+        answered = self._requests.get(int(body["id"]))
+        if answered is None or answered.done():
+            return
+        if body.get("error"):
+            answered.set_exception(
+                LinkError(body["kind"], f"{self.source}: {body['error']}.", "Correct it, then retry.")
+            )
+        else:
+            answered.set_result(None)
+
+    def hold_clients(self, on: bool) -> None:
+        if self._connection is not None:
+            task = asyncio.get_running_loop().create_task(self.request("lock" if on else "unlock"), name="voice")
+            task.add_done_callback(lambda done: done.cancelled() or done.exception())
+
+    def use_frames(self, module: str) -> None:
+        if module != self._frames:
+            self._frames = module
+            if self._connection is not None:
+                task = asyncio.get_running_loop().create_task(self.request("frames", module=module), name="frames")
+                task.add_done_callback(lambda done: done.cancelled() or done.exception())
+
+    # ── the rate ─────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    async def reopen(self, baud: int | None = None) -> None:
+        if self._connection is None:
+            await self.open()
+        if baud is not None:
+            await self.request("baud", baud=baud)
+            self.baud = baud
+            if isinstance(self._inner, SerialLink):
+                self._inner.line = replace(self._inner.line, baud=baud)
+                self.capacity = self._inner.line.capacity(baud)
+        if self._queue is not None:
+            while self._queue.take_now():  # bytes of the former rate
+                pass
+
+    async def check_rate(self, baud: int) -> None:
+        await self.request("try", baud=baud)
+
+    async def _release(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+        for answered in self._requests.values():
+            if not answered.done():
+                answered.set_exception(closed(self.source))
+        self._requests.clear()
+
+
+def _connect(path: Path) -> socket.socket | None:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.settimeout(START_S)
+    try:
+        connection.connect(str(path))
+    except OSError:
+        connection.close()
+        return None
+    return connection
+
+
+def _run_holder(settings: HolderSettings) -> None:
+    """Start a holder that outlives this process; it answers when this returns.
+
+    Raises:
+        LinkError: it ended: why.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "server.holder", settings.to_text()],
+            cwd=ROOT,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            start_new_session=True,
+            timeout=START_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise LinkError("gone", "The holder of the port did not start.", "Retry.") from None
+    if done.returncode:
+        why = done.stderr.decode(errors="replace").strip().splitlines()
+        text = why[-1].removeprefix("imuscope hold: ") if why else "it ended at once"
+        raise LinkError("refused", f"The port cannot be shared: {text}.", "Correct it, then retry.")
+
+
+def _source_of(inner: SerialLink | TcpLink) -> dict[str, Any]:
+    if isinstance(inner, SerialLink):
+        line = inner.line
+        return {
+            "kind": "serial",
+            "place": inner.place,
+            "baud": line.baud,
+            "bits": line.bits,
+            "parity": PARITIES[line.parity],
+            "stop": line.stop,
+            "flow": line.flow,
+        }
+    return {"kind": "tcp", "host": inner.host, "port": inner.port}

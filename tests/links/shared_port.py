@@ -1,0 +1,92 @@
+"""A port that is shared, for tests: a pseudo-terminal in place of the device's, and a link to its holder."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import time
+import tty
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from server.holder.shares import ShareAddress
+from server.links import LinkSettings, open_link, steady_clock
+from server.links.base import LinkError
+from server.links.held import HeldLink
+from server.links.serial import SerialLink
+from tests.timeouts import PATIENCE_S
+
+
+class DevicePort:
+    """The device's end of a serial line, and the path of the port at this end."""
+
+    def __init__(self) -> None:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.path = os.ttyname(self._slave)
+        os.set_blocking(self._master, False)
+
+    def send(self, data: bytes) -> None:
+        """Bytes of the device."""
+        view = memoryview(data)
+        while view:
+            try:
+                view = view[os.write(self._master, view) :]
+            except BlockingIOError:
+                select.select((), (self._master,), (), PATIENCE_S)
+
+    def receive(self, size: int) -> bytes:
+        """The next bytes to the device."""
+        return read_exactly(self._master, size)
+
+    def is_quiet(self) -> bool:
+        """Whether nothing has come for the device."""
+        return not select.select((self._master,), (), (), 0)[0]
+
+    def unplug(self) -> None:
+        """End the port; its reader finds it gone."""
+        for fd in (self._master, self._slave):
+            with contextlib.suppress(OSError):
+                os.close(fd)
+
+
+def read_exactly(fd: int, size: int) -> bytes:
+    """`size` bytes, or what came within the patience of a test."""
+    found = b""
+    deadline = time.monotonic() + PATIENCE_S
+    while len(found) < size and time.monotonic() < deadline:
+        if select.select((fd,), (), (), 0.1)[0]:
+            try:
+                found += os.read(fd, size - len(found))
+            except OSError:
+                break
+    return found
+
+
+def opened(path: Path) -> int:
+    """A program's descriptor of a shared terminal."""
+    return os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+
+
+def link_to(port: DevicePort, *shares: str) -> HeldLink:
+    """A link to a port that is shared; closed."""
+    settings = LinkSettings(now_ns=steady_clock())
+    inner = open_link(f"{port.path}?baud=115200", settings)
+    assert isinstance(inner, SerialLink)
+    return HeldLink(inner, [ShareAddress.parse(one) for one in shares], settings)
+
+
+@contextlib.asynccontextmanager
+async def shared(port: DevicePort, *shares: str) -> AsyncIterator[HeldLink]:
+    """An open link to a port that is shared; its holder ends with the block."""
+    link = link_to(port, *shares)
+    await link.open()
+    try:
+        yield link
+    finally:
+        with contextlib.suppress(LinkError):
+            if not link.is_connected:
+                await link.open()
+            await link.request("end")
+        await link.close()

@@ -1,0 +1,329 @@
+"""A shared port with a real holder process, real pseudo-terminals and sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import select
+import signal
+import socket
+import termios
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.holder.arbiter import QUIET_S
+from server.holder.places import socket_of
+from server.links.base import LinkError
+from server.links.held import ClientData, HeldLink
+from tests.free_ports import free_port
+from tests.links.shared_port import DevicePort, link_to, opened, read_exactly, shared
+from tests.timeouts import PATIENCE_S
+
+FRAME = bytes.fromhex("faff3600cb")
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A runtime folder of this test: nobody else's holder is found."""
+    folder = tmp_path / "run"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    return folder
+
+
+@pytest.fixture
+def port() -> Iterator[DevicePort]:
+    made = DevicePort()
+    yield made
+    made.unplug()
+
+
+async def received(link: HeldLink, size: int) -> bytes:
+    """Bytes of the device, as the link gives them."""
+    found = b""
+    while len(found) < size:
+        chunks = await asyncio.wait_for(link.read(), PATIENCE_S)
+        found += b"".join(chunk.data for chunk in chunks)
+    return found
+
+
+async def eventually(condition: Callable[[], Any], link: HeldLink) -> Any:
+    """What a condition gives when it is true; the link is read meanwhile by nobody."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < deadline, link.state
+        await asyncio.sleep(0.01)
+    return found
+
+
+def clients(link: HeldLink) -> list[dict[str, Any]]:
+    return list(link.state["clients"])
+
+
+def hung_up(fd: int) -> bool:
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return any(event & select.POLLHUP for _, event in poll.poll(0))
+
+
+def test_every_client_gets_every_byte_and_one_of_each_share_may_write(port: DevicePort, tmp_path: Path) -> None:
+    number = free_port()
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}") as link:
+            driver = opened(tmp_path / "imu0")
+            first = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
+            await eventually(lambda: len(clients(link)) == 2, link)
+            second = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
+            await eventually(lambda: len(clients(link)) == 3, link)
+            rights = [one["may_write"] for one in sorted(clients(link), key=lambda one: one["number"])]
+            assert sorted(rights) == [False, True, True]
+            data = bytes(range(256)) * 40
+            port.send(data)
+            assert await received(link, len(data)) == data
+            for fd in (driver, first.fileno(), second.fileno()):
+                assert read_exactly(fd, len(data)) == data
+            second.sendall(b"nobody listens to this")
+            os.write(driver, b"to the device")
+            assert port.receive(13) == b"to the device"
+            await eventually(lambda: sum(one["refused"] for one in clients(link)) == 22, link)
+            assert port.is_quiet()
+            os.close(driver)
+            first.close()
+            await eventually(lambda: len(clients(link)) == 1, link)
+            second.close()
+
+    asyncio.run(check())
+
+
+def test_datagrams_go_both_ways(port: DevicePort) -> None:
+    async def check() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+            receiver.bind(("127.0.0.1", 0))
+            receiver.settimeout(PATIENCE_S)
+            async with shared(port, f"udp://127.0.0.1:{receiver.getsockname()[1]}") as link:
+                await eventually(lambda: clients(link), link)
+                port.send(FRAME)
+                data, sender = await asyncio.to_thread(receiver.recvfrom, 2048)
+                assert data == FRAME
+                receiver.sendto(b"answer", sender)
+                assert await asyncio.to_thread(port.receive, 6) == b"answer"
+
+    asyncio.run(check())
+
+
+def test_nothing_is_written_through_a_read_only_share(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, f"{tmp_path / 'imu0'}?mode=read") as link:
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            os.write(driver, b"refused")
+            await eventually(lambda: clients(link)[0]["refused"] == 7, link)
+            assert port.is_quiet()
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_the_end_of_the_server_costs_its_clients_no_byte(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        link = link_to(port, str(tmp_path / "imu0"))
+        await link.open()
+        driver = opened(tmp_path / "imu0")
+        await eventually(lambda: clients(link), link)
+        port.send(b"before")
+        assert read_exactly(driver, 6) == b"before"
+        await link.close()  # without a word to the holder, as by kill -9
+        port.send(b"meanwhile")
+        assert read_exactly(driver, 9) == b"meanwhile"
+        os.write(driver, b"still heard")
+        assert port.receive(11) == b"still heard"
+        async with shared(port, str(tmp_path / "imu0")) as again:
+            assert len(clients(again)) == 1, "the holder was found again"
+            port.send(b"after")
+            assert await received(again, 5) == b"after"
+            assert read_exactly(driver, 5) == b"after"
+        os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_what_a_client_sends_is_told_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            told: list[ClientData] = []
+            link.on_client_data.add(told.append)
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            before = link.settings.now_ns()
+            os.write(driver, FRAME)
+            await eventually(lambda: told, link)
+            assert (told[0].data, told[0].peer) == (FRAME, str(tmp_path / "imu0"))
+            assert before <= told[0].arrival_ns <= link.settings.now_ns()
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_the_server_waits_for_a_client_that_talks_and_clients_for_the_server(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            os.write(driver, b"client")
+            assert port.receive(6) == b"client"
+            began = time.monotonic()
+            await link.write(b"server")
+            assert time.monotonic() - began > QUIET_S / 2
+            assert port.receive(6) == b"server"
+            link.hold_clients(True)
+            await eventually(lambda: link.state["speaker"] == 0, link)
+            os.write(driver, b"later")
+            await eventually(lambda: clients(link)[0]["paused"], link)
+            await link.write(b"transaction")
+            assert port.receive(11) == b"transaction"
+            assert port.is_quiet()
+            link.hold_clients(False)
+            assert await asyncio.to_thread(port.receive, 5) == b"later"
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_a_client_that_sets_another_rate_takes_the_port_with_it(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            driver = opened(tmp_path / "imu0")
+            settings = termios.tcgetattr(driver)
+            settings[4] = settings[5] = termios.B57600
+            termios.tcsetattr(driver, termios.TCSANOW, settings)  # as a program does when it opens a port
+            await eventually(lambda: clients(link) and clients(link)[0]["baud"] == 57_600, link)
+            assert link.state["baud"] == 115_200, "that alone changes nothing for the others"
+            os.write(driver, b"SetBaudrate")
+            assert port.receive(11) == b"SetBaudrate"
+            settings[4] = settings[5] = termios.B460800
+            termios.tcsetattr(driver, termios.TCSANOW, settings)
+            await eventually(lambda: link.baud == 460_800, link)
+            assert link.capacity == 46_080
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_a_port_that_is_gone_hangs_up_its_clients_and_comes_back(port: DevicePort, tmp_path: Path) -> None:
+    """The path of the port is a link, as udev makes it, so that another device can be plugged in."""
+    plugged = tmp_path / "ttyIMU"
+    plugged.symlink_to(port.path)
+    port.path = str(plugged)
+    number = free_port()
+
+    async def check() -> None:
+        link = link_to(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}")
+        await link.open()
+        driver = opened(tmp_path / "imu0")
+        connection = socket.create_connection(("127.0.0.1", number), PATIENCE_S)
+        await eventually(lambda: len(clients(link)) == 2, link)
+        port.unplug()
+        with pytest.raises(LinkError) as raised:
+            await received(link, 1)
+        assert raised.value.kind in ("gone", "not-found", "refused")
+        assert connection.recv(1) == b""
+        connection.close()
+        await eventually(lambda: hung_up(driver), link)
+        assert not os.path.lexists(tmp_path / "imu0")
+        os.close(driver)
+        other = DevicePort()
+        plugged.unlink()
+        plugged.symlink_to(other.path)
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                await link.open()
+                break
+            except LinkError:
+                assert time.monotonic() < deadline
+                await asyncio.sleep(0.05)
+        driver = opened(tmp_path / "imu0")
+        await eventually(lambda: clients(link), link)
+        other.send(b"back")
+        assert await received(link, 4) == b"back"
+        assert read_exactly(driver, 4) == b"back"
+        os.close(driver)
+        await link.request("end")
+        await link.close()
+        other.unplug()
+
+    asyncio.run(check())
+
+
+def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            second = link_to(port, f"{tmp_path / 'imu1'}?mode=read").shares[0]
+            await link.request("share", share=second.to_json())
+            reader = opened(tmp_path / "imu1")
+            await eventually(lambda: [one for one in clients(link) if one["share"].endswith("imu1")], link)
+            port.send(FRAME)
+            assert read_exactly(reader, len(FRAME)) == FRAME
+            await link.request("unshare", name=second.text)
+            assert not os.path.lexists(tmp_path / "imu1")
+            assert os.path.lexists(tmp_path / "imu0")
+            with pytest.raises(LinkError, match="is shared already"):
+                await link.request("share", share=link.shares[0].to_json())
+            os.close(reader)
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [
+        ("{folder}/file", "exists and is not a link of a share"),
+        ("{folder}/none/imu0", "there is no folder"),
+        ("{folder}/imu0?group=nobody-of-that-name", "name an existing user and group"),
+        ("tcp://127.0.0.1:{taken}", "address already in use"),
+    ],
+)
+def test_a_share_that_cannot_be_offered_says_why(port: DevicePort, tmp_path: Path, share: str, words: str) -> None:
+    (tmp_path / "file").write_text("mine")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = share.format(folder=tmp_path, taken=taken.getsockname()[1])
+        link = link_to(port, address)
+        with pytest.raises(LinkError, match=words) as raised:
+            asyncio.run(link.open())
+    assert raised.value.hint
+    assert (tmp_path / "file").read_text() == "mine"
+    assert not socket_of(port.path).exists(), "no holder stays behind"
+
+
+def test_a_terminal_has_the_permissions_that_were_given(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, f"{tmp_path / 'imu0'}?permissions=0640&group={os.getgid()}"):
+            about = os.stat(tmp_path / "imu0")
+            assert about.st_mode & 0o777 == 0o640
+            assert about.st_gid == os.getgid()
+
+    asyncio.run(check())
+
+
+def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        link = link_to(port, str(tmp_path / "imu0"))
+        await link.open()
+        os.kill(link.holder_pid, signal.SIGKILL)
+        with pytest.raises(LinkError, match="ended"):
+            await received(link, 1)
+        async with shared(port, str(tmp_path / "imu0")) as again:
+            assert again.holder_pid != link.holder_pid
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(again), again)
+            port.send(FRAME)
+            assert read_exactly(driver, len(FRAME)) == FRAME
+            os.close(driver)
+        await link.close()
+
+    asyncio.run(check())

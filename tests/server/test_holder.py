@@ -1,0 +1,226 @@
+"""Parts of the holder of a shared port: addresses, queues of slow clients, the voice, messages, sizes of frames."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols.registry import PROTOCOLS
+from server.holder.arbiter import QUIET_S, SERVER, Arbiter
+from server.holder.messages import HEADER, MOST_BODY, MessageError, MessageKind, MessageReader, json_message, message
+from server.holder.queues import ClientQueue, FrameSize, frame_bounds
+from server.holder.shares import ShareAddress, ShareError
+from tests.source_files import ROOT
+
+# ── addresses ────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("/run/imuscope/imu0", ("pty", "/run/imuscope/imu0", "", 0, False)),
+        ("/run/imu0?mode=read", ("pty", "/run/imu0", "", 0, True)),
+        ("tcp://127.0.0.1:4001", ("tcp", "", "127.0.0.1", 4001, False)),
+        ("tcp://:4001", ("tcp", "", "127.0.0.1", 4001, False)),
+        ("tcp://[::1]:4001?mode=read", ("tcp", "", "::1", 4001, True)),
+        ("udp://10.0.0.7:4002", ("udp", "", "10.0.0.7", 4002, False)),
+    ],
+)
+def test_addresses(text: str, expected: tuple[object, ...]) -> None:
+    address = ShareAddress.parse(text)
+    assert (address.kind, address.path, address.host, address.port, address.read_only) == expected
+    assert ShareAddress.from_json(address.to_json()) == address
+    assert ShareAddress.parse(address.text).text == address.text
+
+
+def test_a_terminal_may_have_an_owner_and_permissions() -> None:
+    address = ShareAddress.parse("/run/imu0?permissions=0660&owner=imu&group=dialout")
+    assert (address.permissions, address.owner, address.group) == (0o660, "imu", "dialout")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("imu0", "absolute path"),
+        ("tcp://host", "HOST:PORT"),
+        ("tcp://host:0", "HOST:PORT"),
+        ("tcp://host:70000", "HOST:PORT"),
+        ("udp://host:4001/x", "HOST:PORT"),
+        ("ftp://host:1", "tcp://HOST:PORT"),
+        ("/run/imu0?mode=both", "write, read"),
+        ("/run/imu0?permissions=rw", "octal"),
+        ("/run/imu0?speed=1", "permissions"),
+        ("tcp://:4001?group=x", "no option 'group'"),
+    ],
+)
+def test_a_wrong_address_says_what_is_allowed(text: str, words: str) -> None:
+    with pytest.raises(ShareError, match=words):
+        ShareAddress.parse(text)
+
+
+# ── a slow client ────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def numbered(number: int, size: int) -> bytes:
+    """A frame of a made-up protocol: a preamble, its size, its number, and bytes that look like a preamble."""
+    return b"\xaa" + bytes([size + 4]) + number.to_bytes(2, "little") + b"\xaa" * size
+
+
+def size_of(data: bytes, at: int) -> int:
+    if data[at] != 0xAA:
+        return -1
+    if at + 1 >= len(data):
+        return 0
+    return data[at + 1] if data[at + 1] >= 4 else -1
+
+
+class Reader:
+    """A client that takes so many bytes at a time."""
+
+    def __init__(self) -> None:
+        self.taken = b""
+        self.room = 0
+
+    def write(self, data: bytes) -> int:
+        if not self.room:
+            raise BlockingIOError
+        n = min(self.room, len(data))
+        self.room -= n
+        self.taken += data[:n]
+        return n
+
+
+@given(
+    st.lists(st.integers(0, 40), min_size=1, max_size=120),
+    st.lists(st.integers(1, 90), min_size=1, max_size=60),
+    st.lists(st.integers(0, 400), max_size=60),
+)
+def test_a_slow_client_loses_whole_frames_and_they_are_counted(
+    sizes: list[int], cuts: list[int], rooms: list[int]
+) -> None:
+    """However the stream is cut by reads and however the client takes it, what it gets are whole frames in order."""
+    frames = [numbered(number, size) for number, size in enumerate(sizes)]
+    stream, queue, reader = b"".join(frames), ClientQueue(most=300), Reader()
+    at = turn = 0
+    while at < len(stream):
+        cut = cuts[turn % len(cuts)]
+        queue.put(stream[at : at + cut], size_of)
+        at += cut
+        reader.room = rooms[turn % len(rooms)] if rooms else 0
+        queue.send(reader.write)
+        turn += 1
+    reader.room = 1 << 20
+    queue.send(reader.write)
+    found, kept = reader.taken, []
+    while found:
+        size = size_of(found, 0)
+        assert size > 0
+        number = int.from_bytes(found[2:4], "little")
+        assert found[:size] == frames[number]
+        kept.append(number)
+        found = found[size:]
+    assert kept == sorted(set(kept))
+    assert queue.dropped_frames == len(frames) - len(kept)
+    assert queue.dropped_bytes == len(stream) - len(reader.taken)
+
+
+def test_while_the_protocol_is_unknown_whole_reads_are_lost() -> None:
+    queue, reader = ClientQueue(most=100), Reader()
+    for number in range(20):
+        queue.put(bytes([number]) * 10, None)
+    assert queue.dropped_bytes > 0
+    reader.room = 1000
+    queue.send(reader.write)
+    blocks = [reader.taken[at : at + 10] for at in range(0, len(reader.taken), 10)]
+    assert all(len(set(block)) == 1 for block in blocks)
+    assert blocks[-1] == bytes([19]) * 10
+
+
+@pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
+def test_frames_of_each_family_are_found(protocol: str) -> None:
+    family = PROTOCOLS[protocol]
+    if not family.frame_size:
+        pytest.skip(f"{protocol} does not say how its frames are found")
+    size: FrameSize = import_module(family.frame_size).frame_size
+    data = family.sample * 3
+    listing = family.listing()
+    listing.feed(data)
+    expected = [line["offset"] for line in listing.drain(stalled=True)]
+    assert frame_bounds(data, size) == [*expected, len(data)]
+    assert frame_bounds(b"noise" + data, size) == [at + 5 for at in (*expected, len(data))]
+    for end in range(len(data)):
+        assert (
+            frame_bounds(data[:end], size)[:-1]
+            == [at for at in expected if at < end][: len(frame_bounds(data[:end], size)) - 1]
+        )
+
+
+@given(st.binary(max_size=60), st.integers(0, 59))
+@pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
+def test_any_bytes_have_a_size_or_none(protocol: str, data: bytes, at: int) -> None:
+    if PROTOCOLS[protocol].frame_size and at < len(data):
+        assert import_module(PROTOCOLS[protocol].frame_size).frame_size(data, at) >= -1
+
+
+# ── the voice ────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_the_voice_is_kept_until_its_speaker_is_quiet() -> None:
+    arbiter = Arbiter()
+    assert arbiter.speaker(0.0) is None
+    arbiter.spoke(3, 0.0)
+    assert not arbiter.may_speak(SERVER, 0.1)
+    assert arbiter.may_speak(3, 0.1)
+    arbiter.spoke(3, 0.1)
+    assert not arbiter.may_speak(4, 0.1 + 0.9 * QUIET_S)
+    assert arbiter.may_speak(4, 0.11 + QUIET_S)
+
+
+def test_a_transaction_begins_when_a_client_is_quiet_and_keeps_the_voice() -> None:
+    arbiter = Arbiter()
+    arbiter.spoke(3, 0.0)
+    arbiter.lock()
+    assert arbiter.speaker(0.1) == 3
+    assert arbiter.speaker(0.1 + QUIET_S) == SERVER
+    assert not arbiter.may_speak(3, 1000.0)
+    arbiter.unlock()
+    assert arbiter.may_speak(3, 1000.0)
+    arbiter.spoke(3, 1000.0)
+    arbiter.forget(3)
+    assert arbiter.speaker(1000.0) is None
+
+
+# ── messages ─────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@given(st.lists(st.tuples(st.sampled_from(MessageKind), st.binary(max_size=50)), max_size=10), st.data())
+def test_messages_survive_any_division_of_the_stream(
+    messages: list[tuple[MessageKind, bytes]], data: st.DataObject
+) -> None:
+    stream = b"".join(message(kind, body) for kind, body in messages)
+    reader, found = MessageReader(), []
+    while stream:
+        n = data.draw(st.integers(1, len(stream)))
+        found += list(reader.feed(stream[:n]))
+        stream = stream[n:]
+    assert found == messages
+
+
+@pytest.mark.parametrize("head", [HEADER.pack(0x7F, 0), HEADER.pack(MessageKind.DATA, MOST_BODY + 1)])
+def test_another_protocol_on_the_socket_is_refused(head: bytes) -> None:
+    with pytest.raises(MessageError):
+        list(MessageReader().feed(json_message(MessageKind.HELLO, {}) + head))
+
+
+def test_the_holder_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, server.holder.__main__, protocols.xbus.frame_size; "
+        "print([name for name in ('numpy', 'numba', 'asyncio', 'fastapi', 'ssl') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

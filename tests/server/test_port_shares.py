@@ -1,0 +1,176 @@
+"""A robot's port, shared: its driver goes on whatever the server does, and the page shows who is there."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import threading
+import urllib.error
+import urllib.parse
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.events import Batch, RejectedFrame, SampleGap
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.frames import build
+from server.links.simulated_device import SimulatorOptions, make_device
+from server.links.simulator import SimulatorThread
+from server.links.source_url import SourceUrl
+from tests.links.shared_port import opened
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
+
+REQUEST_ID = build(0x00)  # ReqDID
+
+
+class Driver(threading.Thread):
+    """The robot's own driver: it reads its terminal without a pause and decodes what it gets."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(daemon=True)
+        self.fd = opened(path)
+        self.samples = 0
+        self.faults: list[object] = []
+        self._decoder = XbusDecoder()
+        self._stopped = threading.Event()
+        self.start()
+
+    def run(self) -> None:
+        while not self._stopped.is_set():
+            if not select.select((self.fd,), (), (), 0.1)[0]:
+                continue
+            try:
+                data = os.read(self.fd, 4096)
+            except OSError:
+                data = b""
+            if not data:
+                self.faults.append("hung up")
+                return
+            self._decoder.feed(data, 0)
+            for event in self._decoder.drain():
+                if isinstance(event, Batch):
+                    self.samples += len(event)
+                elif isinstance(event, RejectedFrame | SampleGap):
+                    self.faults.append(event)
+
+    def stop(self) -> None:
+        self._stopped.set()
+        self.join(PATIENCE_S)
+        os.close(self.fd)
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "run").mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
+
+
+@pytest.fixture
+def simulator() -> Iterator[SimulatorThread]:
+    """An MTi at 100 Hz behind a pseudo-terminal."""
+    options = SimulatorOptions.of(SourceUrl.parse("sim:xbus"))
+    thread = SimulatorThread(lambda start_ns: make_device(options, start_ns, None), options)
+    thread.start()
+    yield thread
+    thread.stop()
+
+
+def ask(server: ServerProcess, path: str, body: Any = None, method: str = "") -> Any:
+    data = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(
+        f"{server.url}/api/devices/1{path}", data, {"content-type": "application/json"}, method=method or None
+    )
+    with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+        return json.load(answer)
+
+
+def refusal(server: ServerProcess, path: str, body: Any = None, method: str = "") -> Any:
+    with pytest.raises(urllib.error.HTTPError) as raised:
+        ask(server, path, body, method)
+    with raised.value as answer:
+        return json.load(answer)
+
+
+def is_live(server: ServerProcess) -> bool:
+    with urllib.request.urlopen(f"{server.url}/api/devices", timeout=PATIENCE_S) as answer:
+        return bool(json.load(answer)[0]["status"] == "live")
+
+
+def first_client(server: ServerProcess) -> Any:
+    return next((one for share in ask(server, "/shares")["shares"] for one in share["clients"]), None)
+
+
+def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
+    simulator: SimulatorThread, tmp_path: Path
+) -> None:
+    path, source = tmp_path / "imu0", f"{simulator.slave}?baud=115200"
+    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path)), fresh=True) as server:
+        block_until(lambda: is_live(server), "a live device")
+        driver = Driver(path)
+        block_until(lambda: first_client(server), "the driver on the page")
+        block_until(lambda: driver.samples > 20, "samples at the driver")
+        os.write(driver.fd, REQUEST_ID)
+        entry = block_until(
+            lambda: next((one for one in ask(server, "/traffic") if one["name"] == "ReqDID"), None),
+            "the request of the driver in the traffic log",
+        )
+        assert (entry["way"], entry["text"]) == ("tx", str(path))
+        job = ask(server, "/read", {})
+        done = block_until(
+            lambda: next((one for one in ask(server, "/jobs")["done"] if one["id"] == job["id"]), None), "the settings"
+        )
+        assert done["state"] == "done", done
+        assert not driver.faults, "what it reads is the stream of the device, all of it"
+        before = driver.samples
+        server.process.kill()
+        server.process.wait(PATIENCE_S)
+        block_until(lambda: driver.samples > before + 50, "samples at the driver without a server")
+        assert not driver.faults
+    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path)), fresh=True) as server:
+        block_until(lambda: is_live(server), "the device at the new server")
+        assert first_client(server)["peer"] == str(path), "the holder was found again"
+        assert not driver.faults
+        ask(server, f"/shares?name={urllib.parse.quote(str(path))}", method="DELETE")
+        block_until(lambda: driver.faults, "the driver finds its port gone")
+        assert driver.faults == ["hung up"]
+        assert not os.path.lexists(path)
+        block_until(lambda: is_live(server), "the device on the server's own link")
+        driver.stop()
+
+
+def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
+    simulator: SimulatorThread, tmp_path: Path
+) -> None:
+    path = tmp_path / "run" / "imuscope" / "imu0"
+    with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data", fresh=True) as server:
+        block_until(lambda: is_live(server), "a live device")
+        assert ask(server, "/shares") == {"why_not": "", "speaker": "", "shares": []}
+        told = refusal(server, "/shares", {"address": str(tmp_path / "imu0")})
+        assert told["kind"] == "file-not-allowed"
+        assert str(path.parent) in told["message"]
+        assert refusal(server, "/shares", {"address": "imu0"})["kind"] == "bad-value"
+        ask(server, "/shares", {"address": str(path)})
+        block_until(lambda: path.exists(), "the terminal")
+        block_until(lambda: is_live(server), "a live device again")
+        driver = Driver(path)
+        client = block_until(lambda: first_client(server), "the driver")
+        block_until(lambda: driver.samples > 20, "samples at the driver")
+        assert refusal(server, f"/shares/clients/{client['number'] + 1}", method="DELETE")["kind"] == "not-found"
+        ask(server, f"/shares/clients/{client['number']}", method="DELETE")
+        block_until(lambda: driver.faults, "the driver was disconnected")
+        driver.stop()
+        assert refusal(server, "/shares?name=tcp://x", method="DELETE")["kind"] == "not-found"
+        ask(server, f"/shares?name={urllib.parse.quote(str(path))}", method="DELETE")
+        assert ask(server, "/shares")["shares"] == []
+
+
+def test_only_ports_can_be_shared(tmp_path: Path) -> None:
+    with ServerProcess("sim:xbus", data=tmp_path) as server:
+        assert "has no port that can be shared" in ask(server, "/shares")["why_not"]
+        assert refusal(server, "/shares", {"address": "tcp://127.0.0.1:4001"})["kind"] == "not-now"
