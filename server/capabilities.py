@@ -77,6 +77,7 @@ class LinkCapability:
     name: str  # DeviceInfo.link: "tcp"
     title: str  # as displayed: "TCP"
     examples: list[SourceExample] = field(default_factory=list)
+    shareable: bool = False  # its port can be shared with other programs
 
 
 @dataclass(slots=True)

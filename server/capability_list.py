@@ -35,7 +35,9 @@ def list_capabilities() -> Capabilities:
             for name, one in FORMATS.items()
         ],
         links=[
-            LinkCapability(one.name, one.title, [SourceExample(source, words) for source, words in one.examples()])
+            LinkCapability(
+                one.name, one.title, [SourceExample(source, words) for source, words in one.examples()], one.shareable
+            )
             for one in link_kinds()
         ],
     )

@@ -57,6 +57,7 @@ class SharedPort(BaseModel):
     """The shares of the port of a device."""
 
     why_not: str = Field(description="why the port cannot be shared; empty if it can")
+    folder: str = Field(description="folder in which a terminal can be created from the page; empty if there is none")
     speaker: str = Field(description="who talks to the device now: a client, `imuscope`, or empty")
     shares: list[PortShare]
 
@@ -66,6 +67,7 @@ def _shared_port(services: Services, session: Session) -> SharedPort:
     clients = state.get("clients", ())
     return SharedPort(
         why_not=why_not,
+        folder=services.shares.folder,
         speaker=speaker_name(state),
         shares=[
             PortShare(

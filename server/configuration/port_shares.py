@@ -119,6 +119,14 @@ class PortShares:
         if rest:
             self._partial[key] = rest
 
+    @property
+    def folder(self) -> str:
+        """Folder in which the page may create terminals; "" if there is none."""
+        try:
+            return str(runtime_folder())
+        except OSError:
+            return ""
+
     # ── for routes ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def state(self, session: Session) -> tuple[Mapping[str, Any], Sequence[ShareAddress], str]:

@@ -40,6 +40,7 @@ class LinkDefinition:
         usage: forms with their options and descriptions, for `--help`.
         examples: for the page.
         order: position in lists, ascending.
+        shareable: its port can be held by another process and shared (server/links/held.py).
         network: bytes arrive over a network, which has varying delays and is reachable by others.
     """
 
@@ -53,6 +54,7 @@ class LinkDefinition:
     examples: Callable[[], Examples] = tuple
     order: int = 100
     network: bool = False
+    shareable: bool = False
 
 
 _registered: dict[str, LinkDefinition] = {}

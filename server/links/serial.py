@@ -343,5 +343,6 @@ register_link(
             ("serial:///dev/ttyUSB0?baud=921600", "a serial port at a given rate"),
         ],
         order=0,
+        shareable=True,
     )
 )

@@ -273,6 +273,7 @@ register_link(
         "tcp://host:port",
         usage=(("tcp://host:port", "connect to a device server"),),
         examples=lambda: [("tcp://192.168.1.20:2000", "a serial server or a device on the network")],
+        shareable=True,
         order=10,
         network=True,
     )

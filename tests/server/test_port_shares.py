@@ -150,7 +150,8 @@ def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
     path = tmp_path / "run" / "imuscope" / "imu0"
     with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data", fresh=True) as server:
         block_until(lambda: is_live(server), "a live device")
-        assert ask(server, "/shares") == {"why_not": "", "speaker": "", "shares": []}
+        expected = {"why_not": "", "folder": str(path.parent), "speaker": "", "shares": []}
+        assert ask(server, "/shares") == expected
         told = refusal(server, "/shares", {"address": str(tmp_path / "imu0")})
         assert told["kind"] == "file-not-allowed"
         assert str(path.parent) in told["message"]

@@ -13,7 +13,14 @@ const ANY = { pattern: "", malformed: "", example: "" };
 function open(begin?: Begin): unknown[] {
   capabilities.value = {
     exports: [],
-    links: [{ name: "post", title: "Post", examples: [{ source: "post://pigeon", words: "bytes by pigeon" }] }],
+    links: [
+      {
+        name: "post",
+        title: "Post",
+        shareable: false,
+        examples: [{ source: "post://pigeon", words: "bytes by pigeon" }],
+      },
+    ],
     protocols: [
       protocol({ name: "plain", title: "Plain talk" }),
       protocol({

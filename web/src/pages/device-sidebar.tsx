@@ -12,7 +12,7 @@ import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
 import { PanelHost } from "../ui/panel-host";
 import { markOf, shortSource } from "../ui/page-state";
-import { protocolOf } from "../wire/capabilities";
+import { linkNamed, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
 import { COMMON } from "../texts/common";
@@ -257,6 +257,11 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
       {(protocolOf(device.protocol)?.options.length ?? 0) > 0 && (
         <button type="button" class="btn small" onClick={() => askKey(app, device)}>
           {TEXT.reading}
+        </button>
+      )}
+      {device.parent === "" && linkNamed(device.link)?.shareable === true && (
+        <button type="button" class="btn small" onClick={() => (app.overlay.value = "share-port")}>
+          {TEXT.sharePort}
         </button>
       )}
       <span class="grow" />

@@ -11,6 +11,7 @@ import { LiveScene, LiveViews } from "../views/viser";
 import { type App, select } from "./app-state";
 import { Bar, Dock } from "./top-bar";
 import { Describe } from "./payload-dialog";
+import { SharePort } from "./port-shares";
 import { Rail } from "./device-sidebar";
 import { RowsDialog } from "./rows";
 import { Side, Strip } from "./side-panels";
@@ -114,6 +115,8 @@ function Overlays({ app }: { readonly app: App }) {
     };
     return <AddDevice begin={keyFor.value} address={app.newAddress} onClose={close} onAdded={added} />;
   }
+  if (overlay.value === "share-port" && app.device.value)
+    return <SharePort app={app} device={app.device.value} onClose={close} />;
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;
   return null;

@@ -95,6 +95,33 @@ export const TEXT = {
   fileOption: (name: Value) => `--${name} FILE`,
   useDefinition: "Use this definition",
 
+  // port shares
+  sharePort: "Share port",
+  sharePortOf: (name: Value) => `Share the port of ${name}`,
+  shareIntro:
+    "Other programs, such as the robot's own driver, can use this port at the same time. What the device sends goes to all of them; one program at a time talks to the device.",
+  noCommands: "No commands are being sent.",
+  commandsFrom: (who: Value) => `Commands from ${who}`,
+  notShared: "The port is not shared.",
+  nobodyConnected: "No program connected",
+  mayWrite: "reads and writes",
+  readsOnly: "reads only",
+  waitsForItsTurn: "waits for its turn",
+  endShare: "End",
+  endShareNamed: (name: Value) => `End the share ${name}`,
+  disconnect: "Disconnect",
+  disconnectNamed: (peer: Value) => `Disconnect ${peer}`,
+  toProgram: "To the program",
+  fromProgram: "From it",
+  lostByProgram: "Lost",
+  frames: (frames: number) => count(frames, "frame"),
+  shareAs: "Share as",
+  shareKinds: { pty: "Terminal", tcp: "TCP", udp: "UDP" },
+  shareAddress: "Address",
+  onlyReading: "Programs may only read",
+  shareNow: "Share",
+  sharing: "Sharing…",
+
   // record button
   shiftREndsRecording: "Shift R ends the recording",
   shiftRRecords: "Shift R starts a recording",

@@ -3,7 +3,7 @@
  * of them comes from here, so that a protocol, a format or a link is added to the server alone.
  */
 import { computed, signal } from "@preact/signals";
-import type { Capabilities, ProtocolCapability } from "./capability-types";
+import type { Capabilities, LinkCapability, ProtocolCapability } from "./capability-types";
 import type { DeviceInfo } from "./types";
 
 /** Nothing is known before the server has greeted. */
@@ -14,6 +14,11 @@ const byName = computed(() => new Map(capabilities.value.protocols.map((one) => 
 /** The protocol of that name; undefined where the server has none. */
 export function protocolOf(name: string | undefined): ProtocolCapability | undefined {
   return byName.value.get(name ?? "");
+}
+
+/** The kind of link of that name; undefined where the server has none. */
+export function linkNamed(name: string): LinkCapability | undefined {
+  return capabilities.value.links.find((one) => one.name === name);
 }
 
 /** Parts of constants that the protocols leave in capitals. */

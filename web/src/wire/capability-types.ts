@@ -87,6 +87,8 @@ export interface LinkCapability {
   /** as displayed: "TCP" */
   readonly title: string;
   readonly examples: readonly SourceExample[];
+  /** its port can be shared with other programs */
+  readonly shareable: boolean;
 }
 
 /** Everything that can be added without changing the page. */

@@ -28,6 +28,12 @@ export interface AddDevice {
   readonly source: string;
 }
 
+/** A share to offer. */
+export interface AddShare {
+  /** `/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` nobody may write through it */
+  readonly address: string;
+}
+
 /** An analysis that can be requested. */
 export interface AnalysisInfo {
   readonly name: string;
@@ -150,6 +156,14 @@ export interface PortInfo {
   readonly heard: readonly Attempt[];
 }
 
+/** A share and its clients. */
+export interface PortShare {
+  readonly name: string;
+  readonly kind: "pty" | "tcp" | "udp";
+  readonly read_only: boolean;
+  readonly clients: readonly ShareClient[];
+}
+
 /** The shape of every error. */
 export interface ProblemBody {
   /** one word for programs */
@@ -182,6 +196,37 @@ export interface SceneAddress {
 export interface SetCorrections {
   /** RTCM 3 from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file: of the library, or of a folder that source_folders names */
   readonly source: string;
+}
+
+/** A client of a share. */
+export interface ShareClient {
+  readonly number: number;
+  /** address, or path of the terminal */
+  readonly peer: string;
+  readonly may_write: boolean;
+  /** what it sends waits until another is finished */
+  readonly waits: boolean;
+  /** bytes to it */
+  readonly sent: number;
+  /** bytes from it */
+  readonly received: number;
+  /** bytes from it that the device did not get, because it may only read */
+  readonly refused: number;
+  /** lost because it did not read in time */
+  readonly dropped_bytes: number;
+  /** of those, whole frames */
+  readonly dropped_frames: number;
+}
+
+/** The shares of the port of a device. */
+export interface SharedPort {
+  /** why the port cannot be shared; empty if it can */
+  readonly why_not: string;
+  /** folder in which a terminal can be created from the page; empty if there is none */
+  readonly folder: string;
+  /** who talks to the device now: a client, `imuscope`, or empty */
+  readonly speaker: string;
+  readonly shares: readonly PortShare[];
 }
 
 /** Figures of one signal; null where there is none. */
@@ -354,6 +399,28 @@ export interface Routes {
   "DELETE /api/devices/{device}/corrections": {
     readonly path: { readonly device: string };
     readonly answer: Corrections;
+  };
+  /** The shares with their clients. */
+  "GET /api/devices/{device}/shares": {
+    readonly path: { readonly device: string };
+    readonly answer: SharedPort;
+  };
+  /** Share the port. For the first share the link is opened anew, by a process that stays when this server ends. */
+  "POST /api/devices/{device}/shares": {
+    readonly path: { readonly device: string };
+    readonly body: AddShare;
+    readonly answer: SharedPort;
+  };
+  /** End a share and disconnect its clients. */
+  "DELETE /api/devices/{device}/shares": {
+    readonly path: { readonly device: string };
+    readonly query: { readonly name: string };
+    readonly answer: SharedPort;
+  };
+  /** Disconnect a client; it may connect again. */
+  "DELETE /api/devices/{device}/shares/clients/{number}": {
+    readonly path: { readonly number: number; readonly device: string };
+    readonly answer: SharedPort;
   };
   /** State of the recorder. */
   "GET /api/recorder": { readonly answer: RecorderState; };

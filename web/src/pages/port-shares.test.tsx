@@ -1,0 +1,106 @@
+// @vitest-environment happy-dom
+/** The dialog of shared ports: who is there and who talks; a share is added and ended, a program disconnected. */
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { afterEach, expect, test, vi } from "vitest";
+import { answering, type Asked } from "../testing/recorded";
+import type { SharedPort } from "../wire/routes";
+import type { DeviceInfo } from "../wire/types";
+import type { App } from "./app-state";
+import { proposal, SharePort } from "./port-shares";
+
+const ROUTE = "/api/devices/1/shares";
+const CLIENT = {
+  number: 3,
+  peer: "127.0.0.1:50312",
+  may_write: true,
+  waits: false,
+  sent: 1_234_000,
+  received: 12,
+  refused: 0,
+  dropped_bytes: 0,
+  dropped_frames: 0,
+};
+const EMPTY: SharedPort = { why_not: "", folder: "/run/imuscope", speaker: "", shares: [] };
+const SHARED: SharedPort = {
+  ...EMPTY,
+  speaker: CLIENT.peer,
+  shares: [
+    { name: "/run/imuscope/imu0", kind: "pty", read_only: true, clients: [] },
+    {
+      name: "tcp://127.0.0.1:4001",
+      kind: "tcp",
+      read_only: false,
+      clients: [
+        CLIENT,
+        { ...CLIENT, number: 4, peer: "127.0.0.1:50999", waits: true, dropped_bytes: 300, dropped_frames: 2 },
+      ],
+    },
+  ],
+};
+
+function open(answers: Record<string, unknown>): readonly Asked[] {
+  const asked = answering(answers);
+  render(<SharePort app={{} as App} device={{ id: "1", name: "MTi-630" } as DeviceInfo} onClose={() => undefined} />);
+  return asked;
+}
+afterEach(() => {
+  cleanup();
+  vi.unstubAllGlobals();
+});
+
+test("programs are shown with what they get, lose and may do", async () => {
+  open({ [`GET ${ROUTE}`]: SHARED });
+  const share = await screen.findByRole("region", { name: "tcp://127.0.0.1:4001" });
+  expect(share.textContent).toContain("127.0.0.1:50312");
+  expect(share.textContent).toContain("1.2 MB");
+  expect(share.textContent).toContain("waits for its turn");
+  expect(share.textContent).toContain("2 frames");
+  expect(screen.getByRole("status").textContent).toContain("Commands from 127.0.0.1:50312");
+  expect(screen.getByRole("region", { name: "/run/imuscope/imu0" }).textContent).toContain("No program connected");
+});
+
+test("a port is shared under an address that is proposed, and may be read only", async () => {
+  const asked = open({ [`GET ${ROUTE}`]: EMPTY, [`POST ${ROUTE}`]: SHARED });
+  await screen.findByText("The port is not shared.");
+  const address = await screen.findByLabelText<HTMLInputElement>("Address");
+  expect(address.value).toBe("/run/imuscope/imu0");
+  fireEvent.click(screen.getByRole("button", { name: "TCP" }));
+  await waitFor(() => expect(address.value).toBe("tcp://127.0.0.1:4001"));
+  fireEvent.click(screen.getByRole("checkbox", { name: "Programs may only read" }));
+  fireEvent.click(screen.getByRole("button", { name: "Share" }));
+  await screen.findByRole("region", { name: "tcp://127.0.0.1:4001" });
+  expect(asked.find(({ method }) => method === "POST")?.body).toEqual({ address: "tcp://127.0.0.1:4001?mode=read" });
+  await waitFor(() => expect(address.value).toBe("tcp://127.0.0.1:4002"));
+});
+
+test("a share is ended and a program disconnected", async () => {
+  const asked = open({
+    [`GET ${ROUTE}`]: SHARED,
+    [`DELETE ${ROUTE}/clients/3`]: SHARED,
+    [`DELETE ${ROUTE}?name=%2Frun%2Fimuscope%2Fimu0`]: EMPTY,
+  });
+  fireEvent.click(await screen.findByRole("button", { name: "Disconnect 127.0.0.1:50312" }));
+  await waitFor(() => expect(asked.some(({ path }) => path === `${ROUTE}/clients/3`)).toBe(true));
+  fireEvent.click(screen.getByRole("button", { name: "End the share /run/imuscope/imu0" }));
+  await screen.findByText("The port is not shared.");
+});
+
+test("a share that cannot be offered says why", async () => {
+  open({ [`GET ${ROUTE}`]: EMPTY });
+  await screen.findByText("The port is not shared.");
+  fireEvent.click(screen.getByRole("button", { name: "Share" }));
+  expect((await screen.findByRole("alert")).textContent).toContain("Nothing was recorded");
+});
+
+test("a device without a port says so, and offers no form", async () => {
+  open({ [`GET ${ROUTE}`]: { ...EMPTY, why_not: "sim:xbus has no port that can be shared." } });
+  await screen.findByText("sim:xbus has no port that can be shared.");
+  expect(screen.queryByLabelText("Address")).toBeNull();
+});
+
+test("addresses in use are not proposed", () => {
+  const names = new Set(["tcp://127.0.0.1:4001", "/run/imuscope/imu0"]);
+  expect(proposal("tcp", "", names)).toBe("tcp://127.0.0.1:4002");
+  expect(proposal("pty", "/run/imuscope", names)).toBe("/run/imuscope/imu1");
+  expect(proposal("pty", "", names)).toBe("");
+});

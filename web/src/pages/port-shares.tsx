@@ -1,0 +1,237 @@
+/** The programs that share the port of a device: who is there, who talks, what was lost; shares are added and ended. */
+import { type Signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { bytes } from "../recordings/library-filter";
+import { Dialog } from "../ui/dialog";
+import { type Outcome, type Problem, request } from "../ui/http";
+import { Message } from "../ui/message";
+import type { PortShare, SharedPort, ShareClient } from "../wire/routes";
+import type { DeviceInfo } from "../wire/types";
+import type { App } from "./app-state";
+import { TEXT } from "../texts/live";
+import "./port-shares.css";
+
+const ASK_EVERY_MS = 1000;
+type Kind = PortShare["kind"];
+const KINDS: readonly Kind[] = ["pty", "tcp", "udp"];
+const FIRST_PORT = 4001;
+
+interface State {
+  readonly port: Signal<SharedPort | undefined>;
+  readonly problem: Signal<Problem | undefined>;
+  /** Sends a request; its answer is the new state, or a problem. */
+  readonly send: (request: Promise<Outcome<SharedPort>>) => Promise<boolean>;
+  readonly device: string;
+}
+
+interface Props {
+  readonly app: App;
+  readonly device: DeviceInfo;
+  readonly onClose: () => void;
+}
+
+export function SharePort({ device, onClose }: Props) {
+  const port: State["port"] = useSignal(undefined);
+  const problem: State["problem"] = useSignal(undefined);
+  const { id } = device;
+  useEffect(() => {
+    const ask = async (): Promise<void> => {
+      const answer = await request("GET /api/devices/{device}/shares", { path: { device: id } });
+      if (answer.ok) port.value = answer.value;
+      else problem.value = answer.problem;
+    };
+    void ask();
+    const timer = setInterval(() => void ask(), ASK_EVERY_MS);
+    return () => clearInterval(timer);
+  }, [id]);
+  const send: State["send"] = async (asked) => {
+    const outcome = await asked;
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) port.value = outcome.value;
+    return outcome.ok;
+  };
+  const state: State = { port, problem, send, device: id };
+  const shares = port.value?.shares ?? [];
+  return (
+    <Dialog title={TEXT.sharePortOf(device.name)} onClose={onClose}>
+      <div class="port-shares">
+        <p>{TEXT.shareIntro}</p>
+        {shares.length > 0 && <Speaker speaker={port.value?.speaker ?? ""} />}
+        {port.value && shares.length === 0 && <p class="dim">{port.value.why_not || TEXT.notShared}</p>}
+        {shares.map((share) => (
+          <Share key={share.name} share={share} state={state} />
+        ))}
+        {port.value && port.value.why_not === "" && <AddShare state={state} />}
+        {problem.value && (
+          <div class="problem" role="alert">
+            <b>
+              <Message text={problem.value.message} />
+            </b>{" "}
+            <Message text={problem.value.hint} />
+          </div>
+        )}
+      </div>
+    </Dialog>
+  );
+}
+
+function Speaker({ speaker }: { readonly speaker: string }) {
+  return (
+    <p role="status">
+      <span class={`dot ${speaker === "" ? "off" : "live"}`} />{" "}
+      {speaker === "" ? TEXT.noCommands : <span class="mono">{TEXT.commandsFrom(speaker)}</span>}
+    </p>
+  );
+}
+
+function Share({ share, state }: { readonly share: PortShare; readonly state: State }) {
+  const end = (): void => {
+    const input = { path: { device: state.device }, query: { name: share.name } };
+    void state.send(request("DELETE /api/devices/{device}/shares", input));
+  };
+  return (
+    <section class="port-share" aria-label={share.name}>
+      <div class="port-share-head">
+        <b class="mono">{share.name}</b>
+        <span class="dim">{share.read_only ? TEXT.readsOnly : ""}</span>
+        <span class="grow" />
+        <button type="button" class="btn small edge" aria-label={TEXT.endShareNamed(share.name)} onClick={end}>
+          {TEXT.endShare}
+        </button>
+      </div>
+      {share.clients.length === 0 ? (
+        <p class="dim">{TEXT.nobodyConnected}</p>
+      ) : (
+        <ul>
+          {share.clients.map((client) => (
+            <Client key={client.number} client={client} share={share} state={state} />
+          ))}
+        </ul>
+      )}
+    </section>
+  );
+}
+
+interface ClientProps {
+  readonly client: ShareClient;
+  readonly share: PortShare;
+  readonly state: State;
+}
+
+function Client({ client, share, state }: ClientProps) {
+  const drop = (): void => {
+    const path = { device: state.device, number: client.number };
+    void state.send(request("DELETE /api/devices/{device}/shares/clients/{number}", { path }));
+  };
+  const lost = client.dropped_frames > 0 ? TEXT.frames(client.dropped_frames) : quantity(client.dropped_bytes);
+  const access = client.may_write ? TEXT.mayWrite : TEXT.readsOnly;
+  return (
+    <li class="port-client">
+      {client.peer !== share.name && <b class="mono">{client.peer}</b>}
+      <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>
+      <dl>
+        <Figure name={TEXT.toProgram} value={quantity(client.sent)} />
+        <Figure name={TEXT.fromProgram} value={quantity(client.received)} />
+        <Figure name={TEXT.lostByProgram} value={lost} isBad={client.dropped_bytes > 0} />
+      </dl>
+      <button type="button" class="btn small" aria-label={TEXT.disconnectNamed(client.peer)} onClick={drop}>
+        {TEXT.disconnect}
+      </button>
+    </li>
+  );
+}
+
+function Figure({
+  name,
+  value,
+  isBad = false,
+}: {
+  readonly name: string;
+  readonly value: string;
+  readonly isBad?: boolean;
+}) {
+  return (
+    <div>
+      <dt>{name}</dt>
+      <dd class={isBad ? "tag warn" : ""}>{value}</dd>
+    </div>
+  );
+}
+
+function quantity(size: number): string {
+  const { value, unit } = bytes(size);
+  return `${value} ${unit}`;
+}
+
+function AddShare({ state }: { readonly state: State }) {
+  const kind = useSignal<Kind>("pty");
+  const typed = useSignal<string | undefined>(undefined);
+  const readOnly = useSignal(false);
+  const busy = useSignal(false);
+  const names = new Set(state.port.value?.shares.map(({ name }) => name));
+  const address = typed.value ?? proposal(kind.value, state.port.value?.folder ?? "", names);
+  const submit = async (event: Event): Promise<void> => {
+    event.preventDefault();
+    if (address.trim() === "" || busy.value) return;
+    busy.value = true;
+    const body = { address: `${address.trim()}${readOnly.value ? "?mode=read" : ""}` };
+    const done = await state.send(
+      request("POST /api/devices/{device}/shares", { path: { device: state.device }, body }),
+    );
+    busy.value = false;
+    if (done) typed.value = undefined;
+  };
+  return (
+    <form class="form" autocomplete="off" onSubmit={(event) => void submit(event)}>
+      <div class="segmented full-width" role="group" aria-label={TEXT.shareAs}>
+        {KINDS.map((one) => (
+          <button
+            type="button"
+            key={one}
+            aria-pressed={kind.value === one}
+            onClick={() => {
+              kind.value = one;
+              typed.value = undefined;
+            }}
+          >
+            {TEXT.shareKinds[one]}
+          </button>
+        ))}
+      </div>
+      <label for="share-address">{TEXT.shareAddress}</label>
+      <div class="field">
+        <input
+          id="share-address"
+          class="mono"
+          value={address}
+          spellcheck={false}
+          autocapitalize="off"
+          onInput={(event) => (typed.value = event.currentTarget.value)}
+        />
+      </div>
+      <label class="flag">
+        <input
+          type="checkbox"
+          class="check"
+          checked={readOnly.value}
+          onChange={(event) => (readOnly.value = event.currentTarget.checked)}
+        />
+        <span>{TEXT.onlyReading}</span>
+      </label>
+      <div class="row">
+        <button type="submit" class="btn main" disabled={busy.value || address.trim() === ""}>
+          {busy.value ? TEXT.sharing : TEXT.shareNow}
+        </button>
+      </div>
+    </form>
+  );
+}
+
+/** An address that is not in use here, to begin with. */
+export function proposal(kind: Kind, folder: string, names: ReadonlySet<string>): string {
+  for (let n = 0; ; n += 1) {
+    const address =
+      kind === "pty" ? (folder === "" ? "" : `${folder}/imu${n}`) : `${kind}://127.0.0.1:${FIRST_PORT + n}`;
+    if (!names.has(address)) return address;
+  }
+}
