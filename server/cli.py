@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`record`, `replay`, `decode`, `analyse`, `simulate`.
+`hold`, `record`, `replay`, `decode`, `analyse`, `simulate`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -187,6 +187,12 @@ def _rearm(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
+def _hold(options: argparse.Namespace) -> None:
+    from server.commands.hold import hold
+
+    hold(options.source, options.shares)
+
+
 def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
@@ -301,6 +307,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "send": _send,
     "commands": _commands,
     "rearm": _rearm,
+    "hold": _hold,
     "record": _record,
     "replay": _replay,
     "decode": _decode,

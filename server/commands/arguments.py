@@ -18,8 +18,8 @@ from server.devices.decode_options import declared_options
 from server.version import VERSION
 
 COMMANDS = (
-    *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "record", "replay", "decode"),
-    *("analyse", "simulate", "completion"),
+    *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
+    *("decode", "analyse", "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -179,6 +179,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_send(commands.add_parser, about)
     _add_commands(commands.add_parser)
     _add_rearm(commands.add_parser)
+    _add_hold(commands.add_parser)
     _add_record(commands.add_parser, about)
     _add_replay(commands.add_parser)
     _add_simulate(commands.add_parser)
@@ -310,6 +311,23 @@ def _add_rearm(add_parser: _AddParser) -> None:
         "--token", default="", metavar="TOKEN", help="control token of the server, or @FILE containing it"
     )
     _add_data(command)
+
+
+def _add_hold(add_parser: _AddParser) -> None:
+    command = add_parser(
+        "hold",
+        help="keep a port open and share it with other programs, whether or not a server runs",
+        epilog="A server of the same user finds the holder when it opens the port.",
+    )
+    command.add_argument("source", metavar="SOURCE", help="/dev/ttyUSB0?baud=921600 or tcp://host:port")
+    command.add_argument(
+        "--share",
+        action="append",
+        required=True,
+        dest="shares",
+        metavar="ADDRESS",
+        help="PATH of a pseudo-terminal, tcp://HOST:PORT or udp://HOST:PORT; may be repeated",
+    )
 
 
 def _add_record(add_parser: _AddParser, about: _Registered) -> None:

@@ -22,7 +22,7 @@ from server.holder.arbiter import SERVER
 from server.holder.places import runtime_folder
 from server.holder.shares import ShareAddress, ShareError
 from server.links.base import Link, LinkError
-from server.links.held import ClientData, HeldLink
+from server.links.held import ClientData, HeldLink, is_held
 from server.links.serial import SerialLink
 from server.links.tcp import TcpLink
 from server.streaming.bus import TelemetryBus
@@ -53,13 +53,14 @@ class PortShares:
         sessions.on_added(self._on_added)
 
     def shared(self, link: Link) -> Link:
-        """The link of a source that is shared from the start, in place of the one that would open the port itself.
+        """The link of a source that is shared from the start, or whose port a holder has already (`imuscope hold`, or
+        left by an earlier server), in place of the one that would open the port itself.
 
         Raises:
             LinkError: "bad-source": this kind of link cannot be shared.
         """
-        shares = self._given.get(link.source)
-        if not shares:
+        shares = self._given.get(link.source, [])
+        if not shares and not (isinstance(link, SerialLink | TcpLink) and is_held(link)):
             return link
         if not isinstance(link, SerialLink | TcpLink):
             raise LinkError("bad-source", f"{link.source} has no port that can be shared.", PORTS)

@@ -101,8 +101,7 @@ class HeldLink(ThreadedLink):
     @property
     def place(self) -> str:
         """Identity of the port, for its socket."""
-        inner = self._inner
-        return inner.place if isinstance(inner, SerialLink) else f"tcp://{inner.host}:{inner.port}"
+        return place_of(self._inner)
 
     # ── opening ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -140,7 +139,7 @@ class HeldLink(ThreadedLink):
         """
         connection = await asyncio.to_thread(_connect, path)
         if connection is None:
-            await self._start_holder(path, progress)
+            await self._start_holder(progress)
             connection = await asyncio.to_thread(_connect, path)
         if connection is None:
             raise LinkError("gone", f"The holder of {self.source} does not answer.", "It is started again.")
@@ -158,7 +157,7 @@ class HeldLink(ThreadedLink):
         except OSError as error:
             raise LinkError("denied", f"{self.source} cannot be shared: {error}.", "Correct it, then retry.") from None
 
-    async def _start_holder(self, path: Path, progress: Progress | None) -> None:
+    async def _start_holder(self, progress: Progress | None) -> None:
         """Start a holder, after the rate was detected if it is not known.
 
         Raises:
@@ -170,8 +169,7 @@ class HeldLink(ThreadedLink):
             baud = inner.baud
             await inner.close()
             inner.line = replace(inner.line, baud=baud)
-        settings = HolderSettings(_source_of(inner), str(path), tuple(self.shares))
-        await asyncio.to_thread(_run_holder, settings)
+        await asyncio.to_thread(_run_holder, holder_settings(inner, self.shares))
 
     def _greeted(self, connection: socket.socket) -> Mapping[str, Any]:
         """The first state of the holder; in a thread."""
@@ -332,6 +330,30 @@ class HeldLink(ThreadedLink):
             if not answered.done():
                 answered.set_exception(closed(self.source))
         self._requests.clear()
+
+
+def place_of(link: SerialLink | TcpLink) -> str:
+    """Identity of the port of a link (places.socket_of)."""
+    return link.place if isinstance(link, SerialLink) else f"tcp://{link.host}:{link.port}"
+
+
+def is_held(link: SerialLink | TcpLink) -> bool:
+    """Whether a holder may have the port of a link: its socket is there."""
+    try:
+        return socket_of(place_of(link)).exists()
+    except OSError:
+        return False
+
+
+def holder_settings(
+    link: SerialLink | TcpLink, shares: Sequence[ShareAddress], *, stay: bool = False
+) -> HolderSettings:
+    """Settings of a holder of the port of a link.
+
+    Raises:
+        OSError: there is no folder for its socket.
+    """
+    return HolderSettings(_source_of(link), str(socket_of(place_of(link))), tuple(shares), stay)
 
 
 def _connect(path: Path) -> socket.socket | None:

@@ -18,11 +18,13 @@ import pytest
 from protocols.events import Batch, RejectedFrame, SampleGap
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import build
+from server.commands.arguments import parse
+from server.commands.common import shares_by_source
 from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.simulator import SimulatorThread
 from server.links.source_url import SourceUrl
 from tests.links.shared_port import opened
-from tests.server_process import ServerProcess
+from tests.server_process import ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -175,3 +177,51 @@ def test_only_ports_can_be_shared(tmp_path: Path) -> None:
     with ServerProcess("sim:xbus", data=tmp_path) as server:
         assert "has no port that can be shared" in ask(server, "/shares")["why_not"]
         assert refusal(server, "/shares", {"address": "tcp://127.0.0.1:4001"})["kind"] == "not-now"
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (("sim:xbus", "--share", "/tmp/x"), "has no port that can be shared"),
+        (("/dev/ttyUSB0", "--share", "/tmp/x"), "the rate of /dev/ttyUSB0 is not given"),
+        (("/dev/ttyUSB0?baud=115200", "--share", "x"), "is not an absolute path"),
+    ],
+)
+def test_hold_refuses_what_it_cannot_share(words: tuple[str, ...], error: str) -> None:
+    done = imuscope("hold", *words)
+    assert done.returncode == 1
+    assert error in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_shares_follow_their_source_on_the_command_line() -> None:
+    done = imuscope("serve", "--share", "/run/x", "sim:xbus")
+    assert done.returncode == 1
+    assert "--share /run/x has no source before it" in done.stderr
+    options = parse(
+        ["serve", "/dev/a", "--share", "/run/a", "--record", "/dev/b", "--share=/run/b", "--share", "/run/c"]
+    )
+    found = shares_by_source(options.shares, options.share_owners, options.sources)
+    assert found == {"/dev/a": ["/run/a"], "/dev/b": ["/run/b", "/run/c"]}
+
+
+def test_a_holder_of_its_own_is_found_by_a_server(simulator: SimulatorThread, tmp_path: Path) -> None:
+    path, source = tmp_path / "imu0", f"{simulator.slave}?baud=115200"
+    holder = begun("hold", source, "--share", str(path), fresh=True)
+    try:
+        block_until(path.exists, "the terminal of the holder")
+        driver = Driver(path)
+        block_until(lambda: driver.samples > 20, "samples at the driver")
+        with ServerProcess(source, data=tmp_path / "data", fresh=True) as server:
+            block_until(lambda: is_live(server), "a live device")
+            assert [one["name"] for one in ask(server, "/shares")["shares"]] == [str(path)]
+        before = driver.samples
+        block_until(lambda: driver.samples > before + 50, "samples at the driver after the server")
+        assert not driver.faults
+        driver.stop()
+    finally:
+        holder.terminate()
+        assert holder.wait(PATIENCE_S) == 0
+        if holder.stdout:
+            holder.stdout.close()
+    assert not os.path.lexists(path)
