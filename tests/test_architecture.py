@@ -90,8 +90,8 @@ SERVER: dict[str, set[str]] = {
         "timings",
     },
     "commands": {
-        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "http_server", "jit_cache"),
-        *("library", "links", "logging_setup", "login_throttle", "streaming"),
+        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "holder", "http_server"),
+        *("jit_cache", "library", "links", "logging_setup", "login_throttle", "streaming"),
     },
     "cli": {"commands", "config", "devices", "diagnostics", "jit_cache", "links", "logging_setup"},
     "generate_docs": {"app", "auth", "config", "reference"},

@@ -15,5 +15,6 @@ neither numpy nor numba nor anything of the web, and runs one epoll loop in one 
     port.py       the port
     settings.py   settings as text
     server_connection.py
+    requests.py   requests of the server
     process.py    the loop
 """

@@ -17,7 +17,7 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -27,6 +27,7 @@ from server.holder.clients import Client, Share, make_share
 from server.holder.messages import CLIENT, VERSION, MessageError, MessageKind, json_message, message
 from server.holder.port import MOST_WAITING, Port, PortError
 from server.holder.queues import FrameSize
+from server.holder.requests import carry_out
 from server.holder.server_connection import ServerConnection
 from server.holder.settings import HolderSettings
 from server.holder.shares import ShareAddress, ShareError
@@ -45,8 +46,8 @@ class Holder:
 
     def __init__(self, settings: HolderSettings) -> None:
         self._settings = settings
-        self._port = Port(settings.source)
-        self._arbiter = Arbiter()
+        self.port = Port(settings.source)
+        self.arbiter = Arbiter()
         self._epoll = select.epoll()
         self._handlers: dict[int, Callable[[int], None]] = {}
         self._shares: list[Share] = [make_share(one, self._next_number) for one in settings.shares]
@@ -83,7 +84,7 @@ class Holder:
             for share in self._shares:
                 self._offer(share)  # also if the port is not there: what is wrong is told at once
             self._open_port()
-            if not self._port.is_open:
+            if not self.port.is_open:
                 for share in self._shares:
                     self._withdraw(share)
             ready()
@@ -127,7 +128,7 @@ class Holder:
                 self._left(left)
             if came is not None:
                 self._came(share, came)
-        if not self._port.is_open and now >= self._retry_at:
+        if not self.port.is_open and now >= self._retry_at:
             self._open_port()
         self._speak_next(now)
         if self._changed or now >= self._state_at:
@@ -145,9 +146,9 @@ class Holder:
         for client in share.clients:
             before, client.last_baud = client.last_baud, client.baud
             changed = client.baud is not None and before is not None and client.baud != before
-            if changed and client.may_write and client.received and client.baud != self._port.baud:
+            if changed and client.may_write and client.received and client.baud != self.port.baud:
                 with contextlib.suppress(PortError):
-                    self._port.set_baud(client.baud or 0)
+                    self.port.set_baud(client.baud or 0)
                 self._changed = True
 
     def _next_number(self) -> int:
@@ -158,7 +159,7 @@ class Holder:
 
     def _open_port(self) -> None:
         try:
-            self._port.open()
+            self.port.open()
         except PortError as error:
             self._error = error
             self._retry_at = time.monotonic() + self._backoff.next()
@@ -166,15 +167,15 @@ class Holder:
             return
         self._error = None
         self._backoff.reset()
-        self._watch(self._port.fd, READ, self._on_port)
+        self._watch(self.port.fd, READ, self._on_port)
         for share in self._shares:
             with contextlib.suppress(ShareError):  # it could be offered before
                 self._offer(share)
         self._changed = True
 
     def _lost_port(self, error: PortError) -> None:
-        self._forget(self._port.fd)
-        self._port.close()
+        self._forget(self.port.fd)
+        self.port.close()
         self._error = error
         self._retry_at = time.monotonic() + self._backoff.next()
         for share in self._shares:
@@ -187,10 +188,10 @@ class Holder:
     def _on_port(self, event: int) -> None:
         try:
             if event & WRITE:
-                self._port.write(b"")
-                if not self._port.backlog:
-                    self._epoll.modify(self._port.fd, READ)
-            data = self._port.read()
+                self.port.write(b"")
+                if not self.port.backlog:
+                    self._epoll.modify(self.port.fd, READ)
+            data = self.port.read()
         except PortError as error:
             self._lost_port(error)
             return
@@ -212,10 +213,10 @@ class Holder:
 
     def _write(self, data: bytes) -> None:
         """Send to the device; PortError: it is gone."""
-        before = self._port.backlog
-        self._port.write(data)
-        if self._port.backlog and not before:
-            self._epoll.modify(self._port.fd, READ | WRITE)
+        before = self.port.backlog
+        self.port.write(data)
+        if self.port.backlog and not before:
+            self._epoll.modify(self.port.fd, READ | WRITE)
 
     # ── clients ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -252,7 +253,7 @@ class Holder:
             return
         self._forget(client.fd)
         self._paused.discard(client.fd)
-        self._arbiter.forget(client.number)
+        self.arbiter.forget(client.number)
         self._changed = True
 
     def _share_of(self, client: Client) -> Share | None:
@@ -294,17 +295,17 @@ class Holder:
 
     def _read_client(self, client: Client) -> None:
         now = time.monotonic()
-        if client.may_write and not (self._arbiter.may_speak(client.number, now) and self._port.backlog < MOST_WAITING):
+        if client.may_write and not (self.arbiter.may_speak(client.number, now) and self.port.backlog < MOST_WAITING):
             self._paused.add(client.fd)
             self._rewatch(client)
             self._changed = True
             return
         data = client.read()
-        if not client.may_write or not self._port.is_open:
+        if not client.may_write or not self.port.is_open:
             client.refused += len(data)
             return
-        had_voice = self._arbiter.speaker(now) == client.number
-        self._arbiter.spoke(client.number, now)
+        had_voice = self.arbiter.speaker(now) == client.number
+        self.arbiter.spoke(client.number, now)
         self._changed = self._changed or not had_voice
         try:
             self._write(data)
@@ -316,13 +317,13 @@ class Holder:
 
     def _speak_next(self, now: float) -> None:
         """Let those who wait for the voice speak, the server first."""
-        if self._writes and self._arbiter.may_speak(SERVER, now):
+        if self._writes and self.arbiter.may_speak(SERVER, now):
             writes, self._writes = self._writes, []
             for number, data in writes:
                 self._write_for_server(number, data, now)
         for fd in list(self._paused):
             client = self._clients[fd]
-            if self._arbiter.may_speak(client.number, now) and self._port.backlog < MOST_WAITING:
+            if self.arbiter.may_speak(client.number, now) and self.port.backlog < MOST_WAITING:
                 self._paused.discard(fd)
                 self._rewatch(client)
                 self._changed = True
@@ -389,7 +390,7 @@ class Holder:
         if server is not None:
             self._forget(server.fd)
             server.close()
-        self._arbiter.unlock()
+        self.arbiter.unlock()
         self._writes.clear()
 
     def _to_server(self) -> None:
@@ -412,11 +413,11 @@ class Holder:
         """The whole state."""
         error = self._error
         return {
-            "open": self._port.is_open,
+            "open": self.port.is_open,
             "error": str(error) if error is not None else "",
             "errno": error.number if error is not None else 0,
-            "baud": self._port.baud,
-            "speaker": self._arbiter.speaker(now),
+            "baud": self.port.baud,
+            "speaker": self.arbiter.speaker(now),
             "shares": [share.address.to_json() for share in self._shares],
             "clients": [{**client.state(), "paused": client.fd in self._paused} for client in self._clients.values()],
         }
@@ -425,18 +426,25 @@ class Holder:
         if kind == MessageKind.WRITE:
             number = int.from_bytes(body[:4], "little")
             now = time.monotonic()
-            if not self._port.is_open:
+            if not self.port.is_open:
                 self._done(number, "The port is gone.", kind="gone")
-            elif self._writes or not self._arbiter.may_speak(SERVER, now):
+            elif self._writes or not self.arbiter.may_speak(SERVER, now):
                 self._writes.append((number, body[4:]))
             else:
                 self._write_for_server(number, body[4:], now)
         elif kind == MessageKind.REQUEST:
             request = json.loads(body)
-            self.on_request(request)
+            number = int(request["id"])
+            try:
+                carry_out(self, request)
+            except (PortError, ShareError) as error:
+                self._done(number, f"{error}", kind="refused")
+                return
+            self._changed = True
+            self._done(number)
 
     def _write_for_server(self, number: int, data: bytes, now: float) -> None:
-        self._arbiter.spoke(SERVER, now)
+        self.arbiter.spoke(SERVER, now)
         try:
             self._write(data)
         except PortError as error:
@@ -445,52 +453,30 @@ class Holder:
             return
         self._done(number)
 
-    def on_request(self, request: Mapping[str, Any]) -> None:
-        """A request of the server.
+    def add_share(self, address: ShareAddress) -> None:
+        """Offer a share from now on; ShareError: it cannot be offered."""
+        share = make_share(address, self._next_number)
+        if any(one.address.text == address.text for one in self._shares):
+            raise ShareError(f"{address.text} is shared already")
+        self._offer(share)
+        self._shares.append(share)
+        if not self.port.is_open:
+            self._withdraw(share)
 
-        {"do": "lock"} · "unlock"         begin and end a transaction, in which clients wait
-        {"do": "baud", "baud": N}         change the rate of the port · "try": and back, to see whether it has that rate
-        {"do": "share", "share": {…}}     offer a share · "unshare", "name"  end it · "drop", "number"  end a client
-        {"do": "frames", "module": "…"}   how frames are found: a module with `frame_size` (queues.FrameSize)
-        {"do": "end"}                     end the holder
-        """
-        number, do = int(request["id"]), request["do"]
-        try:
-            if do == "lock":
-                self._arbiter.lock()
-            elif do == "unlock":
-                self._arbiter.unlock()
-            elif do == "baud":
-                self._port.set_baud(int(request["baud"]))
-            elif do == "try":
-                self._port.try_baud(int(request["baud"]))
-            elif do == "share":
-                share = make_share(ShareAddress.from_json(request["share"]), self._next_number)
-                if any(one.address.text == share.address.text for one in self._shares):
-                    raise ShareError(f"{share.address.text} is shared already")
-                self._offer(share)
-                self._shares.append(share)
-                if not self._port.is_open:
-                    self._withdraw(share)
-            elif do == "unshare":
-                self._unshare(request["name"])
-            elif do == "drop":
-                for client in [one for one in self._clients.values() if one.number == request["number"]]:
-                    self._drop(client)
-            elif do == "frames":
-                self._frame_size = import_module(request["module"]).frame_size if request["module"] else None
-            elif do == "end":
-                self._ended = True
-        except (PortError, ShareError) as error:
-            self._done(number, f"{error}", kind="refused")
-            return
-        self._changed = True
-        self._done(number)
-
-    def _unshare(self, name: str) -> None:
+    def unshare(self, name: str) -> None:
+        """End a share."""
         for share in [one for one in self._shares if one.address.text == name]:
             self._withdraw(share)
             self._shares.remove(share)
+
+    def drop_client(self, number: int) -> None:
+        """Disconnect a client."""
+        for client in [one for one in self._clients.values() if one.number == number]:
+            self._drop(client)
+
+    def use_frames(self, module: str) -> None:
+        """Find frames with a module that has `frame_size` (queues.FrameSize); "": not at all."""
+        self._frame_size = import_module(module).frame_size if module else None
 
     def _done(self, number: int, error: str = "", *, kind: str = "") -> None:
         if self._server is not None:
@@ -502,7 +488,7 @@ class Holder:
     def _close(self) -> None:
         for share in self._shares:
             share.close()
-        self._port.close()
+        self.port.close()
         self._server_gone()
         if self._accepting is not None:
             self._accepting.close()

@@ -250,7 +250,7 @@ class HeldLink(ThreadedLink):
         await self._ask(lambda number: message(MessageKind.WRITE, number.to_bytes(4, "little") + data))
 
     async def request(self, do: str, **arguments: Any) -> None:
-        """A request to the holder (process.Holder.on_request).
+        """A request to the holder (server/holder/requests.py).
 
         Raises:
             LinkError: it cannot be carried out.

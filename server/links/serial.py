@@ -226,9 +226,7 @@ def cannot_open(place: str, line: SerialSettings, error: Exception) -> LinkError
     if number in (errno.EBUSY, errno.EAGAIN):
         who = holder(place)
         hint = f"Close {who}" if who else "Close the program that has it (minicom, ModemManager, another imuscope?)"
-        hint += (
-            ", or let it share the port: start imuscope first, with --share PATH, and give that path to the program."
-        )
+        hint += ", or share the port: start imuscope first, with --share PATH, and give that path to the program."
         return LinkError("busy", f"{place} is in use by {who or 'another program'}.", hint)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return LinkError("not-found", f"There is no port {place}.", present_ports())

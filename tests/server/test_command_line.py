@@ -50,6 +50,8 @@ def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list
     for action in command._actions:
         if isinstance(action, argparse._HelpAction) or action in left_out:
             continue
+        if action.dest == "shares" and not action.required:
+            continue  # it belongs to the source before it
         if not action.option_strings:
             known = list(action.choices) if action.choices else ["a", "b", "c"]
             words += known[: 3 if action.nargs in ("*", "+") else 1]

@@ -127,16 +127,19 @@ function Client({ client, share, state }: ClientProps) {
   const access = client.may_write ? TEXT.mayWrite : TEXT.readsOnly;
   return (
     <li class="port-client">
-      {client.peer !== share.name && <b class="mono">{client.peer}</b>}
-      <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>
+      <div class="port-client-head">
+        {client.peer !== share.name && <b class="mono">{client.peer}</b>}
+        <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>
+        <span class="grow" />
+        <button type="button" class="btn small" aria-label={TEXT.disconnectNamed(client.peer)} onClick={drop}>
+          {TEXT.disconnect}
+        </button>
+      </div>
       <dl>
         <Figure name={TEXT.toProgram} value={quantity(client.sent)} />
         <Figure name={TEXT.fromProgram} value={quantity(client.received)} />
         <Figure name={TEXT.lostByProgram} value={lost} isBad={client.dropped_bytes > 0} />
       </dl>
-      <button type="button" class="btn small" aria-label={TEXT.disconnectNamed(client.peer)} onClick={drop}>
-        {TEXT.disconnect}
-      </button>
     </li>
   );
 }
