@@ -6,8 +6,8 @@
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
 The tests of one file run one after the other, the files beside each other: they often wait. A test that fails has
-failed: what failed beside other work is run once more, alone, only to say whether it fails there too. Of the parts
-before, two run beside each other. Every part runs, also after one has failed; the end shows each one's closing line,
+failed: what failed beside other work is run once more, alone, only to say whether it fails there too. Style, types and
+vitest run beside pytest. Every part runs, also after one has failed; the end shows each one's closing line,
 pytest's last, and the exit status is 0 only when all is well. Names of parts run these alone
 (`tests/check.py ruff pytest`); `--slow` runs the tests that are slow and rare, and only those; `--deep` draws many more
 examples in the property tests; `--fix` formats the files and mends what the linters can; everything after `--` goes to
@@ -24,7 +24,6 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -43,7 +42,7 @@ class Part:
     command: Callable[[argparse.Namespace], list[str]]
     closing: str = ""  # start of the line with the result; "" for the last line
     alone: Callable[[argparse.Namespace], list[str]] | None = None  # repeats the tests that failed beside other work
-    is_narrow: bool = False  # one core is enough for it: two of these run beside each other
+    lane: str = "wide"  # parts of one lane run one after the other; "first": before all others
     folder: Path = ROOT  # where it runs
 
 
@@ -93,14 +92,14 @@ def _tests(name: str, workers: int, *arguments: str) -> Part:
 
 
 PARTS = (
-    Part("page", lambda _: [PYTHON, "web/build.py", "--modules"]),
-    Part("mypy", _tool("mypy"), is_narrow=True),
-    Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found", is_narrow=True),
-    Part("format", _fixing("ruff", "format", check="--check"), is_narrow=True),
-    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web"), is_narrow=True),
-    Part("biome", _biome, "Found", is_narrow=True, folder=ROOT / "web"),
-    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests ", is_narrow=True),
-    _tests("pytest", 3, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
+    Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="first"),
+    Part("mypy", _tool("mypy"), lane="narrow"),
+    Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found", lane="narrow"),
+    Part("format", _fixing("ruff", "format", check="--check"), lane="narrow"),
+    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web"), lane="narrow"),
+    Part("biome", _biome, "Found", lane="narrow", folder=ROOT / "web"),
+    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests ", lane="narrow"),
+    _tests("pytest", 4, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
     _tests("browser", 3, "tests/browser"),
 )
 
@@ -116,19 +115,23 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome
 
 
 def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
-    """Run parts one after the other, the narrow ones that follow each other by twos."""
-    outcomes: list[Outcome] = []
-    for is_narrow, group in groupby(parts, key=lambda part: part.is_narrow):
-        with ThreadPoolExecutor(2 if is_narrow else 1) as lanes:
-            outcomes += lanes.map(lambda part: run(part, options, env), group)
-    return outcomes
+    """Run parts: those of a lane one after the other, the lanes beside each other. With `--fix` no lanes: files change."""
+
+    def run_lane(name: str) -> dict[str, Outcome]:
+        return {part.name: run(part, options, env) for part in parts if part.lane == name}
+
+    outcomes = run_lane("first")
+    with ThreadPoolExecutor(1 if options.fix else 2) as lanes:
+        for found in lanes.map(run_lane, ("narrow", "wide")):
+            outcomes |= found
+    return [outcomes[part.name] for part in parts]
 
 
 def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     """Pass its output on immediately; that of a narrow part after its end."""
     title = f"\n── {part.name} {'─' * (76 - len(part.name))}\n"
     held: list[str] = []
-    say = held.append if part.is_narrow else lambda text: print(text, end="", flush=True)
+    say = held.append if part.lane == "narrow" else lambda text: print(text, end="", flush=True)
     say(title)
     began = time.monotonic()
     lines: list[str] = []
