@@ -99,7 +99,7 @@ PARTS = (
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web"), lane="narrow"),
     Part("biome", _biome, "Found", lane="narrow", folder=ROOT / "web"),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests ", lane="narrow"),
-    _tests("pytest", 4, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
+    _tests("pytest", 5, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
     _tests("browser", 3, "tests/browser"),
 )
 
@@ -115,7 +115,10 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome
 
 
 def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
-    """Run parts: those of a lane one after the other, the lanes beside each other. With `--fix` no lanes: files change."""
+    """Run parts: those of a lane one after the other, the lanes beside each other.
+
+    With `--fix`, which changes files, all run one after the other.
+    """
 
     def run_lane(name: str) -> dict[str, Outcome]:
         return {part.name: run(part, options, env) for part in parts if part.lane == name}

@@ -152,8 +152,9 @@ def test_nothing_else_stops_when_one_link_dies(
     until(page, f"(({both})() ?? []).filter(n => n > 100).length === 2")
     device.pull()
     until(page, "window.imuscope.store.devices.value.some(device => device.status === 'lost')")
-    before = page.evaluate(both)
-    until(page, f"({both})()[1] > {before[1] + 100}")
+    for _ in range(2):  # the last samples of the dead link may come after its status
+        before = page.evaluate(both)
+        until(page, f"({both})()[1] > {before[1] + 100}")
     assert page.evaluate(both)[0] == before[0]
 
 
