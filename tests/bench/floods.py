@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import tempfile
 from pathlib import Path
@@ -22,8 +21,8 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # compiling is another benchmark
 
+from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 from tests.fault_injection.beside import WITHIN_S, Beside, Watched, watched  # noqa: E402
@@ -51,6 +50,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=20, help="of each flood")
     parser.add_argument("--only", nargs="*", choices=FLOODS, default=list(FLOODS), help="these floods")
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    use_compiled_code()
     options = parser.parse_args()
     floods = {}
     with tempfile.TemporaryDirectory() as folder, watched(Path(folder), options.seconds) as there:

@@ -37,7 +37,7 @@ from tests.bench.decode import decoder_of  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 FRAMES, PASSES = 2000, 7
-BUDGET_US = 10
+BUDGET_US = 8
 
 BY_HAND = {  # name:type …, a name with _ is not read
     "xbus": "_head:V4 _1:V3 counter:>u2 _2:V3 time:>u4 _3:V3 q:(4,)>f4 _4:V3 acc:(3,)>f4 _5:V3 turn:(3,)>f4 _check:u1",

@@ -32,11 +32,11 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # compiling is another benchmark
 
 from server.config import Config  # noqa: E402
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
 from tests import load_clients  # noqa: E402
+from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import curve, resident_mb  # noqa: E402
 from tests.bench.report import report  # noqa: E402
@@ -288,6 +288,7 @@ def main() -> int:
     parser.add_argument("--memory-mb", type=int, default=64, help="of history")
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
     parser.add_argument("--serve", dest="data", type=Path, help=argparse.SUPPRESS)
+    use_compiled_code()
     options = parser.parse_args()
     if options.data is not None:
         serve(options)

@@ -6,7 +6,7 @@ Twice: the first start ever (nothing compiled yet: an empty cache) and the next 
 samples of the simulator. The weight is what a browser downloads at the first load, compressed as the server sends it,
 counted by the browser itself. The yardstick: a Python process that imports the same foundations and does nothing.
 
-Budget: 3 s, the very first start 15 s; 250 kB.
+Budget: 2 s; the very first start 3 s until the page is served and 12 s until the first samples; 250 kB.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def main() -> None:
         "first_ever": first,
         "later": later,
         "yardstick": {"imports_s": importing()},
-        "budget": {"first_ever_s": 15, "later_s": 3, "page_kb": 250},
+        "budget": {"first_ever_page_s": 3, "first_ever_s": 12, "later_s": 2, "page_kb": 250},
     }
     figures["ratio"] = later["usable_s"] / figures["yardstick"]["imports_s"]
     report("start", figures, extra_versions={"chromium": chromium.version(path)})

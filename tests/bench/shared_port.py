@@ -1,0 +1,154 @@
+"""Benchmark of a shared port: what the holder adds to the time from the device to its driver, and what it costs.
+
+    feed ── write, stamp ──> pty ──> holder ──> pty ──> driver, which reads without a pause
+                                       └──────> a server's connection, which reads too
+
+    python tests/bench/shared_port.py [--rate 2000] [--seconds 10] [--save]
+
+The yardsticks, in the same run on the same machine: socat between the same two terminals, and no program at all (the
+driver reads the device's own terminal), i.e. what the kernel and this machine's scheduling alone cost.
+
+Budget: p99 at most 1 ms added at 2 kHz; the holder at most 2 % of a core and 30 MB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import select
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from server.holder.settings import HolderSettings  # noqa: E402
+from server.holder.shares import ShareAddress  # noqa: E402
+from tests.bench.cpu import seconds_of  # noqa: E402
+from tests.bench.memory import resident_mb  # noqa: E402
+from tests.bench.report import report  # noqa: E402
+
+SIZE = 60  # bytes of a frame
+STAMP = struct.Struct("<q")
+
+
+class Terminal:
+    """A pseudo-terminal in place of the device's port."""
+
+    def __init__(self) -> None:
+        self.master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.path = os.ttyname(self._slave)
+
+
+def measured(device: Terminal, driver: int, rate: float, seconds: float) -> list[float]:
+    """Milliseconds from the write of a frame until the driver has read it, sorted."""
+    delays: list[float] = []
+    ended = threading.Event()
+
+    def read() -> None:
+        data = b""
+        while not ended.is_set():
+            if select.select((driver,), (), (), 0.1)[0]:
+                data += os.read(driver, 4096)
+                now = time.monotonic_ns()
+                while len(data) >= SIZE:
+                    delays.append((now - STAMP.unpack_from(data)[0]) / 1e6)
+                    data = data[SIZE:]
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    due = time.monotonic()
+    for _ in range(round(rate * seconds)):
+        due += 1 / rate
+        time.sleep(max(0.0, due - time.monotonic()))
+        os.write(device.master, STAMP.pack(time.monotonic_ns()) + bytes(SIZE - STAMP.size))
+    time.sleep(0.2)
+    ended.set()
+    reader.join()
+    return sorted(delays)
+
+
+@contextlib.contextmanager
+def held(device: Terminal, folder: Path) -> Iterator[tuple[int, int]]:
+    """The holder's process and a driver's descriptor; a server's connection reads along."""
+    path = folder / "imu0"
+    port = {"kind": "serial", "place": device.path, "baud": 2_000_000}
+    settings = HolderSettings(port, str(folder / "holder.sock"), (ShareAddress.parse(str(path)),), stay=True)
+    process = subprocess.Popen([sys.executable, "-m", "server.holder", settings.to_text()], cwd=ROOT)
+    while not path.exists():
+        time.sleep(0.01)
+    server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    server.connect(settings.socket)
+    threading.Thread(target=lambda: [None for _ in iter(lambda: server.recv(65_536), b"")], daemon=True).start()
+    driver = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    time.sleep(0.3)
+    yield process.pid, driver
+    os.close(driver)
+    process.terminate()
+    process.wait()
+
+
+@contextlib.contextmanager
+def relayed(device: Terminal, folder: Path) -> Iterator[tuple[int, int]]:
+    """Socat's process and a driver's descriptor."""
+    path = folder / "socat"
+    process = subprocess.Popen(["socat", f"{device.path},raw,echo=0", f"PTY,link={path},raw,echo=0"])
+    while not path.exists():
+        time.sleep(0.01)
+    driver = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    time.sleep(0.3)
+    yield process.pid, driver
+    os.close(driver)
+    process.terminate()
+    process.wait()
+
+
+def figures(device: Terminal, pid: int, driver: int, options: argparse.Namespace) -> dict[str, float]:
+    """The figures of one relay between the device and the driver."""
+    before, began = seconds_of(pid), time.monotonic()
+    delays = measured(device, driver, options.rate, options.seconds)
+    share = (seconds_of(pid) - before) / (time.monotonic() - began)
+    return {
+        "lost": round(options.rate * options.seconds) - len(delays),
+        "p50_ms": delays[len(delays) // 2],
+        "p99_ms": delays[int(0.99 * len(delays))],
+        "cpu_percent": 100 * share,
+        "memory_mb": resident_mb(pid),
+    }
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--rate", type=float, default=2000.0)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
+    options = parser.parse_args()
+    found: dict[str, Any] = {"rate": options.rate}
+    with tempfile.TemporaryDirectory() as folder:
+        device = Terminal()
+        with held(device, Path(folder)) as (pid, driver):
+            found |= figures(device, pid, driver, options)
+        if shutil.which("socat"):
+            with relayed(device, Path(folder)) as (pid, driver):
+                found |= {f"socat_{name}": value for name, value in figures(device, pid, driver, options).items()}
+        direct = measured(device, os.open(device.path, os.O_RDWR | os.O_NOCTTY), options.rate, options.seconds)
+        found["direct_p99_ms"] = direct[int(0.99 * len(direct))]
+    found["added_p99_ms"] = found["p99_ms"] - found["direct_p99_ms"]
+    report("shared-port", found)
+
+
+if __name__ == "__main__":
+    main()
