@@ -24,7 +24,7 @@ class MessageKind(IntEnum):
     """Kind of a message: up to 0x3F from the holder, above from the server."""
 
     HELLO = 0x01
-    """{"version", "pid", "source", "shares": […]}, once."""
+    """{"version", "pid", "source", "busy"}, once; busy: process of another server, after which the connection ends."""
     STATE = 0x02
     """The whole state, after each change and once a second: process.Holder.state."""
     DATA = 0x03

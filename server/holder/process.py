@@ -359,12 +359,15 @@ class Holder:
             connection, _peer = self._accepting.accept()
         except OSError:
             return
-        if self._server is not None:  # a newer server takes over from one that may be stuck
-            self._server_gone()
+        hello = {"version": VERSION, "pid": os.getpid(), "source": self._settings.source, "busy": 0}
+        if self._server is not None:  # one that is gone has closed its end
+            with contextlib.suppress(OSError):
+                connection.sendall(json_message(MessageKind.HELLO, hello | {"busy": self._server.pid}))
+            connection.close()
+            return
         connection.setblocking(False)
         self._server = ServerConnection(connection)
         self._watch(connection.fileno(), READ, self._on_server)
-        hello = {"version": VERSION, "pid": os.getpid(), "source": self._settings.source}
         self._server.send(json_message(MessageKind.HELLO, hello))
         self._changed = True
         self._send_state(time.monotonic())

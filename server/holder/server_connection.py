@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import errno
 import socket
+import struct
 
 from server.holder.messages import STAMP, MessageKind, MessageReader, message
 
+_CREDENTIALS = struct.Struct("3i")  # process, user and group of the other end, see unix(7)
 SERVER_S = 0.004
 """Bytes of the device are collected for this long: their stamps go with them, and fewer messages cost less."""
 
@@ -17,6 +19,8 @@ class ServerConnection:
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self.fd = connection.fileno()
+        peer = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+        self.pid: int = _CREDENTIALS.unpack(peer)[0]
         self._reader = MessageReader()
         self._waiting = bytearray()
         self._collected: list[bytes] = []

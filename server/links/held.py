@@ -145,10 +145,11 @@ class HeldLink(ThreadedLink):
             raise LinkError("gone", f"The holder of {self.source} does not answer.", "It is started again.")
         try:
             return connection, await asyncio.to_thread(self._greeted, connection)
+        except (LinkError, ConnectionError):
+            connection.close()
+            raise
         except (OSError, MessageError, ValueError) as problem:
             connection.close()
-            if isinstance(problem, ConnectionError):
-                raise
             raise LinkError("gone", f"The holder of {self.source} does not answer: {problem}.", "Retry.") from None
 
     def _socket(self) -> Path:
@@ -182,6 +183,10 @@ class HeldLink(ThreadedLink):
                     if hello["version"] != VERSION:
                         raise MessageError("it is of another version of imuscope; stop it, then retry")
                     self.holder_pid = int(hello["pid"])
+                    if hello["busy"]:
+                        hint = "Open the page of that one, or stop it."
+                        text = f"{self.source} is held for another imuscope (process {hello['busy']})."
+                        raise LinkError("busy", text, hint)
                 if kind == MessageKind.STATE:
                     found: Mapping[str, Any] = json.loads(body)
                     return found
@@ -338,11 +343,14 @@ def place_of(link: SerialLink | TcpLink) -> str:
 
 
 def is_held(link: SerialLink | TcpLink) -> bool:
-    """Whether a holder may have the port of a link: its socket is there."""
+    """Whether a holder has the port of a link: it answers at its socket."""
     try:
-        return socket_of(place_of(link)).exists()
+        connection = _connect(socket_of(place_of(link)))
     except OSError:
         return False
+    if connection is not None:
+        connection.close()
+    return connection is not None
 
 
 def holder_settings(

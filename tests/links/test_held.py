@@ -18,7 +18,7 @@ import pytest
 from server.holder.arbiter import QUIET_S
 from server.holder.places import socket_of
 from server.links.base import LinkError
-from server.links.held import ClientData, HeldLink
+from server.links.held import ClientData, HeldLink, is_held
 from tests.free_ports import free_port
 from tests.links.shared_port import DevicePort, link_to, opened, read_exactly, shared
 from tests.timeouts import PATIENCE_S
@@ -148,6 +148,21 @@ def test_the_end_of_the_server_costs_its_clients_no_byte(port: DevicePort, tmp_p
             assert await received(again, 5) == b"after"
             assert read_exactly(driver, 5) == b"after"
         os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_a_second_server_is_refused_and_the_first_goes_on(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            second = link_to(port)
+            with pytest.raises(LinkError, match=rf"held for another imuscope \(process {os.getpid()}\)") as raised:
+                await second.open()
+            assert raised.value.kind == "busy"
+            assert is_held(second.inner)
+            port.send(FRAME)
+            assert await received(link, len(FRAME)) == FRAME
+        await eventually(lambda: not is_held(second.inner), link)
 
     asyncio.run(check())
 
