@@ -28,6 +28,7 @@ from server.links.tcp import TcpLink
 from server.streaming.bus import TelemetryBus
 
 MOST_SHARES = 8
+LOOK_S = 0.02
 MOST_PARTIAL = 4096  # bytes of a client without a frame, after which they are logged as they are
 PORTS = "A serial port or a TCP connection can be shared."
 
@@ -166,6 +167,11 @@ class PortShares:
         held = HeldLink(link, [address], link.settings)
         self._follow(session, held)
         await session.use_link(held)
+        try:
+            await _opened(session, held)
+        except DomainError:
+            await session.use_link(link)
+            raise
 
     async def remove(self, session: Session, name: str) -> None:
         """End a share and disconnect its clients. The last one gives the port back to this server.
@@ -207,6 +213,18 @@ def log_frames(controller: DeviceController, peer: str, data: bytes) -> bytes:
         controller.log.client_sent(peer, data, {})
         return b""
     return data
+
+
+async def _opened(session: Session, link: HeldLink) -> None:
+    """Wait until the session has opened a link.
+
+    Raises:
+        DomainError: it could not.
+    """
+    while not link.is_connected:
+        if session.info.next_attempt is not None or session.info.status == "denied":
+            raise DomainError("refused", session.info.message, session.info.hint)
+        await asyncio.sleep(LOOK_S)
 
 
 def speaker_name(state: Mapping[str, Any]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import select
+import socket
 import threading
 import urllib.error
 import urllib.parse
@@ -158,8 +159,13 @@ def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
         assert told["kind"] == "file-not-allowed"
         assert str(path.parent) in told["message"]
         assert refusal(server, "/shares", {"address": "imu0"})["kind"] == "bad-value"
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            told = refusal(server, "/shares", {"address": f"tcp://127.0.0.1:{taken.getsockname()[1]}"})
+        assert "address already in use" in told["message"]
+        assert ask(server, "/shares")["shares"] == []
+        block_until(lambda: is_live(server), "a live device on its own link")
         ask(server, "/shares", {"address": str(path)})
-        block_until(lambda: path.exists(), "the terminal")
+        assert path.exists()
         block_until(lambda: is_live(server), "a live device again")
         driver = Driver(path)
         client = block_until(lambda: first_client(server), "the driver")
