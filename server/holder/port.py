@@ -7,12 +7,14 @@ import errno
 import os
 import socket
 import termios
+import time
 from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
 READ_BYTES = 1 << 16
 CONNECT_S = 5.0
+LOCKED_S, LOOK_S = 0.5, 0.02
 MOST_WAITING = 1 << 15  # bytes for the device beyond which clients are not read
 EMPTY_READS = 3  # consecutive empty reads after which the port counts as gone
 
@@ -47,11 +49,24 @@ class Port:
         return self.fd >= 0
 
     def open(self) -> None:
-        """Open it.
+        """Open it. A program that has just ended may still have its lock: it is waited for.
 
         Raises:
             PortError: it cannot be opened.
         """
+        deadline = time.monotonic() + LOCKED_S
+        while True:
+            try:
+                self._open()
+            except PortError as error:
+                if error.number not in (errno.EAGAIN, errno.EBUSY) or time.monotonic() > deadline:
+                    raise
+                time.sleep(LOOK_S)
+            else:
+                self._empty_reads = 0
+                return
+
+    def _open(self) -> None:
         try:
             if self._source["kind"] == "serial":
                 self._handle = self._open_serial()
@@ -64,7 +79,6 @@ class Port:
                 self.fd = self._handle.fileno()
         except (OSError, ValueError, termios.error) as error:
             raise PortError(str(error), getattr(error, "errno", None) or 0) from None
-        self._empty_reads = 0
 
     def _open_serial(self) -> Any:
         import serial

@@ -64,6 +64,17 @@ def clients(link: HeldLink) -> list[dict[str, Any]]:
     return list(link.state["clients"])
 
 
+async def reopen(link: HeldLink) -> None:
+    """Open a link as a session does: again and again."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not link.is_connected:
+        try:
+            await link.open()
+        except LinkError:
+            assert time.monotonic() < deadline
+            await asyncio.sleep(0.05)
+
+
 def hung_up(fd: int) -> bool:
     poll = select.poll()
     poll.register(fd, select.POLLIN)
@@ -254,14 +265,7 @@ def test_a_port_that_is_gone_hangs_up_its_clients_and_comes_back(port: DevicePor
         other = DevicePort()
         plugged.unlink()
         plugged.symlink_to(other.path)
-        deadline = time.monotonic() + PATIENCE_S
-        while True:
-            try:
-                await link.open()
-                break
-            except LinkError:
-                assert time.monotonic() < deadline
-                await asyncio.sleep(0.05)
+        await reopen(link)
         driver = opened(tmp_path / "imu0")
         await eventually(lambda: clients(link), link)
         other.send(b"back")
@@ -332,13 +336,16 @@ def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: Path) 
         os.kill(link.holder_pid, signal.SIGKILL)
         with pytest.raises(LinkError, match="ended"):
             await received(link, 1)
-        async with shared(port, str(tmp_path / "imu0")) as again:
-            assert again.holder_pid != link.holder_pid
-            driver = opened(tmp_path / "imu0")
-            await eventually(lambda: clients(again), again)
-            port.send(FRAME)
-            assert read_exactly(driver, len(FRAME)) == FRAME
-            os.close(driver)
+        killed = link.holder_pid
+        await link.close()
+        await reopen(link)
+        assert link.holder_pid != killed
+        driver = opened(tmp_path / "imu0")
+        await eventually(lambda: clients(link), link)
+        port.send(FRAME)
+        assert read_exactly(driver, len(FRAME)) == FRAME
+        os.close(driver)
+        await link.request("end")
         await link.close()
 
     asyncio.run(check())
