@@ -65,7 +65,8 @@ def clients(link: HeldLink) -> list[dict[str, Any]]:
 
 
 async def reopen(link: HeldLink) -> None:
-    """Open a link as a session does: again and again."""
+    """Close a link and open it as a session does: again and again."""
+    await link.close()
     deadline = time.monotonic() + PATIENCE_S
     while not link.is_connected:
         try:
@@ -337,7 +338,6 @@ def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: Path) 
         with pytest.raises(LinkError, match="ended"):
             await received(link, 1)
         killed = link.holder_pid
-        await link.close()
         await reopen(link)
         assert link.holder_pid != killed
         driver = opened(tmp_path / "imu0")
