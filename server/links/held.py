@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -41,6 +42,7 @@ from server.listeners import CallbackList
 
 ROOT = Path(__file__).resolve().parents[2]
 START_S = 5.0  # until a holder that was started answers
+ATTEMPTS, ATTEMPT_S = 10, 0.05
 ANSWER_S = 12.0  # until a request is carried out; a client that has the voice may delay it
 
 
@@ -82,6 +84,7 @@ class HeldLink(ThreadedLink):
         self._offset_ns = 0  # from the monotonic clock to the clock of arrivals
         self._frames = ""
         self.holder_pid = 0
+        self._busy_with = 0  # process of the server that the holder has, if it refused this one
         self._sending = asyncio.Lock()
 
     @property
@@ -109,10 +112,7 @@ class HeldLink(ThreadedLink):
         await self.close()
         self._loop = asyncio.get_running_loop()
         path = self._socket()
-        try:
-            connection, first = await self._connected(path, progress)
-        except ConnectionError:  # it was just ending
-            connection, first = await self._connected(path, progress)
+        connection, first = await self._connected_at_last(path, progress)
         self._connection = connection
         self._offset_ns = self.settings.now_ns() - time.monotonic_ns()
         self._take_state(first)
@@ -130,6 +130,19 @@ class HeldLink(ThreadedLink):
         if self._frames:
             await self.request("frames", module=self._frames)
 
+    async def _connected_at_last(
+        self, path: Path, progress: Progress | None
+    ) -> tuple[socket.socket, Mapping[str, Any]]:
+        """As `_connected`. A holder that ends, or still has an earlier connection of this server, is asked again."""
+        for _ in range(ATTEMPTS):
+            try:
+                return await self._connected(path, progress)
+            except (LinkError, ConnectionError) as error:
+                if isinstance(error, LinkError) and not self._busy_with == os.getpid():
+                    raise
+            await asyncio.sleep(ATTEMPT_S)
+        return await self._connected(path, progress)
+
     async def _connected(self, path: Path, progress: Progress | None) -> tuple[socket.socket, Mapping[str, Any]]:
         """A connection to the holder, which is started if necessary, and its state.
 
@@ -137,6 +150,7 @@ class HeldLink(ThreadedLink):
             LinkError: there is no holder, and none can be started.
             ConnectionError: the holder ended.
         """
+        self._busy_with = 0
         connection = await asyncio.to_thread(_connect, path)
         if connection is None:
             await self._start_holder(progress)
@@ -183,7 +197,8 @@ class HeldLink(ThreadedLink):
                     if hello["version"] != VERSION:
                         raise MessageError("it is of another version of imuscope; stop it, then retry")
                     self.holder_pid = int(hello["pid"])
-                    if hello["busy"]:
+                    self._busy_with = int(hello["busy"])
+                    if self._busy_with:
                         hint = "Open the page of that one, or stop it."
                         text = f"{self.source} is held for another imuscope (process {hello['busy']})."
                         raise LinkError("busy", text, hint)
