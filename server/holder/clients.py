@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import grp
 import os
@@ -221,10 +222,12 @@ class PtyShare(Share):
             return self._add(self.address.path, self._master), None
         if not is_open and self.clients:
             client = self.clients.pop()
-            termios.tcflush(self._master, termios.TCIOFLUSH)
+            with contextlib.suppress(termios.error):
+                termios.tcflush(self._master, termios.TCIOFLUSH)
             return None, client
         for client in self.clients:
-            client.baud = RATES.get(termios.tcgetattr(self._master)[4])
+            with contextlib.suppress(termios.error):  # it was closed just now
+                client.baud = RATES.get(termios.tcgetattr(self._master)[4])
         return None, None
 
     def drop(self, client: Client) -> None:

@@ -139,10 +139,7 @@ class Holder:
             self._ended = True
 
     def _follow_rate(self, share: Share) -> None:
-        """Take the port to the rate that a client set after it has talked to the device.
-
-        A rate that a program sets when it opens its terminal says nothing: the others go on reading.
-        """
+        """Take the port to the rate that a client set after it has talked to the device; before, it says nothing."""
         for client in share.clients:
             before, client.last_baud = client.last_baud, client.baud
             changed = client.baud is not None and before is not None and client.baud != before
@@ -270,7 +267,8 @@ class Holder:
     def _hung_up(self, client: Client) -> None:
         share = self._share_of(client)
         if share is not None and share.address.kind == "pty":
-            self._forget(client.fd)  # its terminal stays; `look` notices that nobody has it open
+            share.clients.remove(client)  # its terminal stays; `look` notices who opens it next
+            self._left(client)
         else:
             self._drop(client)
 
