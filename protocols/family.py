@@ -207,7 +207,8 @@ class ProtocolInfo:
         composer: makes frames from words and JSON, with the settings of the given options.
         tables: of its settings with an editor of their own, by its name (schema.Setting.editor); `values` are its
             settings as far as read.
-        entry_words: title and value of a record of such a list, for display; None for other records.
+        entry_words: title and value of a record with a key (schema.Field.key_mask), for display; the key alone is
+            enough for the title. None for other records.
         utc: UTC of each sample of a batch as reported by the device, ns since the Unix epoch (UNKNOWN of dates.py if
             not reported); None if the device never reports it.
         dated: start of a log, by its head.

@@ -121,6 +121,8 @@ class Field:
         momentary: a present state that is not stored: a temperature, a counter, the state of a process. It is
             displayed; it is not a difference between two states of a device, and not restored.
         base: 16 for an identifier that is printed in hex on the label; the wire value stays a number.
+        key_mask: for the key of a record, the number that names its quantity (an entry of a list of outputs): the bits
+            that do; the others choose a variant of it. 0: not a key. ProtocolInfo.entry_words gives its title.
         options: known values of a text field; a device may know others.
         listed: where the device lists the texts that it takes; a value may join several of them by "/".
         meaning_of: name of the field of the same record on which the meaning of this one depends; "" for none.
@@ -153,6 +155,7 @@ class Field:
     read_only: bool = False
     momentary: bool = False
     base: int = 10
+    key_mask: int = 0
     options: tuple[str, ...] = ()
     listed: TextList | None = None
     meaning_of: str = ""

@@ -153,10 +153,10 @@ NAMES_A_FAMILY = re.compile(
 )
 
 
-def code_lines_naming_a_family(path: Path) -> Iterator[str]:
-    """Lines of Python, comments and docstrings left out, that name a family."""
+def code_lines(path: Path, pattern: re.Pattern[str]) -> Iterator[str]:
+    """Lines of Python with the pattern, comments and docstrings left out."""
     text = text_of(path)
-    if not NAMES_A_FAMILY.search(text):
+    if not pattern.search(text):
         return
     prose: set[int] = set()
     for node in nodes_of(path):
@@ -164,20 +164,24 @@ def code_lines_naming_a_family(path: Path) -> Iterator[str]:
             prose |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     lines = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type != tokenize.COMMENT and token.start[0] not in prose and NAMES_A_FAMILY.search(token.string):
+        if token.type != tokenize.COMMENT and token.start[0] not in prose and pattern.search(token.string):
             lines.add(token.start[0])
     yield from (f"{path.relative_to(ROOT)}:{line}" for line in sorted(lines))
 
 
-def test_no_line_outside_the_families_names_one() -> None:
+def code_outside_families(pattern: re.Pattern[str]) -> list[str]:
+    """Lines of Python of the program, outside the folders of the families."""
     inside = [ROOT.joinpath(*plugin.module.split(".")[:-1]) for plugin in protocol_plugins() if not plugin.package]
-    wrong = [
+    return [
         line
         for path in python_files(*HOUSES)
         if not any(path.is_relative_to(folder) for folder in inside)
-        for line in code_lines_naming_a_family(path)
+        for line in code_lines(path, pattern)
     ]
-    assert not wrong, "\n".join(wrong)
+
+
+def test_no_line_outside_the_families_names_one() -> None:
+    assert not (found := code_outside_families(NAMES_A_FAMILY)), "\n".join(found)
 
 
 def names_of_options() -> re.Pattern[str]:
@@ -218,12 +222,14 @@ def test_no_line_of_the_page_names_a_family() -> None:
     assert not (found := code_of_page(NAMES_A_FAMILY)), "\n".join(found)
 
 
-def test_no_line_of_the_page_names_a_field_of_their_tables() -> None:
+def test_no_line_outside_the_families_names_a_field_of_their_tables() -> None:
     """Fields of an entry in a list of outputs; names of one word have other meanings too."""
     tables = [table for family in PROTOCOLS.values() for table in family.tables(DeviceContext(), {}).values()]
     names = {name for table in tables for name in (table.key, table.rate, table.interval) if "_" in name}
     assert len(names) > 2
-    assert not (found := code_of_page(re.compile("|".join(names)))), "\n".join(found)
+    pattern = re.compile("|".join(names))
+    found = [*code_of_page(pattern), *code_outside_families(pattern)]
+    assert not found, "\n".join(found)
 
 
 def code_of_page(pattern: re.Pattern[str]) -> list[str]:

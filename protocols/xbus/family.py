@@ -154,9 +154,9 @@ def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
     """Title and value of an entry of an output configuration: the quantity, and "400 Hz", with precision and frame if
     unusual.
     """
-    if not ("data_identifier" in entry and "output_frequency" in entry):
+    if "data_identifier" not in entry:
         return None
-    identifier, rate = int(entry["data_identifier"]), int(entry["output_frequency"])
+    identifier, rate = int(entry["data_identifier"]), int(entry.get("output_frequency", 0))
     parts = ["with every message" if rate in (0, ALWAYS) else f"{rate} Hz"]
     if identifier & 3:
         parts.append(PRECISIONS[identifier & 3])

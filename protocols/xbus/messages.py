@@ -138,7 +138,7 @@ _OUTPUTS = (
         max_length=32,
         doc="Output configuration, at most 32 entries.",
         fields=(
-            Field("data_identifier", ">u2", doc="Data identifier with its format bits."),
+            Field("data_identifier", ">u2", key_mask=0xFFF0, doc="Data identifier with its format bits."),
             Field(
                 "output_frequency",
                 ">u2",

@@ -20,7 +20,7 @@ from protocols.family import ProtocolInfo
 from protocols.labels import device_label
 from protocols.schema import Field
 from server.commands.compose import composers
-from server.configuration.value_format import output_title
+from server.configuration.value_format import entry_title
 from server.devices.decode_options import DecodeOptions
 from server.printable import printable
 
@@ -143,8 +143,8 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
 
 def _number(value: int, field: Field) -> str:
     """An integer; an identifier in hex, as in its document or on its label."""
-    if field.name == "data_identifier":
-        title = output_title(value)
+    if field.key_mask:
+        title = entry_title(field, value)
         return f"0x{value:04X}" + ("" if title.startswith("0x") else f" ({title})")
     return device_label(value) if field.base == 16 else str(value)
 

@@ -8,7 +8,8 @@
 Momentary values (Field.momentary: temperatures, counters, the state of a calibration) are not compared, and are not
 written back, because writing them could start what they report.
 
-An Xsens output configuration is a set, not a list: its entries are compared by quantity, in any order.
+A list of records with a key (Field.key_mask), such as an output configuration, is a set: its records are compared by
+quantity, in any order.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from protocols.transactions import DeviceContext, DeviceDriver, Values
 from server.configuration.api_models import Difference, DifferenceRow, FieldProblem
 from server.configuration.checks import problems_of
 from server.configuration.form_builder import flat
-from server.configuration.value_format import head_of, output_title, output_words, words
+from server.configuration.value_format import entry_title, entry_value, head_of, hex_key, key_of, words
 
 NO_DEFAULT = "no default is documented"
 
@@ -131,8 +132,9 @@ def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, fo
 
 def _rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
     """Differing fields of one setting, and the number that agree."""
-    if row.editor == "outputs":
-        return _output_rows(row, left, right)
+    key = key_of(row.fields[0].fields) if row.fields else None
+    if key is not None:
+        return _keyed_rows(row, key, left, right)
     paths = driver.same(row.name, left, right)
     leaves = {path: (one, value) for path, one, value in flat(row.fields, dict(left))}
     others = {path: (one, value) for path, one, value in flat(row.fields, dict(right))}
@@ -163,26 +165,26 @@ def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> Differenc
     )
 
 
-# ── output configurations ────────────────────────────────────────────────────────────────────────────────────────────
+# ── lists of records with a key ──────────────────────────────────────────────────────────────────────────────────────
 
 
-def _output_rows(row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
+def _keyed_rows(row: Setting, key: Field, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
     name = row.fields[0].name
-    sides = [_by_quantity(values.get(name, ())) for values in (left, right)]
+    sides = [_by_quantity(key, values.get(name, ())) for values in (left, right)]
     found, same = [], 0
     for quantity in dict.fromkeys([*sides[0], *sides[1]]):
         here, there = (side.get(quantity) for side in sides)
-        texts = [output_words(entry) for entry in (here, there)]
+        texts = [entry_value(entry) for entry in (here, there)]
         if texts[0] == texts[1]:
             same += 1
             continue
-        title = output_title(quantity)
-        path = f"{name}.0x{quantity:04X}"
+        title = entry_title(key, quantity)
+        path = f"{name}.{hex_key(key, quantity)}"
         found.append(
             DifferenceRow(row.name, path, title, "", texts[0], texts[1], here, there, writable=bool(row.write))
         )
     return found, same
 
 
-def _by_quantity(entries: Sequence[Mapping[str, Any]]) -> dict[int, Mapping[str, Any]]:
-    return {int(entry["data_identifier"]) & 0xFFF0: entry for entry in entries if entry.get("data_identifier")}
+def _by_quantity(key: Field, entries: Sequence[Mapping[str, Any]]) -> dict[int, Mapping[str, Any]]:
+    return {int(entry[key.name]) & key.key_mask: entry for entry in entries if entry.get(key.name)}

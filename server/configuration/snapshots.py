@@ -176,7 +176,7 @@ class _Hex(int):
 
 
 def _is_identifier(field: Field) -> bool:
-    return field.base == 16 or field.name == "data_identifier"
+    return field.base == 16 or bool(field.key_mask)
 
 
 def _hexed(fields: tuple[Field, ...], entry: Any) -> Any:

@@ -11,6 +11,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from protocols.labels import constant_label, device_label
 from protocols.registry import entry_words
 from protocols.schema import Field
@@ -149,29 +151,39 @@ def title_at(fields: Sequence[Field], path: str) -> str:
     return ", ".join(titles)
 
 
-# ── entries of an output configuration: two numbers with a joint meaning ─────────────────────────────────────────────
+# ── records with a key: numbers with a joint meaning, which the family has words for ─────────────────────────────────
 
 
-def output_words(entry: Mapping[str, Any] | None) -> str:
-    """Format an output: "400 Hz", with unusual precision and frame; "off" for none."""
+def key_of(fields: Sequence[Field]) -> Field | None:
+    """The field of a record that names its quantity; None if it has none."""
+    return next((field for field in fields if field.key_mask), None)
+
+
+def hex_key(key: Field, number: int) -> str:
+    """A key as in its document: "0x4020"."""
+    return f"0x{number:0{2 * np.dtype(key.dtype).itemsize}X}"
+
+
+def entry_value(entry: Mapping[str, Any] | None) -> str:
+    """Format an entry: "400 Hz", with an unusual variant; "off" for none."""
     if entry is None:
         return "off"
     parts = entry_words(entry)
     return parts[1] if parts is not None else ""
 
 
-def output_title(identifier: int) -> str:
-    """The quantity of a data identifier."""
-    parts = entry_words({"data_identifier": identifier, "output_frequency": 0})
-    return parts[0] if parts is not None else f"0x{identifier:04X}"
+def entry_title(key: Field, number: int) -> str:
+    """The quantity that a key names."""
+    parts = entry_words({key.name: number})
+    return parts[0] if parts is not None else hex_key(key, number)
 
 
 def entry_comment(fields: Sequence[Field], entry: Mapping[str, Any]) -> str:
     """Comment of a snapshot after one record of a list; "" if the values need no explanation."""
-    if "data_identifier" in entry and "output_frequency" in entry:
-        if not entry["data_identifier"]:
-            return "nothing"
-        return f"{output_title(int(entry['data_identifier']))}, {output_words(entry)}"
+    key = key_of(fields)
+    if key is not None and all(field.name in entry for field in fields):
+        number = int(entry[key.name])
+        return ", ".join(filter(None, (entry_title(key, number), entry_value(entry)))) if number else "nothing"
     parts = [(words(field, entry.get(field.name)), entry.get(field.name)) for field in fields]
     if all(text == str(value) or not text for text, value in parts):
         return ""

@@ -17,7 +17,7 @@ from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from server.configuration.controllers import driver_of
 from server.configuration.form_builder import flat
-from server.configuration.value_format import entry_comment, output_title, output_words, title_at, words
+from server.configuration.value_format import entry_comment, entry_title, entry_value, key_of, title_at, words
 from server.library.api_models import RecordedSetting, RecordedSettings, SettingRow
 
 OTHERS = "Others"
@@ -50,18 +50,19 @@ def spaced(name: str) -> str:
 def _setting(name: str, row: Setting | None, values: Mapping[str, Any]) -> RecordedSetting:
     if row is None:
         return RecordedSetting(name, spaced(name), OTHERS, list(_unchanged(values)))
+    key = key_of(row.fields[0].fields) if row.fields else None
     try:
-        rows = list(_outputs(row, values) if row.editor == "outputs" else _as_text(row, values))
+        rows = list(_as_text(row, values) if key is None else _keyed(row, key, values))
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError):  # values that do not match the table
         rows = list(_unchanged(values))
     return RecordedSetting(name, row.title or spaced(name), row.group, rows)
 
 
-def _outputs(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
-    """The list of an Xsens output configuration: each quantity and its rate."""
+def _keyed(row: Setting, key: Field, values: Mapping[str, Any]) -> Iterator[SettingRow]:
+    """A list of records with a key, such as an output configuration: each quantity and its rate."""
     for entry in values[row.fields[0].name]:
-        if entry["data_identifier"]:
-            yield SettingRow(output_title(int(entry["data_identifier"])), output_words(entry))
+        if entry[key.name]:
+            yield SettingRow(entry_title(key, int(entry[key.name])), entry_value(entry))
 
 
 def _as_text(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:

@@ -16,7 +16,7 @@ from protocols.xbus.driver import XbusDriver
 from protocols.xbus.family import tables
 from server.configuration.form_builder import field_form, forms_of
 from server.configuration.preview import DevicePresentState, SerialLine, fit, preview_command, preview_setting
-from server.configuration.value_format import numbers, words
+from server.configuration.value_format import entry_comment, entry_title, entry_value, key_of, numbers, words
 from tests.server.control_harness import outputs
 
 XBUS = DevicePresentState(PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-680G"), SerialLine(115_200, 11_520.0))  # type: ignore[arg-type]
@@ -124,6 +124,16 @@ def test_values_have_display_text() -> None:
     assert words(Field("a", ">f4", (3,), unit="m"), [0.0, 0.5, 1.0]) == "0, 0.5, 1 m"
     assert words(Field("a", ">f4", unit="°", scale=2.0, decimals=1), 1.5) == "3.0 °"
     assert words(Field("a", ">f4"), {"f32": "7fc00000"}) == "f32 7fc00000"
+
+
+def test_a_record_with_a_key_that_no_family_knows_is_shown_by_its_number() -> None:
+    entry = (Field("stream", ">u4", key_mask=0xFF00), Field("divisor", ">u2"))
+    assert key_of(entry) is entry[0]
+    assert key_of(entry[1:]) is None
+    assert entry_title(entry[0], 0x1200) == "0x00001200"
+    assert entry_value({"stream": 0x1200, "divisor": 5}) == ""
+    assert entry_comment(entry, {"stream": 0, "divisor": 5}) == "nothing"
+    assert entry_comment(entry, {"stream": 0x1200, "divisor": 5}) == "0x00001200"
 
 
 def test_no_two_outputs_have_one_title() -> None:
