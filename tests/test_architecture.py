@@ -61,7 +61,8 @@ SERVER: dict[str, set[str]] = {
     "logging_setup": set(),
     "diagnostics": {"jit_cache"},
     "holder": set(),
-    "links": {"holder"},
+    "ros2": set(),
+    "links": {"holder", "ros2"},
     "capability_list": {"links"},
     "streaming": {"wire_codec"},
     "devices": {"wire_codec", "links", "streaming"},
@@ -74,7 +75,7 @@ SERVER: dict[str, set[str]] = {
     "configuration": {"holder", "wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"library", "streaming"},
-    "integrations": {"wire_codec", "streaming", "config", "auth"},
+    "integrations": {"wire_codec", "streaming", "config", "auth", "ros2"},
     "reference": {"configuration", "library"},
     "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
     "services": {

@@ -8,11 +8,15 @@ import tomllib
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, distribution
 
+import pytest
 from packaging.requirements import Requirement
 
 from tests.server_process import ROOT
 
-PERMISSIVE = re.compile(r"\b(MIT|BSD|0BSD|Apache|ISC|PSF|Python Software Foundation|Zlib|CC0|Unlicense)\b", re.I)
+# any-OSI (apsw) is SPDX for any licence of choice that OSI has approved; eclipse-zenoh offers Apache-2.0 besides EPL.
+PERMISSIVE = re.compile(
+    r"\b(MIT|BSD|0BSD|Apache|ISC|PSF|Python Software Foundation|Zlib|CC0|Unlicense|any-OSI)\b", re.I
+)
 COPYLEFT = re.compile(r"\b(A|L)?GPL|General Public License", re.I)
 DATA_ONLY = {"certifi": "root certificates as a file, MPL-2.0, asked for by viser's requests; no code of it is changed"}
 
@@ -50,8 +54,9 @@ def test_linked_libraries_are_permissive() -> None:
     assert not_permissive() == []
 
 
-def test_a_licence_that_is_not_permissive_is_named() -> None:
-    assert not_permissive(lambda name: ("GPL-3.0-only" if name == "numpy" else "MIT", [])) == ["numpy: GPL-3.0-only"]
+@pytest.mark.parametrize("words", ["GPL-3.0-only", "Eclipse Public License 2.0 (EPL-2.0)", "OSI Approved"])
+def test_a_licence_that_is_not_permissive_is_named(words: str) -> None:
+    assert not_permissive(lambda name: (words if name == "numpy" else "MIT", [])) == [f"numpy: {words}"]
 
 
 def test_libraries_of_the_page_are_permissive() -> None:

@@ -1,0 +1,100 @@
+"""Types of ROS 2 messages: hashes, serialization. The `rosbags` library has the definitions of Jazzy.
+
+    type_hash("sensor_msgs/msg/Imu")        RIHS01_7d9a…: the same in all distributions with the same definition
+    serialize(message, type)                CDR with its encapsulation header
+    deserialize(data, type)                 an object with the fields of the definition; arrays are numpy arrays
+
+The library is imported on first use, which takes some 0.3 s.
+"""
+
+from __future__ import annotations
+
+import functools
+import struct
+from typing import Any
+
+MAX_SEQUENCE = 1_000_000  # elements; a longer one is not from a sensor
+
+
+class TypeSupportError(ValueError):
+    """A type without a definition here, or bytes that are not a message of a type."""
+
+
+@functools.cache
+def _typestore() -> Any:
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.max_sequence_length = MAX_SEQUENCE
+    return store
+
+
+def is_known(type: str) -> bool:
+    """Whether a type is defined here."""
+    return type in _typestore().fielddefs
+
+
+@functools.cache
+def type_hash(type: str) -> str:
+    """Hash of a type, as ROS writes it (REP 2011, RIHS01).
+
+    Raises:
+        TypeSupportError: an unknown type.
+    """
+    _check(type)
+    return str(_typestore().hash_rihs01(type))
+
+
+def message_class(type: str) -> Any:
+    """The class of a type's messages, with a field for each of its definition.
+
+    Raises:
+        TypeSupportError: an unknown type.
+    """
+    _check(type)
+    return _typestore().types[type]
+
+
+def definition(type: str) -> str:
+    """The definition with those of the types in it, as in a recording (encoding ros2msg).
+
+    Raises:
+        TypeSupportError: an unknown type.
+    """
+    _check(type)
+    return str(_typestore().generate_msgdef(type, ros_version=2)[0])
+
+
+def serialize(message: Any, type: str) -> bytes:
+    """A message as CDR.
+
+    Raises:
+        TypeSupportError: an unknown type.
+    """
+    _check(type)
+    return bytes(_typestore().serialize_cdr(message, type, little_endian=True))
+
+
+def deserialize(data: bytes, type: str) -> Any:
+    """A message from CDR.
+
+    Raises:
+        TypeSupportError: an unknown type, or not a message of this type.
+    """
+    _check(type)
+    try:
+        return _typestore().deserialize_cdr(data, type)
+    except (ValueError, IndexError, TypeError, AssertionError, struct.error, _serde_error()) as error:
+        raise TypeSupportError(f"not a message of type {type}: {error}") from None
+
+
+def _check(type: str) -> None:
+    if not is_known(type):
+        raise TypeSupportError(f"the type {type} has no definition here")
+
+
+def _serde_error() -> type[Exception]:
+    from rosbags.serde import SerdeError
+
+    found: type[Exception] = SerdeError
+    return found
