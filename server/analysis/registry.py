@@ -9,9 +9,11 @@ from __future__ import annotations
 import functools
 import math
 import pkgutil
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 
 from protocols.plugins import import_plugins
 from server.analysis import methods
@@ -19,13 +21,17 @@ from server.analysis.signals import Signal
 from server.errors import DomainError
 
 GROUP = "imuscope.analyses"
-Result = Mapping[str, float | list[float]]
-"""Figures by name: a number, or numbers of one length; NaN where there is none."""
+Figure = Any
+"""A number, a text, a list of figures, or an object of figures by name; NaN where there is no number."""
+Result = Mapping[str, Figure]
+"""Figures by name. `notes` are sentences for a person: what was left out, and what to beware of."""
+Settings = Mapping[str, float]
+"""All options of one request by name; of a choice, its index."""
 
 
 @dataclass(frozen=True, slots=True)
 class AnalysisOption:
-    """One option of an analysis, a number.
+    """One option of an analysis: a number, or one of several words.
 
     Args:
         name: as in requests and on the command line.
@@ -33,6 +39,7 @@ class AnalysisOption:
         low, high: allowed range, both included.
         unit: of the number.
         doc: one sentence.
+        choices: words of which a request names one; the analysis gets its index. Empty: the option is a number.
     """
 
     name: str
@@ -41,21 +48,33 @@ class AnalysisOption:
     high: float
     unit: str = ""
     doc: str = ""
+    choices: tuple[str, ...] = ()
 
     def checked(self, value: object) -> float:
-        """The value as a number.
+        """The value as a number; of a choice, its index.
 
         Raises:
-            DomainError: "bad-value": it is no number, or out of range.
+            DomainError: "bad-value": it is no number, out of range, or none of the choices.
         """
+        if self.choices:
+            if value in self.choices:
+                return float(self.choices.index(str(value)))
+            raise DomainError(
+                "bad-value", f"{self.name} {value!r:.40} is not allowed.", f"Give one of: {', '.join(self.choices)}."
+            )
         try:
             number = float(value)  # type: ignore[arg-type]  # whatever a request holds
         except (TypeError, ValueError):
             number = math.nan
         if isinstance(value, bool) or not self.low <= number <= self.high:
-            limits = f"{self.low:g} to {self.high:g} {self.unit}".strip()
+            limits = f"{self.low:.12g} to {self.high:.12g} {self.unit}".strip()
             raise DomainError("bad-value", f"{self.name} {value!r:.40} is not allowed.", f"Give a number, {limits}.")
         return number
+
+
+def choice(name: str, choices: tuple[str, ...], doc: str) -> AnalysisOption:
+    """An option that is one of several words; the first is the default."""
+    return AnalysisOption(name, 0.0, 0.0, len(choices) - 1.0, doc=doc, choices=choices)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +86,8 @@ class Analysis:
         title: display name.
         words: short description for a list.
         run: takes a signal, which has at least one sample, and all options; returns the figures. Runs in a thread.
-        units: unit of each figure; "{unit}" stands for the unit of the signal. Figures without a unit are left out.
+        units: unit of each figure; "{unit}" stands for the unit of the signal. Figures without a unit are left out. A
+            function where the units depend on the options.
         options: what a request may set.
         order: analyses are listed in ascending order.
     """
@@ -75,8 +95,8 @@ class Analysis:
     name: str
     title: str
     words: str
-    run: Callable[[Signal, Mapping[str, float]], Result]
-    units: Mapping[str, str]
+    run: Callable[[Signal, Settings], Result]
+    units: Mapping[str, str] | Callable[[Settings], Mapping[str, str]]
     options: tuple[AnalysisOption, ...] = ()
     order: int = 100
 
@@ -91,11 +111,18 @@ class Analysis:
             if name not in known:
                 hint = f"Its options: {', '.join(known)}." if known else "It has no options."
                 raise DomainError("bad-value", f"{self.title} has no option {name:.40}.", hint)
-        return {name: option.checked(given.get(name, option.default)) for name, option in known.items()}
+        return {
+            name: option.checked(given[name]) if name in given else option.default for name, option in known.items()
+        }
 
-    def units_for(self, signal: Signal) -> dict[str, str]:
+    def units_for(self, signal: Signal, settings: Settings) -> dict[str, str]:
         """Unit of each figure of this signal; figures without a unit are left out."""
-        units = {name: unit.replace("{unit}", signal.unit).removeprefix("·") for name, unit in self.units.items()}
+        declared = self.units(settings) if callable(self.units) else self.units
+        plain, squared = signal.unit, f"({signal.unit})²" if re.search("[/·²³]", signal.unit) else f"{signal.unit}²"
+        units = {
+            name: unit.replace("{unit}²", squared if plain else "1").replace("{unit}", plain).removeprefix("·")
+            for name, unit in declared.items()
+        }
         return {name: f"1{unit}" if unit.startswith("/") else unit for name, unit in units.items() if unit}
 
 

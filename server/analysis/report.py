@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +15,9 @@ from server.analysis.registry import Analysis
 from server.analysis.signals import Signal
 from server.errors import DomainError
 
-Figures = dict[str, float | int | list[float | None] | None]
+Figures = dict[str, Any]
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 def figures_of(analysis: Analysis, signal: Signal, settings: Mapping[str, float]) -> tuple[Figures, dict[str, str]]:
@@ -26,14 +30,29 @@ def figures_of(analysis: Analysis, signal: Signal, settings: Mapping[str, float]
         raise DomainError("not-found", f"{signal.name} has no samples in that range.", "Request another range.")
     with np.errstate(over="ignore", invalid="ignore"):
         found = analysis.run(signal, settings)
-    figures = {
-        name: [_plain(one) for one in value] if isinstance(value, list) else _plain(value)
-        for name, value in found.items()
-    }
-    return figures, {name: unit for name, unit in analysis.units_for(signal).items() if name in found}
+    figures = {name: _plain(value) for name, value in found.items()}
+    units = analysis.units_for(signal, settings).items()
+    return figures, {name: unit for name, unit in units if name.partition(".")[0] in found}
 
 
-def _plain(value: float) -> float | int | None:
+def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Results of work for each item, in order; numpy's and scipy's loops run on several cores."""
+    if len(items) < 2:
+        return [work(item) for item in items]
+    with ThreadPoolExecutor(min(len(items), os.cpu_count() or 1)) as pool:
+        return list(pool.map(work, items))
+
+
+def _plain(value: Any) -> Any:
+    """A figure as JSON has it: numbers that are not finite become None."""
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list):
+        if value and isinstance(value[0], float) and np.isfinite(value).all():
+            return value
+        return [_plain(one) for one in value]
+    if isinstance(value, str) or value is None:
+        return value
     return value if math.isfinite(value) else None
 
 

@@ -13,8 +13,8 @@ from pydantic import BaseModel, Field
 
 from recordings.column_store import Base, ColumnStore
 from recordings.mcap_writer import RecordingError
-from server.analysis.registry import analyses, analysis_named
-from server.analysis.report import arrow_of, figures_of
+from server.analysis.registry import AnalysisOption, analyses, analysis_named
+from server.analysis.report import arrow_of, figures_of, in_parallel
 from server.analysis.signals import Signal, SignalColumn, columns_named, live_signals, recorded_signal
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses
@@ -31,14 +31,15 @@ AHEAD_S = 60.0  # the device's clock may be ahead of this host's
 
 
 class OptionInfo(BaseModel):
-    """An option of an analysis."""
+    """An option of an analysis: a number, or one of `choices`."""
 
     name: str
-    default: float
+    default: float | str
     low: float
     high: float
     unit: str
     doc: str
+    choices: list[str] = Field(description="words of which a request gives one; empty if the option is a number")
 
 
 class AnalysisInfo(BaseModel):
@@ -72,7 +73,9 @@ class SignalFigures(BaseModel):
     signal: str
     device: str
     units: dict[str, str] = Field(description="for the figures that have a unit")
-    figures: dict[str, float | int | list[float | None] | None]
+    figures: dict[str, Any] = Field(
+        description="by name: a number, a text, a list of figures or an object of figures; `notes` are sentences"
+    )
 
 
 @router.get("")
@@ -83,12 +86,23 @@ async def list_analyses() -> list[AnalysisInfo]:
             name=one.name,
             title=one.title,
             words=one.words,
-            options=[
-                OptionInfo(**{key: getattr(option, key) for key in OptionInfo.model_fields}) for option in one.options
-            ],
+            options=[_option(option) for option in one.options],
         )
         for one in analyses()
     ]
+
+
+def _option(option: AnalysisOption) -> OptionInfo:
+    default = option.choices[int(option.default)] if option.choices else option.default
+    return OptionInfo(
+        name=option.name,
+        default=default,
+        low=option.low,
+        high=option.high,
+        unit=option.unit,
+        doc=option.doc,
+        choices=list(option.choices),
+    )
 
 
 @router.post(
@@ -102,15 +116,12 @@ async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Re
     settings = analysis.settings(body.options)
     columns, read = await _signals(body, services)
 
-    def work() -> list[SignalFigures]:
-        found = []
-        for column in columns:
-            signal = read(column)
-            figures, units = figures_of(analysis, signal, settings)
-            found.append(SignalFigures(signal=signal.name, device=column.info.device, units=units, figures=figures))
-        return found
+    def work(column: SignalColumn) -> SignalFigures:
+        signal = read(column)
+        figures, units = figures_of(analysis, signal, settings)
+        return SignalFigures(signal=signal.name, device=column.info.device, units=units, figures=figures)
 
-    found = await asyncio.to_thread(work)
+    found = await asyncio.to_thread(in_parallel, work, columns)
     if body.format == "json":
         return found
     table = await asyncio.to_thread(arrow_of, [one.model_dump() for one in found])

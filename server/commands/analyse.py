@@ -8,20 +8,23 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
+from protocols.plural import counted
 from recordings.column_store import ColumnStore
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from server.analysis.registry import analysis_named
-from server.analysis.report import Figures, figures_of
-from server.analysis.signals import columns_named, recorded_signal
+from server.analysis.report import Figures, figures_of, in_parallel
+from server.analysis.signals import SignalColumn, columns_named, recorded_signal
 from server.commands.decode import Bar
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.errors import DomainError
 from server.library.decode import decode
 from server.library.recording_detail import channels_of
+
+NOTES = "notes"
 
 
 class AnalyseError(Exception):
@@ -93,11 +96,12 @@ def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[Sig
     t1 = math.inf if request.end_s is None else begin + request.end_s
     if not t0 < t1 or request.begin_s < 0 or (end is not None and t0 > end):
         raise AnalyseError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
-    reports = []
-    for column in columns_named(channels_of(store).values(), request.signals):
+
+    def report(column: SignalColumn) -> SignalReport:
         signal = recorded_signal(store, column, t0, t1)
-        reports.append(SignalReport(signal.name, *figures_of(analysis, signal, settings)))
-    return reports
+        return SignalReport(signal.name, *figures_of(analysis, signal, settings))
+
+    return in_parallel(report, columns_named(channels_of(store).values(), request.signals))
 
 
 def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:
@@ -110,19 +114,34 @@ def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:
 def print_table(reports: Sequence[SignalReport], out: TextIO) -> None:
     """A column for each signal, a line for each figure. Of a list, its length is shown; --json has all of it."""
     lines = [["", *(report.name for report in reports)]]
-    for name in reports[0].figures:
-        lines.append([name, *(_cell(report, name) for report in reports)])
+    flat = [_flattened(report.figures) for report in reports]
+    for name in flat[0]:
+        shown = [_cell(of.get(name), report.units.get(name, "")) for of, report in zip(flat, reports, strict=True)]
+        lines.append([name, *shown])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for first, *others in lines:
         cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
         out.write("  ".join(cells).rstrip() + "\n")
+    for report in reports:
+        for note in report.figures.get(NOTES, ()):
+            out.write(f"{report.name}: {note}\n")
 
 
-def _cell(report: SignalReport, name: str) -> str:
-    value = report.figures[name]
+def _flattened(figures: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Figures of objects by the names of both, with a point between them; notes are printed below the table."""
+    flat: dict[str, Any] = {}
+    for name, value in figures.items():
+        if isinstance(value, Mapping):
+            flat |= _flattened(value, f"{within}{name}.")
+        elif name != NOTES:
+            flat[within + name] = value
+    return flat
+
+
+def _cell(value: Any, unit: str) -> str:
     if isinstance(value, list):
-        return f"{len(value)} values"
+        return counted(len(value), "value")
     if value is None:
         return "—"
-    shown = str(value) if isinstance(value, int) else f"{value:.7g}"
-    return f"{shown} {report.units[name]}" if name in report.units else shown
+    shown = f"{value:.7g}" if isinstance(value, float) else str(value)
+    return f"{shown} {unit}" if unit else shown

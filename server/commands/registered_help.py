@@ -59,7 +59,10 @@ def analysis_list() -> str:
     for one in analyses():
         lines.append(f"  {one.name:<{_COLUMN - 2}}{one.words}")
         for option in one.options:
-            form = f"{option.name}={option.default:g}"
-            limits = f"{option.low:g} to {option.high:g} {option.unit}".strip()
+            if option.choices:
+                form, limits = f"{option.name}={option.choices[int(option.default)]}", ", ".join(option.choices)
+            else:
+                form = f"{option.name}={option.default:g}"
+                limits = f"{option.low:.12g} to {option.high:.12g} {option.unit}".strip()
             lines.append(f"    {form:<{_COLUMN - 4}}{option.doc} {limits}.")
     return "\n".join(lines) + "\n"

@@ -95,7 +95,7 @@ def test_one_sample_has_no_slope_and_no_rate() -> None:
 
 def test_units_of_a_signal_without_a_unit() -> None:
     of = Signal("x", "", 0.0, np.zeros(1), np.zeros(1))
-    assert analysis_named("statistics").units_for(of) == {
+    assert analysis_named("statistics").units_for(of, {}) == {
         "slope": "1/s",
         "integral": "s",
         "duration": "s",

@@ -136,14 +136,16 @@ export interface MapInfo {
   readonly attribution: string;
 }
 
-/** An option of an analysis. */
+/** An option of an analysis: a number, or one of `choices`. */
 export interface OptionInfo {
   readonly name: string;
-  readonly default: number;
+  readonly default: number | string;
   readonly low: number;
   readonly high: number;
   readonly unit: string;
   readonly doc: string;
+  /** words of which a request gives one; empty if the option is a number */
+  readonly choices: readonly string[];
 }
 
 /** One serial port. */
@@ -235,7 +237,8 @@ export interface SignalFigures {
   readonly device: string;
   /** for the figures that have a unit */
   readonly units: Readonly<Record<string, string>>;
-  readonly figures: Readonly<Record<string, number | readonly (number | null)[] | null>>;
+  /** by name: a number, a text, a list of figures or an object of figures; `notes` are sentences */
+  readonly figures: Readonly<Record<string, unknown>>;
 }
 
 /** Share of a recording that a viewer in a browser gets: rows of all quantities together, in the recording and shown; `most` rows of one quantity (0: all), which is one of `every` samples of the largest; and the longest time range that opens without thinning, s. */

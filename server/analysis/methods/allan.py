@@ -1,0 +1,107 @@
+"""Allan deviation: overlapping, for many averaging times, with confidence intervals and the parameters of the noise.
+
+The sensor has to rest: what looks like motion is left out (server/analysis/rest.py), and the result states how much.
+Nothing is computed across a gap.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from server.analysis import noise_model
+from server.analysis.allan_deviation import allan_curve, averaging_lengths, intervals
+from server.analysis.noise_model import NoiseModel, fit_noise
+from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
+from server.analysis.rest import resting_runs
+from server.analysis.sampling import sampling_of, unwrapped
+from server.analysis.signals import Signal
+from server.errors import DomainError
+
+MIN_SAMPLES = 9
+MOTION = ("exclude", "include")
+DRIFT = 2.0  # a ramp that is this many times the rest of the model at the longest averaging time is noted
+
+
+def run(signal: Signal, options: Settings) -> Result:
+    """The Allan deviation of one signal; see the module docstring."""
+    sampling = sampling_of(signal, MIN_SAMPLES)
+    values = unwrapped(signal)
+    notes = sampling.notes()
+    runs, left_out = list(sampling.runs), 0.0
+    if MOTION[int(options["motion"])] == "exclude":
+        runs, left_out = resting_runs(values, sampling)
+        if left_out:
+            notes.append(
+                f"{left_out:.4g} s of motion left out, {100 * left_out / _duration(signal):.0f} % of the range."
+            )
+    longest = max((part.stop - part.start for part in runs), default=0)
+    if longest < MIN_SAMPLES:
+        hint = "Leave the sensor at rest, or set motion to include."
+        raise DomainError("no-result", f"{signal.name} never rests in that range.", hint)
+    lengths = averaging_lengths(longest, options["per_decade"])
+    curve = allan_curve([values[part] for part in runs], sampling.rate, lengths)
+    model = fit_noise(curve)
+    low, high = intervals(curve.adev, model.freedom)
+    ramp = _ramp_note(model, signal.unit)
+    return {
+        "tau": curve.tau.tolist(),
+        "adev": curve.adev.tolist(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "degrees_of_freedom": model.freedom.tolist(),
+        "model": model.deviation(curve.tau).tolist(),
+        "parameters": {
+            name: {"value": one.value, "low": one.low, "high": one.high} for name, one in model.parameters.items()
+        },
+        "rate": sampling.rate,
+        "n": sum(part.stop - part.start for part in runs),
+        "gaps": sampling.gaps,
+        "left_out": left_out,
+        "jitter": sampling.jitter,
+        "notes": [*notes, *([ramp] if ramp else [])],
+    }
+
+
+def _duration(signal: Signal) -> float:
+    return float(signal.time[-1] - signal.time[0])
+
+
+def _ramp_note(model: NoiseModel, unit: str) -> str:
+    """A sentence if the bias drifts in one direction, as it does while the sensor warms up; else ""."""
+    tau = np.array([model.tau[1]])
+    ramp = model.parameters["ramp"]
+    whole, part = float(model.deviation(tau)[0]), ramp.value * float(tau[0]) / np.sqrt(2)
+    if part < whole / np.sqrt(1 + 1 / DRIFT**2):
+        return ""
+    drift = f"{ramp.value * 3600:.3g} {unit}/h".strip()
+    return (
+        f"The bias drifts by {drift}, as while a sensor warms up: averaging times near {tau[0]:.3g} s show the drift."
+    )
+
+
+def _units() -> dict[str, Any]:
+    names = noise_model.UNITS.items()
+    return {
+        "tau": "s",
+        **dict.fromkeys(("adev", "low", "high", "model"), "{unit}"),
+        **{f"parameters.{name}.{end}": unit for name, unit in names for end in ("value", "low", "high")},
+        **{"rate": "Hz", "left_out": "s", "jitter": "s"},
+    }
+
+
+register_analysis(
+    Analysis(
+        "allan",
+        "Allan deviation",
+        "overlapping Allan deviation, its 95 % interval, and random walk, bias instability and drift",
+        run,
+        _units(),
+        (
+            AnalysisOption("per_decade", 8, 1, 50, "", "Averaging times per decade."),
+            choice("motion", MOTION, "Whether stretches with motion are left out."),
+        ),
+        order=30,
+    )
+)
