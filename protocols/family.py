@@ -148,6 +148,23 @@ class RejectRemedy:
 
 
 @dataclass(frozen=True, slots=True)
+class PayloadDefinition:
+    """Definition of a vendor's own payload types by the user.
+
+    Args:
+        option: name of the decode option that takes it, a text.
+        template: an initial text for a payload, which the user completes. {size} becomes its length in bytes, {id} its
+            type in hexadecimal digits, {type} and {count} those of `types`; a line with {count} is left out for one.
+        types: (name, bytes) of the numbers that a payload can consist of; the first whose size divides the length is
+            used for all of it.
+    """
+
+    option: str
+    template: str
+    types: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class PanelDefaults:
     """Initial arrangement of the page for a device.
 
@@ -192,7 +209,7 @@ class ProtocolInfo:
             one byte. None: all.
         options: information from the user on how to decode, keywords of decoder and listing
             (protocols/decode_options.py).
-        payload_option: name of the option that describes a vendor's own messages; "" for none.
+        payload_definition: how the user defines a vendor's own payload types; None if it cannot be done.
         permissive: keywords of a decoder that accepts frames unchecked, for inspecting bytes.
         datagrams: whether the decoder has that keyword: every chunk is a datagram.
         frame_size: name of a module with a function `frame_size(data, at)` (server/holder/queues.py, FrameSize), which
@@ -239,7 +256,7 @@ class ProtocolInfo:
     short: str = ""
     is_certain: Callable[[Ints, Bytes], NDArray[np.bool_]] | None = None
     options: tuple[DecodeOption, ...] = ()
-    payload_option: str = ""
+    payload_definition: PayloadDefinition | None = None
     permissive: Mapping[str, Any] = field(default_factory=dict)
     datagrams: bool = False
     frame_size: str = ""

@@ -34,6 +34,14 @@ class DecodeOptionInput:
 
 
 @dataclass(slots=True)
+class PayloadNumber:
+    """A number that a payload can consist of."""
+
+    name: str  # "i16"
+    size: int  # in bytes
+
+
+@dataclass(slots=True)
 class ProtocolCapability:
     """A protocol family."""
 
@@ -43,6 +51,9 @@ class ProtocolCapability:
     simulator: bool = False  # `sim:NAME` is a simulated device
     options: list[DecodeOptionInput] = field(default_factory=list)
     payload_option: str = ""  # option by which the user describes a vendor's own payload types; "" for none
+    # initial text for it: {size} in bytes, {id} in hex, {type} and {count}, whose line is left out for one
+    payload_template: str = ""
+    payload_numbers: list[PayloadNumber] = field(default_factory=list)  # the first whose size fits is the {type}
     attitude_hint: str = ""  # outputs to enable for an attitude
     identify_hint: str = ""  # why a device has no name yet, and how to get it
     pause_hint: str = ""  # effect of reading its settings

@@ -12,6 +12,7 @@ from server.capabilities import (
     DecodeOptionInput,
     ExportCapability,
     LinkCapability,
+    PayloadNumber,
     ProtocolCapability,
     SourceExample,
 )
@@ -48,6 +49,7 @@ def _choices(option: DecodeOption) -> tuple[tuple[str, str], ...]:
 
 
 def _protocol(family: ProtocolInfo) -> ProtocolCapability:
+    payload = family.payload_definition
     return ProtocolCapability(
         name=family.name,
         title=family.title,
@@ -68,7 +70,9 @@ def _protocol(family: ProtocolInfo) -> ProtocolCapability:
             for option in family.options
             if option.title
         ],
-        payload_option=family.payload_option,
+        payload_option=payload.option if payload else "",
+        payload_template=payload.template if payload else "",
+        payload_numbers=[PayloadNumber(name, size) for name, size in payload.types] if payload else [],
         attitude_hint=family.hints.attitude,
         identify_hint=family.hints.identify,
         pause_hint=family.hints.pause,

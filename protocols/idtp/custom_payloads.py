@@ -43,6 +43,22 @@ TYPES: Mapping[str, str] = {
     **{f"{kind}{8 * size}": f"<{kind}{size}" for kind in "iu" for size in (2, 4, 8)},
     **{"i8": "i1", "u8": "u1", "f32": "<f4", "f64": "<f8"},
 }
+TEMPLATE = """\
+# {size} bytes in all; one [[message.field]] for each quantity, in the order of the bytes.
+# type: i8 u8 i16 u16 i32 u32 i64 u64 f32 f64, little-endian
+# count: how many of them; left out, one
+# unit: "m/s", "°C"; shown = sent × scale
+[[message]]
+type = 0x{id}
+name = "Vendor{id}"
+
+[[message.field]]
+name = "Values"
+type = "{type}"
+count = {count}
+unit = ""
+scale = 1.0
+"""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _MESSAGE_KEYS = ("type", "name", "doc", "field")
 _FIELD_KEYS = ("name", "type", "count", "axes", "unit", "scale", "bias", "decimals", "doc", "title")

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from protocols.composer import FrameRecord, ProtocolComposer
-from protocols.family import FamilyHints, ProtocolInfo
+from protocols.family import FamilyHints, PayloadDefinition, ProtocolInfo
+from protocols.idtp.custom_payloads import TEMPLATE
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.detect import detection_score
 from protocols.idtp.driver import IdtpDriver
@@ -93,7 +94,7 @@ FAMILY = ProtocolInfo(
     short="IDTP",
     frame_size="protocols.idtp.frame_size",
     options=OPTIONS,
-    payload_option="schema",
+    payload_definition=PayloadDefinition("schema", TEMPLATE, (("i16", 2), ("u8", 1))),
     permissive={"show_unverified": True, "replay_check": False},
     datagrams=True,
     protection=protection,

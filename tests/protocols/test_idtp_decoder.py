@@ -15,10 +15,11 @@ from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Samp
 from protocols.idtp.custom_payloads import SchemaError, parse
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.detect import detection_score
+from protocols.idtp.family import FAMILY
 from protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from protocols.idtp.inspect import IdtpFrameLister
 from protocols.idtp.json_codec import frame_from_json, frame_to_json
-from protocols.layouts import EncodeError
+from protocols.layouts import EncodeError, size_of
 from tests.oracles import idtp as oracle
 from tests.protocols.decoding import decode_chunks
 from tests.protocols.idtp_frames import with_version
@@ -389,6 +390,14 @@ def test_user_schema() -> None:
     assert frame_from_json(record, schema=schema) == build(0x80, payload + b"\1")
     (short,) = [e for e in decode([build(0x80, payload[:5])], schema=schema) if isinstance(e, Batch)]
     assert short.message.name == "WheelsBytes"
+
+
+@pytest.mark.parametrize(("kind", "count"), [("i16", 3), ("u8", 5)])
+def test_the_initial_definition_is_a_schema(kind: str, count: int) -> None:
+    definition = FAMILY.payload_definition
+    assert definition is not None
+    [row] = parse(definition.template.format(size=0, id="9A", type=kind, count=count)).values()
+    assert (row.id, row.name, size_of(row.fields[0])) == (0x9A, "Vendor9A", count * dict(definition.types)[kind])
 
 
 @pytest.mark.parametrize(

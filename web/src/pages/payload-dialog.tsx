@@ -1,12 +1,12 @@
 /** Defines a vendor's own payload: a short text in TOML, checked by the server; its bytes become plots. */
 import { useSignal } from "@preact/signals";
-import { descriptionOf } from "../panels/hex";
 import { api, type Problem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Message } from "../ui/message";
 import { protocolOf } from "../wire/capabilities";
 import type { UnknownPayload } from "../wire/types";
 import { type App, linkOf } from "./app-state";
+import { initialDefinition } from "./payload-template";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -17,11 +17,12 @@ interface Props {
 }
 
 export function Describe({ app, payload, onClose }: Props) {
-  const text = useSignal(descriptionOf(payload.id, payload.size)); // of the first sample: later ones leave it as typed
   const problem = useSignal<Problem | undefined>(undefined);
   const busy = useSignal(false);
   const protocol = app.store.devices.value.find(({ id }) => id === payload.device)?.protocol;
-  const option = protocolOf(protocol)?.payload_option ?? "";
+  const family = protocolOf(protocol);
+  const option = family?.payload_option ?? "";
+  const text = useSignal(family ? initialDefinition(family, payload) : ""); // of the first sample: later ones leave it as typed
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     const device = app.store.devices.value.find(({ id }) => id === payload.device);

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { bytesOf, descriptionOf, linesOf } from "./hex";
+import { bytesOf, linesOf } from "./hex";
 
 const text = (runs: readonly { readonly text: string }[]): string => runs.map((run) => run.text).join("");
 
@@ -21,16 +21,5 @@ describe("readable bytes", () => {
   it("end at the first character that is not hex", () => {
     expect([...bytesOf("01zz02")]).toEqual([1]);
     expect(linesOf(bytesOf(""), undefined)).toEqual([]);
-  });
-});
-
-describe("an initial definition", () => {
-  it("covers every byte of the payload", () => {
-    expect(descriptionOf(0x80, 6)).toContain("type = 0x80");
-    expect(descriptionOf(0x80, 6)).toContain('type = "i16"');
-    expect(descriptionOf(0x80, 6)).toContain("count = 3");
-    expect(descriptionOf(0x9a, 5)).toContain('type = "u8"');
-    expect(descriptionOf(0x9a, 5)).toContain("count = 5");
-    expect(descriptionOf(0x80, 2)).not.toContain("count =");
   });
 });

@@ -1,8 +1,6 @@
 /**
- * Hex dump of bytes, eight to a line: offset, hex, characters. Pure. Also the initial description of a vendor's own payload type.
+ * Hex dump of bytes, eight to a line: offset, hex, characters. Pure.
  */
-import { TEXT } from "../texts/panels";
-
 export const PER_LINE = 8;
 
 /** A run of bytes of one line that changed together, or stayed. */
@@ -59,17 +57,4 @@ function runs(
 /** Printable ASCII unchanged, all else as a dot. */
 function letter(byte: number): string {
   return byte >= 0x20 && byte < 0x7f ? String.fromCharCode(byte) : "·";
-}
-
-/** An initial description of an IDTP payload type: its bytes as whole numbers, to be named by the user. */
-export function descriptionOf(id: number, size: number): string {
-  const field = size % 2 === 0 ? { type: "i16", count: size / 2 } : { type: "u8", count: size };
-  const count = field.count > 1 ? `count = ${field.count}\n` : "";
-  return TEXT.bytesInAllOneMessage(
-    size,
-    id.toString(16).toUpperCase().padStart(2, "0"),
-    id.toString(16).toUpperCase(),
-    field.type,
-    count,
-  );
 }

@@ -8,6 +8,8 @@ export function protocol(part: Partial<ProtocolCapability> & { readonly name: st
     simulator: false,
     options: [],
     payload_option: "",
+    payload_template: "",
+    payload_numbers: [],
     attitude_hint: "",
     identify_hint: "",
     pause_hint: "",

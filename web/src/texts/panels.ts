@@ -95,28 +95,6 @@ export const TEXT = {
   noLossInSession: "No loss since this session began.",
   noLossInRecording: "No loss in this recording.",
 
-  // hex
-  bytesInAllOneMessage: (
-    size: Value,
-    id: Value,
-    id2: Value,
-    type: Value,
-    count2: Value,
-  ) => `# ${size} bytes in all; one [[message.field]] for each quantity, in the order of the bytes.
-# type: i8 u8 i16 u16 i32 u32 i64 u64 f32 f64, little-endian
-# count: how many of them; left out, one
-# unit: "m/s", "°C"; shown = sent × scale
-[[message]]
-type = 0x${id}
-name = "Vendor${id2}"
-
-[[message.field]]
-name = "Values"
-type = "${type}"
-${count2}unit = ""
-scale = 1.0
-`,
-
   // satellite data
   satellites: "Satellites",
   system: (value: Value) => `System ${value}`,

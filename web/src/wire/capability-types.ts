@@ -28,6 +28,14 @@ export interface DecodeOptionInput {
   readonly example: string;
 }
 
+/** A number that a payload can consist of. */
+export interface PayloadNumber {
+  /** "i16" */
+  readonly name: string;
+  /** in bytes */
+  readonly size: number;
+}
+
 /** A protocol family. */
 export interface ProtocolCapability {
   /** "xbus" */
@@ -41,6 +49,9 @@ export interface ProtocolCapability {
   readonly options: readonly DecodeOptionInput[];
   /** option by which the user describes a vendor's own payload types; "" for none */
   readonly payload_option: string;
+  readonly payload_template: string;
+  /** the first whose size fits is the {type} */
+  readonly payload_numbers: readonly PayloadNumber[];
   /** outputs to enable for an attitude */
   readonly attitude_hint: string;
   /** why a device has no name yet, and how to get it */
