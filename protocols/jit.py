@@ -28,6 +28,8 @@ Rules for the functions themselves:
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import hashlib
 import os
 from collections.abc import Callable
@@ -76,6 +78,39 @@ INTERPRETED_BYTES = 1 << 16
 DISABLED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 
 
+class LibraryFunction:
+    """A function of the C library, for kernels that call the system: plain Python calls it through ctypes, machine code
+    directly. Pointers are passed as numbers (`array.ctypes.data`).
+
+    Args:
+        name: as in C.
+        result, arguments: names of numbers, the same in numba and, with `c_`, in ctypes.
+    """
+
+    def __init__(self, name: str, result: str, *arguments: str) -> None:
+        self.__name__ = name
+        self.types = (result, *arguments)
+
+    @functools.cached_property
+    def _plain(self) -> Any:
+        function = ctypes.CDLL(None)[self.__name__]
+        function.restype, *function.argtypes = (getattr(ctypes, f"c_{name}") for name in self.types)
+        return function
+
+    def __call__(self, *arguments: int) -> int:
+        return cast(int, self._plain(*arguments))
+
+    def compile(self) -> Any:
+        """The function as numba's compiled code calls it."""
+        from numba import types
+
+        result, *arguments = (getattr(types, name) for name in self.types)
+        return types.ExternalFunction(self.__name__, result(*arguments))
+
+    def fingerprint(self) -> str:
+        return f"{self.__name__}{self.types}"
+
+
 class Kernel:
     """A function that is compiled by `load`.
 
@@ -93,11 +128,13 @@ class Kernel:
         self.dispatcher: Any = None
         self.__name__, self.__doc__, self.__module__ = function.__name__, function.__doc__, function.__module__
 
-    def callees(self) -> dict[str, Kernel]:
-        """The kernels that it calls, by the names it uses for them."""
+    def callees(self) -> dict[str, Kernel | LibraryFunction]:
+        """The kernels and library functions that it calls, by the names it uses for them."""
         values = self.function.__globals__
         return {
-            name: found for name in self.function.__code__.co_names if isinstance(found := values.get(name), Kernel)
+            name: found
+            for name in self.function.__code__.co_names
+            if isinstance(found := values.get(name), Kernel | LibraryFunction)
         }
 
     def fingerprint(self) -> str:
@@ -109,7 +146,7 @@ class Kernel:
         digest = hashlib.sha256(code.co_code + repr((code.co_consts, code.co_names)).encode())
         for name in code.co_names:
             value = values.get(name)
-            if isinstance(value, Kernel):
+            if isinstance(value, Kernel | LibraryFunction):
                 digest.update(value.fingerprint().encode())
             elif isinstance(value, np.ndarray):
                 digest.update(value.tobytes())

@@ -36,6 +36,12 @@ def message(channel: int, time_ns: int, data: bytes) -> bytes:
     return MESSAGE_HEAD.pack(Opcode.MESSAGE, _MESSAGE_FIXED + len(data), channel, 0, time_ns, time_ns) + data
 
 
+def messages(channel: int, chunks: Iterable[tuple[bytes, int]]) -> list[bytes]:
+    """Message records of one channel: (data, time in ns) of each."""
+    pack, opcode = MESSAGE_HEAD.pack, int(Opcode.MESSAGE)
+    return [pack(opcode, _MESSAGE_FIXED + len(data), channel, 0, time_ns, time_ns) + data for data, time_ns in chunks]
+
+
 def ending(at: int, groups: Iterable[tuple[int, Sequence[McapRecord]]]) -> bytes:
     """All from the end of the data to the end of the file.
 

@@ -36,7 +36,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -44,7 +44,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
 from recordings import file_lock
-from recordings.mcap_records import MAGIC, bytes_of, ending, message
+from recordings.mcap_records import MAGIC, bytes_of, ending, message, messages
 
 Direction = Literal["rx", "tx"]
 
@@ -139,14 +139,18 @@ class McapWriter:
 
     def chunk(self, device: str, direction: Direction, data: bytes, arrival_ns: int) -> None:
         """Write bytes as received or sent."""
-        self.chunks([(device, direction, data, arrival_ns)])
+        self.runs([(device, direction, ((data, arrival_ns),))])
 
-    def chunks(self, chunks: Iterable[tuple[str, Direction, bytes, int]]) -> None:
-        """Write many chunks, (device, direction, data, arrival ns) each, at once."""
-        records = [
-            self._message(f"{direction}/{device}", RAW_ENCODING, None, arrival_ns, data)
-            for device, direction, data, arrival_ns in chunks
-        ]
+    def runs(self, runs: Iterable[tuple[str, Direction, Sequence[tuple[bytes, int]]]]) -> None:
+        """Write runs of chunks, (device, direction, (data, arrival ns) of each, at least one), at once."""
+        records: list[bytes] = []
+        for device, direction, chunks in runs:
+            topic = f"{direction}/{device}"
+            if topic not in self._channels:
+                records.append(self._channel(topic, RAW_ENCODING, None))
+            number = self._channels[topic].id
+            self._count(number, len(chunks), min(chunks, key=_time)[1], max(chunks, key=_time)[1])
+            records += messages(number, chunks)
         self._write(records)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
@@ -217,16 +221,16 @@ class McapWriter:
         self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None, time_ns: int, data: bytes
     ) -> bytes:
         """The record of a message, preceded by its channel's records if it is the first."""
-        channel = self._channels.get(topic)
-        described = b""
-        if channel is None:
-            described = self._channel(topic, encoding, schema)
-            channel = self._channels[topic]
-        number = channel.id
-        self._counts[number] = self._counts.get(number, 0) + 1
-        self._first = time_ns if self._first is None or time_ns < self._first else self._first
-        self._last = max(self._last, time_ns)
+        described = b"" if topic in self._channels else self._channel(topic, encoding, schema)
+        number = self._channels[topic].id
+        self._count(number, 1, time_ns, time_ns)
         return described + message(number, time_ns, data)
+
+    def _count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
+        """Count messages for the summary."""
+        self._counts[channel] = self._counts.get(channel, 0) + count
+        self._first = first_ns if self._first is None or first_ns < self._first else self._first
+        self._last = max(self._last, last_ns)
 
     def _channel(self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None) -> bytes:
         records: list[McapRecord] = []
@@ -338,6 +342,10 @@ class AtomicRecordFile:
         if fd >= 0:
             with contextlib.suppress(OSError):
                 os.close(fd)
+
+
+def _time(chunk: tuple[bytes, int]) -> int:
+    return chunk[1]
 
 
 def _strings(about: Mapping[str, Any]) -> dict[str, str]:

@@ -21,7 +21,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -36,7 +36,7 @@ MAX_WAITING = 256 << 20  # bytes
 HOLD_S = 0.05
 _BATCH = 4096  # chunks per write, so that a part ends near its size
 
-Kind = Literal["chunk", "event", "note", "snapshot", "device", "split"]
+Kind = Literal["chunks", "event", "note", "snapshot", "device", "split"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +119,21 @@ class RecordingWriter:
 
     def chunk(self, device: str, direction: Direction, data: bytes, arrival_ns: int) -> None:
         """Queue bytes received or sent. Never waits."""
+        self.chunks(device, direction, ((data, arrival_ns),))
+
+    def chunks(self, device: str, direction: Direction, chunks: Sequence[tuple[bytes, int]]) -> None:
+        """Queue chunks, at least one: (bytes, arrival in ns) each. Never waits."""
         if self.error is not None:
             return
+        size = 0
+        for data, _ in chunks:
+            size += len(data)
         with self._counting:
-            self._queued_bytes += len(data)
-        self._queue.append(("chunk", arrival_ns + self.shift_ns, device, direction, data))
+            self._queued_bytes += size
+        shift_ns = self.shift_ns
+        if shift_ns:
+            chunks = [(data, arrival_ns + shift_ns) for data, arrival_ns in chunks]
+        self._queue.append(("chunks", chunks[0][1], device, direction, chunks, size))
         if not self._wake_event.is_set():
             self._wake_event.set()
 
@@ -231,13 +241,15 @@ class RecordingWriter:
             self._split()
         queue = self._queue
         self._oldest_ns = queue[0][1]  # items taken out are still waiting
-        chunks: list[tuple[str, Direction, bytes, int]] = []
-        while queue and queue[0][0] == "chunk" and len(chunks) < _BATCH:
-            _, time_ns, device, direction, data = queue.popleft()
-            self._written_bytes += len(data)
-            chunks.append((device, direction, data, time_ns))
-        if chunks:
-            self._writer.chunks(chunks)
+        runs: list[tuple[str, Direction, Sequence[tuple[bytes, int]]]] = []
+        count = 0
+        while queue and queue[0][0] == "chunks" and count < _BATCH:
+            _, _, device, direction, chunks, size = queue.popleft()
+            self._written_bytes += size
+            count += len(chunks)
+            runs.append((device, direction, chunks))
+        if runs:
+            self._writer.runs(runs)
         else:
             self._write_one(queue.popleft())
         self._oldest_ns = None

@@ -49,6 +49,7 @@ import {modules}
 jit.load()
 """
 _POLL_S = 0.1
+OTHERS = ("recordings.mcap_reader", "server.links.read_loop")  # modules with loops, beside those of the families
 
 
 def prepare_cache(data: Path) -> list[str]:
@@ -100,6 +101,7 @@ def load(*, report: Callable[[str], None], stop: Callable[[], bool] = lambda: Fa
     """
     from protocols import jit, registry  # noqa: F401 (its modules have the loops)
     from recordings import mcap_reader  # noqa: F401
+    from server.links import read_loop  # noqa: F401
 
     if jit.DISABLED or jit.is_loaded():
         return
@@ -122,7 +124,7 @@ def _shares() -> tuple[list[str], list[str]]:
     """Modules whose loops are compiled, in two shares: the family with the most loops is half of the work."""
     modules = [plugin.module for plugin in protocol_plugins() if not plugin.package]
     largest = max(modules, key=_compiled_functions)
-    return [largest], [*(module for module in modules if module != largest), "recordings.mcap_reader"]
+    return [largest], [*(module for module in modules if module != largest), *OTHERS]
 
 
 def _compiled_functions(module: str) -> int:

@@ -9,6 +9,7 @@ intervals.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 WINDOW_S = 2.0
 FRESH_S = 1.0
@@ -30,6 +31,15 @@ class RateMeter:
         self._recent.append((now, count))
         self._recent_sum += count
         self._forget(now)
+
+    def add_all(self, counts: Sequence[int], times: Sequence[float]) -> None:
+        """As `add` for each, in order of time."""
+        total = sum(counts)
+        self.total += total
+        self._recent.extend(zip(times, counts, strict=True))
+        self._recent_sum += total
+        if times:
+            self._forget(times[-1])
 
     def rate(self, now: float) -> float:
         """Arrivals per second, in the window before `now` (s)."""

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from typing import Literal
 
 from protocols.events import Event, sender_of
-from server.links.base import Flow
+from server.links.base import Chunk, Flow
 from server.listeners import CallbackList
 
 Direction = Literal["rx", "tx"]
@@ -53,8 +53,17 @@ class Audience:
         """Call `callback(data, time, direction)` once with every chunk that was received ("rx", in the link's reading
         thread) or sent ("tx"); time in ns since the Unix epoch. Returns a function that removes it.
         """
-        off_sent = self._sent.add(lambda data, time_ns: callback(data, time_ns, "tx"))
-        off_came = self._flow.arrivals.add(lambda chunk: callback(chunk.data, chunk.arrival_ns, "rx"))
+
+        def each(chunks: Sequence[Chunk], direction: Direction) -> None:
+            for chunk in chunks:
+                callback(chunk.data, chunk.arrival_ns, direction)
+
+        return self.chunk_batches(each)
+
+    def chunk_batches(self, callback: Callable[[Sequence[Chunk], Direction], None]) -> Callable[[], None]:
+        """As `chunks`, with all chunks that were received together at once."""
+        off_sent = self._sent.add(lambda data, time_ns: callback((Chunk(data, time_ns),), "tx"))
+        off_came = self._flow.arrivals.add(lambda chunks: callback(chunks, "rx"))
 
         def off() -> None:
             off_came()

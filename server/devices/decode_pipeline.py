@@ -98,14 +98,21 @@ class DecodePipeline:
         self.options = self.options.replaced({name: value})
         self.begin(self._state.info.protocol)
 
-    def put(self, chunk: Chunk) -> None:
-        """Append a chunk; cheap, as this happens thousands of times a second."""
-        self._slices.add(len(chunk.data) + CHUNK_COST)
-        if self.stream is None:
-            self.detector.add(chunk)
-        else:
-            self._feed(chunk)
+    def put_all(self, chunks: Sequence[Chunk]) -> None:
+        """Append chunks; cheap, as there are thousands a second."""
+        size = CHUNK_COST * len(chunks)
+        for chunk in chunks:
+            size += len(chunk.data)
+        self._slices.add(size)
         self._dirty = True
+        if self.stream is None:
+            for chunk in chunks:
+                self.detector.add(chunk)
+        elif any(chunk.restart for chunk in chunks):
+            for chunk in chunks:
+                self._feed(chunk)
+        else:
+            self.stream.feed_all(chunks)
 
     def _feed(self, chunk: Chunk) -> None:
         """Feed a chunk to the decoder; if a file starts again with it, to a new one.

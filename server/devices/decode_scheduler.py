@@ -8,6 +8,8 @@ The interval is that of the most demanding viewer: 8 ms if samples are drawn as 
 if it reports one, 0.1 s without viewers; one turn for many samples costs far less than one for each. All sessions share
 one timer, because waking the loop costs more than most slices, and because samples decoded together are sent to clients
 together. A session that waits for an answer decodes at once.
+
+A turn in which a session found bytes requests the next one, so that while bytes arrive no link needs to wake the loop.
 """
 
 from __future__ import annotations
@@ -40,12 +42,20 @@ class DecodeScheduler:
         """Add `drain` to each turn; returns a function that removes it."""
         return self._turns.add(drain)
 
-    def request(self) -> None:
-        """Schedule a turn for received bytes as soon as the interval allows. Call it in the event loop."""
+    def request(self) -> int:
+        """Schedule a turn for received bytes as soon as the interval allows. Call it in the event loop.
+
+        Returns:
+            The interval, ns.
+        """
+        interval = self._interval()
         if self._timer is None:
-            self._schedule(asyncio.get_running_loop(), self._last + self._interval())
+            self._schedule(asyncio.get_running_loop(), self._last + interval)
+        return round(interval * 1e9)
 
     def _schedule(self, loop: asyncio.AbstractEventLoop, due: float) -> None:
+        if self._timer is not None:  # requested in a turn that leaves work
+            self._timer.cancel()
         self._timer = loop.call_at(max(loop.time(), due, self._rest_until), self._run_turn, loop)
 
     def _run_turn(self, loop: asyncio.AbstractEventLoop) -> None:

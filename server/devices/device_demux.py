@@ -17,6 +17,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from protocols.chunk_boundaries import ChunkBoundaries
 from protocols.events import Decoder, Event, RejectedFrame, Shared, sender_of
 from protocols.framing import Ints
@@ -34,6 +36,7 @@ from server.streaming.unknown_payloads import UnknownPayloadTracker
 
 MAX_SENDERS = 16  # on one link; more are probably noise
 SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)
+FEW_CHUNKS = 3  # are fed one by one
 TAIL_BYTES = 1 << 17  # of the stream, stored for the traffic log
 SILENT_HINT = "Check that it is powered and in range; it is shown again when it sends."
 
@@ -322,6 +325,16 @@ class LinkDecoder:
         if len(self._tail) > 2 * TAIL_BYTES:
             del self._tail[:-TAIL_BYTES]
 
+    def feed_all(self, chunks: Sequence[Chunk]) -> None:
+        """Append chunks."""
+        if len(chunks) < FEW_CHUNKS:
+            for chunk in chunks:
+                self.feed(chunk)
+            return
+        ends = np.array([len(chunk.data) for chunk in chunks], np.int64).cumsum()
+        arrivals = np.array([chunk.arrival_ns for chunk in chunks], np.int64)
+        self.feed_many(b"".join([chunk.data for chunk in chunks]), ends, arrivals)
+
     def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
         """Append many chunks at once; see events.Decoder."""
         self._decoder.feed_many(data, ends, arrival_ns)
@@ -329,7 +342,8 @@ class LinkDecoder:
         self._tail += data
         self._boundaries.add_many(ends + self._end, arrival_ns)
         self._end += len(data)
-        del self._tail[:-TAIL_BYTES]
+        if len(self._tail) > 2 * TAIL_BYTES:
+            del self._tail[:-TAIL_BYTES]
 
     def bytes_at(self, offset: int, size: int) -> bytes:
         """Bytes of the stream at an event's offset; b"" if they are no longer stored."""

@@ -6,7 +6,7 @@ Latency is the time from the arrival of the oldest waiting byte until its sample
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from server.prometheus_text import Histogram
 from server.rate_meter import RateMeter
@@ -42,6 +42,13 @@ class LinkStatistics:
         self.last_arrival = arrival
         if self._waiting_since is None:
             self._waiting_since = arrival
+
+    def count_chunks(self, sizes: Sequence[int], arrivals: Sequence[float]) -> None:
+        """As `count_bytes` for each chunk, at least one, in order."""
+        self.bytes.add_all(sizes, arrivals)
+        self.last_arrival = arrivals[-1]
+        if self._waiting_since is None:
+            self._waiting_since = arrivals[0]
 
     def note_published(self, now: float) -> None:
         """Note that the received bytes are decoded and published."""

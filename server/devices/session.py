@@ -347,20 +347,17 @@ class Session(Audience):
     # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _on_chunks(self, chunks: list[Chunk]) -> None:
-        """Take received bytes; cheap, as this happens thousands of times a second."""
         self._archive(chunks)
         self._scheduler.request()
         if self._silence.suppressed and self._pipeline.stream is not None:
             self._drain()  # a job waits for an answer, and there are few other bytes
 
     def _archive(self, chunks: list[Chunk]) -> None:
-        figures = self._stats
-        for chunk in chunks:
-            arrival = chunk.arrival_ns / 1e9
-            self._silence.note_chunk(arrival, figures.last_arrival)
-            figures.count_bytes(len(chunk.data), arrival)
-            self._diagnostics.on_bytes(chunk.data)
-            self._pipeline.put(chunk)
+        arrivals = [chunk.arrival_ns / 1e9 for chunk in chunks]
+        self._silence.note_chunks(arrivals, self._stats.last_arrival)
+        self._stats.count_chunks([len(chunk.data) for chunk in chunks], arrivals)
+        self._diagnostics.on_chunks(chunks)
+        self._pipeline.put_all(chunks)
         self._left_out.update(self._link.flow.dropped, self._sink.now())
         self._stalled, self._ticks_since_bytes = False, 0
 
@@ -368,8 +365,11 @@ class Session(Audience):
         """Decode a slice of received bytes in a turn. True if more is waiting."""
         pipeline = self._pipeline
         pipeline.begin_slice()
-        if self._connection.is_open and not pipeline.has_slice and (chunks := self._link.read_now()):
-            self._archive(chunks)
+        if self._connection.is_open and not pipeline.has_slice:
+            chunks = self._link.read_now()
+            self._link.flow.polled_ns = self._scheduler.request() if chunks else 0
+            if chunks:
+                self._archive(chunks)
         if pipeline.is_due or final:
             self._decode(final=final)
             pipeline.end_slice()

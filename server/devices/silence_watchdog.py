@@ -7,6 +7,8 @@ that is being configured does not measure) is not counted.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 SILENT_S = 0.8
 SLOW_FACTOR = 3.0  # a device that sends every 2 s is silent after 6 s
 FEW_CHUNKS = 3  # with fewer chunks the usual interval is not known, and the limit is:
@@ -36,6 +38,12 @@ class SilenceWatchdog:
             gap = arrival - before
             self._interval = max(gap if gap < SLOWEST_S else 0.0, 0.9 * self._interval)
         self._chunks += 1
+
+    def note_chunks(self, arrivals: Iterable[float], before: float | None) -> None:
+        """Note received chunks in order, as `note_chunk` for each."""
+        for arrival in arrivals:
+            self.note_chunk(arrival, before)
+            before = arrival
 
     def suppress(self, on: bool, now: float) -> None:
         """Ignore silence while `on`."""

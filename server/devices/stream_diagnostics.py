@@ -22,6 +22,7 @@ from protocols.events import Doubt
 from protocols.family import RejectRemedy
 from server.devices.event_reporter import EventReporter
 from server.devices.link_stats import LinkStatistics
+from server.links.base import Chunk
 from server.links.registry import is_network
 from server.wire import DeviceInfo, Level, Wants
 
@@ -102,9 +103,10 @@ class StreamDiagnostics:
         self._restarted: dict[str, str] = {}
         self._refused_before: dict[str, int] = {}
 
-    def on_bytes(self, data: bytes) -> None:
+    def on_chunks(self, chunks: Sequence[Chunk]) -> None:
         """Store the last bytes; cheap."""
-        self._recent.append(data[-RECENT_BYTES:])
+        for chunk in chunks[-RECENT_CHUNKS:]:
+            self._recent.append(chunk.data[-RECENT_BYTES:])
 
     def refused(self, by_reason: Mapping[str, int], *, live: bool) -> bool:
         """Check the rejects so far; True if there is something new to show."""

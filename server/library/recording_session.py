@@ -27,6 +27,7 @@ from server.devices.member import address_of
 from server.devices.session import Session
 from server.library.api_models import Mark
 from server.library.log_header import LogHeaderRequest
+from server.links.base import Chunk
 from server.streaming.bus import TelemetryBus
 
 RATE_S = 10.0  # averaging time of the rate for `seconds_left`
@@ -82,12 +83,12 @@ class RecordingSession:
         self._sessions[device] = session
         writer.device(device, {**about(session.info), **session.reading.recorded})
 
-        def take(data: bytes, time_ns: int, way: Direction) -> None:
-            writer.chunk(device, way, data, time_ns)
+        def take(chunks: Sequence[Chunk], way: Direction) -> None:
+            writer.chunks(device, way, [(chunk.data, chunk.arrival_ns) for chunk in chunks])
             if way == "rx":  # in the thread that reads the link
                 writer.room()
 
-        self._unsubscribe_traffic[device] = session.chunks(take)
+        self._unsubscribe_traffic[device] = session.chunk_batches(take)
 
         async def removed() -> None:
             self._unsubscribe_traffic.pop(device, lambda: None)()

@@ -20,7 +20,7 @@ A closed link may be opened again. One task reads; any task of the same event lo
 
 `read` returns about `Flow.at_once` bytes, which bounds the work of one decoding step. At most `MAX_HELD` bytes are
 queued. Beyond that, a link whose sender can be held back is not read (`waits`: TCP, a file); for any other the oldest
-bytes are dropped and counted in `Flow.dropped`. `Flow.arrivals` receives every chunk before that, in the reading
+bytes are dropped and counted in `Flow.dropped`. `Flow.arrivals` receives all chunks before that, in the reading
 thread: a recording also has the dropped bytes, and does not wait for the event loop.
 
 ## Arrival time
@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -58,9 +58,9 @@ def steady_clock() -> Callable[[], int]:
     return lambda: time.monotonic_ns() + offset
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: that costs 0.5 µs each, and a device may send thousands a second
 class Chunk:
-    """Received bytes, and the host time (ns since the Unix epoch) at which they arrived.
+    """Received bytes, and the host time (ns since the Unix epoch) at which they arrived. Read-only by convention.
 
     `restart`: a played file starts again with them, so that clocks and counters before do not continue.
     """
@@ -134,14 +134,17 @@ class Flow:
     Args:
         at_once: approximate number of bytes that `read` and `read_now` return; set by the reader.
         keep_datagrams: a datagram is returned whole, whatever its size, because its end delimits its content.
-        arrivals: called with every chunk, in the reading thread.
+        arrivals: called with all chunks, in the reading thread.
         dropped: bytes dropped so far because they were not read in time.
+        polled_ns: interval at which `read_now` is called while bytes arrive, which makes waking the reader unnecessary;
+            0 if it is not called; set by the reader.
     """
 
     at_once: int = AT_ONCE
     keep_datagrams: bool = True
-    arrivals: CallbackList[[Chunk]] = field(default_factory=CallbackList)
+    arrivals: CallbackList[[Sequence[Chunk]]] = field(default_factory=CallbackList)
     dropped: int = 0
+    polled_ns: int = 0
 
 
 class Link(ABC):

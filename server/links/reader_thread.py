@@ -1,15 +1,18 @@
 """Reader thread: from a file descriptor to the event loop, with arrival times.
 
-    reading thread                                  event loop
-    epoll ─> read ─> now_ns() ─> ChunkQueue.put  ──wake──>  ChunkQueue.take ──> session
-      ^ self-pipe: stop                          <────────  ChunkQueue.take_now ──> session, before it decodes
+    reading thread                                     event loop
+    wait ─> read ─> now_ns() ─> ChunkQueue.put_all  ──wake──>  ChunkQueue.take ──> session
+      ^ self-pipe: stop                             <────────  ChunkQueue.take_now ──> session, before it decodes
 
 The event loop is the wrong place to stamp arrivals: while it serves a browser, bytes wait in the kernel and would all
-be stamped late. So one small thread per link sleeps in epoll, reads, and takes the time before anything else runs. It
-wakes the loop at most once per `WAKE_NS`, because a wake-up costs more than the read itself. While a client is
-connected it hardly ever does: a session takes the received chunks on its own before it decodes, 60 or 125 times a
-second, so they are never late and already stamped. While an answer is expected, wake-ups come sooner, because their
-delay would add up over a dialogue of fifty requests.
+be stamped late. So one small thread per link sleeps until bytes arrive, reads, and takes the time before anything else
+runs. A link with one descriptor does so in a compiled loop (read_loop.py), which gathers the reads of `GATHER_NS`, each
+with its own time, because Python's part costs more than the read itself.
+
+The thread wakes the loop at most once per `WAKE_NS`, because that costs even more. While bytes arrive it hardly ever
+does: a session takes the received chunks on its own before it decodes, and says so with `Flow.polled_ns`, so they are
+never late and already stamped. While an answer is expected, nothing is gathered and wake-ups come sooner, because
+their delay would add up over a dialogue of fifty requests.
 """
 
 from __future__ import annotations
@@ -24,13 +27,16 @@ import selectors
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from server.links.base import CHUNK_COST, MAX_HELD, Chunk, Link, LinkError
+from server.links.read_loop import ReadLoop
 
 log = logging.getLogger(__name__)
 
 WAKE_NS = 9_000_000  # longer than the flush interval of a browser, 8 ms, so that a flush comes first
+POLL_SLACK_NS = 4_000_000  # a session that takes chunks on its own may be late by this
+GATHER_NS = 2_000_000  # a tenth of the time that bytes may take to the page
 ANSWER_NS, AWAITED_NS = 2_000_000, 1_000_000_000  # wake-up interval while an answer is expected, and for how long
 HOLD_S = 0.005  # between two checks whether a sender must still be held back
 MIN_BYTES = 1024  # a chunk is not cut into smaller pieces
@@ -45,10 +51,14 @@ class ChunkQueue:
 
     Args:
         link: their link, which determines how they are queued (server/links/base.py).
+
+    Attributes:
+        received: number of chunks so far.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
+        self.received = 0
         self._loop = asyncio.get_running_loop()
         self._ready = asyncio.Event()
         self._lock = threading.Lock()
@@ -61,10 +71,18 @@ class ChunkQueue:
 
     def put(self, chunk: Chunk) -> None:
         """Add one chunk; the loop is woken at the next `flush`."""
-        self._link.flow.arrivals.call(chunk)
+        self.put_all((chunk,))
+
+    def put_all(self, chunks: Sequence[Chunk]) -> None:
+        """Add chunks; the loop is woken at the next `flush`."""
+        self._link.flow.arrivals.call(chunks)
+        self.received += len(chunks)
+        size = CHUNK_COST * len(chunks)
+        for chunk in chunks:
+            size += len(chunk.data)
         with self._lock:
-            self._chunks.append(chunk)
-            self._size += len(chunk.data) + CHUNK_COST
+            self._chunks.extend(chunks)
+            self._size += size
             if self._size > MAX_HELD and not self._link.waits:
                 self._drop_oldest()
 
@@ -90,11 +108,20 @@ class ChunkQueue:
         if not self._chunks or self._is_waking:
             return None
         now_ns = time.monotonic_ns()
-        wait_ns = self._last_wake_ns + (ANSWER_NS if now_ns < self._awaited_until_ns else WAKE_NS) - now_ns
+        if now_ns < self._awaited_until_ns:
+            wait_ns = self._last_wake_ns + ANSWER_NS - now_ns
+        else:
+            polled_ns = self._link.flow.polled_ns
+            wait_ns = self._last_wake_ns + (polled_ns + POLL_SLACK_NS if polled_ns else WAKE_NS) - now_ns
         if wait_ns > 0:
             return wait_ns / 1e9
         self._wake_loop()
         return None
+
+    def gather_until_ns(self) -> int:
+        """Monotonic time until which the reading thread may gather chunks; 0 if one must not wait for others."""
+        now_ns = time.monotonic_ns()
+        return 0 if now_ns < self._awaited_until_ns else now_ns + GATHER_NS
 
     def wait(self, most: int, stopped: Callable[[float], bool]) -> None:
         """Hold the sender back while more than `most` bytes are queued.
@@ -174,6 +201,7 @@ class ReaderThread(threading.Thread):
         self.queue = inbox
         self._selector = selectors.DefaultSelector()
         self._stopped = False
+        self._loop: tuple[ReadLoop, Callable[[], None]] | None = None  # with the handler of its failures
         self._wake_read, self._wake_write = os.pipe()
         os.set_blocking(self._wake_write, False)
         self._selector.register(self._wake_read, selectors.EVENT_READ, None)
@@ -186,13 +214,24 @@ class ReaderThread(threading.Thread):
         """Stop watching `fd`; to be called before it is closed."""
         self._selector.unregister(fd)
 
+    def gather(self, fd: int, handler: Callable[[], None], now_ns: Callable[[], int]) -> None:
+        """Read `fd` alone, in a compiled loop; `handler` is called when that fails. Before `start`."""
+        self._loop = ReadLoop(fd, self._wake_read, now_ns), handler
+
     def run(self) -> None:
         timeout: float | None = None
+        until_ns = 0
         try:
             while not self._stopped:
-                for key, _ in self._selector.select(timeout):
-                    if key.data is not None and not self._stopped:
-                        key.data()
+                if self._loop is not None:
+                    loop, failed = self._loop
+                    if chunks := loop.read(timeout, until_ns):
+                        self.queue.put_all(chunks)
+                    if loop.failed and not self._stopped:
+                        failed()
+                    until_ns = self.queue.gather_until_ns()
+                else:
+                    self._call_handlers(timeout)
                 timeout = self.queue.flush()
                 self.queue.wait(MAX_HELD, self._sleep)
         except LinkError as error:
@@ -200,6 +239,11 @@ class ReaderThread(threading.Thread):
         except Exception as error:  # top of the thread: a link must never fail silently
             log.exception("The reading thread of %s failed.", self.name)
             self.queue.fail(LinkError("gone", f"Reading failed: {error}.", "The server's log has the details."))
+
+    def _call_handlers(self, timeout: float | None) -> None:
+        for key, _ in self._selector.select(timeout):
+            if key.data is not None and not self._stopped:
+                key.data()
 
     def _sleep(self, seconds: float) -> bool:
         time.sleep(seconds)
@@ -229,6 +273,12 @@ class ThreadedLink(Link):
         """Start reading `fd`."""
         self._reader = self._new_reader()
         self._reader.watch(fd, handler)
+        self._reader.start()
+
+    def _start_loop(self, fd: int, handler: Callable[[], None]) -> None:
+        """Start reading `fd`, a stream without other descriptors; `handler` reads once if the compiled loop failed."""
+        self._reader = self._new_reader()
+        self._reader.gather(fd, handler, self.settings.now_ns)
         self._reader.start()
 
     def _new_reader(self) -> ReaderThread:

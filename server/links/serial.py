@@ -93,7 +93,7 @@ class SerialLink(ThreadedLink):
         self.place = place
         self.line = line
         self._port: Any = None  # serial.Serial, which has no types
-        self._empty_reads = 0
+        self._empty_reads = self._received = 0
         self._adapter = ""  # persistent name of the adapter found there first
 
     async def open(self, progress: Progress | None = None) -> None:
@@ -115,8 +115,8 @@ class SerialLink(ThreadedLink):
             *moved(self.place, where, self._adapter),
             *latency_notices(where, self.settings.sys_root),
         ]
-        self._empty_reads = 0
-        self._start(self._port.fileno(), self._on_readable)
+        self._empty_reads = self._received = 0
+        self._start_loop(self._port.fileno(), self._on_readable)
 
     @property
     def detects_baud(self) -> bool:
@@ -149,9 +149,10 @@ class SerialLink(ThreadedLink):
             raise gone(self.place, error) from None
         arrival_ns = self.settings.now_ns()
         if data:
-            self._empty_reads = 0
             self._queue.put(Chunk(data, arrival_ns))
             return
+        if self._queue.received != self._received:  # by the compiled loop, since the last empty read
+            self._received, self._empty_reads = self._queue.received, 0
         self._empty_reads += 1
         if self._empty_reads >= EMPTY_READS or hung_up(fd):
             raise gone(self.place)

@@ -79,7 +79,7 @@ class TcpLink(_Connection):
             error = self._refused(failure)
         else:
             progress_line(progress, self.place, "connected")
-            self._start(self._socket.fileno(), self._on_readable)
+            self._start_loop(self._socket.fileno(), self._on_readable)
             return
         progress_line(progress, self.place, error.message)
         raise error

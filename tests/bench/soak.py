@@ -91,7 +91,7 @@ class Quick(Link):
         self._clock.ns = base + 10**9
         chunks = [Chunk(data[n * size : (n + 1) * size], base + (n + 1) * step) for n in range(CHUNKS_PER_S)]
         for chunk in chunks:
-            self.flow.arrivals.call(chunk)
+            self.flow.arrivals.call((chunk,))
         return chunks
 
     async def write(self, data: bytes) -> None:

@@ -205,7 +205,7 @@ def test_a_recording_that_cannot_start_reports_the_cause(tmp_path: Path) -> None
 
 def test_a_slow_disk_delays_no_caller_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
-    slow = McapWriter.chunks
+    slow = McapWriter.runs
     held = [True]
 
     def chunks(self: McapWriter, found: list[tuple[str, str, bytes, int]]) -> None:
@@ -213,7 +213,7 @@ def test_a_slow_disk_delays_no_caller_and_is_reported(tmp_path: Path, monkeypatc
             time.sleep(0.001)
         slow(self, found)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(McapWriter, "chunks", chunks)
+    monkeypatch.setattr(McapWriter, "runs", chunks)
     now = time.time_ns()
     tape.chunk("1", "rx", b"first", now - 5_000_000_000)
     for i in range(1000):

@@ -73,7 +73,7 @@ class FakeLink(Link):
 
     def send(self, data: bytes, *, anew: bool = False) -> None:
         chunk = Chunk(data, self.settings.now_ns(), anew)
-        self.flow.arrivals.call(chunk)
+        self.flow.arrivals.call((chunk,))
         self._queue.put_nowait(chunk)
 
     def die(self, error: Exception) -> None:

@@ -117,7 +117,7 @@ def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.MonkeyPa
     async def check() -> None:
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
         heard: list[Chunk] = []
-        link.flow.arrivals.add(heard.append)
+        link.flow.arrivals.add(heard.extend)
         inbox = ChunkQueue(link)
         put(inbox, 100, 1000)
         assert inbox.backlog <= 10_000

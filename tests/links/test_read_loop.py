@@ -1,0 +1,133 @@
+"""The compiled reading loop: every read with its own time, whatever is gathered, and the same in plain Python."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import struct
+import termios
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from protocols.jit import Kernel
+from server.links import read_loop
+from server.links.base import Chunk, steady_clock
+from server.links.read_loop import BUFFER_BYTES, MAX_READS, ReadLoop, monotonic_offset_ns
+from tests.timeouts import PATIENCE_S
+
+FAR_NS = 1 << 62
+
+
+class ReadEnd:
+    """A loop at the reading end of a pipe, with the clock of its times."""
+
+    def __init__(self) -> None:
+        self.now_ns = steady_clock()
+        self.fd, self.writer = os.pipe()
+        self.stopped, self.stop = os.pipe()
+        os.set_blocking(self.fd, False)
+        self.loop = ReadLoop(self.fd, self.stopped, self.now_ns)
+
+    def waiting(self) -> int:
+        """Bytes in the pipe."""
+        return int(struct.unpack("i", fcntl.ioctl(self.fd, termios.FIONREAD, bytes(4)))[0])
+
+    def write(self, data: bytes) -> tuple[int, int]:
+        """Write, and wait until it is read; the times before and after."""
+        before = self.now_ns()
+        os.write(self.writer, data)
+        deadline = time.monotonic() + PATIENCE_S
+        while self.waiting():
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
+        return before, self.now_ns()
+
+    def close(self) -> None:
+        for fd in (self.fd, self.writer, self.stopped, self.stop):
+            if fd >= 0:
+                os.close(fd)
+
+
+@pytest.fixture(params=["compiled", "plain"])
+def end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[ReadEnd]:
+    if request.param == "plain" and isinstance(read_loop.gather, Kernel):
+        monkeypatch.setattr(read_loop, "gather", read_loop.gather.function)
+    made = ReadEnd()
+    yield made
+    made.close()
+
+
+def test_gathered_reads_have_their_own_times(end: ReadEnd) -> None:
+    found: list[Chunk] = []
+    reader = threading.Thread(target=lambda: found.extend(end.loop.read(None, FAR_NS)))
+    reader.start()
+    pieces = [bytes([number]) * (number + 1) for number in range(5)]
+    spans = [end.write(piece) for piece in pieces]
+    os.write(end.stop, b"\0")
+    reader.join(PATIENCE_S)
+    assert [chunk.data for chunk in found] == pieces
+    for chunk, (before, after) in zip(found, spans, strict=True):
+        assert before <= chunk.arrival_ns <= after
+    assert not end.loop.failed
+
+
+def test_nothing_is_gathered_once_the_time_is_over(end: ReadEnd) -> None:
+    os.write(end.writer, b"one")
+    (chunk,) = end.loop.read(None, 0)
+    assert chunk.data == b"one"
+    os.write(end.writer, b"two")
+    began = time.monotonic_ns()
+    (chunk,) = end.loop.read(None, began + 20_000_000)
+    assert chunk.data == b"two"
+    assert time.monotonic_ns() - began >= 20_000_000, "it waited for more"
+
+
+def test_the_wait_for_the_first_byte_ends(end: ReadEnd) -> None:
+    began = time.monotonic()
+    assert end.loop.read(0.02, FAR_NS) == []
+    assert time.monotonic() - began >= 0.02
+    assert not end.loop.failed
+
+
+def test_a_stop_ends_a_wait_without_limit(end: ReadEnd) -> None:
+    os.write(end.writer, b"waits for the next owner")
+    os.write(end.stop, b"\0")
+    assert end.loop.read(None, FAR_NS) == []
+    assert end.waiting()
+
+
+def test_a_failed_read_is_reported_after_the_bytes_before_it(end: ReadEnd) -> None:
+    os.write(end.writer, b"last words")
+    os.close(end.writer)
+    end.writer = -1
+    assert [chunk.data for chunk in end.loop.read(None, FAR_NS)] == [b"last words"]
+    assert end.loop.failed
+    assert end.loop.read(None, FAR_NS) == []
+    assert end.loop.failed
+
+
+def test_more_than_the_memory_holds_is_read_in_several_calls(end: ReadEnd) -> None:
+    fcntl.fcntl(end.fd, fcntl.F_SETPIPE_SZ, 4 * BUFFER_BYTES)
+    data = bytes(range(256)) * (3 * BUFFER_BYTES // 256)
+    os.write(end.writer, data)
+    found = b""
+    while len(found) < len(data):
+        chunks = end.loop.read(1, 0)
+        assert 0 < len(chunks) <= MAX_READS
+        found += b"".join(chunk.data for chunk in chunks)
+    assert found == data
+
+
+def test_the_offset_of_a_clock_is_that_of_the_quickest_comparison() -> None:
+    slow = iter([True, False, True, True, True])
+
+    def now_ns() -> int:
+        now = time.monotonic_ns() + 1_000_000_000_000
+        if next(slow):
+            time.sleep(0.002)
+        return now
+
+    assert abs(monotonic_offset_ns(now_ns) - 1_000_000_000_000) < 1_000_000
