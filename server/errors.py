@@ -37,6 +37,7 @@ KINDS: Mapping[str, Kind] = {
     "bad-subprotocol": Kind(0, "The WebSocket uses another version of the wire."),
     "too-many": Kind(422, "The answer would be too long for one request."),
     "which-device": Kind(422, "The recording has several devices, and none was named."),
+    "bad-expression": Kind(422, "The expression cannot be understood, or its parts do not fit."),
     "no-result": Kind(422, "The samples do not determine the result that was requested."),
     "not-json": Kind(415, "The body is not JSON."),
     "not-a-file": Kind(415, "The upload is not sent as the bytes of a file."),

@@ -31,6 +31,8 @@ def figures_of(analysis: Analysis, signal: Signal, settings: Mapping[str, float]
     with np.errstate(over="ignore", invalid="ignore"):
         found = analysis.run(signal, settings)
     figures = {name: _plain(value) for name, value in found.items()}
+    if signal.notes:
+        figures["notes"] = [*signal.notes, *figures.get("notes", [])]
     units = analysis.units_for(signal, settings).items()
     return figures, {name: unit for name, unit in units if name.partition(".")[0] in found}
 

@@ -35,6 +35,7 @@ class Signal:
         period: an angle wraps at this value; 0: it never wraps.
         time: (n,) unix s, non-decreasing: the device's clock mapped to host time, or arrival.
         values: (n,).
+        notes: sentences on how it was computed.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Signal:
     period: float
     time: Floats
     values: Floats
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +57,32 @@ class SignalColumn:
     def name(self) -> str:
         return f"{self.info.name}.{self.info.columns[self.at].name}"
 
-    def signal(self, time: Floats, values: NDArray[np.generic]) -> Signal:
+    @property
+    def device(self) -> str:
+        """Device of the channel."""
+        return self.info.device
+
+    @property
+    def columns(self) -> list[SignalColumn]:
+        """The columns that are read for it."""
+        return [self]
+
+    def signals(self, read: ReadSamples) -> list[Signal]:
         """Its samples."""
-        numbers = values.astype(np.float64)
-        finite = np.isfinite(numbers)
-        if not finite.all():
-            time, numbers = time[finite], numbers[finite]
         column = self.info.columns[self.at]
-        return Signal(self.name, column.unit, column.period, time, numbers)
+        return [finite_signal(self.name, column.unit, column.period, *read(self))]
+
+
+ReadSamples = Callable[[SignalColumn], tuple[Floats, Floats]]
+"""Times and values of a column, both (n,); values may be NaN. Columns of one channel have the same times."""
+
+
+def finite_signal(name: str, unit: str, period: float, time: Floats, values: Floats) -> Signal:
+    """A signal of the finite ones among the samples."""
+    finite = np.isfinite(values)
+    if not finite.all():
+        time, values = time[finite], values[finite]
+    return Signal(name, unit, period, time, values)
 
 
 def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str]) -> list[SignalColumn]:
@@ -101,8 +121,10 @@ def _columns(infos: Sequence[ChannelInfo], word: str) -> list[SignalColumn]:
     return [SignalColumn(info, names.index(rest))]
 
 
-def recorded_signal(store: ColumnStore, column: SignalColumn, t0: float, t1: float, base: Base = "device") -> Signal:
-    """A signal of a recording, t0 ≤ t ≤ t1.
+def recorded_samples(
+    store: ColumnStore, column: SignalColumn, t0: float, t1: float, base: Base = "device"
+) -> tuple[Floats, Floats]:
+    """Samples of a column of a recording, t0 ≤ t ≤ t1.
 
     Raises:
         DomainError: "too-many": more than MAX_VALUES samples.
@@ -112,30 +134,30 @@ def recorded_signal(store: ColumnStore, column: SignalColumn, t0: float, t1: flo
     _check_size(column, hi - lo)
     parts = list(store.values(channel, column.at, lo, hi))
     values = np.concatenate(parts) if parts else np.empty(0)
-    return column.signal(store.clock(channel, lo, hi, "key" if base == "device" else "arrival"), values)
+    return store.clock(channel, lo, hi, "key" if base == "device" else "arrival"), values.astype(np.float64)
 
 
-def live_signals(
+def live_samples(
     store: ChannelStore, columns: Sequence[SignalColumn], t0: float, t1: float, base: Base = "device"
-) -> Callable[[SignalColumn], Signal]:
-    """Signals of a live device, t0 ≤ t ≤ t1, as far as memory holds them.
+) -> ReadSamples:
+    """Samples of a live device, t0 ≤ t ≤ t1, as far as memory holds them.
 
     Returns:
-        Makes the signal of one of the columns, in any thread; this function copies in the event loop.
+        Gives the samples of one of the columns, in any thread; this function copies in the event loop.
     """
     copies: Mapping[int, list[NDArray[np.generic]]] = {
         info.id: stored_values(store.of(info.id), t0, base)
         for info in {one.info.id: one.info for one in columns}.values()
     }
 
-    def signal(column: SignalColumn) -> Signal:
+    def samples(column: SignalColumn) -> tuple[Floats, Floats]:
         rows = query_columns(column.info, copies[column.info.id], t0, t1, 0, columns=[column.at], base=base).rows
         assert isinstance(rows, ExactRows)  # no buckets were asked for
         time = rows.arrival if base == "arrival" else np.where(np.isnan(rows.time), rows.arrival, rows.time)
         _check_size(column, len(time))
-        return column.signal(np.maximum.accumulate(time), rows.columns[0])
+        return np.maximum.accumulate(time), rows.columns[0].astype(np.float64)
 
-    return signal
+    return samples
 
 
 def _check_size(column: SignalColumn, n: int) -> None:

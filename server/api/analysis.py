@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from itertools import chain
 from typing import Any, Literal
 
 from fastapi import APIRouter
@@ -15,7 +15,8 @@ from recordings.column_store import Base, ColumnStore
 from recordings.mcap_writer import RecordingError
 from server.analysis.registry import AnalysisOption, analyses, analysis_named
 from server.analysis.report import arrow_of, figures_of, in_parallel
-from server.analysis.signals import Signal, SignalColumn, columns_named, live_signals, recorded_signal
+from server.analysis.signal_request import ExpressionSignal, requested_signals
+from server.analysis.signals import ReadSamples, SignalColumn, live_samples, recorded_samples
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses
 from server.errors import DomainError
@@ -58,7 +59,7 @@ class AnalysisRequest(BaseModel):
     signals: list[str] = Field(
         min_length=1,
         max_length=MAX_SIGNALS,
-        description="`CHANNEL.COLUMN`, or `CHANNEL` for all its columns; `DEVICE/…` if a recording has several",
+        description="`CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` if there are several",
     )
     t0: float | None = Field(None, description="unix seconds; null for the beginning")
     t1: float | None = Field(None, description="unix seconds; null for the end")
@@ -114,14 +115,16 @@ async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Re
     """Analyse signals of a recording, or of a live device as far as memory holds them."""
     analysis = analysis_named(name)
     settings = analysis.settings(body.options)
-    columns, read = await _signals(body, services)
+    requested, read = await _signals(body, services)
 
-    def work(column: SignalColumn) -> SignalFigures:
-        signal = read(column)
-        figures, units = figures_of(analysis, signal, settings)
-        return SignalFigures(signal=signal.name, device=column.info.device, units=units, figures=figures)
+    def work(one: SignalColumn | ExpressionSignal) -> list[SignalFigures]:
+        found = []
+        for signal in one.signals(read):
+            figures, units = figures_of(analysis, signal, settings)
+            found.append(SignalFigures(signal=signal.name, device=one.device, units=units, figures=figures))
+        return found
 
-    found = await asyncio.to_thread(in_parallel, work, columns)
+    found = list(chain(*await asyncio.to_thread(in_parallel, work, requested)))
     if body.format == "json":
         return found
     table = await asyncio.to_thread(arrow_of, [one.model_dump() for one in found])
@@ -130,19 +133,19 @@ async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Re
 
 async def _signals(
     body: AnalysisRequest, services: Services
-) -> tuple[list[SignalColumn], Callable[[SignalColumn], Signal]]:
-    """The columns of a request, and what reads one of them in a thread."""
+) -> tuple[list[SignalColumn | ExpressionSignal], ReadSamples]:
+    """The signals of a request, and what reads the samples of a column in a thread."""
     telemetry = services.telemetry
     own = telemetry.store.of_device(body.source)
     if own:
         t0, t1 = _range(body, telemetry.bus.now() + AHEAD_S)
-        columns = columns_named(own.values(), body.signals)
-        return columns, live_signals(telemetry.store, columns, t0, t1, body.base)
+        requested = requested_signals(own.values(), body.signals, zero_phase=False)
+        columns = [column for one in requested for column in one.columns]
+        return requested, live_samples(telemetry.store, columns, t0, t1, body.base)
     store = await _recording(body.source, services)
     t0, t1 = _range(body, MAX_TIME)
-    return columns_named(channels_of(store).values(), body.signals), lambda column: recorded_signal(
-        store, column, t0, t1, body.base
-    )
+    requested = requested_signals(channels_of(store).values(), body.signals, zero_phase=True)
+    return requested, lambda column: recorded_samples(store, column, t0, t1, body.base)
 
 
 async def _recording(source: str, services: Services) -> ColumnStore:

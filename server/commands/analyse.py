@@ -7,6 +7,7 @@ import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -16,7 +17,8 @@ from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from server.analysis.registry import analysis_named
 from server.analysis.report import Figures, figures_of, in_parallel
-from server.analysis.signals import SignalColumn, columns_named, recorded_signal
+from server.analysis.signal_request import ExpressionSignal, requested_signals
+from server.analysis.signals import SignalColumn, recorded_samples
 from server.commands.decode import Bar
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
@@ -97,11 +99,12 @@ def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[Sig
     if not t0 < t1 or request.begin_s < 0 or (end is not None and t0 > end):
         raise AnalyseError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
 
-    def report(column: SignalColumn) -> SignalReport:
-        signal = recorded_signal(store, column, t0, t1)
-        return SignalReport(signal.name, *figures_of(analysis, signal, settings))
+    def reports(one: SignalColumn | ExpressionSignal) -> list[SignalReport]:
+        found = one.signals(lambda column: recorded_samples(store, column, t0, t1))
+        return [SignalReport(signal.name, *figures_of(analysis, signal, settings)) for signal in found]
 
-    return in_parallel(report, columns_named(channels_of(store).values(), request.signals))
+    requested = requested_signals(channels_of(store).values(), request.signals, zero_phase=True)
+    return list(chain(*in_parallel(reports, requested)))
 
 
 def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:

@@ -46,7 +46,7 @@ export interface AnalysisInfo {
 export interface AnalysisRequest {
   /** id of a live device or of a recording */
   readonly source: string;
-  /** `CHANNEL.COLUMN`, or `CHANNEL` for all its columns; `DEVICE/…` if a recording has several */
+  /** `CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` if there are several */
   readonly signals: readonly string[];
   /** unix seconds; null for the beginning */
   readonly t0?: number | null;

@@ -1,0 +1,118 @@
+"""Signals as a request names them: columns of channels, or expressions over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from server.analysis.expression_functions import Context
+from server.analysis.expression_syntax import ExpressionError, Name, Node, parse
+from server.analysis.expressions import evaluate, names_in, notes_of
+from server.analysis.quantities import Quantity
+from server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn, columns_named, finite_signal
+from server.analysis.units import Unit
+from server.errors import DomainError
+from server.wire import ChannelInfo
+
+SIGNS = frozenset("()+-*/^<>=!,")
+WORDS = (" and ", " or ", "not ")
+
+
+@dataclass(frozen=True, slots=True)
+class ExpressionSignal:
+    """An expression over columns.
+
+    Attributes:
+        text: as requested; the name of its signal.
+        node: its tree.
+        named: columns of each name in it.
+        context: whether filters may look ahead.
+    """
+
+    text: str
+    node: Node
+    named: dict[str, list[SignalColumn]]
+    context: Context
+
+    @property
+    def columns(self) -> list[SignalColumn]:
+        """The columns that are read for it."""
+        return [column for columns in self.named.values() for column in columns]
+
+    @property
+    def device(self) -> str:
+        """Its device; "" if it has none or several."""
+        devices = {column.device for column in self.columns}
+        return devices.pop() if len(devices) == 1 else ""
+
+    def signals(self, read: ReadSamples) -> list[Signal]:
+        """Its samples; of a vector a signal for each column.
+
+        Raises:
+            ExpressionError: a function or a unit does not fit.
+        """
+        axes: dict[int, Floats] = {}
+
+        def resolve(name: str) -> Quantity:
+            columns = self.named[name]
+            info = columns[0].info
+            own = [info.columns[column.at] for column in columns]
+            pairs = [read(column) for column in columns]
+            time = axes.setdefault(info.id, pairs[0][0])
+            parts = tuple(values for _, values in pairs)
+            if len({one.unit for one in own}) > 1:
+                hint = f"Name one: {', '.join(column.name for column in columns):.400}."
+                raise DomainError("bad-expression", f"The columns of {name} differ in their units.", hint)
+            names = tuple(one.name for one in own) if len(own) > 1 else ("",)
+            return Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period)
+
+        value = evaluate(self.node, resolve, self.context)
+        if value.time is None:
+            hint = "Name a signal in it."
+            raise DomainError("bad-expression", f"{self.text:.80} is the number {value.number:g}, no signal.", hint)
+        notes = tuple(notes_of(self.node, self.context))
+        found = []
+        for name, part in zip(value.names, value.parts, strict=True):
+            title = f"({self.text}).{name}" if name else self.text
+            plain = finite_signal(title, str(value.unit), value.period, value.time, part)
+            found.append(Signal(plain.name, plain.unit, plain.period, plain.time, plain.values, notes))
+        return found
+
+
+def requested_signals(
+    infos: Iterable[ChannelInfo], words: Sequence[str], *, zero_phase: bool
+) -> list[SignalColumn | ExpressionSignal]:
+    """Signals that the words name: a column, a channel with all its columns, or an expression over them.
+
+    Args:
+        zero_phase: filters and moving windows of expressions may look ahead.
+
+    Raises:
+        DomainError: "not-found", "which-device" or "bad-expression".
+    """
+    known = list(infos)
+    found: list[SignalColumn | ExpressionSignal] = []
+    for word in words:
+        try:
+            found += columns_named(known, [word])
+        except DomainError:
+            if not SIGNS.intersection(word) and not any(one in word for one in WORDS):
+                raise
+            found.append(_expression(known, word, Context(zero_phase)))
+    return found
+
+
+def _expression(infos: Sequence[ChannelInfo], text: str, context: Context) -> ExpressionSignal:
+    node = parse(text)
+    named: dict[str, list[SignalColumn]] = {}
+    for name in names_in(node):
+        if name.name not in named:
+            named[name.name] = _columns(infos, name)
+    return ExpressionSignal(text, node, named, context)
+
+
+def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
+    try:
+        return columns_named(infos, [name.name])
+    except DomainError as error:
+        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
