@@ -203,14 +203,14 @@ class WriteResult:
     """Outcome of writing one setting.
 
     Args:
-        asked: the values sent.
-        got: the values read back; None if they could not be read.
+        requested: the values sent.
+        actual: the values read back; None if they could not be read.
         refused: why nothing was written, in the document's words; "" if it was written.
     """
 
     setting: str
-    asked: Values
-    got: Values | None = None
+    requested: Values
+    actual: Values | None = None
     refused: str = ""
 
 

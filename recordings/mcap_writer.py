@@ -6,7 +6,7 @@ from them when the file is opened, so a better decoder improves old files.
     channel               encoding                    one message is
     rx/<device>           application/octet-stream    a chunk as received from the device; log time: its arrival, ns
     tx/<device>           application/octet-stream    a chunk as sent to the device
-    events                json                        one event of the session (server/wire.py, EventInfo)
+    events                json                        one event of the session (server/wire/, EventInfo)
     notes                 json                        {"kind": "marker" | "note", "text", "device"}
     snapshot/<device>     json                        configuration: {"values", "missing", "reason", …}
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # imported where many rows are encoded, so that a server star
     import pyarrow as pa
 
 Array = NDArray[Any]
-Info = Mapping[str, Any]  # a channel: server/wire.py ChannelInfo
+Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
 EVENTS = "/events"
 _LETTERS = str.maketrans(
     {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_"}

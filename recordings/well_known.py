@@ -94,7 +94,7 @@ def logged(event: Mapping[str, Any], name: str) -> tuple[int, bytes]:
     """Log message of an event: time, ns since 1970, and the encoded message.
 
     Args:
-        event: server/wire.py Event.
+        event: server/wire/ Event.
         name: of its device; "" if it has none.
     """
     time = round(event["time"] * 1e9)

@@ -111,7 +111,7 @@ def create_app(
     app = FastAPI(
         title="imuscope",
         version=VERSION,
-        summary="Live view of inertial sensors. Samples come over the WebSocket at /ws (see server/wire.py).",
+        summary="Live view of inertial sensors. Samples come over the WebSocket at /ws (see server/wire/).",
         lifespan=lifespan,
         docs_url=None,  # these two pages load scripts from other hosts
         redoc_url=None,

@@ -1,6 +1,6 @@
 """`python -m server.generate_ts_types`: all TypeScript files generated from the server.
 
-server/wire.py and the models of two pages ─> web/src/{wire,forms,recordings}/types.ts   server/reference/typescript.py
+server/wire/ and the models of two pages ─> web/src/{wire,forms,recordings}/types.ts   server/reference/typescript.py
 /openapi.json                              ─> web/src/wire/routes.ts                     server/generate_route_types.py
 
 python -m server.generate_ts_types            write the files

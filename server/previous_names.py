@@ -1,14 +1,15 @@
 """Names of the previous version, which are still accepted.
 
 They occur in recordings, rollback records, settings files, saved addresses and scripts. Each is translated on input, so
-that all other code uses one name. The tables may be emptied one version later.
+that all other code uses one name; HTTP answers have previous keys beside the current ones. The tables may be emptied
+one version later.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Receive, Scope, Send
@@ -27,6 +28,13 @@ LEVELS = {"caution": "warning", "fault": "error"}
 
 ROLLBACK_STATES = {"asking": "pending", "reverting": "rolling-back"}
 """States of rollback records on disk."""
+
+_KEYS = (
+    {"required_action": "wants"},  # of a device
+    {"requested": "asked", "actual": "got", "reason": "why"},  # of a field that a device did not accept
+    {"direction": "way"},  # of a frame
+)
+"""Keys of objects in HTTP answers: those that have all current keys of a row."""
 
 _PATHS = tuple(
     (re.compile(rf"(/api/{old})\Z"), new)
@@ -48,6 +56,19 @@ def path_of(path: str) -> str:
         if old.match(path):
             return f"{path.rpartition('/')[0]}/{new}"
     return path
+
+
+def with_previous_keys(value: Any) -> Any:
+    """A JSON value whose objects have their previous keys too."""
+    if isinstance(value, list):
+        return [with_previous_keys(one) for one in value]
+    if not isinstance(value, dict):
+        return value
+    found = {key: with_previous_keys(one) for key, one in value.items()}
+    for row in _KEYS:
+        if row.keys() <= found.keys():
+            found |= {old: found[new] for new, old in row.items()}
+    return found
 
 
 def rename_folder(old: Path, new: Path) -> None:

@@ -1,4 +1,4 @@
-"""Codec of the messages that server/wire.py specifies.
+"""Codec of the messages that server/wire/ specifies.
 
 Samples are columns after a header; text is JSON that JavaScript can read. A ring buffer encodes its samples from its
 own memory (server/streaming/ring_buffer.py) with the same header.
@@ -118,7 +118,7 @@ class WireError(ValueError):
 
 
 def to_json_safe(value: Any) -> Any:
-    """`value` converted for JSON and JavaScript, by the rules in section Delivery of server/wire.py."""
+    """`value` converted for JSON and JavaScript, by the rules in section Delivery of server/wire/."""
     if value is None or isinstance(value, str | bool):
         return value
     if isinstance(value, int | np.integer):

@@ -149,7 +149,7 @@ def test_an_option_of_its_own_is_offered_wherever_options_are(server: ServerProc
     [offered] = told["options"]
     assert (offered["name"], offered["kind"], offered["default"]) == ("timestamps", "choice", "device")
     assert [choice["value"] for choice in offered["choices"]] == ["device", "arrival"]
-    fields = ask(server, "/openapi.json")["components"]["schemas"]["AddDevice"]["properties"]
+    fields = ask(server, "/openapi.json")["components"]["schemas"]["AddDeviceRequest"]["properties"]
     assert fields["timestamps"]["enum"] == ["", "device", "arrival"]
     assert "--timestamps {device,arrival}" in run("decode", "--help")
     assert "timestamps=" in run("serve", "--help")

@@ -47,7 +47,7 @@ class ExportRequest:
 
     @property
     def infos(self) -> list[Mapping[str, Any]]:
-        """The chosen channels that have rows, as the manifest describes them (server/wire.py, ChannelInfo)."""
+        """The chosen channels that have rows, as the manifest describes them (server/wire/, ChannelInfo)."""
         channels = self.columns.manifest["channels"]
         return [info for info in channels if self._is_chosen(info) and self.columns.rows(info["id"])]
 

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from recordings.file_names import device_names
 
-Info = Mapping[str, Any]  # a channel as in the manifest of a store: server/wire.py ChannelInfo
+Info = Mapping[str, Any]  # a channel as in the manifest of a store: server/wire/ ChannelInfo
 WORLD, MAP = "world", "map"
 FRAMES = ("ENU", "NED", "NWU")
 _LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)

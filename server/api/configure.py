@@ -13,10 +13,10 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Response
 
-from server import wire
+from server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
 from server.api.dependencies import TheServices
 from server.api.errors import responses, unknown_device
-from server.configuration.api_models import Apply, Raw, ReadRequest, Run
+from server.configuration.api_models import ApplyRequest, RawRequest, ReadRequest, RunRequest
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.dangers import Risk
 from server.configuration.device_controller import DeviceController
@@ -55,7 +55,7 @@ def confirmed(dangers: list[Risk], given: bool) -> None:
 
 
 @router.get("/jobs", responses=responses(404, 422))
-async def get_jobs(controller: OneController) -> wire.DeviceJobs:
+async def get_jobs(controller: OneController) -> JobsAnswer:
     """Queue, running job, pending rollback, last results."""
     return controller.job_report
 
@@ -65,14 +65,14 @@ async def get_traffic(
     controller: OneController,
     before: Annotated[int | None, Query(ge=0)] = None,
     limit: Annotated[int, Query(ge=1, le=2000)] = 200,
-) -> list[wire.TrafficEntry]:
+) -> list[TrafficAnswer]:
     """The traffic log, newest last."""
     controller.log.flush()
     return controller.log.tail(before, limit)
 
 
 @router.post("/read", status_code=202, responses=responses(404, 409, 422))
-async def read_settings(body: ReadRequest, controller: OneController, controllers: AllControllers) -> wire.Job:
+async def read_settings(body: ReadRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
     """Read settings into a snapshot. The device does not measure while it is read."""
     if not controller.rows:
         raise DomainError("no-settings", f"{controller.session.info.name} has no settings.", "It only sends.")
@@ -84,7 +84,7 @@ async def read_settings(body: ReadRequest, controller: OneController, controller
 
 
 @router.post("/apply", status_code=202, responses=responses(404, 409, 422))
-async def apply(body: Apply, controller: OneController, controllers: AllControllers) -> wire.Job:
+async def apply(body: ApplyRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
     """Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be
     lost.
     """
@@ -120,7 +120,7 @@ async def _change_request(
 
 
 @router.post("/run", status_code=202, responses=responses(404, 409, 422))
-async def run(body: Run, controller: OneController, controllers: AllControllers) -> wire.Job:
+async def run(body: RunRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
     """Run a command. A command that writes a setting is applied like any change, with snapshot and rollback."""
     request = plan_command(controller, body.command, body.values)
     confirmed(request.risks, body.confirmed)
@@ -132,7 +132,7 @@ async def run(body: Run, controller: OneController, controllers: AllControllers)
 
 
 @router.post("/raw", status_code=202, responses=responses(404, 409, 422))
-async def send_raw(body: Raw, controller: OneController, controllers: AllControllers) -> wire.Job:
+async def send_raw(body: RawRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
     """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`."""
     try:
         data = bytes.fromhex(body.hex)
@@ -146,21 +146,21 @@ async def send_raw(body: Raw, controller: OneController, controllers: AllControl
 
 
 @router.post("/confirm", responses=responses(404, 409, 422))
-async def confirm(controller: OneController) -> wire.DeviceJobs:
+async def confirm(controller: OneController) -> JobsAnswer:
     """Confirm the pending change: the new settings stay."""
     controller.decide(keep=True)
     return controller.job_report
 
 
 @router.post("/roll-back", responses=responses(404, 409, 422))
-async def roll_back(controller: OneController) -> wire.DeviceJobs:
+async def roll_back(controller: OneController) -> JobsAnswer:
     """Roll the pending change back now."""
     controller.decide(keep=False)
     return controller.job_report
 
 
 @router.post("/restore", status_code=202, responses=responses(404, 409, 422))
-async def restore(controller: OneController, controllers: AllControllers) -> wire.Job:
+async def restore(controller: OneController, controllers: AllControllers) -> JobAnswer:
     """Guided procedure for a device that does not answer at any baud rate."""
     _ = controller.driver
     return controller.add("Restore communication", controllers.jobs.restore(controller)).job

@@ -20,7 +20,7 @@ from server.errors import DomainError
 router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
 
 
-class SetCorrections(BaseModel):
+class CorrectionsRequest(BaseModel):
     """A stream to forward."""
 
     model_config = ConfigDict(extra="forbid")
@@ -40,7 +40,7 @@ async def get_corrections(receiver: OneController, services: TheServices) -> Cor
 
 
 @router.put("/corrections", responses=responses(400, 404, 409, 422))
-async def put_corrections(receiver: OneController, body: SetCorrections, services: TheServices) -> Corrections:
+async def put_corrections(receiver: OneController, body: CorrectionsRequest, services: TheServices) -> Corrections:
     """Forward this stream in place of the previous one."""
     session = receiver.session
     if not services.corrections.accepts(session):

@@ -16,7 +16,7 @@ from server.devices.decode_options import (
 )
 from server.errors import DomainError
 
-SETTINGS_HINT = "The options of a source are listed at /openapi.json, AddDevice."
+SETTINGS_HINT = "The options of a source are listed at /openapi.json, AddDeviceRequest."
 PREFIX = "option_"  # of the fields in Python, because BaseModel has a member named schema
 LONGEST: dict[str, int] = {"text": 1000, "secret": 1000, "file": 100_000}
 

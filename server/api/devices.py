@@ -10,7 +10,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from server import wire
+from server.api.answers import DeviceAnswer
 from server.api.decode_options_body import DecodeOptionsBody, bad_setting
 from server.api.dependencies import TheServices
 from server.api.errors import responses, unknown_device
@@ -24,7 +24,7 @@ from server.services import Services
 router = APIRouter(prefix="/api/devices", tags=["devices"])
 
 
-class AddDevice(DecodeOptionsBody):
+class AddDeviceRequest(DecodeOptionsBody):
     """A source to open."""
 
     source: str = Field(min_length=1, max_length=1000, description="as on the command line", examples=["/dev/ttyUSB0"])
@@ -71,13 +71,13 @@ OneSession = Annotated[Session, Depends(session_of)]
 
 
 @router.get("")
-async def list_devices(services: TheServices) -> list[wire.DeviceInfo]:
+async def list_devices(services: TheServices) -> list[DeviceAnswer]:
     """Every device with its link and state."""
     return services.sessions.infos
 
 
 @router.post("", status_code=201, responses=responses(400, 409, 422))
-async def add_device(body: AddDevice, services: TheServices) -> wire.DeviceInfo:
+async def add_device(body: AddDeviceRequest, services: TheServices) -> DeviceAnswer:
     """Open a source. Answers at once; the progress is sent over the WebSocket."""
     reading = body.reading()
     try:
@@ -109,14 +109,14 @@ async def remove_device(session: OneSession, services: TheServices) -> Response:
 
 
 @router.post("/{device}/retry", responses=responses(404, 422))
-async def retry_device(session: OneSession) -> wire.DeviceInfo:
+async def retry_device(session: OneSession) -> DeviceAnswer:
     """Try the link now instead of at `next_attempt`; play an ended file again."""
     session.retry()
     return session.info
 
 
 @router.post("/{device}/decode-options", responses=responses(400, 404, 422))
-async def read_device(body: DecodeOptionsBody, services: TheServices, session: OneSession) -> wire.DeviceInfo:
+async def read_device(body: DecodeOptionsBody, services: TheServices, session: OneSession) -> DeviceAnswer:
     """Decode what is received from now on with other options: the given options change, the others and the device
     stay. A `schema` is added to the existing descriptions.
     """
@@ -125,7 +125,7 @@ async def read_device(body: DecodeOptionsBody, services: TheServices, session: O
     return session.info
 
 
-class Rearm(BaseModel):
+class RearmDeviceRequest(BaseModel):
     """Device whose sequence may restart."""
 
     model_config = ConfigDict(extra="forbid")
@@ -138,7 +138,7 @@ class Rearm(BaseModel):
 
 
 @router.post("/{device}/rearm", responses=responses(404, 422, 507))
-async def rearm_device(body: Rearm, session: OneSession) -> wire.DeviceInfo:
+async def rearm_device(body: RearmDeviceRequest, session: OneSession) -> DeviceAnswer:
     """Accept any sequence number that a Secure device sends next. Use it only after restarting the device: until its
     next frame arrives, replayed old frames would be accepted as new.
     """

@@ -12,7 +12,7 @@ from server import wire
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses, unknown_recording
 from server.errors import DomainError
-from server.library.api_models import Export, ExportPart, ExportSizes
+from server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
 
@@ -20,7 +20,7 @@ MAX_CHANNELS = 10_000
 
 
 @router.post("/{recording}/exports", status_code=202, responses=responses(404, 409, 422))
-async def add_export(recording: str, body: Export, services: TheServices) -> wire.ExportJob:
+async def add_export(recording: str, body: ExportJobRequest, services: TheServices) -> wire.ExportJob:
     """Begin an export; its progress is sent with the op `exports`."""
     _check(body)
     try:
@@ -30,7 +30,7 @@ async def add_export(recording: str, body: Export, services: TheServices) -> wir
 
 
 @router.post("/{recording}/export-sizes", responses=responses(404, 422))
-async def measure_exports(recording: str, body: ExportPart, services: TheServices) -> ExportSizes:
+async def measure_exports(recording: str, body: ExportSelection, services: TheServices) -> ExportSizes:
     """Estimated sizes of exports, from writing a sample of each."""
     _check(body)
     try:
@@ -41,7 +41,7 @@ async def measure_exports(recording: str, body: ExportPart, services: TheService
         raise DomainError("cannot-open", error.message, error.hint) from None
 
 
-def _check(body: ExportPart) -> None:
+def _check(body: ExportSelection) -> None:
     """Reject an invalid time range and too many channels."""
     for name, value in (("t0", body.t0), ("t1", body.t1)):
         if value is not None and not math.isfinite(value):

@@ -11,7 +11,7 @@ from fastapi import APIRouter
 from protocols.layouts import EncodeError
 from server.api.configure import OneController
 from server.api.errors import responses
-from server.configuration.api_models import Fit, FitAnswer, Forms, Preview, PreviewAnswer
+from server.configuration.api_models import FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult
 from server.configuration.device_controller import DeviceController
 from server.configuration.form_builder import forms_of
 from server.configuration.preview import fit, preview_command, preview_setting
@@ -32,7 +32,7 @@ async def get_forms(controller: OneController) -> Forms:
 
 
 @router.post("/preview", responses=responses(404, 409, 422))
-async def preview(body: Preview, controller: OneController) -> PreviewAnswer:
+async def preview(body: PreviewRequest, controller: OneController) -> PreviewResult:
     """The frames with the meaning of each byte, problems of the values, and the load of the line."""
     if bool(body.setting) == bool(body.command):
         raise DomainError("bad-request", "Name a setting or a command.", "Exactly one of the two.")
@@ -45,7 +45,7 @@ async def preview(body: Preview, controller: OneController) -> PreviewAnswer:
 
 
 @router.post("/fit-rates", responses=responses(404, 409, 422))
-async def fit_rates(body: Fit, controller: OneController) -> FitAnswer:
+async def fit_rates(body: FitRatesRequest, controller: OneController) -> FitRatesResult:
     """The same outputs with rates that the line can carry."""
     try:
         return fit(controller.present, body.setting, body.values, body.baud)

@@ -15,7 +15,7 @@ from server.links.ports import PortInfo, list_ports, scan
 router = APIRouter(prefix="/api/ports", tags=["ports"])
 
 
-class ScanPorts(BaseModel):
+class ScanPortsRequest(BaseModel):
     """Ports to scan."""
 
     model_config = ConfigDict(extra="forbid")
@@ -36,7 +36,7 @@ async def get_ports(services: TheServices) -> list[PortInfo]:
 
 
 @router.post("/scan", responses=responses(422))
-async def scan_ports(services: TheServices, body: ScanPorts | None = None) -> list[PortInfo]:
+async def scan_ports(services: TheServices, body: ScanPortsRequest | None = None) -> list[PortInfo]:
     """Listen on every free port, at one rate after another; takes some seconds. Ports of sessions are left alone.
 
     One scan at a time: a second one waits for the first, because a port can be read by only one.

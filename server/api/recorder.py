@@ -9,7 +9,7 @@ from server import wire
 from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.errors import DomainError
-from server.library.api_models import Mark, Start
+from server.library.api_models import MarkerRequest, StartRequest
 
 router = APIRouter(tags=["recorder"])
 
@@ -31,7 +31,7 @@ async def get_recorder(services: TheServices) -> wire.RecorderState:
 
 
 @router.post("/api/recordings/start", responses=responses(404, 409, 422, 507))
-async def start(body: Start, services: TheServices) -> wire.RecorderState:
+async def start(body: StartRequest, services: TheServices) -> wire.RecorderState:
     """Record these devices, or all of them, into a new file."""
     _bounded(body.title, MAX_TITLE, "The title")
     try:
@@ -47,7 +47,7 @@ async def stop(services: TheServices) -> wire.RecorderState:
 
 
 @router.post("/api/recordings/mark", responses=responses(409, 422))
-async def mark(body: Mark, services: TheServices) -> wire.RecorderState:
+async def mark(body: MarkerRequest, services: TheServices) -> wire.RecorderState:
     """Add a marker or a note to the running recording."""
     _bounded(body.text, MAX_TEXT, "The text")
     return services.recorder.mark(body)

@@ -38,6 +38,7 @@ from server.library.range_query import (
 )
 from server.library.recorded_settings import settings_of
 from server.library.recording_detail import as_json, channels_of, detail
+from server.previous_names import with_previous_keys
 
 router = APIRouter(tags=["recordings"])
 
@@ -120,7 +121,7 @@ async def get_recording(recording: str, request: Request, services: TheServices,
     assert store is not None
     catalogue = services.catalogue
     body = await asyncio.to_thread(lambda: detail(catalogue.info(recording), store, catalogue.markers(recording)))
-    return JSONResponse(as_json(body), headers={"cache-control": "no-store"})
+    return JSONResponse(with_previous_keys(as_json(body)), headers={"cache-control": "no-store"})
 
 
 @router.get(

@@ -20,7 +20,7 @@ from recordings.mcap_writer import RecordingError
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses, unknown_recording
 from server.errors import DomainError
-from server.library.api_models import Edit, Mark, MarkerInfo, RecordingInfo
+from server.library.api_models import EditRequest, MarkerInfo, MarkerRequest, RecordingInfo
 from server.streaming_response import streamed, with_first_chunk
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
@@ -108,7 +108,7 @@ async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> Non
 
 
 @router.patch("/{recording}", responses=responses(404, 409, 422, 507))
-async def edit_recording(recording: str, body: Edit, services: TheServices) -> RecordingInfo:
+async def edit_recording(recording: str, body: EditRequest, services: TheServices) -> RecordingInfo:
     """Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id."""
     _bounded(body.title, MAX_TITLE, "The title")
     _bounded(body.file, MAX_TITLE, "The name")
@@ -133,7 +133,7 @@ async def edit_recording(recording: str, body: Edit, services: TheServices) -> R
 
 
 @router.post("/{recording}/markers", status_code=201, responses=responses(404, 409, 422, 507))
-async def add_marker(recording: str, body: Mark, services: TheServices, entry: OneEntry) -> MarkerInfo:
+async def add_marker(recording: str, body: MarkerRequest, services: TheServices, entry: OneEntry) -> MarkerInfo:
     """Add a marker or a note to a finished recording."""
     _bounded(body.text, MAX_TEXT, "The text")
     _bounded(body.device, MAX_TAG, "The device")

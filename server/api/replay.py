@@ -11,11 +11,11 @@ from fastapi import APIRouter, Depends
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.replay import extent
-from server import wire
+from server.api.answers import DeviceAnswer
 from server.api.dependencies import TheServices
 from server.api.errors import responses, unknown_recording
 from server.errors import DomainError
-from server.library.api_models import Play
+from server.library.api_models import PlayRequest
 from server.links.capture_file import SPEEDS
 
 router = APIRouter(tags=["recordings"])
@@ -31,7 +31,7 @@ def file_of(recording: str, services: TheServices) -> Path:
         raise unknown_recording(recording) from None
 
 
-def source_of(path: Path, play: Play) -> str:
+def source_of(path: Path, play: PlayRequest) -> str:
     """Source text of a recording with its playback options.
 
     Raises:
@@ -58,7 +58,7 @@ def source_of(path: Path, play: Play) -> str:
 
 
 @router.post("/api/recordings/{recording}/play", status_code=201, responses=responses(404, 409, 422))
-async def play(body: Play, path: Annotated[Path, Depends(file_of)], services: TheServices) -> list[wire.DeviceInfo]:
+async def play(body: PlayRequest, path: Annotated[Path, Depends(file_of)], services: TheServices) -> list[DeviceAnswer]:
     """Play a recording. Each of its devices appears, ends with the file, and can be played again or removed."""
     source = await asyncio.to_thread(source_of, path, body)
     return [session.info for session in services.sessions.add_all(source)]

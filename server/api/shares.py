@@ -17,7 +17,7 @@ from server.services import Services
 router = APIRouter(prefix="/api/devices/{device}/shares", tags=["shares"])
 
 
-class AddShare(BaseModel):
+class AddShareRequest(BaseModel):
     """A share to offer."""
 
     model_config = ConfigDict(extra="forbid")
@@ -92,7 +92,7 @@ async def get_shares(services: TheServices, session: OneSession) -> SharedPort:
 
 
 @router.post("", status_code=201, responses=responses(403, 404, 409, 422, 502))
-async def add_share(body: AddShare, services: TheServices, session: OneSession) -> SharedPort:
+async def add_share(body: AddShareRequest, services: TheServices, session: OneSession) -> SharedPort:
     """Share the port. For the first share the link is opened anew, by a process that stays when this server ends."""
     await services.shares.add(session, body.address)
     return _shared_port(services, session)

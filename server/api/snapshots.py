@@ -12,7 +12,7 @@ from fastapi.responses import Response
 from protocols.transactions import DeviceContext
 from server.api.configure import AllControllers, OneController, controller_of
 from server.api.errors import responses
-from server.configuration.api_models import Compare, Difference, SaveRequest, SideRef, SnapshotBody, SnapshotInfo
+from server.configuration.api_models import CompareRequest, Difference, SaveRequest, SideRef, SnapshotBody, SnapshotInfo
 from server.configuration.budget import overload
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController
@@ -129,7 +129,7 @@ async def delete_snapshot(name: str, controller: OneController, controllers: All
 
 
 @router.post("/compare", responses=responses(404, 409, 422))
-async def compare_sides(body: Compare, controller: OneController, controllers: AllControllers) -> Difference:
+async def compare_sides(body: CompareRequest, controller: OneController, controllers: AllControllers) -> Difference:
     """Compare two sides field by field, with the changes that would make the left side equal the right one."""
     left, right = await _side(body.left, controller, controllers), await _side(body.right, controller, controllers)
     found = compare(controller.driver, controller.context, left, right)

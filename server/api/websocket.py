@@ -1,4 +1,4 @@
-"""The live WebSocket: the server side of server/wire.py for one browser.
+"""The live WebSocket: the server side of server/wire/ for one browser.
 
 Two tasks per browser: one reads its requests, one sends from its queue. Sending waits only for the socket, and nothing
 else waits for it; messages that a socket accepts at once bypass this task (server/streaming/send_queue.py). A socket
@@ -135,7 +135,7 @@ def _log(sender: WebSocketSender, words: str, level: int = logging.WARNING, **da
 
 @router.websocket("/ws")
 async def live(socket: WebSocket, services: TheServices) -> None:
-    """Stream everything live; see server/wire.py."""
+    """Stream everything live; see server/wire/."""
     clients = services.telemetry.clients
     if wire.SUBPROTOCOL not in socket.scope.get("subprotocols", []):
         await socket.accept()

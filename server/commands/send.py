@@ -330,9 +330,9 @@ async def _run_setting(
     written = await play(driver.write(setting.name, values, known))
     if written.refused:
         raise SendError(f"{setting.name} was refused: {written.refused}")
-    _print(out, {"setting": setting.name, "fields": written.got})
-    if written.got is not None:
-        _report_altered(driver, setting, values, written.got, notes)
+    _print(out, {"setting": setting.name, "fields": written.actual})
+    if written.actual is not None:
+        _report_altered(driver, setting, values, written.actual, notes)
 
 
 def _setting(driver: DeviceDriver, name: str, known: DeviceContext) -> Setting | None:

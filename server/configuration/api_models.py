@@ -1,26 +1,26 @@
 """HTTP API of the Configure page: the shapes of the HTTP API under /api/devices/{id}.
 
-    GET    …/forms                       Forms: every setting and command of this device, as forms
-    POST   …/preview      Preview        PreviewAnswer: frames, annotated; problems; load. Sends nothing, takes no lock
-    POST   …/read         ReadRequest     Job: read settings (null: all of them) into a snapshot
-    POST   …/apply        Apply          Job: snapshot, write, read back; temporary until confirmed where the link could
-                                         be lost
-    POST   …/run          Run            Job: one command
-    POST   …/raw          Raw            Job: bytes sent unchanged, hex
-    POST   …/confirm      {}             the pending change stays
-    POST   …/roll-back    {}             the pending change is undone now
-    POST   …/restore      {}             Job: the guided restore-communication procedure
-    DELETE …/jobs/{job}                  removes a job from the queue, or stops it if that is safe
-    GET    …/jobs                        DeviceJobs
-    GET    …/values                      SnapshotBody: values of the device, as last read; `taken` 0: never read
-    GET    …/traffic?before=&limit=     the traffic log, newest last: list[TrafficEntry]
-    GET    …/snapshots                   list[SnapshotInfo], newest first, by serial number
-    GET    …/snapshots/{name}            the snapshot as YAML (application/yaml); ?format=json for SnapshotBody
-    POST   …/snapshots    SaveRequest         stores a text (a file of the user) or the present values under a name
+    GET    …/forms                         Forms: every setting and command of this device, as forms
+    POST   …/preview      PreviewRequest   PreviewResult: frames, annotated; problems; load. Sends nothing
+    POST   …/read         ReadRequest      Job: read settings (null: all of them) into a snapshot
+    POST   …/apply        ApplyRequest     Job: snapshot, write, read back; temporary until confirmed where the
+                                           link could be lost
+    POST   …/run          RunRequest       Job: one command
+    POST   …/raw          RawRequest       Job: bytes sent unchanged, hex
+    POST   …/confirm      {}               the pending change stays
+    POST   …/roll-back    {}               the pending change is undone now
+    POST   …/restore      {}               Job: the guided restore-communication procedure
+    DELETE …/jobs/{job}                    removes a job from the queue, or stops it if that is safe
+    GET    …/jobs                          DeviceJobs
+    GET    …/values                        SnapshotBody: values of the device, as last read; `taken` 0: never read
+    GET    …/traffic?before=&limit=        the traffic log, newest last: list[TrafficEntry]
+    GET    …/snapshots                     list[SnapshotInfo], newest first, by serial number
+    GET    …/snapshots/{name}              the snapshot as YAML (application/yaml); ?format=json for SnapshotBody
+    POST   …/snapshots    SaveRequest      stores a text (a file of the user) or the present values under a name
     DELETE …/snapshots/{name}
-    POST   …/compare      Compare        Difference: two sides, field by field
-    POST   …/fit-rates    Fit            FitAnswer: the same outputs with rates that fit
-    GET, PUT, DELETE …/corrections       Corrections: a stream of RTCM, forwarded
+    POST   …/compare      CompareRequest   Difference: two sides, field by field
+    POST   …/fit-rates    FitRatesRequest  FitRatesResult: the same outputs with rates that fit
+    GET, PUT, DELETE …/corrections         Corrections: a stream of RTCM, forwarded
 
 `preview`, `fit-rates` and `compare` send nothing to a device, and a view token is sufficient for them. A request that
 could do harm is answered with 409, kind "confirm" and the consequence as its message, until it is sent with
@@ -205,7 +205,7 @@ class LoadInfo:
 
 
 @dataclass(slots=True)
-class Preview:
+class PreviewRequest:
     """Exactly one of `setting` and `command`."""
 
     values: dict[str, Any]
@@ -214,7 +214,7 @@ class Preview:
 
 
 @dataclass(slots=True)
-class PreviewAnswer:
+class PreviewResult:
     frames: list[FrameInfo]
     problems: list[FieldProblem]
     load: LoadInfo | None = None
@@ -229,7 +229,7 @@ class ReadRequest:
 
 
 @dataclass(slots=True)
-class Apply:
+class ApplyRequest:
     """Settings to write: complete ones, or single fields if the setting is `partial`."""
 
     changes: dict[str, dict[str, Any]]
@@ -242,14 +242,14 @@ class Apply:
 
 
 @dataclass(slots=True)
-class Run:
+class RunRequest:
     command: str
     values: dict[str, Any] = field(default_factory=dict)
     confirmed: bool = False
 
 
 @dataclass(slots=True)
-class Raw:
+class RawRequest:
     hex: str
     confirmed: bool = False
 
@@ -271,7 +271,7 @@ class SideRef:
 
 
 @dataclass(slots=True)
-class Compare:
+class CompareRequest:
     left: SideRef
     right: SideRef
 
@@ -296,7 +296,7 @@ class Difference:
     rows: list[DifferenceRow]
     same: int  # fields that agree
     missing: dict[str, str] = field(default_factory=dict)  # setting → why it could not be compared
-    changes: dict[str, dict[str, Any]] = field(default_factory=dict)  # for Apply, to make left equal to right
+    changes: dict[str, dict[str, Any]] = field(default_factory=dict)  # for an ApplyRequest, to make left equal to right
     profile: dict[str, dict[str, Any]] = field(default_factory=dict)  # all writable values of the right side
     product: str = ""  # of the right side; "" if it is not known
     problems: list[FieldProblem] = field(default_factory=list)  # problems of the right side, at their paths
@@ -305,14 +305,14 @@ class Difference:
 
 
 @dataclass(slots=True)
-class Fit:
+class FitRatesRequest:
     values: dict[str, Any]
     setting: str
     baud: int | None = None  # null: the present rate
 
 
 @dataclass(slots=True)
-class FitAnswer:
+class FitRatesResult:
     values: dict[str, Any]
     load: LoadInfo
     words: list[str]  # lowered rates: "Acceleration 400 → 100 Hz"

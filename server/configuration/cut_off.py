@@ -81,7 +81,7 @@ def merged(
     """Outcome of each setting: refusals as reported by the device, the others as read back."""
     reported = {one.setting: one for one in written}
     every = [reported.get(name, WriteResult(name, values)) for name, values in todo.items()]
-    return [one if one.refused else replace(one, got=restored.get(one.setting)) for one in every]
+    return [one if one.refused else replace(one, actual=restored.get(one.setting)) for one in every]
 
 
 def summary(controller: DeviceController, written: Sequence[WriteResult]) -> str:

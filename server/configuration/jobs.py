@@ -172,7 +172,7 @@ class Jobs:
                 written = await controller.run(
                     controller.driver.within(_writing(controller, task, change), controller.context)
                 )
-                cut = any(one.got is None and not one.refused for one in written)
+                cut = any(one.actual is None and not one.refused for one in written)
             except (LinkError, NoReplyError) as error:
                 controller.log.add_note(str(error), error=True)
                 cut = True
@@ -224,7 +224,7 @@ class Jobs:
         found = await self._reader.read_settings(
             controller, task, [*names, *settings_procedures.altered(controller.driver, controller.context, names)]
         )
-        return [replace(one, got=found.values.get(one.setting)) for one in written]
+        return [replace(one, actual=found.values.get(one.setting)) for one in written]
 
     def _record(
         self,
@@ -273,8 +273,8 @@ class Jobs:
     ) -> None:
         """Report the outcome of a write."""
         for one in written:
-            if one.got is not None:
-                controller.values[one.setting] = {**controller.values.get(one.setting, {}), **one.got}
+            if one.actual is not None:
+                controller.values[one.setting] = {**controller.values.get(one.setting, {}), **one.actual}
         job = task.job
         job.outcomes = settings_procedures.outcomes(controller.driver, rows, written)
         refused = [one for one in job.outcomes if not one.path]
@@ -282,19 +282,22 @@ class Jobs:
         job.message = f"{good} of {len(written)} settings written and read back"
         if len(job.outcomes) > len(refused):
             job.message += f"; {len(job.outcomes) - len(refused)} values differ from the request"
-        job.message += "." if not refused else f"; {refused[0].title}: {refused[0].why}."
+        job.message += "." if not refused else f"; {refused[0].title}: {refused[0].reason}."
         for outcome in job.outcomes:
-            texts = outcome.why or f"requested {outcome.asked or 'nothing'}, the device has {outcome.got or 'nothing'}"
+            texts = (
+                outcome.reason
+                or f"requested {outcome.requested or 'nothing'}, the device has {outcome.actual or 'nothing'}"
+            )
             controller.log.add_note(f"{outcome.title}: {texts}.", error=not outcome.path)
         if not job.outcomes:
             controller.log.add_note("Read back: equal to the request.")
         titles = ", ".join(rows[one.setting].title or one.setting for one in written)
-        data = {"settings": to_json_safe({one.setting: one.asked for one in written}), "snapshot": job.snapshot}
+        data = {"settings": to_json_safe({one.setting: one.requested for one in written}), "snapshot": job.snapshot}
         controller.bus.event(controller.device, "device", "info", f"{titles}: {job.message}", data=data)
         if refused and not good:
-            if any(one.got is None and not one.refused for one in written):
+            if any(one.actual is None and not one.refused for one in written):
                 raise JobError("The device could not be read back.", cut_off.AWAY_HINT)
-            raise JobError(f"The device refused: {refused[0].why}.", "The previous values are unchanged.")
+            raise JobError(f"The device refused: {refused[0].reason}.", "The previous values are unchanged.")
 
     # ── other jobs ───────────────────────────────────────────────────────────────────────────────────────────────────
 

@@ -19,11 +19,11 @@ from protocols.schema import Setting
 from protocols.transactions import DeviceContext, DeviceDriver, LinkLoad, Values
 from server.configuration.api_models import (
     FieldProblem,
-    FitAnswer,
+    FitRatesResult,
     FrameInfo,
     LoadInfo,
     PartInfo,
-    PreviewAnswer,
+    PreviewResult,
     SpanInfo,
 )
 from server.configuration.checks import problems_of, sentence, unlike
@@ -84,7 +84,7 @@ class DevicePresentState:
         return None
 
 
-def preview_setting(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
+def preview_setting(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewResult:
     """Frames that would write these values; KeyError for an unknown setting."""
     row, driver, known = present.setting(name), present.driver, present.known
     values = numbers(row.fields, values)
@@ -98,11 +98,11 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
         except EncodeError as error:
             found = [FieldProblem(error.path, sentence(error))]
     if found:
-        return PreviewAnswer(frames=[], problems=found)
+        return PreviewResult(frames=[], problems=found)
     change = driver.line_change(name, present.values.get(name), values, known)
     merged = {**present.values, name: {**present.values.get(name, {}), **values}}
     baud = change.baud if change is not None and change.baud is not None else present.line.baud
-    return PreviewAnswer(
+    return PreviewResult(
         frames=[frame_info(driver, frame) for frame in frames[:MAX_FRAMES]],
         problems=[],
         load=load_of(present, merged, baud),
@@ -110,7 +110,7 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
     )
 
 
-def preview_command(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
+def preview_command(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewResult:
     """Frames that a command would send; KeyError for an unknown command."""
     row = {one.name: one for one in present.driver.commands(present.known)}[name]
     values = numbers(row.arguments, values)
@@ -126,7 +126,7 @@ def preview_command(present: DevicePresentState, name: str, values: Mapping[str,
         frame = b"" if found else present.driver.frame(name, values, present.known)
     except EncodeError as error:
         found, frame = [FieldProblem(error.path, sentence(error))], b""
-    return PreviewAnswer(frames=[frame_info(present.driver, frame)] if frame else [], problems=found)
+    return PreviewResult(frames=[frame_info(present.driver, frame)] if frame else [], problems=found)
 
 
 def frame_info(driver: DeviceDriver, frame: bytes) -> FrameInfo:
@@ -151,7 +151,7 @@ def load_of(present: DevicePresentState, values: Mapping[str, Values], baud: int
     return _info(load, present.line, baud)
 
 
-def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud: int | None) -> FitAnswer:
+def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud: int | None) -> FitRatesResult:
     """The same outputs with rates that the line can carry.
 
     Raises:
@@ -173,7 +173,7 @@ def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud:
     after = {**before, **present.driver.fit_rates(before, left, present.known)}
     load = present.driver.load(after, present.known)
     words = _lowered(present, row, before[name], after[name])
-    return FitAnswer(to_json_safe(after[name]), _info(load, present.line, rate), words)
+    return FitRatesResult(to_json_safe(after[name]), _info(load, present.line, rate), words)
 
 
 def _lowered(present: DevicePresentState, row: Setting, before: Values, after: Values) -> list[str]:

@@ -200,7 +200,7 @@ class RollbackRun:
             raise JobError(
                 "The device did not answer with the new settings; it was rolled back to the old ones.", SLOWER
             )
-        written = [replace(one, got=back.get(one.setting, one.got)) for one in written]
+        written = [replace(one, actual=back.get(one.setting, one.actual)) for one in written]
         if await self._is_confirmed():
             await self._end("confirmed", "The new settings are confirmed.")
             self._task.job.hint = self._source_hint()

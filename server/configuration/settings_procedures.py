@@ -181,19 +181,19 @@ def outcomes(driver: DeviceDriver, rows: Mapping[str, Setting], written: Sequenc
         if one.refused:
             found.append(FieldOutcome(one.setting, "", title, "", "", one.refused))
             continue
-        if one.got is None:
+        if one.actual is None:
             found.append(FieldOutcome(one.setting, "", title, "", "", "no answer"))
             continue
-        got = {key: one.got.get(key) for key in one.asked}
-        for path in driver.same(one.setting, one.asked, got):
-            found.append(_outcome(row, path, one.asked, got))
+        actual = {key: one.actual.get(key) for key in one.requested}
+        for path in driver.same(one.setting, one.requested, actual):
+            found.append(_outcome(row, path, one.requested, actual))
     return found
 
 
-def _outcome(row: Setting, path: str, asked: Values, got: Values) -> FieldOutcome:
+def _outcome(row: Setting, path: str, requested: Values, actual: Values) -> FieldOutcome:
     at = field_at(row.fields, path)
     sides = []
-    for values in (asked, got):
+    for values in (requested, actual):
         value = value_at(values, path)
         sides.append("" if value is None else words(at, value) if at is not None else str(value))
     return FieldOutcome(row.name, path, title_at(row.fields, path), sides[0], sides[1])

@@ -199,7 +199,7 @@ class TrafficLog:
             seq=self._bus.next_traffic_number(),
             time=self._bus.now() if time is None else time,
             device=self._device,
-            way="tx" if way == "tx" else "rx" if way == "rx" else "note",
+            direction="tx" if way == "tx" else "rx" if way == "rx" else "note",
             name=name,
             hex=shown,
             text=text,

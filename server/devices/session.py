@@ -187,7 +187,7 @@ class Session(Audience):
         self.devices.reset_decoding()
         self._diagnostics = StreamDiagnostics(self._reporter, self._protocols.messages_in, self._protocols.title)
         self._pipeline.disconnect()
-        self._set(wants="", rearm=[])
+        self._set(required_action="", rearm=[])
         if protocol := reading.protocol or self.info.protocol:
             self._pipeline.begin(protocol)
         self._set(message="", hint="", notices=self._notices)
@@ -399,7 +399,7 @@ class Session(Audience):
         back = self.info.status == "lost"
         self._backoff.reset()
         hint, last = self._diagnostics.hint, self._stats.last_arrival
-        self._set(status="live", message="", hint=hint, wants="", next_attempt=None, last_arrival=last)
+        self._set(status="live", message="", hint=hint, required_action="", next_attempt=None, last_arrival=last)
         stream = self._pipeline.stream
         if stream is not None and not stream.identity.product and self._link.kind != "file":
             self._identification.request(self._protocols.about(self.info.protocol).identify_request)
@@ -413,13 +413,12 @@ class Session(Audience):
         samples = self._pipeline.samples
         new = self._diagnostics.refused(self._stats.rejects_by, live=live)
         new |= self._diagnostics.update(self._sink.now(), self.info.protocol, samples=samples, at_once=at_once)
-        new |= self._diagnostics.restarted(self.restarts.waiting) | self._diagnostics.exposed(
-            self._link.kind, self.infos
-        )
+        waiting = self.restarts.waiting
+        new |= self._diagnostics.restarted(waiting) | self._diagnostics.exposed(self._link.kind, self.infos)
         if new:
-            self._set(notices=self._notices, hint=self._diagnostics.hint, rearm=list(self.restarts.waiting))
+            self._set(notices=self._notices, hint=self._diagnostics.hint, rearm=list(waiting))
             if self.info.status == "connecting" and self._diagnostics.message:
-                self._set(message=self._diagnostics.message, wants=self._diagnostics.needed)
+                self._set(message=self._diagnostics.message, required_action=self._diagnostics.required_action)
         decoder = self._pipeline.decoder
         if isinstance(decoder, Doubts) and decoder.contradiction is not None and self._link.speed == 1:
             self._on_contradiction(decoder.doubted, decoder.contradiction)
@@ -445,7 +444,8 @@ class Session(Audience):
         self._diagnostics.restarted(self.restarts.waiting)
         text = f"Re-armed: the next sequence number of {f'device {device}' if device else 'every device'} is accepted."
         self._reporter.report("device", "info", text)
-        self._set(notices=self._notices, hint=self._diagnostics.hint, rearm=list(self.restarts.waiting), wants="")
+        hint, waiting = self._diagnostics.hint, list(self.restarts.waiting)
+        self._set(notices=self._notices, hint=hint, rearm=waiting, required_action="")
 
     def tick(self, now: float) -> None:
         """Check for stalls and silence, and sum up events. Called ten times a second."""
@@ -483,8 +483,8 @@ class Session(Audience):
     def _fell_silent(self, text: str, hint: str) -> None:
         self._connection.apply(ConnectionEvent.SILENCE)
         self._reporter.report("link", "error", text, data={"kind": "silent"})
-        wants = self._diagnostics.needed if self.restarts.waiting else ""
-        self._set(status="lost", message=text, hint=hint, wants=wants, last_arrival=self._stats.last_arrival)
+        action = self._diagnostics.required_action if self.restarts.waiting else ""
+        self._set(status="lost", message=text, hint=hint, required_action=action, last_arrival=self._stats.last_arrival)
         if self._pipeline.stream is not None:
             self._pipeline.stream.samples = 0  # the next sample makes it live again
 

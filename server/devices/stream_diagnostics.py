@@ -24,7 +24,7 @@ from server.devices.event_reporter import EventReporter
 from server.devices.link_stats import LinkStatistics
 from server.links.base import Chunk
 from server.links.registry import is_network
-from server.wire import DeviceInfo, Level, Wants
+from server.wire import DeviceInfo, Level, RequiredAction
 
 CHECK_INTERVAL_S = 5.0
 RECENT_BYTES, RECENT_CHUNKS = 4096, 64
@@ -82,7 +82,7 @@ class StreamDiagnostics:
     Attributes:
         notices: permanent remarks, one or two sentences each.
         message, hint: texts while no data can be shown; "" for none.
-        needed: what the device needs before data can be shown.
+        required_action: of the user, before data can be shown.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class StreamDiagnostics:
         self._reported: set[str] = set()
         self.notices: list[str] = []
         self.message = self.hint = ""
-        self.needed: Wants = ""
+        self.required_action: RequiredAction = ""
         self._restarted: dict[str, str] = {}
         self._refused_before: dict[str, int] = {}
 
@@ -115,7 +115,7 @@ class StreamDiagnostics:
                 self._reported.add(reason)
                 self._report("warning", f"{one.words} {one.remedy}", {"reason": reason})
                 self.message, self.hint = one.words, one.remedy
-                self.needed = one.needed or self.needed
+                self.required_action = one.needed or self.required_action
                 return True
         for reason, (words, remedy) in _refusals().items():
             if by_reason.get(reason) and not live and not self.message:
@@ -148,7 +148,7 @@ class StreamDiagnostics:
                     self.notices.remove(f"{words} {REARM}")
         self._restarted = dict(waiting)
         self.message, self.hint = (" ".join(waiting.values()), REARM) if waiting else ("", "")
-        self.needed = "rearm" if waiting else ""
+        self.required_action = "rearm" if waiting else ""
         return True
 
     def exposed(self, kind: str, devices: Sequence[DeviceInfo]) -> bool:

@@ -22,10 +22,10 @@ class ViewerClient:
     """Devices and channels in a viewer's process, and its subscriptions.
 
     Attributes:
-        devices: as `devices` of server/wire.py has them, in order.
+        devices: as `devices` of server/wire/ has them, in order.
         channels: all channels, by id.
         changed: devices or channels have changed since this was last set to False.
-        on_events: called with events, as in `events` of server/wire.py.
+        on_events: called with events, as in `events` of server/wire/.
     """
 
     def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None) -> None:

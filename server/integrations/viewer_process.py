@@ -1,8 +1,8 @@
 """Viewers in a subprocess, fed with samples: a process that is a client of the wire.
 
     ClientFanout ──> SendQueue ──> stdin of the process:   u32 size (little-endian) │ u8 kind │ body
-                                               sort 0: a text frame of server/wire.py
-                                               sort 1: sample frames of server/wire.py
+                                               sort 0: a text frame of server/wire/
+                                               sort 1: sample frames of server/wire/
                                                sort 2: JSON from the server's side of the view
     server's side of the view <── stdout:      JSON lines
 

@@ -1,33 +1,33 @@
-"""HTTP API of the Recordings page: the shapes of the HTTP API under /api/recordings.
+"""HTTP API of the Recordings page: the shapes of the HTTP API under /api/recordings (…).
 
-    GET    /api/recordings?q=                     list[RecordingInfo], newest first
-    POST   /api/recordings/start   Start          RecorderState: record these devices
-    POST   /api/recordings/stop    {}             RecorderState
-    POST   /api/recordings/mark    Mark           adds a marker or a note to the running recording
-    PUT    /api/recordings/upload?name=…          application/octet-stream, any readable format: RecordingInfo
-    GET    /api/recordings/{id}?partial=0|1       RecordingDetail; opens it: until then 202 with an OpeningState,
+    GET    …?q=                                   list[RecordingInfo], newest first
+    POST   …/start              StartRequest      RecorderState: record these devices
+    POST   …/stop               {}                RecorderState
+    POST   …/mark               MarkerRequest     adds a marker or a note to the running recording
+    PUT    …/upload?name=…                        application/octet-stream, any readable format: RecordingInfo
+    GET    …/{id}?partial=0|1                     RecordingDetail; opens it: until then 202 with an OpeningState,
                                                   with partial=1 a RecordingDetail of the part decoded so far
-    GET    /api/recordings/{id}/health?device&t0&t1  HealthHistory (recordings/health_history.py): figures of a device,
-                                                     per second
-    GET    /api/recordings/{id}/settings?device    RecordedSettings: the settings of a device as text
-    PATCH  /api/recordings/{id}    Edit           title, tags, notes, pinned, file (changes the id): RecordingInfo
-    DELETE /api/recordings/{id}                   to the bin: RecordingInfo
-    POST   /api/recordings/{id}/undelete {}       restores it, within 7 days
-    POST   /api/recordings/{id}/markers  Mark     adds a marker or note to a finished recording
-    GET    /api/recordings/{id}/window?t0&t1&width&base&channels&partial
-                                                  application/octet-stream: sample frames of the wire (server/wire.py);
+    GET    …/{id}/health?device&t0&t1             HealthHistory (recordings/health_history.py): figures of a device,
+                                                  per second
+    GET    …/{id}/settings?device                 RecordedSettings: the settings of a device as text
+    PATCH  …/{id}               EditRequest       title, tags, notes, pinned, file (changes the id): RecordingInfo
+    DELETE …/{id}                                 to the bin: RecordingInfo
+    POST   …/{id}/undelete      {}                restores it, within 7 days
+    POST   …/{id}/markers       MarkerRequest     adds a marker or note to a finished recording
+    GET    …/{id}/window?t0&t1&width&base&channels&partial
+                                                  application/octet-stream: sample frames of the wire (server/wire/);
                                                   a bucket of summarised rows is two rows: min, then max (of flags: any,
                                                   then all), and the answer has X-Exact: 0
-    GET    /api/recordings/{id}/query?channel&t0&t1&width&columns&base&format=arrow|json
+    GET    …/{id}/query?channel&t0&t1&width&columns&base&format=arrow|json
     GET    /api/devices/{id}/query?…              the same for a live device
-    GET    /api/recordings/{id}/download          one file with everything in it (application/x-mcap)
-    GET    /api/recordings/{id}/original?device   the received bytes of one device
-    POST   /api/recordings/{id}/exports  Export   ExportJob, run in the background
-    POST   /api/recordings/{id}/export-sizes  ExportPart   ExportSizes, estimated by writing samples
-    GET    /api/recordings/exports                list[ExportJob]
-    GET    /api/recordings/exports/{job}/file     the result (several files as a zip)
-    DELETE /api/recordings/exports/{job}          cancels or deletes it
-    POST   /api/recordings/{id}/play     Play     a replay as a source: DeviceInfo of each device that appears
+    GET    …/{id}/download                        one file with everything in it (application/x-mcap)
+    GET    …/{id}/original?device                 the received bytes of one device
+    POST   …/{id}/exports       ExportJobRequest  ExportJob, run in the background
+    POST   …/{id}/export-sizes  ExportSelection   ExportSizes, estimated by writing samples
+    GET    …/exports                              list[ExportJob]
+    GET    …/exports/{job}/file                   the result (several files as a zip)
+    DELETE …/exports/{job}                        cancels or deletes it
+    POST   …/{id}/play          PlayRequest       a replay as a source: DeviceInfo of each device that appears
 
 Times are unix seconds. The ops `recorder`, `library` and `exports` of the WebSocket report changes.
 """
@@ -135,13 +135,13 @@ class RecordedSettings:
 
 
 @dataclass(slots=True)
-class Start:
+class StartRequest:
     devices: list[str] | None = None  # null: all
     title: str = ""
 
 
 @dataclass(slots=True)
-class Mark:
+class MarkerRequest:
     text: str = ""
     kind: Literal["marker", "note"] = "marker"
     time: float | None = None  # null: now
@@ -149,7 +149,7 @@ class Mark:
 
 
 @dataclass(slots=True)
-class Edit:
+class EditRequest:
     """Changes to a recording; null leaves a value unchanged."""
 
     title: str | None = None
@@ -160,7 +160,7 @@ class Edit:
 
 
 @dataclass(slots=True, kw_only=True)
-class ExportPart:
+class ExportSelection:
     """Part of a recording to export or measure."""
 
     t0: float | None = None  # null: from the beginning
@@ -170,7 +170,7 @@ class ExportPart:
 
 
 @dataclass(slots=True)
-class Export(ExportPart):
+class ExportJobRequest(ExportSelection):
     format: str  # a name of ExportCapability
     device: str = ""  # for formats of one device
 
@@ -184,7 +184,7 @@ class ExportSizes:
 
 
 @dataclass(slots=True)
-class Play:
+class PlayRequest:
     speed: float = 1.0
     loop: bool = False
     t0: float | None = None

@@ -24,7 +24,7 @@ from recordings.exporters import FORMATS
 from recordings.mcap_writer import RecordingError
 from server import wire
 from server.errors import DomainError
-from server.library.api_models import Export, ExportPart, ExportSizes
+from server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 from server.library.catalogue import Catalogue
 from server.library.column_cache import ColumnCache
 from server.library.one_file import one_file
@@ -45,7 +45,7 @@ STOP_S = 0.8  # from SIGTERM to SIGKILL; less than the time for a shutdown of th
 @dataclass(slots=True)
 class _Job:
     published: wire.ExportJob
-    request: Export
+    request: ExportJobRequest
     folder: Path
     file: Path | None = None
     ended_at: float = 0.0
@@ -71,7 +71,7 @@ class ExportJobs:
         """All jobs, newest first."""
         return [job.published for job in reversed(self._jobs.values())]
 
-    def add(self, recording: str, request: Export) -> wire.ExportJob:
+    def add(self, recording: str, request: ExportJobRequest) -> wire.ExportJob:
         """Queue an export; it starts after the earlier ones.
 
         Raises:
@@ -110,7 +110,7 @@ class ExportJobs:
             raise DomainError("not-now", "This export has no file.", job.published.message or "Wait until it is done.")
         return job.file
 
-    async def sizes(self, recording: str, request: ExportPart) -> ExportSizes:
+    async def sizes(self, recording: str, request: ExportSelection) -> ExportSizes:
         """Estimate sizes of exports by writing samples, in a subprocess.
 
         Raises:
@@ -239,7 +239,7 @@ class ExportJobs:
                 shutil.rmtree(job.folder, ignore_errors=True)
 
 
-def _stem(title: str, request: Export) -> str:
+def _stem(title: str, request: ExportJobRequest) -> str:
     """File name from a title, and for a part its range: run-20260101T120000Z-20260101T120130Z."""
     plain = "".join(c if c.isalnum() or c in "._-" else "-" for c in title)
     stem = plain.encode()[:80].decode(errors="ignore").strip("-.") or "recording"
@@ -247,13 +247,13 @@ def _stem(title: str, request: Export) -> str:
     return f"{stem}-{ends[0] or 'begin'}-{ends[1] or 'end'}" if any(ends) else stem
 
 
-def _ends(request: Export) -> tuple[float | None, float | None]:
+def _ends(request: ExportJobRequest) -> tuple[float | None, float | None]:
     """The time range, as far as the calendar can represent it."""
     t0, t1 = (t if t is not None and 0 <= t < LAST_DATE else None for t in (request.t0, request.t1))
     return t0, t1
 
 
-def _words(request: Export) -> str:
+def _words(request: ExportJobRequest) -> str:
     """Description of an export."""
     parts = [FORMATS[request.format].title]
     if request.t0 is not None and request.t1 is not None:

@@ -37,7 +37,7 @@ from server.devices.device_state import short_source
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.errors import DomainError
-from server.library.api_models import Mark
+from server.library.api_models import MarkerRequest
 from server.library.compaction_worker import CompactionWorker
 from server.library.recording_session import RecordingSession
 from server.streaming.bus import TelemetryBus
@@ -168,7 +168,7 @@ class Recorder:
         await self._end(now)
         return self.state
 
-    def mark(self, mark: Mark) -> wire.RecorderState:
+    def mark(self, mark: MarkerRequest) -> wire.RecorderState:
         """Add a marker or a note to the running recording.
 
         Raises:

@@ -25,7 +25,7 @@ from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController
 from server.devices.member import address_of
 from server.devices.session import Session
-from server.library.api_models import Mark
+from server.library.api_models import MarkerRequest
 from server.library.log_header import LogHeaderRequest
 from server.links.base import Chunk
 from server.streaming.bus import TelemetryBus
@@ -108,7 +108,7 @@ class RecordingSession:
         for head in self._heads.values():
             head.close()
 
-    def mark(self, mark: Mark) -> None:
+    def mark(self, mark: MarkerRequest) -> None:
         """Write a marker or a note, now or at its time."""
         when = self._bus.now() if mark.time is None else mark.time
         self.writer.note(mark.kind, mark.text, round(when * 1e9), mark.device)
@@ -177,7 +177,7 @@ class RecordingSession:
             self._settings(controller)
 
     def _traffic(self, entry: wire.TrafficEntry) -> None:
-        if entry.way == "note" and entry.device in self._unsubscribe_traffic:
+        if entry.direction == "note" and entry.device in self._unsubscribe_traffic:
             event = {"device": entry.device, "kind": "command", "level": entry.level, "text": entry.text, "data": {}}
             self.writer.event(event, round(entry.time * 1e9))
 

@@ -1,6 +1,6 @@
 """TypeScript types of the wire and the forms, generated from the dataclasses.
 
-    server/wire.py                      ─> web/src/wire/types.ts              messages of the WebSocket
+    server/wire/                        ─> web/src/wire/types.ts              messages of the WebSocket
     server/capabilities.py              ─> web/src/wire/capability-types.ts   capabilities of the server
     server/configuration/api_models.py  ─> web/src/forms/types.ts             HTTP API of the Configure page
     server/library/api_models.py        ─> web/src/recordings/types.ts        HTTP API of the Recordings page
@@ -49,7 +49,7 @@ class Target:
         about: subject of the types, for the file's comment.
         roots: names to include, with the types they consist of; (): every dataclass.
         constants: text before the types.
-        parts: modules whose types this one imports, and which have no file of their own.
+        parts: modules whose types this one imports, and which have no file of their own; those used by others first.
     """
 
     module: ModuleType
@@ -205,7 +205,14 @@ def _constants() -> str:
 
 
 TARGETS = (
-    Target(wire, PAGE / "wire" / "types.ts", "the wire", ("ServerText", "BrowserText"), _constants()),
+    Target(
+        wire,
+        PAGE / "wire" / "types.ts",
+        "the wire",
+        ("ServerText", "BrowserText"),
+        _constants(),
+        (wire.channels, wire.devices, wire.events, wire.jobs, wire.recordings, wire.messages),
+    ),
     Target(capabilities, PAGE / "wire" / "capability-types.ts", "what the server can do"),
     Target(forms, PAGE / "forms" / "types.ts", "the forms", parts=(editor_choices,)),
     Target(recorded, PAGE / "recordings" / "types.ts", "the recordings"),
@@ -214,9 +221,9 @@ TARGETS = (
 
 def generate(target: Target) -> str:
     """The whole of one types.ts."""
-    source, *parts = (Path(str(one.__file__)).read_text(encoding="utf-8") for one in (target.module, *target.parts))
-    name = target.module.__name__.replace(".", "/")
-    origin = f"Generated from {name}.py by `python -m server.generate_ts_types`; do not edit."
+    source = "\n".join(Path(str(one.__file__)).read_text(encoding="utf-8") for one in (*target.parts, target.module))
+    path = target.module.__name__.replace(".", "/") + ("/" if hasattr(target.module, "__path__") else ".py")
+    origin = f"Generated from {path} by `python -m server.generate_ts_types`; do not edit."
     made = f"/** Types of {target.about}. {origin} */\n"
-    types = [*_declarations(source, target.roots), *(one for part in parts for one in _declarations(part, ()))]
-    return "\n".join([made, *([target.constants] if target.constants else []), *types])
+    constants = [target.constants] if target.constants else []
+    return "\n".join([made, *constants, *_declarations(source, target.roots)])

@@ -1,4 +1,4 @@
-"""The WebSocket as a document: the specification in server/wire.py, and its types in TypeScript."""
+"""The WebSocket as a document: the specification in server/wire/, and its types in TypeScript."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ them is converted to bytes in one call:
     group f8: arrival, time        group f4: x, y, z, …      group u4: flags
     rows = columns, each row `capacity` samples long and then some slack
 
-Each column of a frame is padded to 8 bytes (server/wire.py). A range is therefore read rounded up to whole groups of
+Each column of a frame is padded to 8 bytes (server/wire/). A range is therefore read rounded up to whole groups of
 8 bytes; the bytes beyond its end are later samples or slack, without meaning. Because of that rounding a frame never
 crosses a block.
 """

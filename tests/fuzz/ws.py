@@ -5,7 +5,7 @@
      binary, torn frames, floods                                v
     a witness, connected all the while ──────────> still gets its pong and its health, in time
 
-The steps of /ws are drawn by hypothesis from the operations of server/wire.py; /foxglove, the sockets of the viewers
+The steps of /ws are drawn by hypothesis from the operations of server/wire/; /foxglove, the sockets of the viewers
 and of a recording's scene get the same in a small dose: nothing is known of their answers but that they end well. For
 every sequence: no traceback in the log, the memory within bounds, the witness undisturbed. Afterwards a client that is
 still connected gets the pong of its ping, whatever it said before.

@@ -41,8 +41,8 @@ def test_one_field_is_written_by_its_offset_and_read_back() -> None:
     before = read("DID_FLASH_CONFIG", there)
     written = play(DRIVER.write("DID_FLASH_CONFIG", {"magDeclination": 0.25, "refLla": [1.0, 2.0, 3.0]}, KNOWN), there)
     assert written.refused == ""
-    assert written.got is not None
-    changed = {name for name in before if before[name] != written.got[name]}
+    assert written.actual is not None
+    changed = {name for name in before if before[name] != written.actual[name]}
     assert changed == {"magDeclination", "refLla", "checksum"}
     sets = [send.frame for send in there.sent if send.frame[2] & frames.TYPE_MASK == frames.SET_DATA]
     assert sets == [
@@ -59,17 +59,17 @@ def test_a_configuration_is_restored_without_fields_maintained_by_the_device() -
     assert spans == [(12, 84), (128, 160)]  # not size, checksum and key; not the last place
     play(DRIVER.write("DID_FLASH_CONFIG", {"dynamicModel": 8, "ser1BaudRate": 115_200}, KNOWN), there)
     written = play(DRIVER.write("DID_FLASH_CONFIG", before, KNOWN), there)
-    assert written.got is not None
-    assert DRIVER.same("DID_FLASH_CONFIG", before, written.got) == []
+    assert written.actual is not None
+    assert DRIVER.same("DID_FLASH_CONFIG", before, written.actual) == []
 
 
 def test_a_value_rounded_by_the_device_is_reported() -> None:
     there = wire()
     asked = {"startupNavDtMs": 4, "startupImuDtMs": 8}  # inertial data cannot be slower than navigation
     written = play(DRIVER.write("DID_FLASH_CONFIG", asked, KNOWN), there)
-    assert written.got is not None
-    assert written.got["startupImuDtMs"] == 4
-    assert DRIVER.same("DID_FLASH_CONFIG", asked, written.got) == ["startupImuDtMs"]
+    assert written.actual is not None
+    assert written.actual["startupImuDtMs"] == 4
+    assert DRIVER.same("DID_FLASH_CONFIG", asked, written.actual) == ["startupImuDtMs"]
 
 
 def test_every_setting_is_read_or_refused_with_a_reason() -> None:
@@ -100,7 +100,7 @@ def test_every_setting_is_read_or_refused_with_a_reason() -> None:
 def test_a_refused_set_is_in_the_result_and_a_refused_read_raises() -> None:
     there = wire()
     written = play(DRIVER.write("DID_GPX_FLASH_CFG", {"ser0BaudRate": 115_200}, KNOWN), there)
-    assert (written.got, "NACK" in written.refused) == (None, True)
+    assert (written.actual, "NACK" in written.refused) == (None, True)
     with pytest.raises(DeviceRejectedError):
         play(DRIVER.run("GET_DID_EVB_STATUS", {}, KNOWN), there)
     with pytest.raises(DeviceRejectedError):
@@ -212,10 +212,10 @@ def test_sentences_are_a_stored_setting() -> None:
     there = wire()
     wanted = {"options": 1 << 9, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 1}, {"msgID": 1, "msgPeriod": 5}]}
     written = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", wanted, KNOWN), there)
-    assert written.got is not None
-    assert DRIVER.same("DID_NMEA_BCAST_PERIOD", wanted, written.got) == []
+    assert written.actual is not None
+    assert DRIVER.same("DID_NMEA_BCAST_PERIOD", wanted, written.actual) == []
     fewer = {"options": 0, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 2}]}
-    got = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", fewer, KNOWN), there).got
+    got = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", fewer, KNOWN), there).actual
     assert got is not None
     assert got["nmeaBroadcastMsgs"] == [{"msgID": 7, "msgPeriod": 2}]  # streams that are no longer listed are stopped
     play(DRIVER.run("SRST", {}, KNOWN), there)

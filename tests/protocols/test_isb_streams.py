@@ -76,10 +76,10 @@ def test_streams_are_begun_changed_and_ended() -> None:
         "streams": [{"did": 4, "period": 4}, {"did": 52, "period": 1}, {"did": 10, "period": 100}]
     }
     written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
-    assert written.got is not None
-    got = {row["did"]: row["period"] for row in written.got["streams"]}
+    assert written.actual is not None
+    got = {row["did"]: row["period"] for row in written.actual["streams"]}
     assert got == {4: 4, 52: 1, 10: 100}  # DID_SYS_PARAMS has no bit: it was found by listening
-    assert DRIVER.same("streams", wanted, written.got) == []
+    assert DRIVER.same("streams", wanted, written.actual) == []
 
 
 def asked_for(there: PlayedWire) -> list[int]:
@@ -107,8 +107,8 @@ def test_a_row_that_was_not_touched_is_not_sent(source: str) -> None:
     written = play(DRIVER.within(DRIVER.write("streams", {"streams": wanted}, KNOWN), KNOWN), there)
     assert asked_for(there) == [4]
     assert device.streams == {**before, 4: 3}
-    assert written.got is not None
-    assert DRIVER.same("streams", {"streams": wanted}, written.got) == []
+    assert written.actual is not None
+    assert DRIVER.same("streams", {"streams": wanted}, written.actual) == []
     previewed = DRIVER.setting_frames("streams", {"streams": wanted}, KNOWN, old=values)
     assert previewed == [frames.get_data(4, period=3)]
 
@@ -124,11 +124,11 @@ def test_the_chosen_rate_is_measured_for_either_source(source: str, multiple: in
     assert isinstance(device, IsbSimulator)
     wanted = {"streams": [{"did": 58, "period": 2, "size": 0, "source_ms": 16.0}]}
     written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
-    assert written.got is not None
-    row = written.got["streams"][0]
+    assert written.actual is not None
+    row = written.actual["streams"][0]
     assert row["period"] * row["source_ms"] == pytest.approx(32, rel=0.05)
     assert device.streams == {58: multiple}
-    assert DRIVER.same("streams", wanted, written.got) == []
+    assert DRIVER.same("streams", wanted, written.actual) == []
     alone = {"streams": [{"did": 58, "period": 4}]}
     play(DRIVER.within(DRIVER.write("streams", alone, KNOWN), KNOWN), there)
     assert device.streams == {58: 4}  # a multiple alone is a multiple
@@ -139,8 +139,8 @@ def test_a_refused_stream_is_reported_with_the_others() -> None:
     wanted = {"streams": [{"did": 4, "period": 2}, {"did": 123, "period": 1}]}
     written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
     assert "DID_GPX_STATUS" in written.refused
-    assert written.got is not None
-    assert {row["did"]: row["period"] for row in written.got["streams"]} == {4: 2}
+    assert written.actual is not None
+    assert {row["did"]: row["period"] for row in written.actual["streams"]} == {4: 2}
 
 
 def test_a_request_to_save_is_carried_out_and_is_not_a_state() -> None:
@@ -167,8 +167,8 @@ def test_options_alone_save_the_current_streams() -> None:
     there = wire()
     play(DRIVER.run("STOP_DID_BROADCAST", {"id": 58}, KNOWN), there)
     written = play(DRIVER.write("streams", {"options": 1 << 9}, KNOWN), there)
-    assert written.got is not None
-    assert len(written.got["streams"]) == 7
+    assert written.actual is not None
+    assert len(written.actual["streams"]) == 7
     play(DRIVER.run("DID_SYS_CMD.SOFTWARE_RESET", {}, KNOWN), there)
     there.pass_time(5)
     assert {row["did"] for row in read("streams", there)["streams"]} == {4, 5, 52, 53, 13, 30, 15}
@@ -193,8 +193,8 @@ def test_a_preset_takes_the_place_of_all_streams() -> None:
 def test_the_load_is_what_the_device_sends_to_the_byte(options: dict[str, Any], rate: float) -> None:
     there = wire(rate=rate)
     written = play(DRIVER.write("streams", options, KNOWN), there)
-    assert written.got is not None
-    asked = DRIVER.load({"streams": written.got}, KNOWN)
+    assert written.actual is not None
+    asked = DRIVER.load({"streams": written.actual}, KNOWN)
     seconds = 12  # a multiple of every period
     begin = -(-there.now_ns // S) * S + 1
     there.device.advance(begin)

@@ -155,8 +155,8 @@ def test_the_factory_values_can_be_written_and_are_accepted(product: str) -> Non
             if "string_types" not in values:  # 0 is the stored value
                 written = yield from DRIVER.write(setting, values, known)
                 assert written.refused == "", (setting, written)
-                assert written.got is not None
-                assert DRIVER.same(setting, values, written.got) == [], setting
+                assert written.actual is not None
+                assert DRIVER.same(setting, values, written.actual) == [], setting
 
     play(DRIVER.within(body(), known), line)
 

@@ -63,8 +63,8 @@ def test_every_stored_setting_of_a_product_is_read_written_and_restored(product:
             if setting.write and values != {"outputs": []}:
                 written = yield from DRIVER.write(setting.name, values, known)
                 assert written.refused == "", (setting.name, written)
-                assert written.got is not None
-                assert DRIVER.same(setting.name, values, written.got) == []
+                assert written.actual is not None
+                assert DRIVER.same(setting.name, values, written.actual) == []
         return found
 
     found = play(DRIVER.within(body(), known), line)
@@ -90,9 +90,9 @@ def test_a_change_is_read_back_and_survives_a_restart(setting: str) -> None:
     before = play(DRIVER.within(DRIVER.read(setting, known), known), line)
     written = play(DRIVER.within(DRIVER.write(setting, values, known), known), line)
     assert written.refused == ""
-    assert written.got is not None
-    assert DRIVER.same(setting, values, written.got) == []
-    assert DRIVER.same(setting, before, written.got) != []
+    assert written.actual is not None
+    assert DRIVER.same(setting, values, written.actual) == []
+    assert DRIVER.same(setting, before, written.actual) != []
     play(DRIVER.store_and_restart(known), line)
     line.pass_time(2)
     again = play(DRIVER.within(DRIVER.read(setting, known), known), line)
@@ -104,8 +104,8 @@ def test_a_rate_that_the_device_altered_is_read_back_as_it_is() -> None:
     known = known_of(line)
     values = {"outputs": [{"data_identifier": 0x4020, "output_frequency": 150}]}
     written = play(DRIVER.within(DRIVER.write("OutputConfiguration", values, known), known), line)
-    assert written.got == {"outputs": [{"data_identifier": 0x4020, "output_frequency": 100}]}
-    assert DRIVER.same("OutputConfiguration", values, written.got) == ["outputs.0.output_frequency"]
+    assert written.actual == {"outputs": [{"data_identifier": 0x4020, "output_frequency": 100}]}
+    assert DRIVER.same("OutputConfiguration", values, written.actual) == ["outputs.0.output_frequency"]
 
 
 def test_no_outputs_and_no_sync_settings_are_written_and_read_as_empty_lists() -> None:
@@ -113,7 +113,7 @@ def test_no_outputs_and_no_sync_settings_are_written_and_read_as_empty_lists() -
     known = known_of(line)
     for setting, name in (("OutputConfiguration", "outputs"), ("SyncSettings", "settings")):
         written = play(DRIVER.within(DRIVER.write(setting, {name: []}, known), known), line)
-        assert written.got == {name: []}
+        assert written.actual == {name: []}
 
 
 def test_a_refusal_has_the_documented_text_and_measurement_resumes() -> None:
@@ -121,7 +121,7 @@ def test_a_refusal_has_the_documented_text_and_measurement_resumes() -> None:
     known = known_of(line)
     written = play(DRIVER.within(DRIVER.write("FilterProfile", {"profile": "Nonsense"}, known), known), line)
     assert written.refused == "parameter invalid or outside its range"
-    assert written.got is None
+    assert written.actual is None
     assert phase(line) == "measurement"
 
 
@@ -130,7 +130,7 @@ def test_option_flags_are_set_and_cleared_to_the_wanted_word() -> None:
     known = known_of(line)
     for word in (0x90, 0x82, 0):
         written = play(DRIVER.within(DRIVER.write("OptionFlags", {"flags": word}, known), known), line)
-        assert written.got == {"flags": word}
+        assert written.actual == {"flags": word}
 
 
 # -- every command of every product ------------------------------------------------------------------------------------
@@ -274,7 +274,7 @@ def test_a_period_longer_than_ten_milliseconds_is_made_of_skips() -> None:
 
     def body() -> Transaction[tuple[Values | None, Values]]:
         written = yield from DRIVER.write("Period", {"period": 2304}, known)
-        return written.got, (yield from DRIVER.read("OutputSkipFactor", known))
+        return written.actual, (yield from DRIVER.read("OutputSkipFactor", known))
 
     assert play(DRIVER.within(body(), known), line) == ({"period": 1152}, {"skip_factor": 1})
     with pytest.raises(EncodeError, match="multiple of 1152"):
@@ -343,7 +343,7 @@ def test_a_lost_answer_is_requested_again() -> None:
     line.pass_time(1)
     known = DeviceContext(product="MTi-630")
     written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
-    assert written.got == {"location_id": 7}
+    assert written.actual == {"location_id": 7}
 
 
 def test_a_late_acknowledgement_of_a_set_is_not_taken_for_values() -> None:
@@ -361,7 +361,7 @@ def test_a_late_acknowledgement_of_a_set_is_not_taken_for_values() -> None:
     known = DeviceContext(product="MTi-630")
     line.device.receive(frames.build(0x30), line.now_ns)
     written = play(DRIVER.write("LocationID", {"location_id": 7}, known), line)
-    assert written.got == {"location_id": 7}
+    assert written.actual == {"location_id": 7}
 
 
 def test_a_device_that_stops_answering_is_reported_and_left_measuring() -> None:
@@ -419,7 +419,7 @@ def test_lost_or_unrelated_answers_are_requested_again() -> None:
         except NoReplyError:
             failed += 1
         else:
-            assert written.got == {"location_id": number}
+            assert written.actual == {"location_id": number}
             done += 1
     assert done > 45
     assert failed < 15
@@ -431,7 +431,7 @@ def test_late_answers_are_matched_to_their_requests() -> None:
     known = DeviceContext(product="MTi-630")
     for number in (7, 8):
         written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": number}, known), known), line)
-        assert written.got == {"location_id": number}
+        assert written.actual == {"location_id": number}
 
 
 def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> None:
@@ -443,7 +443,7 @@ def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> Non
     assert phase(line) == "measurement"
     assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
     written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
-    assert written.got == {"location_id": 7}
+    assert written.actual == {"location_id": 7}
 
 
 def waits(dialogue: Transaction[Any]) -> Iterator[WaitFor]:

@@ -70,7 +70,7 @@ def read(http: Client, device: int = 1) -> Any:
 def sent(http: Client, since: int = 0) -> list[str]:
     """Requests to device 1, in order; of what is sent again and again one."""
     log = http.get("/api/devices/1/traffic?limit=2000").json()
-    return [entry["name"] for entry in log if entry["way"] == "tx" and entry["seq"] > since]
+    return [entry["name"] for entry in log if entry["direction"] == "tx" and entry["seq"] > since]
 
 
 def newest(http: Client) -> int:
@@ -294,7 +294,7 @@ def test_a_command_is_answered_and_raw_bytes_are_seen(http: Client) -> None:
     assert (job["state"], job["values"]["major"]) == ("done", 1)
     done(http, post(http, "raw", {"hex": "faff1000f1", "confirmed": True}))
     log = http.get("/api/devices/1/traffic?limit=20").json()
-    assert ("tx", "GoToMeasurement") in [(one["way"], one["name"]) for one in log]
+    assert ("tx", "GoToMeasurement") in [(one["direction"], one["name"]) for one in log]
     newest = log[-1]["seq"]
     older = http.get(f"/api/devices/1/traffic?before={newest}&limit=5").json()
     assert [one["seq"] < newest for one in older] == [True] * 5
@@ -319,7 +319,7 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
 
     def requests(found: list[Any]) -> list[str]:
         entries = [entry for message in found for entry in message.get("entries", ())]
-        return [entry["name"] for entry in entries if entry["way"] == "tx"]
+        return [entry["name"] for entry in entries if entry["direction"] == "tx"]
 
     def is_over(found: list[Any]) -> bool:
         """A short job may end before its first message is sent, so that no message reports it as running."""

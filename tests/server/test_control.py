@@ -28,7 +28,7 @@ def run(coroutine: Any) -> Any:
 
 
 def sent(desk: DeviceController) -> list[TrafficEntry]:
-    return [entry for entry in desk.log.tail(limit=2000) if entry.way == "tx"]
+    return [entry for entry in desk.log.tail(limit=2000) if entry.direction == "tx"]
 
 
 def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> 
             desk = await here.add("sim:xbus")
             job = await here.apply(desk, {"OutputConfiguration": outputs(130, 0x2010)})
             assert job.state == "done"
-            assert [(one.path, one.asked, one.got) for one in job.outcomes] == [
+            assert [(one.path, one.requested, one.actual) for one in job.outcomes] == [
                 ("outputs.2.output_frequency", "130 Hz", "100 Hz")
             ]
 
@@ -186,8 +186,8 @@ def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
             entries = desk.log.tail(limit=500)
             at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
             asked, answered = entries[at], entries[at + 1]
-            assert (asked.way, asked.hex, asked.text) == ("tx", "faff8402000378", "location_id 3")
-            assert (answered.way, answered.name) == ("rx", "SetLocationIDAck")
+            assert (asked.direction, asked.hex, asked.text) == ("tx", "faff8402000378", "location_id 3")
+            assert (answered.direction, answered.name) == ("rx", "SetLocationIDAck")
             assert answered.hex.startswith("faff85")
             assert answered.ms is not None
             assert 0 <= answered.ms < 500

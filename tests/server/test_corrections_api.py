@@ -89,7 +89,7 @@ def test_forwarded_corrections_are_logged_and_recorded(client: Client, base: int
     client.delete("/api/devices/1/corrections").raise_for_status()
     log = client.get("/api/devices/1/traffic").json()
     [first] = [entry for entry in log if "are forwarded" in entry["text"]]  # one entry, not one a message
-    assert first["way"] == "tx"
+    assert first["direction"] == "tx"
     assert STREAM.startswith(bytes.fromhex(first["hex"]))
     client.post("/api/recordings/stop", json={}).raise_for_status()
     found: Any = until(client, "/api/recordings", lambda found: bool(found) and not found[0]["recording"])

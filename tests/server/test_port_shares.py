@@ -123,7 +123,7 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
             lambda: next((one for one in ask(server, "/traffic") if one["name"] == "ReqDID"), None),
             "the request of the driver in the traffic log",
         )
-        assert (entry["way"], entry["text"]) == ("tx", str(path))
+        assert (entry["direction"], entry["text"]) == ("tx", str(path))
         job = ask(server, "/read", {})
         done = block_until(
             lambda: next((one for one in ask(server, "/jobs")["done"] if one["id"] == job["id"]), None), "the settings"

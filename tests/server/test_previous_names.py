@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
 
 from server import wire
+from server.api.answers import DeviceAnswer, JobAnswer, TrafficAnswer
 from server.config import load
 from server.configuration.rollback import RollbackStore
 from server.library import decode
@@ -75,3 +78,16 @@ def test_an_event_of_an_earlier_recording_has_its_level(old: str, new: wire.Leve
 
 def test_metrics_keep_their_labels() -> None:
     assert {new: old for old, new in LEVELS.items()} == LEVEL_LABELS
+
+
+def test_answers_have_their_previous_keys() -> None:
+    outcome = wire.FieldOutcome("s", "p", "t", requested="400 Hz", actual="100 Hz", reason="too much")
+    job = wire.Job(1, "1", "Write", "done", outcomes=[outcome])
+    [shown] = TypeAdapter(JobAnswer).dump_python(job, mode="json")["outcomes"]
+    assert (shown["asked"], shown["got"], shown["why"]) == ("400 Hz", "100 Hz", "too much")
+    assert (shown["requested"], shown["actual"], shown["reason"]) == ("400 Hz", "100 Hz", "too much")
+    device = wire.DeviceInfo("1", "MTi", "sim:xbus", "simulator", "connecting", required_action="key")
+    assert TypeAdapter(list[DeviceAnswer]).dump_python([device])[0]["wants"] == "key"
+    entry = wire.TrafficEntry(1, 0.0, "1", "tx", "GoToConfig")
+    assert TypeAdapter(TrafficAnswer).dump_python(entry)["way"] == "tx"
+    assert "wants" not in json.dumps(TypeAdapter(DeviceAnswer).json_schema(mode="serialization"))

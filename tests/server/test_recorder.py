@@ -25,7 +25,7 @@ from recordings.sources import McapSource
 from server.config import Config
 from server.devices.session import Session
 from server.errors import DomainError
-from server.library.api_models import Mark
+from server.library.api_models import MarkerRequest
 from server.library.compaction_worker import CompactionWorker, uncompacted
 from server.library.recorder import RecordingOptions
 from tests.server.fakes import FakeLinks, sample
@@ -330,7 +330,7 @@ async def test_a_finished_recording_is_compacted_in_a_subprocess(tmp_path: Path)
 async def test_a_title_marks_and_refusals_without_http(tmp_path: Path) -> None:
     async with recorder(tmp_path) as (_, one):
         with pytest.raises(DomainError):
-            one.mark(Mark())
+            one.mark(MarkerRequest())
         state = await one.start(title="Nothing connected yet")
         assert state.id.endswith("-Nothing-connected-yet")
         with pytest.raises(DomainError):

@@ -172,13 +172,13 @@ def test_a_restarted_secure_device_is_reported() -> None:
         assert "number 249 after 1049" in stage.info.message or "after 1049" in stage.info.message
         assert "re-arm" in stage.info.hint
         assert "rate" not in stage.info.message + stage.info.hint
-        assert (stage.info.rearm, stage.session.infos[0].wants) == (["102"], "rearm")
+        assert (stage.info.rearm, stage.session.infos[0].required_action) == (["102"], "rearm")
         age = stage.clock() - stage.session.health(stage.clock()).last_arrival
         assert age == pytest.approx(2.5, abs=0.2)  # of the last sample, not of the last byte
         stage.session.rearm("102")
         await stage.send(*captured(250, 20))
         assert stage.samples == 70
-        assert (stage.info.status, stage.info.rearm, stage.info.wants) == ("live", [], "")
+        assert (stage.info.status, stage.info.rearm, stage.info.required_action) == ("live", [], "")
         assert not any("restarted" in notice for notice in stage.info.notices)
 
     play(test)
@@ -236,10 +236,10 @@ def test_a_forged_jump_is_not_counted_as_lost_samples() -> None:
 def test_a_missing_key_is_requested() -> None:
     async def test(stage: RestartHarness) -> None:
         await stage.send(*captured())
-        assert (stage.info.status, stage.info.wants) == ("connecting", "key")
+        assert (stage.info.status, stage.info.required_action) == ("connecting", "key")
         await stage.session.read_as(SECURELY)
         await stage.send(*captured(50))
-        assert (stage.info.status, stage.info.wants) == ("live", "")
+        assert (stage.info.status, stage.info.required_action) == ("live", "")
 
     play(test, lambda: RestartHarness(DecodeOptions("idtp")))
 

@@ -9,7 +9,7 @@ from typing import Any
 from protocols.registry import PROTOCOLS
 from protocols.transactions import DeviceContext
 from server.api.snapshots import compare_sides
-from server.configuration.api_models import Compare, SideRef
+from server.configuration.api_models import CompareRequest, SideRef
 from server.configuration.device_controller import DeviceController
 from server.configuration.form_builder import forms_of
 from server.configuration.settings_diff import SideValues, compare
@@ -57,7 +57,7 @@ def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
 
     async def refusal(desk: DeviceController, here: Any) -> DomainError | None:
         try:
-            await compare_sides(Compare(SideRef("device"), SideRef("factory")), desk, here.desks)
+            await compare_sides(CompareRequest(SideRef("device"), SideRef("factory")), desk, here.desks)
         except DomainError as error:
             return error
         return None

@@ -49,8 +49,8 @@ def test_an_answer_has_its_time_since_the_request_and_its_bytes() -> None:
     one.matched(event)
     one.flush()
     asked, answered = one.tail()
-    assert (asked.way, asked.name, asked.hex) == ("tx", "GoToConfig", "faff3000d1")
-    assert (answered.way, answered.name, answered.hex) == ("rx", "GoToConfigAck", "faff3100d0")
+    assert (asked.direction, asked.name, asked.hex) == ("tx", "GoToConfig", "faff3000d1")
+    assert (answered.direction, answered.name, answered.hex) == ("rx", "GoToConfigAck", "faff3100d0")
     assert answered.ms is not None
     assert round(answered.ms) == 17
 
@@ -71,7 +71,7 @@ def test_a_frame_that_is_sent_again_and_again_is_one_line() -> None:
     for _ in range(1000):
         one.sent(build(0x30))
     one.sent(build(0x10))
-    assert [(entry.way, entry.name or entry.text) for entry in one.tail()] == [
+    assert [(entry.direction, entry.name or entry.text) for entry in one.tail()] == [
         ("tx", "GoToConfig"),
         ("note", "Sent 999 more times."),
         ("tx", "GoToMeasurement"),

@@ -150,7 +150,7 @@ def test_a_value_that_cannot_be_encoded_is_reported_and_the_others_are_restored(
             desk, _ = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
             assert job.message == rollback.NOT_ACCEPTED
-            notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.way == "note"]
+            notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.direction == "note"]
             assert any("not sent: dynamicModel does not fit" in text for text in notes)
 
     run(check())

@@ -3,7 +3,7 @@
  * need the hundred messages a second that a fast display shows. Requesting fewer saves load on the server, the network and the
  * page itself.
  *
- *     frames drawn in the last second ──▶ a quarter of the time between two ──▶ `interval` of server/wire.py
+ *     frames drawn in the last second ──▶ a quarter of the time between two ──▶ `interval` of server/wire/
  *
  * A quarter, so that the drawn data is never older by more than that. A display with 25 frames a second or more gets samples as often
  * as the server sends them.

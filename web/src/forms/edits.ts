@@ -2,7 +2,7 @@
  * Edits of the user and their requests. Pure: present values and drafts in, differences out. A draft is a whole setting after the
  * edit; a draft equal to the present value is not a change.
  */
-import type { Apply, FieldForm, Forms, SettingForm } from "./types";
+import type { ApplyRequest, FieldForm, Forms, SettingForm } from "./types";
 import { at, joined, type Path, same, type Values } from "./values";
 
 /** Whole settings after the edits, by name. */
@@ -114,7 +114,7 @@ export function countOf(form: SettingForm, before: Values | undefined, after: Va
 }
 
 /** The request that applies the drafts: single fields if a setting allows it, else whole settings. */
-export function toApply(forms: Forms, present: Present, drafts: Drafts): Apply["changes"] {
+export function toApply(forms: Forms, present: Present, drafts: Drafts): ApplyRequest["changes"] {
   const found: Record<string, Values> = {};
   for (const form of forms.settings) {
     const draft = drafts[form.name];

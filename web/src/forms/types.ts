@@ -2,6 +2,66 @@
 
 import type { BitsInfo } from "../wire/types";
 
+export interface VariantChoice {
+  /** of the key */
+  readonly bits: number;
+  /** "Float32" */
+  readonly words: string;
+}
+
+/** A property of an output that is in bits of its key. */
+export interface KeyVariant {
+  /** class of its column: "precision", "frame" */
+  readonly name: string;
+  readonly title: string;
+  readonly mask: number;
+  readonly choices: readonly VariantChoice[];
+  /** words for an output without a choice */
+  readonly fixed: string;
+}
+
+/** One quantity that a device can send. */
+export interface RateRow {
+  /** its key, without variants */
+  readonly id: number;
+  readonly title: string;
+  readonly group: string;
+  /** in the vendor's documents */
+  readonly name: string;
+  /** allowed, Hz, fastest first; empty: with every message */
+  readonly rates: readonly number[];
+  /** variant → available bits */
+  readonly variants: Readonly<Record<string, readonly number[]>>;
+  /** at divisor 1; 0: unknown until the device reports it */
+  readonly interval_ms: number;
+  readonly basic: boolean;
+  readonly doc: string;
+}
+
+/** The table of a list: names of the fields of its entries, and its rows. */
+export interface RateTable {
+  /** field with the number of the quantity */
+  readonly key: string;
+  /** field with the rate, or the divisor */
+  readonly rate: string;
+  /** of the column of titles */
+  readonly heading: string;
+  readonly rows: readonly RateRow[];
+  /** bits of the key that name the quantity */
+  readonly key_mask: number;
+  /** hexadecimal digits of a displayed key; 0: decimal */
+  readonly key_digits: number;
+  /** rate of every message, or the highest; 0: none */
+  readonly every: number;
+  /** field with the measured interval at divisor 1, ms; "": rates are in Hz */
+  readonly interval: string;
+  /** offered ones */
+  readonly divisors: readonly number[];
+  readonly variants: readonly KeyVariant[];
+  /** the group of a row is shown beside its title */
+  readonly grouped: boolean;
+}
+
 export type Editor = "number" | "integer" | "choice" | "flags" | "bool" | "text" | "hex" | "record" | "list" | "vector";
 
 export type CautionKind = "" | "restarts" | "stops-output" | "cuts-line" | "loses-settings" | "wears-flash" | "moves-frame";
@@ -178,13 +238,13 @@ export interface LoadInfo {
 }
 
 /** Exactly one of `setting` and `command`. */
-export interface Preview {
+export interface PreviewRequest {
   readonly values: Readonly<Record<string, unknown>>;
   readonly setting: string;
   readonly command: string;
 }
 
-export interface PreviewAnswer {
+export interface PreviewResult {
   readonly frames: readonly FrameInfo[];
   readonly problems: readonly FieldProblem[];
   readonly load: LoadInfo | null;
@@ -201,7 +261,7 @@ export interface ReadRequest {
 }
 
 /** Settings to write: complete ones, or single fields if the setting is `partial`. */
-export interface Apply {
+export interface ApplyRequest {
   readonly changes: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
   readonly reason: string;
   /** the user accepts the consequence; without it a dangerous change is refused (409) */
@@ -214,13 +274,13 @@ export interface Apply {
   readonly base: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
 }
 
-export interface Run {
+export interface RunRequest {
   readonly command: string;
   readonly values: Readonly<Record<string, unknown>>;
   readonly confirmed: boolean;
 }
 
-export interface Raw {
+export interface RawRequest {
   readonly hex: string;
   readonly confirmed: boolean;
 }
@@ -242,7 +302,7 @@ export interface SideRef {
   readonly text: string;
 }
 
-export interface Compare {
+export interface CompareRequest {
   readonly left: SideRef;
   readonly right: SideRef;
 }
@@ -270,7 +330,7 @@ export interface Difference {
   readonly same: number;
   /** setting → why it could not be compared */
   readonly missing: Readonly<Record<string, string>>;
-  /** for Apply, to make left equal to right */
+  /** for an ApplyRequest, to make left equal to right */
   readonly changes: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
   /** all writable values of the right side */
   readonly profile: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
@@ -284,14 +344,14 @@ export interface Difference {
   readonly blocked: string;
 }
 
-export interface Fit {
+export interface FitRatesRequest {
   readonly values: Readonly<Record<string, unknown>>;
   readonly setting: string;
   /** null: the present rate */
   readonly baud: number | null;
 }
 
-export interface FitAnswer {
+export interface FitRatesResult {
   readonly values: Readonly<Record<string, unknown>>;
   readonly load: LoadInfo;
   /** lowered rates: "Acceleration 400 → 100 Hz" */
@@ -341,64 +401,4 @@ export interface Corrections {
   readonly rejected: number;
   /** forwarded, but rejected by the device */
   readonly refused: number;
-}
-
-export interface VariantChoice {
-  /** of the key */
-  readonly bits: number;
-  /** "Float32" */
-  readonly words: string;
-}
-
-/** A property of an output that is in bits of its key. */
-export interface KeyVariant {
-  /** class of its column: "precision", "frame" */
-  readonly name: string;
-  readonly title: string;
-  readonly mask: number;
-  readonly choices: readonly VariantChoice[];
-  /** words for an output without a choice */
-  readonly fixed: string;
-}
-
-/** One quantity that a device can send. */
-export interface RateRow {
-  /** its key, without variants */
-  readonly id: number;
-  readonly title: string;
-  readonly group: string;
-  /** in the vendor's documents */
-  readonly name: string;
-  /** allowed, Hz, fastest first; empty: with every message */
-  readonly rates: readonly number[];
-  /** variant → available bits */
-  readonly variants: Readonly<Record<string, readonly number[]>>;
-  /** at divisor 1; 0: unknown until the device reports it */
-  readonly interval_ms: number;
-  readonly basic: boolean;
-  readonly doc: string;
-}
-
-/** The table of a list: names of the fields of its entries, and its rows. */
-export interface RateTable {
-  /** field with the number of the quantity */
-  readonly key: string;
-  /** field with the rate, or the divisor */
-  readonly rate: string;
-  /** of the column of titles */
-  readonly heading: string;
-  readonly rows: readonly RateRow[];
-  /** bits of the key that name the quantity */
-  readonly key_mask: number;
-  /** hexadecimal digits of a displayed key; 0: decimal */
-  readonly key_digits: number;
-  /** rate of every message, or the highest; 0: none */
-  readonly every: number;
-  /** field with the measured interval at divisor 1, ms; "": rates are in Hz */
-  readonly interval: string;
-  /** offered ones */
-  readonly divisors: readonly number[];
-  readonly variants: readonly KeyVariant[];
-  /** the group of a row is shown beside its title */
-  readonly grouped: boolean;
 }

@@ -205,7 +205,7 @@ function Why({ app, device, health, gaps }: WhyProps) {
   const left = device.next_attempt === null ? 0 : Math.ceil(device.next_attempt - now);
   const next = left > 0 ? TEXT.nextAttempt(left) : "";
   const words = [ago, next].filter(Boolean).join(" · ");
-  const [tone, name] = WANTS[device.wants] ?? NAMES[device.status];
+  const [tone, name] = ACTIONS[device.required_action] ?? NAMES[device.status];
   const wanted = device.status === "connecting" && keyWanted(health) !== ""; // it is received, and refused
   return (
     <span class="why">
@@ -216,7 +216,7 @@ function Why({ app, device, health, gaps }: WhyProps) {
 }
 
 /** What a device waits for while bytes arrive and none can be shown. */
-const WANTS: Readonly<Partial<Record<DeviceInfo["wants"], readonly [string, string]>>> = {
+const ACTIONS: Readonly<Partial<Record<DeviceInfo["required_action"], readonly [string, string]>>> = {
   key: ["warn", TEXT.keyNeeded],
   rearm: ["warn", TEXT.restarted],
 };

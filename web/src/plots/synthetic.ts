@@ -89,7 +89,7 @@ export const DEVICE: DeviceInfo = {
   last_arrival: null,
   notices: [],
   rearm: [],
-  wants: "",
+  required_action: "",
   decode_options: {},
   parent: "",
 };

@@ -3,15 +3,15 @@ import { addressOf, type Outcome, type Problem, problemOf, request, respond } fr
 import type { ColumnStatistics, HealthHistory } from "../wire/routes";
 import type { Asked } from "./statistics-feed";
 import type {
-  Edit,
-  Export,
-  ExportPart,
-  Mark,
+  EditRequest,
+  ExportJobRequest,
+  ExportSelection,
+  MarkerRequest,
   OpeningState,
-  Play,
+  PlayRequest,
   RecordingDetail,
   RecordingInfo,
-  Start,
+  StartRequest,
 } from "./types";
 import { TEXT } from "../texts/recordings";
 
@@ -27,31 +27,31 @@ export interface WindowQuery {
 
 export const server = {
   list: (q = "") => request("GET /api/recordings", { query: q ? { q } : {} }),
-  start: (body: Start) => request("POST /api/recordings/start", { body }),
+  start: (body: StartRequest) => request("POST /api/recordings/start", { body }),
   /** State of the recorder; changes come over the WebSocket. */
   recorder: () => request("GET /api/recorder"),
   stop: () => request("POST /api/recordings/stop"),
-  mark: (body: Mark) => request("POST /api/recordings/mark", { body }),
+  mark: (body: MarkerRequest) => request("POST /api/recordings/mark", { body }),
   /** Opens it: the answer is the progress until part of it is available; `progress` gives the available part. */
   detail: (recording: string) =>
     request("GET /api/recordings/{recording}", { path: { recording }, query: { partial: true } }),
-  edit: (recording: string, body: Partial<Edit>) =>
+  edit: (recording: string, body: Partial<EditRequest>) =>
     request("PATCH /api/recordings/{recording}", { path: { recording }, body }),
   remove: (recording: string) => request("DELETE /api/recordings/{recording}", { path: { recording } }),
   undelete: (recording: string) => request("POST /api/recordings/{recording}/undelete", { path: { recording } }),
-  markLater: (recording: string, body: Mark) =>
+  markLater: (recording: string, body: MarkerRequest) =>
     request("POST /api/recordings/{recording}/markers", { path: { recording }, body }),
   /** Settings of a device at the time of recording, in the words of Configure. */
   settings: (recording: string, device: string) =>
     request("GET /api/recordings/{recording}/settings", { path: { recording }, query: { device } }),
-  export: (recording: string, body: Export) =>
+  export: (recording: string, body: ExportJobRequest) =>
     request("POST /api/recordings/{recording}/exports", { path: { recording }, body }),
   /** Measured on samples, which takes about a second. */
-  exportSizes: (recording: string, body: ExportPart) =>
+  exportSizes: (recording: string, body: ExportSelection) =>
     request("POST /api/recordings/{recording}/export-sizes", { path: { recording }, body }),
   exports: () => request("GET /api/recordings/exports"),
   cancelExport: (job: number) => request("DELETE /api/recordings/exports/{job}", { path: { job } }),
-  play: (recording: string, body: Play) =>
+  play: (recording: string, body: PlayRequest) =>
     request("POST /api/recordings/{recording}/play", { path: { recording }, body }),
   downloadUrl: (recording: string) => addressOf("GET /api/recordings/{recording}/download", { path: { recording } }),
   originalUrl: (recording: string, device: string) =>

@@ -103,13 +103,13 @@ export interface RecordedSettings {
   readonly missing: Readonly<Record<string, string>>;
 }
 
-export interface Start {
+export interface StartRequest {
   /** null: all */
   readonly devices: readonly string[] | null;
   readonly title: string;
 }
 
-export interface Mark {
+export interface MarkerRequest {
   readonly text: string;
   readonly kind: "marker" | "note";
   /** null: now */
@@ -118,7 +118,7 @@ export interface Mark {
 }
 
 /** Changes to a recording; null leaves a value unchanged. */
-export interface Edit {
+export interface EditRequest {
   readonly title: string | null;
   readonly tags: readonly string[] | null;
   readonly notes: string | null;
@@ -128,7 +128,7 @@ export interface Edit {
 }
 
 /** Part of a recording to export or measure. */
-export interface ExportPart {
+export interface ExportSelection {
   /** null: from the beginning */
   readonly t0: number | null;
   readonly t1: number | null;
@@ -137,7 +137,7 @@ export interface ExportPart {
   readonly base: "device" | "arrival";
 }
 
-export interface Export extends ExportPart {
+export interface ExportJobRequest extends ExportSelection {
   /** a name of ExportCapability */
   readonly format: string;
   /** for formats of one device */
@@ -152,7 +152,7 @@ export interface ExportSizes {
   readonly devices: Readonly<Record<string, number>>;
 }
 
-export interface Play {
+export interface PlayRequest {
   readonly speed: number;
   readonly loop: boolean;
   readonly t0: number | null;

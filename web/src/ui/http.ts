@@ -1,7 +1,7 @@
 /**
  * Requests to the server, typed by its OpenAPI document (wire/routes.ts). Every failure is a Problem with words for a person.
  */
-import type { AddDevice, DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
+import type { AddDeviceRequest, DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
 import { COMMON } from "../texts/common";
 
 /** The only shape of errors: what went wrong, and what to do next. */
@@ -124,7 +124,7 @@ export type Port = PortInfo;
 
 export const api = {
   addDevice: (source: string, how: HowToRead = {}) =>
-    request("POST /api/devices", { body: { source, ...how } as AddDevice }),
+    request("POST /api/devices", { body: { source, ...how } as AddDeviceRequest }),
   /** Given options change from now on; the device, its history and its other options stay. */
   readDevice: (device: string, how: HowToRead) =>
     request("POST /api/devices/{device}/decode-options", { path: { device }, body: how as DecodeOptionsBody }),

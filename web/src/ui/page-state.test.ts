@@ -23,7 +23,7 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   last_arrival: null,
   notices: [],
   rearm: [],
-  wants: "",
+  required_action: "",
   decode_options: {},
   parent: "",
 });

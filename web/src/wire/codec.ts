@@ -1,5 +1,5 @@
 /**
- * Decoder of binary WebSocket messages. (The specification is the docstring of server/wire.py.)
+ * Decoder of binary WebSocket messages. (The specification is the docstring of server/wire/.)
  *
  *     | sample frame | sample frame | …            a message is frames back to back
  *

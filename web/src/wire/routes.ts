@@ -2,14 +2,14 @@
 
 import type { Attempt, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
-import type { Apply, Compare, Corrections, Difference, Fit, FitAnswer, Forms, Preview, PreviewAnswer, Raw, ReadRequest, Run, SaveRequest, SnapshotBody, SnapshotInfo } from "../forms/types";
-import type { Edit, Export, ExportPart, ExportSizes, Mark, MarkerInfo, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "../recordings/types";
+import type { ApplyRequest, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo } from "../forms/types";
+import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, StartRequest } from "../recordings/types";
 
 /** Of `T`, the fields that the server has defaults for may be left out. */
 export type Defaulted<T, K extends keyof T> = Omit<T, K> & { readonly [P in K]?: T[P] };
 
 /** A source to open. */
-export interface AddDevice {
+export interface AddDeviceRequest {
   /** name of the protocol; empty to detect it */
   readonly protocol?: string;
   /** key for Secure frames, hexadecimal; never returned */
@@ -29,7 +29,7 @@ export interface AddDevice {
 }
 
 /** A share to offer. */
-export interface AddShare {
+export interface AddShareRequest {
   /** `/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` nobody may write through it */
   readonly address: string;
 }
@@ -91,6 +91,12 @@ export interface ColumnStatistics {
   readonly sigma: number | null;
   readonly min: number | null;
   readonly max: number | null;
+}
+
+/** A stream to forward. */
+export interface CorrectionsRequest {
+  /** RTCM 3 from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file: of the library, or of a folder that source_folders names */
+  readonly source: string;
 }
 
 /** Decode options of a source. */
@@ -177,13 +183,13 @@ export interface ProblemBody {
 }
 
 /** Device whose sequence may restart. */
-export interface Rearm {
+export interface RearmDeviceRequest {
   /** the id of the device in the stream; empty: every device of the link */
   readonly sender?: string;
 }
 
 /** Ports to scan. */
-export interface ScanPorts {
+export interface ScanPortsRequest {
   /** paths; null for every port that is present */
   readonly ports?: readonly string[] | null;
 }
@@ -192,12 +198,6 @@ export interface ScanPorts {
 export interface SceneAddress {
   /** path on this server */
   readonly address: string;
-}
-
-/** A stream to forward. */
-export interface SetCorrections {
-  /** RTCM 3 from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file: of the library, or of a folder that source_folders names */
-  readonly source: string;
 }
 
 /** A client of a share. */
@@ -255,7 +255,7 @@ export interface Routes {
   "GET /api/devices": { readonly answer: readonly DeviceInfo[]; };
   /** Open a source. Answers at once; the progress is sent over the WebSocket. */
   "POST /api/devices": {
-    readonly body: AddDevice;
+    readonly body: AddDeviceRequest;
     readonly answer: DeviceInfo;
   };
   /** Close a device and forget it. A device with a pending rollback stays until the change is confirmed or rolled back. */
@@ -277,7 +277,7 @@ export interface Routes {
   /** Accept any sequence number that a Secure device sends next. Use it only after restarting the device: until its next frame arrives, replayed old frames would be accepted as new. */
   "POST /api/devices/{device}/rearm": {
     readonly path: { readonly device: string };
-    readonly body: Rearm;
+    readonly body: RearmDeviceRequest;
     readonly answer: DeviceInfo;
   };
   /** Queue, running job, pending rollback, last results. */
@@ -300,19 +300,19 @@ export interface Routes {
   /** Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be lost. */
   "POST /api/devices/{device}/apply": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<Apply, "reason" | "confirmed" | "devices" | "product" | "base">;
+    readonly body: Defaulted<ApplyRequest, "reason" | "confirmed" | "devices" | "product" | "base">;
     readonly answer: Job;
   };
   /** Run a command. A command that writes a setting is applied like any change, with snapshot and rollback. */
   "POST /api/devices/{device}/run": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<Run, "values" | "confirmed">;
+    readonly body: Defaulted<RunRequest, "values" | "confirmed">;
     readonly answer: Job;
   };
   /** Send bytes unchanged. They are not checked, so they are sent only when `confirmed`. */
   "POST /api/devices/{device}/raw": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<Raw, "confirmed">;
+    readonly body: Defaulted<RawRequest, "confirmed">;
     readonly answer: Job;
   };
   /** Confirm the pending change: the new settings stay. */
@@ -343,14 +343,14 @@ export interface Routes {
   /** The frames with the meaning of each byte, problems of the values, and the load of the line. */
   "POST /api/devices/{device}/preview": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<Preview, "setting" | "command">;
-    readonly answer: PreviewAnswer;
+    readonly body: Defaulted<PreviewRequest, "setting" | "command">;
+    readonly answer: PreviewResult;
   };
   /** The same outputs with rates that the line can carry. */
   "POST /api/devices/{device}/fit-rates": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<Fit, "baud">;
-    readonly answer: FitAnswer;
+    readonly body: Defaulted<FitRatesRequest, "baud">;
+    readonly answer: FitRatesResult;
   };
   /** Every command and setting of every protocol, all products together; GET …/forms has those of one device. */
   "GET /api/commands": { readonly answer: readonly Forms[]; };
@@ -384,7 +384,7 @@ export interface Routes {
   /** Compare two sides field by field, with the changes that would make the left side equal the right one. */
   "POST /api/devices/{device}/compare": {
     readonly path: { readonly device: string };
-    readonly body: Compare;
+    readonly body: CompareRequest;
     readonly answer: Difference;
   };
   /** The stream that is forwarded; an empty source if there is none. The password is never returned. */
@@ -395,7 +395,7 @@ export interface Routes {
   /** Forward this stream in place of the previous one. */
   "PUT /api/devices/{device}/corrections": {
     readonly path: { readonly device: string };
-    readonly body: SetCorrections;
+    readonly body: CorrectionsRequest;
     readonly answer: Corrections;
   };
   /** Stop forwarding; returns the final counters. */
@@ -411,7 +411,7 @@ export interface Routes {
   /** Share the port. For the first share the link is opened anew, by a process that stays when this server ends. */
   "POST /api/devices/{device}/shares": {
     readonly path: { readonly device: string };
-    readonly body: AddShare;
+    readonly body: AddShareRequest;
     readonly answer: SharedPort;
   };
   /** End a share and disconnect its clients. */
@@ -429,32 +429,32 @@ export interface Routes {
   "GET /api/recorder": { readonly answer: RecorderState; };
   /** Record these devices, or all of them, into a new file. */
   "POST /api/recordings/start": {
-    readonly body: Defaulted<Start, "devices" | "title">;
+    readonly body: Defaulted<StartRequest, "devices" | "title">;
     readonly answer: RecorderState;
   };
   /** Stop recording; the file is complete when this answers. */
   "POST /api/recordings/stop": { readonly answer: RecorderState; };
   /** Add a marker or a note to the running recording. */
   "POST /api/recordings/mark": {
-    readonly body: Defaulted<Mark, "text" | "kind" | "time" | "device">;
+    readonly body: Defaulted<MarkerRequest, "text" | "kind" | "time" | "device">;
     readonly answer: RecorderState;
   };
   /** Play a recording. Each of its devices appears, ends with the file, and can be played again or removed. */
   "POST /api/recordings/{recording}/play": {
     readonly path: { readonly recording: string };
-    readonly body: Defaulted<Play, "speed" | "loop" | "t0" | "t1">;
+    readonly body: Defaulted<PlayRequest, "speed" | "loop" | "t0" | "t1">;
     readonly answer: readonly DeviceInfo[];
   };
   /** Begin an export; its progress is sent with the op `exports`. */
   "POST /api/recordings/{recording}/exports": {
     readonly path: { readonly recording: string };
-    readonly body: Defaulted<Export, "device" | "t0" | "t1" | "channels" | "base">;
+    readonly body: Defaulted<ExportJobRequest, "device" | "t0" | "t1" | "channels" | "base">;
     readonly answer: ExportJob;
   };
   /** Estimated sizes of exports, from writing a sample of each. */
   "POST /api/recordings/{recording}/export-sizes": {
     readonly path: { readonly recording: string };
-    readonly body: Defaulted<ExportPart, "t0" | "t1" | "channels" | "base">;
+    readonly body: Defaulted<ExportSelection, "t0" | "t1" | "channels" | "base">;
     readonly answer: ExportSizes;
   };
   /** Newest first. */
@@ -483,7 +483,7 @@ export interface Routes {
   /** Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id. */
   "PATCH /api/recordings/{recording}": {
     readonly path: { readonly recording: string };
-    readonly body: Defaulted<Edit, "title" | "tags" | "notes" | "pinned" | "file">;
+    readonly body: Defaulted<EditRequest, "title" | "tags" | "notes" | "pinned" | "file">;
     readonly answer: RecordingInfo;
   };
   /** Move a recording to the bin, from where it can be restored for 7 days. */
@@ -500,7 +500,7 @@ export interface Routes {
   /** Add a marker or a note to a finished recording. */
   "POST /api/recordings/{recording}/markers": {
     readonly path: { readonly recording: string };
-    readonly body: Defaulted<Mark, "text" | "kind" | "time" | "device">;
+    readonly body: Defaulted<MarkerRequest, "text" | "kind" | "time" | "device">;
     readonly answer: MarkerInfo;
   };
   /** Restore a recording from the bin. */
@@ -567,7 +567,7 @@ export interface Routes {
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };
   /** Listen on every free port, at one rate after another; takes some seconds. Ports of sessions are left alone. */
   "POST /api/ports/scan": {
-    readonly body?: ScanPorts | null;
+    readonly body?: ScanPortsRequest | null;
     readonly answer: readonly PortInfo[];
   };
   /** Versions, the id of this run, and the role of the request's token. */

@@ -1,4 +1,4 @@
-/** Types of the wire. Generated from server/wire.py by `python -m server.generate_ts_types`; do not edit. */
+/** Types of the wire. Generated from server/wire/ by `python -m server.generate_ts_types`; do not edit. */
 
 export const SUBPROTOCOL = "imuscope.v1";
 export const OPCODE_SAMPLES = 1;
@@ -37,14 +37,6 @@ import type { Capabilities } from "./capability-types";
 export type Dtype = "f4" | "f8" | "i1" | "u1" | "i2" | "u2" | "i4" | "u4" | "i8" | "u8";
 
 export type Severity = "" | "warning" | "error";
-
-export type DeviceStatus = "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
-
-export type Wants = "" | "key" | "rearm";
-
-export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device" | "command";
-
-export type Level = "info" | "warning" | "error";
 
 /** One flag (width 1) or bit group of a status column; drawn as a lane. */
 export interface BitsInfo {
@@ -101,6 +93,10 @@ export interface ChannelInfo {
   readonly group: string;
 }
 
+export type DeviceStatus = "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
+
+export type RequiredAction = "" | "key" | "rearm";
+
 /** One attempt to connect to a device, as text. */
 export interface Attempt {
   /** "921 600 Bd" */
@@ -142,8 +138,8 @@ export interface DeviceInfo {
   readonly notices: readonly string[];
   /** senders whose sequence restarted: an operator may re-arm them */
   readonly rearm: readonly string[];
-  /** required user action, while no data can be shown */
-  readonly wants: Wants;
+  /** what the user has to do, while no data can be shown */
+  readonly required_action: RequiredAction;
   /** given ones by name, without secrets and files */
   readonly decode_options: Readonly<Record<string, string>>;
   /** first device on the same link, if there are several; link, retry and removal belong to it */
@@ -231,6 +227,10 @@ export interface UnknownPayload {
   readonly verified: boolean;
 }
 
+export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device" | "command";
+
+export type Level = "info" | "warning" | "error";
+
 /** An event. `t0`..`t1` (host time) is the time span concerned, for example hatched as a gap. */
 export interface EventInfo {
   readonly seq: number;
@@ -246,49 +246,12 @@ export interface EventInfo {
   readonly data: Readonly<Record<string, unknown>>;
 }
 
-export interface Hello {
-  readonly version: string;
-  readonly server_time: number;
-  readonly host: string;
-  /** changes when the server restarts; the page then discards its channels */
-  readonly run: string;
-  /** seconds kept in memory */
-  readonly history: number;
-  readonly capabilities: Capabilities;
-  readonly op: "hello";
-}
-
-export interface Devices {
-  readonly devices: readonly DeviceInfo[];
-  readonly op: "devices";
-}
-
-export interface Channels {
-  readonly channels: readonly ChannelInfo[];
-  readonly op: "channels";
-}
-
-export interface HealthReport {
-  readonly devices: readonly DeviceHealth[];
-  readonly op: "health";
-}
-
-export interface UnknownPayloads {
-  readonly payloads: readonly UnknownPayload[];
-  readonly op: "unknown_payloads";
-}
-
-export interface Events {
-  readonly events: readonly EventInfo[];
-  readonly op: "events";
-}
-
 /** One frame of a transaction, or a note between frames. */
 export interface TrafficEntry {
   readonly seq: number;
   readonly time: number;
   readonly device: string;
-  readonly way: "tx" | "rx" | "note";
+  readonly direction: "tx" | "rx" | "note";
   /** of the frame: "SetOutputConfiguration"; "" for a note */
   readonly name: string;
   readonly hex: string;
@@ -304,10 +267,11 @@ export interface FieldOutcome {
   readonly setting: string;
   readonly path: string;
   readonly title: string;
-  readonly asked: string;
+  readonly requested: string;
   /** "" if it was rejected */
-  readonly got: string;
-  readonly why: string;
+  readonly actual: string;
+  /** if there is no answer or it was rejected */
+  readonly reason: string;
 }
 
 /** One task of a device, queued, running or finished. */
@@ -381,10 +345,6 @@ export interface RecorderState {
   readonly op: "recorder";
 }
 
-export interface LibraryChanged {
-  readonly op: "library";
-}
-
 /** One export. */
 export interface ExportJob {
   readonly id: number;
@@ -399,6 +359,47 @@ export interface ExportJob {
   readonly file: string;
   readonly message: string;
   readonly hint: string;
+}
+
+export interface Hello {
+  readonly version: string;
+  readonly server_time: number;
+  readonly host: string;
+  /** changes when the server restarts; the page then discards its channels */
+  readonly run: string;
+  /** seconds kept in memory */
+  readonly history: number;
+  readonly capabilities: Capabilities;
+  readonly op: "hello";
+}
+
+export interface Devices {
+  readonly devices: readonly DeviceInfo[];
+  readonly op: "devices";
+}
+
+export interface Channels {
+  readonly channels: readonly ChannelInfo[];
+  readonly op: "channels";
+}
+
+export interface HealthReport {
+  readonly devices: readonly DeviceHealth[];
+  readonly op: "health";
+}
+
+export interface UnknownPayloads {
+  readonly payloads: readonly UnknownPayload[];
+  readonly op: "unknown_payloads";
+}
+
+export interface Events {
+  readonly events: readonly EventInfo[];
+  readonly op: "events";
+}
+
+export interface LibraryChanged {
+  readonly op: "library";
 }
 
 export interface Exports {

@@ -1,5 +1,5 @@
 /** The routes of one device's configuration, a function each. */
-import type { Apply, Compare } from "../../forms/types";
+import type { ApplyRequest, CompareRequest } from "../../forms/types";
 import type { Values } from "../../forms/values";
 import { addressOf, request } from "../../ui/http";
 
@@ -13,7 +13,8 @@ export const server = {
     request("POST /api/devices/{device}/preview", { path: { device }, body: { command, values } }),
   read: (device: string, confirmed = false) =>
     request("POST /api/devices/{device}/read", { path: { device }, body: { confirmed } }),
-  apply: (device: string, body: Apply) => request("POST /api/devices/{device}/apply", { path: { device }, body }),
+  apply: (device: string, body: ApplyRequest) =>
+    request("POST /api/devices/{device}/apply", { path: { device }, body }),
   run: (device: string, command: string, values: Values, confirmed: boolean) =>
     request("POST /api/devices/{device}/run", { path: { device }, body: { command, values, confirmed } }),
   raw: (device: string, hex: string) =>
@@ -33,7 +34,8 @@ export const server = {
     request("POST /api/devices/{device}/snapshots", { path: { device }, body: { title, text } }),
   deleteSnapshot: (device: string, name: string) =>
     request("DELETE /api/devices/{device}/snapshots/{name}", { path: { device, name } }),
-  compare: (device: string, body: Compare) => request("POST /api/devices/{device}/compare", { path: { device }, body }),
+  compare: (device: string, body: CompareRequest) =>
+    request("POST /api/devices/{device}/compare", { path: { device }, body }),
   fit: (device: string, setting: string, values: Values, baud: number | null) =>
     request("POST /api/devices/{device}/fit-rates", { path: { device }, body: { setting, values, baud } }),
   corrections: (device: string) => request("GET /api/devices/{device}/corrections", { path: { device } }),

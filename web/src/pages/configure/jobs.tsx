@@ -65,12 +65,12 @@ export function Outcomes({ outcomes }: { readonly outcomes: readonly FieldOutcom
     <ul class="outcomes" aria-label={TEXT.differences}>
       {outcomes.map((one) => (
         <li key={`${one.setting} ${one.path}`}>
-          <span class={`tag ${one.got ? "warn" : "bad"}`}>{one.got ? TEXT.alteredMark : TEXT.rejectedMark}</span>{" "}
+          <span class={`tag ${one.actual ? "warn" : "bad"}`}>{one.actual ? TEXT.alteredMark : TEXT.rejectedMark}</span>{" "}
           <b>{one.title}</b>{" "}
-          {one.got ? (
-            TEXT.alteredValue(one.asked || TEXT.nothing, one.got)
+          {one.actual ? (
+            TEXT.alteredValue(one.requested || TEXT.nothing, one.actual)
           ) : (
-            <Message text={one.why || TEXT.noAnswer} />
+            <Message text={one.reason || TEXT.noAnswer} />
           )}
         </li>
       ))}

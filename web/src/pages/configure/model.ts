@@ -19,7 +19,7 @@ import type {
   CommandForm,
   Forms,
   LoadInfo,
-  PreviewAnswer,
+  PreviewResult,
   SettingForm,
   SnapshotBody,
   SnapshotInfo,
@@ -52,7 +52,7 @@ export class Model {
   /** Arguments of commands, as typed so far. */
   readonly arguments: Signal<Drafts> = signal(NONE);
   /** The server's answers on a draft ("Setting"), on the device's values ("=Setting"), on a command ("!Command"). */
-  readonly previews: Signal<Readonly<Record<string, PreviewAnswer>>> = signal({});
+  readonly previews: Signal<Readonly<Record<string, PreviewResult>>> = signal({});
   /** Unreadable input: `Setting/path` → why. */
   readonly wrong: Signal<ReadonlyMap<string, string>> = signal(new Map());
   /** Why the forms cannot be shown, or the last request failed. */
@@ -351,7 +351,7 @@ export class Model {
     else this.problem.value = answer.problem;
   }
 
-  #request(key: string): Promise<Outcome<PreviewAnswer>> | undefined {
+  #request(key: string): Promise<Outcome<PreviewResult>> | undefined {
     if (key.startsWith("!")) {
       const command = this.command(key.slice(1));
       return command && server.previewCommand(this.id, command.name, this.argumentsOf(command));

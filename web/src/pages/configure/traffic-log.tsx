@@ -21,13 +21,13 @@ const BYTES_SHOWN = 14;
 /** Search in the log. */
 interface Wanted {
   readonly text: Signal<string>;
-  readonly way: Signal<"all" | "tx" | "rx">;
+  readonly direction: Signal<"all" | "tx" | "rx">;
 }
 
 export function TrafficLog({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
   const filtering = useSignal(false);
   const byHand = useSignal(false);
-  const wanted: Wanted = { text: useSignal(""), way: useSignal("all") };
+  const wanted: Wanted = { text: useSignal(""), direction: useSignal("all") };
   return (
     <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={COMMON.trafficLog}>
       <div class="head">
@@ -60,7 +60,7 @@ export function TrafficLog({ app, model }: { readonly app: App; readonly model: 
   );
 }
 
-function Filter({ wanted: { text, way: ways } }: { readonly wanted: Wanted }) {
+function Filter({ wanted: { text, direction } }: { readonly wanted: Wanted }) {
   return (
     <div class="log-filter">
       <label class="field">
@@ -74,7 +74,12 @@ function Filter({ wanted: { text, way: ways } }: { readonly wanted: Wanted }) {
       </label>
       <span class="segmented small" role="group" aria-label={TEXT.direction}>
         {(["all", "tx", "rx"] as const).map((way) => (
-          <button type="button" key={way} aria-pressed={ways.value === way} onClick={() => (ways.value = way)}>
+          <button
+            type="button"
+            key={way}
+            aria-pressed={direction.value === way}
+            onClick={() => (direction.value = way)}
+          >
             {{ all: TEXT.both, tx: TEXT.sent, rx: TEXT.received }[way]}
           </button>
         ))}
@@ -94,13 +99,15 @@ export function matches(entry: TrafficEntry, text: string): boolean {
   );
 }
 
-function Log({ model, wanted: { text: filter, way: ways } }: { readonly model: Model; readonly wanted: Wanted }) {
+function Log({ model, wanted: { text: filter, direction } }: { readonly model: Model; readonly wanted: Wanted }) {
   const opened = useSignal<number | undefined>(undefined);
   const box = useRef<HTMLDivElement>(null);
   const follows = useRef(true);
   const place = useRef(0);
   const entries = model.traffic.value
-    .filter((entry) => (ways.value === "all" || entry.way === ways.value) && matches(entry, filter.value))
+    .filter(
+      (entry) => (direction.value === "all" || entry.direction === direction.value) && matches(entry, filter.value),
+    )
     .slice(-SHOWN);
   useLayoutEffect(() => {
     if (follows.current && box.current) box.current.scrollTop = box.current.scrollHeight;
@@ -141,13 +148,13 @@ interface EntryProps {
 
 function Entry({ entry, model, opened }: EntryProps) {
   const open = opened.value === entry.seq;
-  if (entry.way === "note")
+  if (entry.direction === "note")
     return (
       <li class={`log-entry day ${entry.level === "info" ? "" : "alert"}`}>
         <Message text={entry.text} />
       </li>
     );
-  const sent = entry.way === "tx";
+  const sent = entry.direction === "tx";
   const toggle = (): void => {
     opened.value = open ? undefined : entry.seq;
   };

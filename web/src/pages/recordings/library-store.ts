@@ -3,7 +3,7 @@ import { computed, effect, signal } from "@preact/signals";
 import { Prefetch } from "../../recordings/prefetch";
 import { type Choice, chosen, heardOf } from "../../recordings/library-filter";
 import { server, upload } from "../../recordings/api";
-import type { Edit, RecordingInfo } from "../../recordings/types";
+import type { EditRequest, RecordingInfo } from "../../recordings/types";
 import type { Problem } from "../../ui/http";
 import { type App, perApp, run } from "../app-state";
 
@@ -79,7 +79,7 @@ export class Library {
       : [info, ...list];
   }
 
-  async edit(id: string, change: Partial<Edit>): Promise<void> {
+  async edit(id: string, change: Partial<EditRequest>): Promise<void> {
     this.#replace(await run(this.#app, server.edit(id, change)));
   }
 

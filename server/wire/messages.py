@@ -1,0 +1,143 @@
+"""Messages: text frames in both directions, told apart by `op`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from server.capabilities import Capabilities
+from server.wire.channels import ChannelInfo
+from server.wire.devices import DeviceHealth, DeviceInfo, UnknownPayload
+from server.wire.events import EventInfo
+from server.wire.jobs import DeviceJobs, TrafficEntry
+from server.wire.recordings import ExportJob, RecorderState
+
+
+@dataclass(slots=True)
+class Hello:
+    version: str
+    server_time: float
+    host: str
+    run: str  # changes when the server restarts; the page then discards its channels
+    history: float  # seconds kept in memory
+    capabilities: Capabilities = field(default_factory=Capabilities)
+    op: Literal["hello"] = "hello"
+
+
+@dataclass(slots=True)
+class Devices:
+    devices: list[DeviceInfo]
+    op: Literal["devices"] = "devices"
+
+
+@dataclass(slots=True)
+class Channels:
+    channels: list[ChannelInfo]
+    op: Literal["channels"] = "channels"
+
+
+@dataclass(slots=True)
+class HealthReport:
+    devices: list[DeviceHealth]
+    op: Literal["health"] = "health"
+
+
+@dataclass(slots=True)
+class UnknownPayloads:
+    payloads: list[UnknownPayload]
+    op: Literal["unknown_payloads"] = "unknown_payloads"
+
+
+@dataclass(slots=True)
+class Events:
+    events: list[EventInfo]
+    op: Literal["events"] = "events"
+
+
+@dataclass(slots=True)
+class LibraryChanged:
+    op: Literal["library"] = "library"
+
+
+@dataclass(slots=True)
+class Exports:
+    jobs: list[ExportJob]
+    op: Literal["exports"] = "exports"
+
+
+@dataclass(slots=True)
+class JobsReport:
+    devices: list[DeviceJobs]
+    op: Literal["jobs"] = "jobs"
+
+
+@dataclass(slots=True)
+class Traffic:
+    entries: list[TrafficEntry]
+    op: Literal["traffic"] = "traffic"
+
+
+@dataclass(slots=True)
+class HistoryEnd:
+    op: Literal["history_end"] = "history_end"
+
+
+@dataclass(slots=True)
+class Pong:
+    t: float
+    server_time: float
+    op: Literal["pong"] = "pong"
+
+
+@dataclass(slots=True)
+class Problem:
+    """The shape of every error, here and in HTTP responses."""
+
+    kind: str
+    message: str
+    hint: str = ""
+    op: Literal["error"] = "error"
+
+
+@dataclass(slots=True)
+class Subscribe:
+    """The page discards its samples, appends live frames and prepends history frames (newest block first, each
+    ending where the previous one began; flags bit 0).
+    """
+
+    history: float  # seconds of history wanted
+    channels: list[int] | None = None  # None: all, also future ones
+    op: Literal["subscribe"] = "subscribe"
+
+
+@dataclass(slots=True)
+class Interval:
+    """Drawing interval of the page: a longer one reduces the load of server, network and page."""
+
+    s: float  # minimum time between sample frames; 0: as often as the server sends
+    op: Literal["interval"] = "interval"
+
+
+@dataclass(slots=True)
+class Ping:
+    t: float
+    op: Literal["ping"] = "ping"
+
+
+ServerText = (
+    Hello
+    | Devices
+    | Channels
+    | HealthReport
+    | UnknownPayloads
+    | Events
+    | JobsReport
+    | Traffic
+    | RecorderState
+    | LibraryChanged
+    | Exports
+    | HistoryEnd
+    | Pong
+    | Problem
+)
+BrowserText = Subscribe | Interval | Ping
