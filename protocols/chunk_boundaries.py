@@ -15,41 +15,40 @@ Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", section 3.2.
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Iterable
+
 import numpy as np
 
+from protocols.clock_rows import earliest_sent
 from protocols.framing import Ints
-
-_NONE = np.zeros(0, np.int64)
 
 
 class ChunkBoundaries:
     """Ends of the chunks of one stream, positions in bytes since it began, and their arrivals in unix ns."""
 
     def __init__(self) -> None:
-        self._ends, self._arrivals = _NONE, _NONE
-        self._new_ends: list[int] = []
-        self._new_arrivals: list[int] = []
+        self._ends: list[int] = []
+        self._arrivals: list[int] = []
 
     def __len__(self) -> int:
-        return len(self._ends) + len(self._new_ends)
+        return len(self._ends)
 
     def add(self, end: int, arrival_ns: int) -> None:
         """Add one chunk; positions ascend."""
-        self._new_ends.append(end)
-        self._new_arrivals.append(arrival_ns)
+        self._ends.append(end)
+        self._arrivals.append(arrival_ns)
 
-    def add_many(self, ends: Ints, arrival_ns: Ints) -> None:
-        """Add (n,) chunks."""
-        self._merge()
-        self._ends = np.concatenate((self._ends, ends))
-        self._arrivals = np.concatenate((self._arrivals, arrival_ns))
+    def add_many(self, ends: Iterable[int], arrival_ns: Iterable[int]) -> None:
+        """Add chunks in order."""
+        self._ends.extend(ends)
+        self._arrivals.extend(arrival_ns)
 
     def forget(self, position: int) -> None:
         """Drop what is not needed for frames that begin at or after `position`."""
-        if len(self) > 1:
-            self._merge()
-            done = int(np.searchsorted(self._ends, position, "right"))
-            self._ends, self._arrivals = self._ends[done:], self._arrivals[done:]
+        if len(self._ends) > 1:
+            done = bisect_right(self._ends, position)
+            del self._ends[:done], self._arrivals[:done]
 
     def sent(self, offset: Ints, size: Ints | int, latest: Ints, byte_ns: float) -> Ints:
         """Latest possible start of transmission of each frame, using the chunks that end inside it as well.
@@ -62,17 +61,10 @@ class ChunkBoundaries:
         Returns:
             (n,) unix ns.
         """
-        self._merge()
-        if len(self._ends) == 0:
+        if not self._ends:
             return latest
-        first = np.searchsorted(self._ends, offset, "right")
-        np.minimum(first, len(self._ends) - 1, out=first)
-        inside = self._ends[first] - offset
-        early = self._arrivals[first] - (inside * byte_ns).astype(np.int64)
-        return np.where((inside > 0) & (inside < size), np.minimum(early, latest), latest)
-
-    def _merge(self) -> None:
-        if self._new_ends:
-            self._ends = np.concatenate((self._ends, np.array(self._new_ends, np.int64)))
-            self._arrivals = np.concatenate((self._arrivals, np.array(self._new_arrivals, np.int64)))
-            self._new_ends, self._new_arrivals = [], []
+        ends, arrivals = np.array(self._ends, np.int64), np.array(self._arrivals, np.int64)
+        sizes = np.array((size,), np.int64) if isinstance(size, int) else size
+        sent = np.empty(len(offset), np.int64)
+        earliest_sent(offset, sizes, latest, byte_ns, ends, arrivals, sent)
+        return sent

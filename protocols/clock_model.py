@@ -53,6 +53,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.clock_rows import host_times
 from protocols.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
@@ -130,6 +131,7 @@ class ClockModel:
         waited: Array | None = None,
         *,
         judged: bool = True,
+        rows: tuple[int, int, int] | None = None,
     ) -> None:
         """Add rows with their delays over the current line; move the line, then the plan.
 
@@ -137,16 +139,15 @@ class ClockModel:
             size: bytes of a frame.
             waited: extra delay of the last bytes of the frames, ns; None: none.
             judged: its delays describe the link; not those of a message that waits for others on the line.
+            rows: those with the least delay, the least and the greatest x, if known.
         """
         settled = self.newest
         first = self.late.rows == 0
-        at = int(delay.argmin())
+        at, oldest, last = rows or (int(delay.argmin()), int(x.argmin()), int(x.argmax()))
         low_x, low = float(x[at]), float(delay[at])
-        newest = float(x[-1])
-        if len(x) > 1:
-            newest = max(newest, float(x.max()))
+        newest = float(x[last])
         if judged or first:
-            self._append_history(x, delay, arrival, size, waited)
+            self._append_history(x, delay, arrival, size, waited, is_fresh=x[oldest] >= self.newest)
         self.newest = max(settled, newest)
         self.oldest = min(self.oldest, float(x[0]))
         self.arrival = max(self.arrival, arrival)
@@ -161,12 +162,14 @@ class ClockModel:
         if self.newest - self._tested >= JUDGED_NS or self.late.rows <= JUDGED_FROM:
             self._test_step()
 
-    def _append_history(self, x: Array, delay: Array, arrival: int, size: float, waited: Array | None) -> None:
+    def _append_history(
+        self, x: Array, delay: Array, arrival: int, size: float, waited: Array | None, *, is_fresh: bool
+    ) -> None:
         """Store delays. An older row (a GNSS solution, seconds late by its own time) gives no information on the
         link.
         """
-        fresh = x >= self.newest
-        if self.late.rows and not fresh.all():
+        if self.late.rows and not is_fresh:
+            fresh = x >= self.newest
             x, delay, waited = x[fresh], delay[fresh], None if waited is None else waited[fresh]
         if len(x):
             self.late.add(x, delay, size, arrival, waited)
@@ -239,15 +242,12 @@ class ClockModel:
 
     def host(self, device: Array) -> NDArray[np.float64]:
         """Unix seconds of device times."""
-        n = self._breakpoints
-        x = (device - self.origin).astype(np.float64)
-        h = np.interp(x, self._knot_x[:n], self._knot_h[:n])
-        beyond = x - np.clip(x, self._knot_x[0], self._knot_x[n - 1])
-        beyond *= self._final_slope
-        h += beyond
-        h *= 1e-9
-        h += self.host_origin * 1e-9
-        return np.asarray(h)
+        knots = self._knot_x, self._knot_h, self._breakpoints
+        host = np.empty(len(device))
+        host_times(
+            np.ascontiguousarray(device, np.int64), self.origin, self.host_origin, *knots, self._final_slope, host
+        )
+        return host
 
     def last_host(self) -> float:
         """Host time of the newest row, ns."""

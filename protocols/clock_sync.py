@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from protocols.chunk_boundaries import ChunkBoundaries
 from protocols.clock_model import ClockModel
+from protocols.clock_rows import decreases, delays_of
 from protocols.delay_stats import DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
@@ -63,6 +64,12 @@ class TimedRows:
     offset: Array | None = None
     size: int = 0
     source: int = 0
+
+    def __post_init__(self) -> None:
+        self.device = np.ascontiguousarray(self.device, np.int64)  # for the compiled loops
+        self.arrival = np.ascontiguousarray(self.arrival, np.int64)
+        if self.offset is not None:
+            self.offset = np.ascontiguousarray(self.offset, np.int64)
 
     def rows(self, which: slice) -> TimedRows:
         """A slice of them."""
@@ -210,16 +217,13 @@ class ClockSync:
         if now is None:
             now = self._now = self._mapping(int(device[-1]), int(sent[-1]))
             self.restarts += 1
-        x = (device - now.origin).astype(np.float64)
-        delay = (sent - now.host_origin).astype(np.float64)
-        delay -= x
-        delay -= now.slope * x
-        delay -= now.intercept
-        if back or float(delay.min()) < -now.step_ns:
+        x, delay = np.empty(len(device)), np.empty(len(device))
+        which = delays_of(device, sent, now.origin, now.host_origin, now.slope, now.intercept, x, delay)
+        if back or delay[which[0]] < -now.step_ns:
             return self._row_by_row(rows, sent, waited)
         if self._candidate_rows:
             self._forget()
-        self._update(now, x, delay, waited, rows)
+        self._update(now, x, delay, waited, rows, which)
         if self._before is not None and now.newest > LATE_NS:
             self._before = None
         return self.host(device)
@@ -228,20 +232,24 @@ class ClockSync:
         """Latest possible start of transmission of each frame, unix ns, and the extra wait of its last bytes, ns."""
         if not self.byte_time_ns:
             return rows.arrival, np.zeros(len(rows))
-        last = rows.arrival - np.asarray(rows.size * self.byte_time_ns).astype(np.int64)
+        size, byte_ns = rows.size, self.byte_time_ns
+        whole = int(size * byte_ns) if isinstance(size, int) else (size * byte_ns).astype(np.int64)
+        last: Array = rows.arrival - whole
         if self._pieces is None or rows.offset is None:
             return last, np.zeros(len(rows))
         sent = self._pieces.sent(rows.offset, rows.size, last, self.byte_time_ns)
         return sent, (last - sent).astype(np.float64)
 
-    def _update(self, now: ClockModel, x: Array, delay: Array, waited: Array, rows: _Rows) -> None:
+    def _update(
+        self, now: ClockModel, x: Array, delay: Array, waited: Array, rows: _Rows, which: tuple[int, int, int]
+    ) -> None:
         """Update the model with rows that all fit it; the delays of the main message describe the link."""
         arrival = int(rows.arrival[-1])
         if isinstance(rows.source, int):
             size = float(rows.size) if isinstance(rows.size, int) else float(rows.size[-1])
-            now.update(x, delay, arrival, size, waited, judged=rows.source == self._main)
+            now.update(x, delay, arrival, size, waited, judged=rows.source == self._main, rows=which)
             return
-        now.update(x, delay, arrival, judged=False)
+        now.update(x, delay, arrival, judged=False, rows=which)
         mine = np.flatnonzero(rows.source == self._main)
         if len(mine):
             size = float(rows.size if isinstance(rows.size, int) else rows.size[mine[0]])
@@ -256,7 +264,7 @@ class ClockSync:
         count = self._counts[source] = self._counts.get(source, 0) + len(device)
         if count > self._counts.get(self._main, 0):
             self._main = source
-        if len(device) > 1 and bool((device[1:] < device[:-1]).any()):
+        if decreases(device):
             return True
         return int(device[0]) < self._last.get(source, FIRST)
 

@@ -44,7 +44,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.jit import INT, STRIDED, compiled
+from protocols.jit import INT, INTS, NOTHING, STRIDED, compiled
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -71,6 +71,16 @@ Stops at the end of the data or of the table.
 _TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in the second-level cache
 _SMALL = 1 << 11
 _KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; memory is committed only to columns that are written
+
+
+@compiled(NOTHING, INTS, INTS, INTS, INTS)
+def _arrivals_of(last: Ints, ends: Ints, arrivals: Ints, found: Ints) -> None:
+    """Arrival of the chunk of each of the bytes at the positions `last`, which ascend; see StreamBuffer."""
+    chunk = 1
+    for i in range(len(last)):
+        while chunk < len(ends) - 1 and ends[chunk] <= last[i]:
+            chunk += 1
+        found[i] = arrivals[chunk]
 
 
 class StreamBuffer:
@@ -144,9 +154,10 @@ class StreamBuffer:
         """Arrival of each of the bytes at the positions `last` (ascending), ns: (n,) int64."""
         if self.arrived_at_once or len(last) == 0:
             return self.same_arrivals(len(last))
-        cuts = np.searchsorted(last, np.array(self._ends, np.int64))  # few chunks in many rows, not the reverse
-        cuts[0], cuts[-1] = 0, len(last)
-        return np.repeat(np.array(self._arrivals[1:], np.int64), np.diff(cuts))
+        found = np.empty(len(last), np.int64)
+        last, ends = np.ascontiguousarray(last, np.int64), np.array(self._ends, np.int64)
+        _arrivals_of(last, ends, np.array(self._arrivals, np.int64), found)
+        return found
 
 
 @dataclass(slots=True)

@@ -62,8 +62,10 @@ BYTES = array("uint8", 1, "C", readonly=True)  # the result of np.frombuffer(byt
 ROWS = array("uint8", 2, "C")
 INTS = array("int64", 1, "C")
 TABLE = array("int64", 2, "C")  # one row per quantity, one column per frame: each quantity is contiguous
+FLOATS = array("float64", 1, "C")
 STRIDED = array("int64", 2, "A")  # a TABLE without some of its columns
 INT = scalar("int64")
+FLOAT = scalar("float64")
 FLAG = scalar("boolean")
 NOTHING = scalar("void")
 PAIR = several(INT, INT)

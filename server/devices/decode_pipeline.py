@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from protocols.events import Event
+from protocols.events import Doubts, Event
 from server.devices.decode_options import DecodeOptions
 from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import short_source
@@ -37,6 +37,7 @@ class DecodePipeline:
     Attributes:
         stream: of this connection; None while the protocol is unknown.
         decoder: of this connection or the last one; None before the first.
+        doubting: the same, if its protocol has an option that a stream can contradict.
         detector: stores chunks while the protocol is unknown.
     """
 
@@ -59,6 +60,7 @@ class DecodePipeline:
         self.options = options
         self.stream: LinkDecoder | None = None
         self.decoder: object = None
+        self.doubting: Doubts | None = None
         self.detector = ProtocolDetector(protocol_set.guess)
         self._slices = Slices()
         link.flow.at_once = self._slices.size
@@ -82,6 +84,7 @@ class DecodePipeline:
         """Start decoding with a known protocol, stored bytes first."""
         options = self.options
         decoder = self.decoder = self._protocols.decoder(protocol, options, self._link.kind)
+        self.doubting = decoder if isinstance(decoder, Doubts) else None  # slow, so not in every turn
         about = self._protocols.about(protocol)
         self._restarts.begin(decoder)
         self._link.flow.keep_datagrams = about.datagrams

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -331,16 +332,16 @@ class LinkDecoder:
             for chunk in chunks:
                 self.feed(chunk)
             return
-        ends = np.array([len(chunk.data) for chunk in chunks], np.int64).cumsum()
-        arrivals = np.array([chunk.arrival_ns for chunk in chunks], np.int64)
-        self.feed_many(b"".join([chunk.data for chunk in chunks]), ends, arrivals)
+        pieces = [chunk.data for chunk in chunks]
+        ends = np.array(list(accumulate([len(data) for data in pieces])), np.int64)
+        self.feed_many(b"".join(pieces), ends, np.array([chunk.arrival_ns for chunk in chunks], np.int64))
 
     def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
         """Append many chunks at once; see events.Decoder."""
         self._decoder.feed_many(data, ends, arrival_ns)
         self._fed = True
         self._tail += data
-        self._boundaries.add_many(ends + self._end, arrival_ns)
+        self._boundaries.add_many((ends + self._end).tolist(), arrival_ns.tolist())
         self._end += len(data)
         if len(self._tail) > 2 * TAIL_BYTES:
             del self._tail[:-TAIL_BYTES]

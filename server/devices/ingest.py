@@ -304,6 +304,12 @@ class Ingest:
     # ── events ──
 
     def _report(self, events: Sequence[Event], batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> None:
+        if len(batches) == len(events) and batches and self._line.timed:  # samples only, the usual case
+            ends = [_last(batch, time) for batch, time in zip(batches, times, strict=True)]
+            self._last_time = max(ends) if self._last_time is None else max(self._last_time, *ends)
+            self._rejects_before = 0
+            self._report_remapping()
+            return
         offsets, hosts = _stream_order(batches, times)
         if self._last_time is not None and len(hosts):
             hosts = np.maximum(hosts, self._last_time)
@@ -405,6 +411,12 @@ class Ingest:
             )
         words = "no damaged bytes were received, so they were lost in the device, the adapter or the cable."
         return LossCause("device", words)
+
+
+def _last(batch: Batch, time: NDArray[np.float64]) -> float:
+    """Host time of the last sample of a batch, its arrival without device time. Neither decreases."""
+    last = float(time[-1])
+    return float(batch.arrival_ns[-1]) / 1e9 if math.isnan(last) else last
 
 
 def _stream_order(

@@ -19,7 +19,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
-from protocols.events import Doubt, Doubts, Event
+from protocols.events import Doubt, Event
 from server import wire
 from server.backoff import Backoff
 from server.devices.audience import Audience
@@ -419,8 +419,8 @@ class Session(Audience):
             self._set(notices=self._notices, hint=self._diagnostics.hint, rearm=list(waiting))
             if self.info.status == "connecting" and self._diagnostics.message:
                 self._set(message=self._diagnostics.message, required_action=self._diagnostics.required_action)
-        decoder = self._pipeline.decoder
-        if isinstance(decoder, Doubts) and decoder.contradiction is not None and self._link.speed == 1:
+        decoder = self._pipeline.doubting
+        if decoder is not None and decoder.contradiction is not None and self._link.speed == 1:
             self._on_contradiction(decoder.doubted, decoder.contradiction)
 
     def _on_contradiction(self, option: str, doubt: Doubt) -> None:

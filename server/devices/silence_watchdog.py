@@ -7,7 +7,7 @@ that is being configured does not measure) is not counted.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 SILENT_S = 0.8
 SLOW_FACTOR = 3.0  # a device that sends every 2 s is silent after 6 s
@@ -39,11 +39,18 @@ class SilenceWatchdog:
             self._interval = max(gap if gap < SLOWEST_S else 0.0, 0.9 * self._interval)
         self._chunks += 1
 
-    def note_chunks(self, arrivals: Iterable[float], before: float | None) -> None:
+    def note_chunks(self, arrivals: Sequence[float], before: float | None) -> None:
         """Note received chunks in order, as `note_chunk` for each."""
+        interval = self._interval
         for arrival in arrivals:
-            self.note_chunk(arrival, before)
+            if before is not None:
+                gap = arrival - before
+                interval *= 0.9
+                if interval < gap < SLOWEST_S:
+                    interval = gap
             before = arrival
+        self._interval = interval
+        self._chunks += len(arrivals)
 
     def suppress(self, on: bool, now: float) -> None:
         """Ignore silence while `on`."""

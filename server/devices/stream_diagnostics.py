@@ -110,6 +110,8 @@ class StreamDiagnostics:
 
     def refused(self, by_reason: Mapping[str, int], *, live: bool) -> bool:
         """Check the rejects so far; True if there is something new to show."""
+        if not by_reason:
+            return False
         for reason, one in _remedies().items():
             if by_reason.get(reason) and reason not in self._reported and not (live and one.is_damage):
                 self._reported.add(reason)

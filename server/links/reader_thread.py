@@ -150,7 +150,13 @@ class ChunkQueue:
 
     def _take_some(self) -> list[Chunk]:
         """Remove and return the oldest chunks, about `Flow.at_once` bytes."""
-        most, taken, chunks = self._link.flow.at_once, 0, []
+        most, taken = self._link.flow.at_once, 0
+        if self._size <= most:
+            chunks = list(self._chunks)
+            self._chunks.clear()
+            self._size = 0
+            return chunks
+        chunks = []
         while self._chunks and taken < most:
             chunk = self._chunks.popleft()
             room = max(most - taken, MIN_BYTES)
