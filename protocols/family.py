@@ -19,6 +19,7 @@ from protocols.decode_options import DecodeOption, settings_of
 from protocols.editor_choices import RateTable
 from protocols.events import Batch, Decoder, Reply
 from protocols.framing import Bytes, Ints, Scan
+from protocols.sensor_properties import SensorProperties
 from protocols.simulator.family import SimulatorInfo
 from protocols.support import SupportTable
 from protocols.transactions import DeviceContext, DeviceDriver, Transaction, Values
@@ -242,6 +243,7 @@ class ProtocolInfo:
         usb_vendors, usb_products: names of USB ids.
         hints: for the page.
         panels: initial arrangement of the page for a device.
+        sensors: axes and noise of a product's sensors, for programs that need them in messages (ROS).
         abbreviations: parts of its names of flags and choices that stay in capitals: "GPX".
         supported: tables of products, firmware and data for the documentation.
     """
@@ -285,6 +287,7 @@ class ProtocolInfo:
     usb_products: Mapping[tuple[int, int], str] = field(default_factory=dict)
     hints: FamilyHints = FamilyHints()
     panels: PanelDefaults = PanelDefaults()
+    sensors: Callable[[str], SensorProperties] = lambda product: SensorProperties()
     abbreviations: tuple[str, ...] = ()
     supported: Callable[[], Iterable[SupportTable]] = lambda: ()
 

@@ -28,6 +28,7 @@ from server.api import (
     reference,
     replay,
     rerun,
+    ros2,
     shares,
     snapshots,
     static_files,
@@ -71,6 +72,7 @@ ROUTED = (
     foxglove,
     viser,
     rerun,
+    ros2,
     reference,
     static_files,
 )

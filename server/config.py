@@ -16,6 +16,8 @@
     shares = { "/dev/ttyUSB0" = ["/run/imuscope/imu0", "tcp://127.0.0.1:4001"] }  # for other programs (server/holder)
     foxglove = 8765             # serve the Foxglove protocol, on this loopback port and at /foxglove
     rerun_connect = "rerun+http://desk.local:9876/proxy"  # stream to this Rerun viewer
+    ros2 = true                 # devices as nodes of ROS 2, through the Zenoh router at ros2_router
+    ros2_frames = { "MTi-680G" = "imu_link" }  # frame_id of devices
     log_format = "json"         # for programs; "text" for reading
     log_level = "info"          # debug, info, warning, error
     allowed_hosts = ["robot.example"]
@@ -53,10 +55,14 @@ from server.devices.decode_options import (
 )
 from server.holder.shares import ShareAddress, ShareError
 from server.logging_setup import LEVELS, STYLES
+from server.ros2.key_expressions import MAX_DOMAIN, is_name
+from server.ros2.session import DEFAULT_ROUTER, is_router_address
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
 MAX_MEMORY_MB = 65_536
+RELIABILITIES = ("reliable", "best_effort")
+ROS2_AXES = ("rep103", "device")
 SECRETS = ("view_token", "control_token")
 
 
@@ -90,6 +96,7 @@ _TYPES = {
     Path: "a path",
     tuple[str, ...]: "a list of strings",
     dict[str, tuple[str, ...]]: "a table of lists of strings",
+    dict[str, str]: "a table of strings",
     MapTiles: "a table with tiles and attribution",
 }
 
@@ -123,6 +130,13 @@ class Config:
         foxglove: loopback port of the Foxglove protocol (server/integrations/foxglove.py); 0 for any free one, −1 for
             none.
         rerun_connect: address of a Rerun viewer on another machine to stream to; "" for none.
+        ros2: publish devices as nodes of ROS 2 (server/integrations/ros2.py).
+        ros2_domain, ros2_router, ros2_namespace: ROS domain, address of the Zenoh router, namespace of the nodes.
+        ros2_reliability, ros2_depth: quality of service of the publishers.
+        ros2_axes: "rep103": ENU and FLU; "device": as the device sends them.
+        ros2_frames: frame_id by name of a device, or of its node; otherwise the name of its node.
+        ros2_map_frame: frame_id of the world.
+        ros2_tf: publish the attitude as a transform from that frame to the device's, too.
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
     """
@@ -153,6 +167,16 @@ class Config:
     upload_gb: float = 16.0
     foxglove: int = -1
     rerun_connect: str = ""
+    ros2: bool = False
+    ros2_domain: int = 0
+    ros2_router: str = DEFAULT_ROUTER
+    ros2_namespace: str = ""
+    ros2_reliability: str = "reliable"
+    ros2_depth: int = 10
+    ros2_axes: str = "rep103"
+    ros2_frames: dict[str, str] = field(default_factory=dict)
+    ros2_map_frame: str = "map"
+    ros2_tf: bool = False
     log_format: str = "text"
     log_level: str = "info"
     map: MapTiles = MapTiles()
@@ -197,6 +221,11 @@ def _is_token(text: str) -> bool:
     return not text or (len(text) >= 8 and text.isascii() and text.isprintable() and " " not in text)
 
 
+def _is_frame(text: str) -> bool:
+    return bool(re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}", text))
+
+
+_FRAME = "is not the name of a frame, such as imu_link"
 _TOKEN = "must have at least 8 printable ASCII characters without spaces"
 _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whether a value is allowed, error text if not
     "port": (lambda port: 0 <= port <= 65_535, "is outside 0 … 65535"),
@@ -205,6 +234,16 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
         re.compile(r"(rerun(\+https?)?://[^/\s]+/proxy)?").fullmatch,
         "is not a valid address such as rerun+http://host:9876/proxy",
     ),
+    "ros2_domain": (lambda domain: 0 <= domain <= MAX_DOMAIN, f"is outside 0 … {MAX_DOMAIN}"),
+    "ros2_router": (is_router_address, "is not an address such as tcp/localhost:7447"),
+    "ros2_namespace": (
+        lambda text: text in ("", "/") or is_name(text),
+        "is not a namespace such as /robot: letters, digits and single underscores after each slash",
+    ),
+    "ros2_reliability": (RELIABILITIES.__contains__, f"is not valid; allowed: {', '.join(RELIABILITIES)}"),
+    "ros2_depth": (lambda depth: 1 <= depth <= 10_000, "is outside 1 … 10 000"),
+    "ros2_axes": (ROS2_AXES.__contains__, f"is not valid; allowed: {', '.join(ROS2_AXES)}"),
+    "ros2_map_frame": (_is_frame, _FRAME),
     "log_format": (STYLES.__contains__, f"is not valid; allowed: {', '.join(STYLES)}"),
     "log_level": (LEVELS.__contains__, f"is not valid; allowed: {', '.join(LEVELS)}"),
     "rollback_s": (lambda seconds: 1 <= seconds <= 600, "is outside 1 … 600 s"),
@@ -269,6 +308,9 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     if config.tls and config.tls_cert:
         raise ConfigError("tls creates a certificate and tls_cert names one: give one of the two.")
     _check_shares(config)
+    for name, frame in config.ros2_frames.items():
+        if not _is_frame(frame):
+            raise ConfigError(f"frame {frame!r} of {name} in ros2_frames is not a name such as imu_link.")
     if config.view_token and config.view_token == config.control_token:
         raise ConfigError("view_token and control_token must differ, otherwise every viewer could control.")
     return config

@@ -24,13 +24,14 @@ from server.configuration.port_shares import PortShares
 from server.configuration.timings import ConfigurationTimings
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_detection import ProtocolSet
-from server.devices.protocol_set import all_protocols
+from server.devices.protocol_set import all_protocols, sensors_of
 from server.devices.protocol_set import protocols as installed_protocols
 from server.devices.sequence_store import SequenceStore
 from server.devices.sessions import OpenLink, Sessions
 from server.integrations.foxglove import Foxglove
 from server.integrations.map_tiles import TileSource
 from server.integrations.rerun import Rerun
+from server.integrations.ros2 import Ros2
 from server.integrations.viser import Viser
 from server.jit_cache import BackgroundLoad
 from server.library.catalogue import Catalogue
@@ -75,6 +76,7 @@ class Services:
     viser: Viser
     rerun: Rerun
     foxglove: Foxglove
+    ros2: Ros2
     tiles: TileSource
     page_files: Files
     reference: ReferencePages
@@ -112,6 +114,7 @@ class Services:
         await self.recorder.resume()
         self.catalogue.start()
         self.foxglove.start()
+        self.ros2.start()
         await self.rerun.start()
         decoders.start()
         yield
@@ -123,6 +126,7 @@ class Services:
                 "viser": self.viser.close(),
                 "Rerun": self.rerun.close(),
                 "Foxglove": self.foxglove.close(),
+                "ROS 2": self.ros2.close(),
                 "the compiler": asyncio.to_thread(decoders.close),
                 "a device": shutdown.close_sequentially(self.corrections.close(), self.sessions.close()),
             },
@@ -183,6 +187,7 @@ def build_services(
         viser=Viser(telemetry, timings.scene_idle_s),
         rerun=Rerun(telemetry, config.rerun_connect),
         foxglove=Foxglove(telemetry, config.foxglove, access),
+        ros2=Ros2(telemetry, config, sensors_of),
         tiles=TileSource(config.map),
         page_files=page_files,
         reference=ReferencePages(),

@@ -15,6 +15,7 @@ from protocols.plugins import protocol_names
 from server import logging_setup
 from server.config import default_data
 from server.devices.decode_options import declared_options
+from server.ros2.session import DEFAULT_ROUTER
 from server.version import VERSION
 
 COMMANDS = (
@@ -226,6 +227,13 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
     )
     command.add_argument(
         "--rerun-connect", metavar="URL", help="stream to a Rerun viewer: rerun+http://host:9876/proxy"
+    )
+    command.add_argument(
+        "--ros2", action="store_true", default=None, help="publish each device as a node of ROS 2, over Zenoh"
+    )
+    command.add_argument("--ros2-domain", type=int, metavar="N", help="ROS domain (default 0)")
+    command.add_argument(
+        "--ros2-router", metavar="ADDRESS", help=f"Zenoh router: tcp/HOST:PORT (default {DEFAULT_ROUTER})"
     )
     command.add_argument(
         "--log-format", choices=logging_setup.STYLES, help="format of the log on standard error (default text)"

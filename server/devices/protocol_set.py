@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from protocols.events import Decoder
+from protocols.sensor_properties import SensorProperties
 from server.devices.decode_options import DecodeOptions
 from server.devices.ingest import ProtocolTraits
 from server.devices.protocol_detection import ProtocolGuess, ProtocolSet
@@ -19,6 +20,14 @@ def protocols() -> dict[str, str]:
     from protocols.registry import PROTOCOLS
 
     return {name: info.title for name, info in PROTOCOLS.items()}
+
+
+def sensors_of(protocol: str, product: str) -> SensorProperties:
+    """Axes and noise of the sensors of a product, as its family declares them."""
+    from protocols.registry import PROTOCOLS
+
+    row = PROTOCOLS.get(protocol)
+    return row.sensors(product) if row is not None else SensorProperties()
 
 
 def problems() -> list[str]:

@@ -24,6 +24,7 @@ class ViewerClient:
     Attributes:
         devices: as `devices` of server/wire/ has them, in order.
         channels: all channels, by id.
+        health: latest figures of each device, as in `health` of server/wire/.
         changed: devices or channels have changed since this was last set to False.
         on_events: called with events, as in `events` of server/wire/.
     """
@@ -34,6 +35,7 @@ class ViewerClient:
         self._lock = threading.Lock()
         self.devices: list[Mapping[str, Any]] = []
         self.channels: dict[int, Mapping[str, Any]] = {}
+        self.health: dict[str, Mapping[str, Any]] = {}
         self._dtypes: dict[int, Sequence[str]] = {}
         self.changed = False
         self.on_events: Callable[[list[Mapping[str, Any]]], None] = lambda events: None
@@ -105,6 +107,8 @@ class ViewerClient:
                 self.channels[info["id"]] = info
                 self._dtypes[info["id"]] = [column["dtype"] for column in info["columns"]]
                 self.changed = True
+        elif message["op"] == "health":
+            self.health = {one["device"]: one for one in message["devices"]}
         elif message["op"] == "events":
             self.on_events(message["events"])
 

@@ -45,6 +45,12 @@ def is_router_address(text: str) -> bool:
     return found is not None and 0 < int(found[1]) <= 65_535
 
 
+def router_host(text: str) -> tuple[str, int]:
+    """Host and port of a router's address."""
+    host, _, port = text.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
+    return host.strip("[]"), int(port)
+
+
 def open_session(router: str) -> zenoh.Session:
     """Open a session. It need not reach the router yet.
 

@@ -13,6 +13,7 @@ import functools
 import struct
 from typing import Any
 
+_MANY = ("ARRAY", "SEQUENCE")
 MAX_SEQUENCE = 1_000_000  # elements; a longer one is not from a sensor
 
 
@@ -53,6 +54,22 @@ def message_class(type: str) -> Any:
     """
     _check(type)
     return _typestore().types[type]
+
+
+@functools.cache
+def fields_of(type: str) -> tuple[tuple[str, str, int | None], ...]:
+    """The fields of a type in order: name, type of its elements, and how many: None for one, −1 for a sequence.
+
+    Raises:
+        TypeSupportError: an unknown type.
+    """
+    _check(type)
+    found = []
+    for name, (kind, details) in _typestore().fielddefs[type][1]:
+        inner, count = (details[0], details[1] if kind.name == "ARRAY" else -1) if kind.name in _MANY else (None, None)
+        element = (kind, details) if inner is None else inner
+        found.append((str(name), str(element[1] if element[0].name == "NAME" else element[1][0]), count))
+    return tuple(found)
 
 
 def definition(type: str) -> str:

@@ -142,6 +142,13 @@ export interface MapInfo {
   readonly attribution: string;
 }
 
+/** A topic that a device cannot have. */
+export interface MissingTopic {
+  readonly device: string;
+  readonly topic: string;
+  readonly reason: string;
+}
+
 /** An option of an analysis: a number, or one of `choices`. */
 export interface OptionInfo {
   readonly name: string;
@@ -186,6 +193,52 @@ export interface ProblemBody {
 export interface RearmDeviceRequest {
   /** the id of the device in the stream; empty: every device of the link */
   readonly sender?: string;
+}
+
+/** State of the publisher. */
+export interface RosState {
+  /** whether the server was started with --ros2 */
+  readonly enabled: boolean;
+  /** address of the Zenoh router */
+  readonly router: string;
+  readonly domain: number;
+  readonly namespace: string;
+  /** whether the router is reached */
+  readonly connected: boolean;
+  /** other sessions that are reached directly */
+  readonly peers: number;
+  /** samples that the publisher did not get in time */
+  readonly dropped: number;
+  /** why the router is not reached; empty if it is */
+  readonly problem: string;
+  readonly hint: string;
+  readonly topics: readonly RosTopic[];
+  readonly missing: readonly MissingTopic[];
+}
+
+/** A topic of a device. */
+export interface RosTopic {
+  /** identifies the topic; devices share the names /diagnostics and /tf */
+  readonly key: string;
+  readonly device: string;
+  /** with its namespace: `/imu0` */
+  readonly node: string;
+  /** with its namespace: `/imu0/imu/data` */
+  readonly name: string;
+  /** `sensor_msgs/msg/Imu` */
+  readonly type: string;
+  /** of the type: `RIHS01_…`; empty while the topic is switched off */
+  readonly hash: string;
+  readonly enabled: boolean;
+  readonly subscribers: number;
+  /** messages/s; 0 without subscribers */
+  readonly rate: number;
+  /** since the topic was announced */
+  readonly messages: number;
+  /** of these messages */
+  readonly bytes: number;
+  /** a subscriber that expects another type; empty if there is none */
+  readonly problem: string;
 }
 
 /** Ports to scan. */
@@ -239,6 +292,13 @@ export interface SignalFigures {
   readonly units: Readonly<Record<string, string>>;
   /** by name: a number, a text, a list of figures or an object of figures; `notes` are sentences */
   readonly figures: Readonly<Record<string, unknown>>;
+}
+
+/** A topic to publish, or no longer. */
+export interface SwitchTopicRequest {
+  /** of the topic, as listed */
+  readonly key: string;
+  readonly enabled: boolean;
 }
 
 /** Share of a recording that a viewer in a browser gets: rows of all quantities together, in the recording and shown; `most` rows of one quantity (0: all), which is one of `every` samples of the largest; and the longest time range that opens without thinning, s. */
@@ -601,5 +661,12 @@ export interface Routes {
     readonly path: { readonly recording: string };
     readonly query?: { readonly t0?: number | null | undefined; readonly t1?: number | null | undefined; readonly all?: boolean | undefined };
     readonly answer: ViewerQuery;
+  };
+  /** The publisher, its topics and their subscribers; figures are renewed once a second. */
+  "GET /api/ros2": { readonly answer: RosState; };
+  /** Publish a topic, or no longer; until the server ends. */
+  "PATCH /api/ros2/topics": {
+    readonly body: SwitchTopicRequest;
+    readonly answer: RosState;
   };
 }

@@ -1,0 +1,28 @@
+"""Properties of a product's sensors that its messages do not contain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+BodyAxes = Literal["FLU", "FRD"]
+
+
+@dataclass(frozen=True, slots=True)
+class SensorProperties:
+    """Axes and noise of a product, from its data sheet; 0 for what that does not tell.
+
+    Args:
+        axes: of its body: x forward, then y left and z up (FLU), or y right and z down (FRD).
+        turn: noise density of the gyroscopes, rad/s/√Hz.
+        acceleration: noise density of the accelerometers, m/s²/√Hz.
+        field: noise density of the magnetometers, T/√Hz.
+        tilt, heading: of its attitude, rad, one standard deviation.
+    """
+
+    axes: BodyAxes = "FLU"
+    turn: float = 0.0
+    acceleration: float = 0.0
+    field: float = 0.0
+    tilt: float = 0.0
+    heading: float = 0.0

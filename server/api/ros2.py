@@ -1,0 +1,92 @@
+"""Routes of ROS 2: state of the publisher, one switch for each topic."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from server.api.dependencies import TheServices
+from server.api.errors import responses
+from server.services import Services
+
+router = APIRouter(prefix="/api/ros2", tags=["ros2"])
+
+
+class SwitchTopicRequest(BaseModel):
+    """A topic to publish, or no longer."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    key: str = Field(min_length=1, max_length=500, description="of the topic, as listed")
+    enabled: bool
+
+
+class RosTopic(BaseModel):
+    """A topic of a device."""
+
+    key: str = Field(description="identifies the topic; devices share the names /diagnostics and /tf")
+    device: str
+    node: str = Field(description="with its namespace: `/imu0`")
+    name: str = Field(description="with its namespace: `/imu0/imu/data`")
+    type: str = Field(description="`sensor_msgs/msg/Imu`")
+    hash: str = Field(description="of the type: `RIHS01_…`; empty while the topic is switched off")
+    enabled: bool
+    subscribers: int
+    rate: float = Field(description="messages/s; 0 without subscribers")
+    messages: int = Field(description="since the topic was announced")
+    bytes: int = Field(description="of these messages")
+    problem: str = Field(description="a subscriber that expects another type; empty if there is none")
+
+
+class MissingTopic(BaseModel):
+    """A topic that a device cannot have."""
+
+    device: str
+    topic: str
+    reason: str
+
+
+class RosState(BaseModel):
+    """State of the publisher."""
+
+    enabled: bool = Field(description="whether the server was started with --ros2")
+    router: str = Field(description="address of the Zenoh router")
+    domain: int
+    namespace: str
+    connected: bool = Field(description="whether the router is reached")
+    peers: int = Field(description="other sessions that are reached directly")
+    dropped: int = Field(description="samples that the publisher did not get in time")
+    problem: str = Field(description="why the router is not reached; empty if it is")
+    hint: str
+    topics: list[RosTopic]
+    missing: list[MissingTopic]
+
+
+def _state(services: Services) -> RosState:
+    config, state = services.config, services.ros2.state
+    return RosState(
+        enabled=services.ros2.is_enabled,
+        router=config.ros2_router,
+        domain=config.ros2_domain,
+        namespace=config.ros2_namespace,
+        connected=bool(state.routers),
+        peers=state.peers,
+        dropped=state.dropped,
+        problem=state.problem,
+        hint=state.hint,
+        topics=[RosTopic.model_validate(row) for row in state.topics],
+        missing=[MissingTopic.model_validate(row) for row in state.missing],
+    )
+
+
+@router.get("")
+async def get_ros2(services: TheServices) -> RosState:
+    """The publisher, its topics and their subscribers; figures are renewed once a second."""
+    return _state(services)
+
+
+@router.patch("/topics", responses=responses(404, 409, 422))
+async def switch_topic(body: SwitchTopicRequest, services: TheServices) -> RosState:
+    """Publish a topic, or no longer; until the server ends."""
+    services.ros2.switch(body.key, enabled=body.enabled)
+    return _state(services)

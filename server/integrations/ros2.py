@@ -1,0 +1,208 @@
+"""Devices as nodes of ROS 2, over Zenoh as rmw_zenoh does it (`--ros2`, off by default). No ROS installation is needed.
+
+    robot's nodes (rmw_zenoh) ──┐
+                                ├── Zenoh router (rmw_zenohd or zenohd, tcp/localhost:7447)
+    ros2_worker (subprocess) ───┘
+
+The session runs in a subprocess (server/integrations/ros2_worker.py), which is started after the server and restarted
+after a crash with growing delays. A router that is absent is no error: Zenoh tries again, and the events say so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from protocols.sensor_properties import SensorProperties
+from server import wire
+from server.backoff import Backoff
+from server.config import Config
+from server.errors import DomainError
+from server.integrations.viewer_process import ViewerProcess
+from server.streaming.telemetry import Telemetry
+
+MODULE = "server.integrations.ros2_worker"
+PER_S = 125.0  # how often samples are passed on: a message is at most 8 ms late
+AGAIN_S, LONGEST_S = 1.0, 60.0
+STEADY_S = 120.0  # after running this long, the next crash counts as the first
+
+log = logging.getLogger("imuscope.ros2")
+
+
+@dataclass(slots=True)
+class Ros2State:
+    """State of the publisher.
+
+    Attributes:
+        routers: ids of the routers that are reached; none: not connected.
+        topics, missing: as the worker reports them.
+    """
+
+    routers: Sequence[str] = ()
+    peers: int = 0
+    topics: Sequence[Mapping[str, Any]] = ()
+    missing: Sequence[Mapping[str, Any]] = ()
+    dropped: int = 0
+    problem: str = ""
+    hint: str = ""
+    disabled: set[str] = field(default_factory=set)
+
+
+class Ros2:
+    """The publisher of a server. To be used in its event loop.
+
+    Args:
+        properties: of the sensors of a product, by protocol and product.
+    """
+
+    def __init__(
+        self, telemetry: Telemetry, config: Config, properties: Callable[[str, str], SensorProperties]
+    ) -> None:
+        self._bus, self._clients = telemetry.bus, telemetry.clients
+        self._config = config
+        self._properties = properties
+        self._known: dict[str, SensorProperties] = {}
+        self._task: asyncio.Task[None] | None = None
+        self._process: ViewerProcess | None = None
+        self._has_ended = asyncio.Event()
+        self._unsubscribe: list[Callable[[], None]] = []
+        self.state = Ros2State()
+
+    @property
+    def is_enabled(self) -> bool:
+        return self._config.ros2
+
+    @property
+    def pid(self) -> int | None:
+        """Process ID; None while it is not running."""
+        return None if self._process is None else self._process.pid
+
+    def start(self) -> None:
+        """Start in the background, if configured."""
+        if self.is_enabled:
+            self._unsubscribe = [self._bus.devices.subscribe(self._on_device)]
+            self._task = asyncio.create_task(self._keep_running(), name="ros2")
+
+    def switch(self, topic: str, *, enabled: bool) -> None:
+        """Publish a topic, or no longer.
+
+        Args:
+            topic: its key in the state.
+
+        Raises:
+            DomainError: no such topic, or not enabled on this server.
+        """
+        if not self.is_enabled:
+            raise DomainError("not-now", "ROS 2 is not enabled on this server.", "Start it with --ros2.")
+        rows = [dict(row) for row in self.state.topics]
+        found = next((row for row in rows if row["key"] == topic), None)
+        if found is None:
+            raise DomainError(
+                "not-found", f"There is no topic {topic:.200}.", "The list of topics may be out of date: load it again."
+            )
+        found["enabled"] = enabled
+        self.state.topics = rows
+        (self.state.disabled.discard if enabled else self.state.disabled.add)(topic)
+        if self._process is not None:
+            self._process.send(op="switch", topic=topic, enabled=enabled)
+
+    async def close(self) -> None:
+        """Stop publishing."""
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _keep_running(self) -> None:
+        backoff = Backoff(AGAIN_S, LONGEST_S)
+        loop = asyncio.get_running_loop()
+        while True:
+            began = loop.time()
+            self._has_ended.clear()
+            self._process = ViewerProcess(self._clients, MODULE, self._on_report, self._crashed, PER_S)
+            try:
+                with contextlib.suppress(OSError):
+                    await self._process.start()
+                    self._known.clear()
+                    for info in self._bus.devices.latest.values():
+                        self._on_device(info)
+                    self._process.send(op="serve", **self._settings())
+                    await self._has_ended.wait()
+            finally:
+                process, self._process = self._process, None
+                await process.stop()
+                self.state.routers, self.state.topics, self.state.peers = (), (), 0
+            if loop.time() - began > STEADY_S:
+                backoff.reset()
+            await asyncio.sleep(backoff.next())
+
+    def _settings(self) -> dict[str, Any]:
+        config = self._config
+        return {
+            "router": config.ros2_router,
+            "domain": config.ros2_domain,
+            "namespace": config.ros2_namespace.rstrip("/"),
+            "reliability": config.ros2_reliability,
+            "depth": config.ros2_depth,
+            "axes": config.ros2_axes,
+            "frames": dict(config.ros2_frames),
+            "map_frame": config.ros2_map_frame,
+            "tf": config.ros2_tf,
+            "disabled": sorted(self.state.disabled),
+        }
+
+    def _on_device(self, info: wire.DeviceInfo) -> None:
+        """Tell the worker about the sensors of a device, once and when it is identified."""
+        properties = self._properties(info.protocol, info.product)
+        if self._process is not None and self._known.get(info.id) != properties:
+            self._known[info.id] = properties
+            self._process.send(op="sensors", device=info.id, noise=asdict(properties))
+
+    def _on_report(self, words: Mapping[str, Any]) -> None:
+        if words["op"] == "state":
+            self.state.routers, self.state.peers = words["routers"], int(words["peers"])
+            self.state.topics, self.state.missing = words["topics"], words["missing"]
+            self.state.dropped = int(words["dropped"])
+        elif words["op"] == "router":
+            self._on_router(str(words["state"]))
+        elif words["op"] == "failed":
+            self._problem(str(words["why"]), "Give another address with --ros2-router tcp/HOST:PORT.", "error")
+            self._has_ended.set()
+
+    def _on_router(self, state: str) -> None:
+        address = self._config.ros2_router
+        if state == "reached":
+            self.state.problem = self.state.hint = ""
+            domain = self._config.ros2_domain
+            self._event("info", f"ROS 2: devices are published in domain {domain}, through the Zenoh router {address}.")
+        elif state == "lost":
+            self._problem(
+                f"ROS 2: the Zenoh router {address} is gone; imuscope tries again.",
+                "Start it again: ros2 run rmw_zenoh_cpp rmw_zenohd, or zenohd.",
+            )
+        elif state == "foreign":
+            self._problem(
+                f"ROS 2: what listens at {address} is no Zenoh router of version 1; imuscope tries again.",
+                "Check address and port, and that the router is of Zenoh 1.x: rmw_zenohd of ROS Jazzy or newer.",
+            )
+        else:
+            self._problem(
+                f"ROS 2: there is no Zenoh router at {address}; imuscope tries again.",
+                "Start one: ros2 run rmw_zenoh_cpp rmw_zenohd, or zenohd; or name another with --ros2-router.",
+            )
+
+    def _crashed(self, words: str) -> None:
+        self._event("warning", "The ROS 2 publisher crashed and is restarted.", {"said": words[-500:]})
+        self._has_ended.set()
+
+    def _problem(self, text: str, hint: str, level: wire.Level = "warning") -> None:
+        self.state.problem, self.state.hint = text, hint
+        self._event(level, text, {"hint": hint})
+
+    def _event(self, level: wire.Level, text: str, data: dict[str, Any] | None = None) -> None:
+        self._bus.event("", "device", level, text, data=data)

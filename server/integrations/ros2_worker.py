@@ -1,0 +1,363 @@
+"""`python -m server.integrations.ros2_worker`: the process in which devices are nodes of ROS 2.
+
+    input:   {"op": "serve", settings of Ros2Settings}     open the session and announce the devices
+             {"op": "sensors", "device": …, values of SensorProperties}
+             {"op": "switch", "topic": …, "enabled": …}    announce or withdraw a topic
+    output:  {"op": "state", "routers": […], "peers": …, "topics": […]}     once a second
+             {"op": "router", "state": "reached" | "lost" | "absent" | "foreign"}
+             {"op": "failed", "why": …}
+
+What a device sends becomes messages in server/ros2/messages.py, its figures in server/ros2/diagnostics.py. A channel is
+requested, and a message made, only while its topic has a subscriber.
+"""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from protocols.sensor_properties import SensorProperties
+from recordings.file_names import device_names
+from server.integrations.viewer_client import ViewerClient
+from server.ros2.diagnostics import DiagnosticCounts, diagnostics
+from server.ros2.graph import RosGraph, TopicPublisher
+from server.ros2.key_expressions import QosProfile, RosNode, name_of
+from server.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
+from server.ros2.quantities import DeviceQuantities, quantities_of
+from server.ros2.session import ZenohSessionError, open_session, router_host
+from server.wire_codec import SampleFrame
+
+TICK_S = 1.0
+NAME_S = 3.0  # time for a device to be identified, before it gets a node under a preliminary name
+ROUTER_S = 4.0  # time for a router to answer, before it is reported as absent
+PROBE_S = 0.5
+DIAGNOSTICS_TOPIC, TRANSFORM_TOPIC = "/diagnostics", "/tf"
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2Settings:
+    """Settings of the publisher (server/config.py)."""
+
+    router: str
+    domain: int = 0
+    namespace: str = ""
+    reliability: str = "reliable"
+    depth: int = 10
+    axes: str = "rep103"
+    frames: Mapping[str, str] = field(default_factory=dict)
+    map_frame: str = "map"
+    tf: bool = False
+    disabled: Sequence[str] = ()
+
+
+@dataclass(slots=True)
+class DeviceNode:
+    """A device as a node: its topics that can be published, and the publishers of those that are enabled."""
+
+    name: str
+    node: RosNode
+    noise: SensorProperties
+    quantities: DeviceQuantities = field(default_factory=DeviceQuantities)
+    builders: dict[str, MessageBuilder] = field(default_factory=dict)
+    types: dict[str, str] = field(default_factory=dict)  # of all topics, by full name
+    publishers: dict[str, TopicPublisher] = field(default_factory=dict)
+    counts: DiagnosticCounts = field(default_factory=DiagnosticCounts)
+    dropped: int = 0
+
+
+class Ros2Bridge:
+    """Devices and their topics in the ROS graph."""
+
+    def __init__(self, client: ViewerClient) -> None:
+        self._client = client
+        self._lock = threading.RLock()
+        self._graph: RosGraph | None = None
+        self._settings = Ros2Settings("")
+        self._nodes: dict[str, DeviceNode] = {}
+        self._noise: dict[str, SensorProperties] = {}
+        self._disabled: set[str] = set()
+        self._first_seen: dict[str, float] = {}
+        self._requested: list[int] = []
+        self._has_changed = threading.Event()
+        self._router_state = ""
+        self._next_tick = self._opened = time.monotonic()
+        self._session: Any = None
+
+    @property
+    def next_tick(self) -> float:
+        """When `tick` is due, monotonic, s."""
+        return self._next_tick
+
+    def serve(self, settings: Mapping[str, Any]) -> None:
+        """Open the session."""
+        self._settings = Ros2Settings(**settings)
+        self._disabled = set(self._settings.disabled)
+        try:
+            self._session = open_session(self._settings.router)
+        except ZenohSessionError as error:
+            self._client.send(op="failed", why=str(error))
+            return
+        # "reliable" and "best_effort" are checked with the settings
+        qos = QosProfile("best_effort" if self._settings.reliability == "best_effort" else "reliable")
+        qos = QosProfile(qos.reliability, depth=self._settings.depth)
+        self._graph = RosGraph(self._session, self._settings.domain, qos, self._has_changed.set)
+        self._opened = time.monotonic()
+        threading.Thread(target=self._watch_subscribers, daemon=True).start()
+        self.configure()
+
+    def sensors(self, device: str, noise: Mapping[str, Any]) -> None:
+        """Set what is known about the sensors of a device."""
+        self._noise[device] = SensorProperties(**noise)
+        self.configure()
+
+    def switch(self, topic: str, *, enabled: bool) -> None:
+        """Announce or withdraw a topic."""
+        if enabled:
+            self._disabled.discard(topic)
+        else:
+            self._disabled.add(topic)
+        self.configure()
+        self._report()
+
+    def configure(self) -> None:
+        """Bring nodes and topics up to date with devices and channels."""
+        if self._graph is None:
+            return
+        with self._lock:
+            names = self._names()
+            for id in [id for id, one in self._nodes.items() if names.get(id) != one.name]:
+                self._remove(id)
+            for device in self._client.devices:
+                if device["id"] in names:
+                    self._update(device, names[device["id"]])
+            self._subscribe()
+
+    def on_samples(self, frames: Sequence[SampleFrame]) -> None:
+        """Publish what has subscribers."""
+        samples: dict[int, list[SampleFrame]] = {}
+        for frame in frames:
+            if frame.n and not frame.history:
+                samples.setdefault(frame.channel, []).append(frame)
+        if not samples:
+            return
+        for node in self._nodes.values():
+            used = node.quantities.channels
+            node.dropped += sum(frame.dropped for frame in frames if frame.channel in used)
+            for topic, builder in node.builders.items():
+                publisher = node.publishers.get(topic)
+                if publisher is not None and publisher.has_subscribers and not builder.channels.isdisjoint(samples):
+                    publisher.publish(builder.build(samples))
+
+    def tick(self) -> None:
+        """Once a second: diagnostics, state, and a look at the router."""
+        self._next_tick = time.monotonic() + TICK_S
+        if self._graph is None:
+            return
+        if any(device["id"] not in self._nodes for device in self._client.devices):
+            self.configure()
+        self._diagnose()
+        self._watch_router(self._graph.routers)
+        self._report()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        with self._lock:
+            for id in list(self._nodes):
+                self._remove(id)
+            if self._graph is not None:
+                self._graph.close()
+                self._session.close()
+
+    # ── nodes and topics ─────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _names(self) -> dict[str, str]:
+        """Name of the node of each device that is identified, or has had the time to be."""
+        now = time.monotonic()
+        names: dict[str, str] = {}
+        for id, name in device_names(self._client.devices).items():
+            wanted = name_of(name)
+            names[id] = f"{wanted}_{name_of(id)}" if wanted in names.values() else wanted
+        ready = set()
+        for device in self._client.devices:
+            since = self._first_seen.setdefault(device["id"], now)
+            if device.get("product") or device["id"] in self._nodes or now - since >= NAME_S:
+                ready.add(device["id"])
+        return {id: name for id, name in names.items() if id in ready}
+
+    def _update(self, device: Mapping[str, Any], name: str) -> None:
+        assert self._graph is not None
+        settings, id = self._settings, device["id"]
+        noise = self._noise.get(id, SensorProperties())
+        node = self._nodes.get(id)
+        if node is None:
+            node = self._nodes[id] = DeviceNode(name, self._graph.add_node(settings.namespace, name), noise)
+        channels = [info for info in self._client.channels.values() if info["device"] == id]
+        quantities = quantities_of(device, channels)
+        if quantities != node.quantities or noise != node.noise or not node.types:
+            node.quantities, node.noise = quantities, noise
+            frame = settings.frames.get(str(device["name"]), "") or settings.frames.get(name, "") or name
+            frames = FrameNames(frame, settings.map_frame, settings.axes == "rep103")
+            built = builders_of(quantities, frames, noise)
+            if not settings.tf:
+                built.pop(TRANSFORM_TOPIC, None)
+            node.builders = {self._full(node, topic): builder for topic, builder in built.items()}
+            node.types = {topic: builder.type for topic, builder in node.builders.items()}
+            node.types[DIAGNOSTICS_TOPIC] = DIAGNOSTICS
+        enabled = {topic for topic in node.types if self._key(node, topic) not in self._disabled}
+        for topic in [topic for topic in node.publishers if topic not in enabled]:
+            node.publishers.pop(topic).close()
+        for topic in node.types:
+            if topic in enabled and topic not in node.publishers:
+                node.publishers[topic] = self._graph.add_publisher(node.node, topic, node.types[topic])
+
+    def _remove(self, id: str) -> None:
+        assert self._graph is not None
+        node = self._nodes.pop(id)
+        for publisher in node.publishers.values():
+            publisher.close()
+        self._graph.remove_node(node.node)
+
+    @staticmethod
+    def _full(node: DeviceNode, topic: str) -> str:
+        return topic if topic.startswith("/") else f"{node.node.full_name}/{topic}"
+
+    @staticmethod
+    def _key(node: DeviceNode, topic: str) -> str:
+        """Name of a topic of a device among all: devices share /tf and /diagnostics."""
+        own = topic.startswith(f"{node.node.full_name}/")
+        return topic if own else f"{topic} {node.node.full_name}"
+
+    # ── subscribers ──────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _watch_subscribers(self) -> None:
+        """Request other channels when subscribers come or go; Zenoh's own threads must not wait for us."""
+        while True:
+            self._has_changed.wait()
+            self._has_changed.clear()
+            with self._lock:
+                self._subscribe()
+
+    def _subscribe(self) -> None:
+        wanted = sorted(
+            {
+                channel
+                for node in self._nodes.values()
+                for topic, builder in node.builders.items()
+                if topic in node.publishers and node.publishers[topic].has_subscribers
+                for channel in builder.channels
+            }
+        )
+        if wanted != self._requested:
+            self._requested = wanted
+            self._client.subscribe(wanted)
+
+    # ── once a second ────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _diagnose(self) -> None:
+        now = time.time_ns()
+        for device in self._client.devices:
+            node = self._nodes.get(device["id"])
+            publisher = node.publishers.get(DIAGNOSTICS_TOPIC) if node else None
+            if node is None or publisher is None or not publisher.has_subscribers:
+                continue
+            health = self._client.health.get(device["id"])
+            message, node.counts = diagnostics(node.node.full_name.strip("/"), device, health, node.counts, now)
+            publisher.publish([message])
+
+    def _watch_router(self, routers: Sequence[str]) -> None:
+        state = "reached" if routers else "lost" if self._router_state == "reached" else self._router_state
+        if not state and time.monotonic() - self._opened > ROUTER_S:
+            state = "foreign" if self._is_listening() else "absent"
+        if state != self._router_state:
+            self._router_state = state
+            self._client.send(op="router", state=state)
+
+    def _is_listening(self) -> bool:
+        """Whether something that is no router of ours accepts connections at its address."""
+        try:
+            socket.create_connection(router_host(self._settings.router), PROBE_S).close()
+        except (OSError, ValueError):
+            return False
+        return self._settings.router.startswith("tcp/")
+
+    def _report(self) -> None:
+        graph = self._graph
+        if graph is None:
+            return
+        now = time.monotonic()
+        topics = []
+        for id, node in self._nodes.items():
+            rows: list[tuple[str, str, str]] = [(topic, type, "") for topic, type in node.types.items()]
+            for topic, type, _ in rows:
+                publisher = node.publishers.get(topic)
+                found: dict[str, Any] = {"rate": 0.0, "subscribers": 0, "messages": 0, "bytes": 0, "problem": ""}
+                hash = ""
+                if publisher is not None:
+                    hash = publisher.endpoint.hash
+                    count, others = graph.subscribers(topic, type, hash)
+                    found = {
+                        "rate": round(publisher.rate.rate(now), 2),
+                        "subscribers": max(count, int(publisher.has_subscribers)),
+                        "messages": publisher.rate.total,
+                        "bytes": publisher.bytes,
+                        "problem": _mismatch(type, others[0].node.full_name, others[0].type) if others else "",
+                    }
+                topics.append(
+                    {
+                        "key": self._key(node, topic),
+                        "device": id,
+                        "node": node.node.full_name,
+                        "name": topic,
+                        "type": type,
+                        "hash": hash,
+                        "enabled": publisher is not None,
+                        **found,
+                    }
+                )
+        missing = [
+            {"device": id, "topic": self._full(node, "imu/mag"), "reason": node.quantities.no_field}
+            for id, node in self._nodes.items()
+            if node.quantities.no_field
+        ]
+        dropped = sum(node.dropped for node in self._nodes.values())
+        self._client.send(
+            op="state", routers=graph.routers, peers=graph.peers, topics=topics, missing=missing, dropped=dropped
+        )
+
+
+def _mismatch(type: str, node: str, expected: str) -> str:
+    if expected == type:
+        return f"{node} subscribes with another definition of {type}, and receives nothing."
+    return f"{node} subscribes as {expected}, and receives nothing."
+
+
+def main() -> None:
+    """Run until standard input ends."""
+    client = ViewerClient()
+    bridge = Ros2Bridge(client)
+    for message in client.messages_until(lambda: bridge.next_tick):
+        if message is None:
+            bridge.tick()
+        elif isinstance(message, Mapping):
+            if message["op"] == "serve":
+                bridge.serve({name: value for name, value in message.items() if name != "op"})
+            elif message["op"] == "sensors":
+                bridge.sensors(message["device"], message["noise"])
+            else:
+                bridge.switch(message["topic"], enabled=message["enabled"])
+        else:
+            if client.changed:
+                client.changed = False
+                bridge.configure()
+            bridge.on_samples(message)
+            if time.monotonic() >= bridge.next_tick:  # `due` is not looked at while samples keep coming
+                bridge.tick()
+    bridge.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""Vectors and attitudes of a device in the axes of ROS (REP 103, REP 145), many at once. Pure.
+
+    world     ENU: x east, y north, z up                                    of devices: ENU, NED, NWU
+    body      FLU: x forward, y left, z up                                  of devices: FLU, FRD (y right, z down)
+
+    q_enu_from_flu = q_enu_from_frame ⊗ q_frame_from_body ⊗ q_body_from_flu       scalar first
+
+At rest and level a device reports an acceleration of +g upwards: z is +9.81 in FLU, −9.81 in FRD.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.rotations import ENU_FROM, READ, Quaternion
+
+Floats = NDArray[np.float64]
+BodyAxes = Literal["FLU", "FRD"]
+
+FLIP = np.array([1.0, -1.0, -1.0])  # FRD and FLU: half a turn about x
+FLU_FROM: Mapping[str, Floats] = {"FLU": np.ones(3), "FRD": FLIP}
+_BODY_FROM_FLU: Mapping[str, Quaternion] = {"FLU": (1.0, 0.0, 0.0, 0.0), "FRD": (0.0, 1.0, 0.0, 0.0)}
+_ENU_ROWS: Mapping[str, tuple[Sequence[int], Sequence[float]]] = {  # which component of the frame, and its sign
+    "ENU": ((0, 1, 2), (1.0, 1.0, 1.0)),
+    "NED": ((1, 0, 2), (1.0, 1.0, -1.0)),
+    "NWU": ((1, 0, 2), (-1.0, 1.0, 1.0)),
+}
+
+
+def body_vectors(vectors: Floats, axes: str) -> Floats:
+    """Vectors (n, 3) in body axes, as FLU."""
+    return vectors * FLU_FROM[axes]
+
+
+def world_vectors(vectors: Floats, frame: str) -> Floats:
+    """Vectors (n, 3) in ENU, NED or NWU, as ENU."""
+    order, signs = _ENU_ROWS[frame]
+    found: Floats = vectors[:, order] * np.array(signs)
+    return found
+
+
+def attitudes(columns: Sequence[NDArray[Any]], kind: str) -> Floats:
+    """Quaternions (n, 4), scalar first, of an attitude channel; a row of NaN where it is invalid.
+
+    Args:
+        columns: of the channel.
+        kind: "quaternion", "matrix" or "euler" (roll, pitch, yaw in °).
+    """
+    values = np.column_stack(columns).astype(np.float64)
+    if kind == "quaternion":
+        lengths = np.linalg.norm(values, axis=1, keepdims=True)
+        return np.where((lengths > 1e-6) & (lengths < 1e6), values / np.where(lengths > 0, lengths, 1.0), np.nan)
+    if kind == "euler":
+        half = np.radians(values) / 2
+        (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
+        return np.column_stack(
+            (
+                cr * cp * cy + sr * sp * sy,
+                sr * cp * cy - cr * sp * sy,
+                cr * sp * cy + sr * cp * sy,
+                cr * cp * sy - sr * sp * cy,
+            )
+        )
+    nothing = (np.nan,) * 4
+    return np.array([READ[kind](row) or nothing for row in values.tolist()]).reshape(-1, 4)
+
+
+def enu_from_flu(quaternions: Floats, frame: str, axes: str) -> Floats:
+    """Quaternions (n, 4) of the body in a frame, as those of FLU in ENU."""
+    return _multiply(_multiply(np.array(ENU_FROM[frame]), quaternions), np.array(_BODY_FROM_FLU[axes]))
+
+
+def _multiply(a: Floats, b: Floats) -> Floats:
+    """A ⊗ b of (4,) or (n, 4)."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        (
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ),
+        axis=-1,
+    )

@@ -1,0 +1,269 @@
+"""Mapping from the channels of a device to the quantities that ROS has messages for. Pure.
+
+A channel is chosen by its title and its unit, so no family is named; the attitude is the one that all views show
+(recordings/rrd/entities.py). Where several fit, a receiver's own position comes before a fused one, and a velocity
+against the earth before one in body axes. A magnetic field in arbitrary units cannot become tesla: it has a reason
+instead of a place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from recordings.rrd.entities import Attitude, devices_of
+
+Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
+
+TO_SI: Mapping[str, Mapping[str, float]] = {
+    "turn": {"rad/s": 1.0, "°/s": 0.017453292519943295},
+    "acceleration": {"m/s²": 1.0, "g": 9.80665, "mg": 9.80665e-3},
+    "field": {"T": 1.0, "mT": 1e-3, "µT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+    "pressure": {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1000.0, "bar": 1e5},
+    "temperature": {"°C": 1.0},
+    "velocity": {"m/s": 1.0},
+    "length": {"m": 1.0, "mm": 1e-3},
+}
+WORLD_FRAMES = ("ENU", "NED", "NWU")
+_LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)
+_HEIGHT = re.compile("^(alt|height$|h_?ell)", re.I)
+_HORIZONTAL, _VERTICAL = re.compile("^h_?acc", re.I), re.compile("^v_?acc", re.I)
+_FIX = re.compile("^fix_?type$", re.I)
+_NOT_ITS_OWN = re.compile("base|reference|relative", re.I)
+_RECEIVER = re.compile("gnss|gps", re.I)
+_DATE = ("year", "month", "day", "hour", "min", "sec")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Columns of a channel that hold a quantity.
+
+    Args:
+        columns: positions in the channel.
+        message: of the channel: columns of one message have the same times.
+        scale: to the unit of ROS.
+        frame: as advertised, "" for axes of the body.
+    """
+
+    channel: int
+    columns: tuple[int, ...]
+    message: str
+    scale: float = 1.0
+    frame: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GnssPlaces:
+    """A position on the earth, and what the device says about it; None for what it does not say.
+
+    Args:
+        place: latitude and longitude, °.
+        height: above the ellipsoid, m.
+        horizontal, vertical: accuracies, m, one standard deviation.
+        fix: type of the solution.
+        invalid: values of `fix` that are no position.
+    """
+
+    place: Place
+    height: Place | None = None
+    horizontal: Place | None = None
+    vertical: Place | None = None
+    fix: Place | None = None
+    invalid: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class UtcPlaces:
+    """The device's own time: year to second with `nano` ns, or GPS week, time of week and leap seconds."""
+
+    parts: Place
+    kind: str  # "utc" or "gps"
+    nano: int = -1  # column of ns; −1: none
+    valid: int = -1  # column of flags: 1 the date is valid, 2 the time is; −1: none
+    is_receiver: bool = False  # the time of a satellite receiver
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceQuantities:
+    """The quantities of a device; None for those that it does not send.
+
+    Args:
+        attitude_place: the columns of `attitude`.
+        no_field: why a magnetic field is not published; "" for none.
+    """
+
+    turn: Place | None = None
+    acceleration: Place | None = None
+    attitude: Attitude | None = None
+    attitude_place: Place | None = None
+    field: Place | None = None
+    no_field: str = ""
+    velocity: Place | None = None
+    pressure: Place | None = None
+    temperature: Place | None = None
+    fix: GnssPlaces | None = None
+    utc: UtcPlaces | None = None
+
+    @property
+    def channels(self) -> set[int]:
+        """All channels with a quantity."""
+        places = [self.turn, self.acceleration, self.attitude_place, self.field, self.velocity, self.pressure]
+        places += [self.temperature, self.utc.parts if self.utc else None]
+        if self.fix:
+            places += [self.fix.place, self.fix.height, self.fix.horizontal, self.fix.vertical, self.fix.fix]
+        return {place.channel for place in places if place}
+
+
+def quantities_of(device: Mapping[str, Any], channels: Sequence[Info]) -> DeviceQuantities:
+    """The quantities of a device.
+
+    Args:
+        device: as in server/wire/ DeviceInfo.
+        channels: of that device; of those with one name the newest is active.
+    """
+    channels = list({(str(info["message"]), str(info["name"])): info for info in channels}.values())
+    entities = [one for one in devices_of([device], channels) if one.id == device["id"]]
+    attitude = entities[0].attitude if entities else None
+    infos = {info["id"]: info for info in channels}
+    field, no_field = _field(channels)
+    return DeviceQuantities(
+        turn=next(_vectors(channels, "^(rate of turn|angular (rate|velocity))", "turn"), None),
+        acceleration=next(_vectors(channels, "^acceleration", "acceleration"), None),
+        attitude=attitude,
+        attitude_place=_every(infos[attitude.channel]) if attitude else None,
+        field=field,
+        no_field=no_field,
+        velocity=_velocity(channels),
+        pressure=_scalar(channels, "^pressure|^bar$", "pressure"),
+        temperature=_scalar(channels, "^temp|^barTemp$", "temperature"),
+        fix=_fix(channels),
+        utc=_utc(channels),
+    )
+
+
+def _every(info: Info) -> Place:
+    return Place(int(info["id"]), tuple(range(len(info["columns"]))), str(info["message"]), 1.0, str(info["frame"]))
+
+
+def _units(info: Info) -> set[str]:
+    return {str(column["unit"]) or str(info["unit"]) for column in info["columns"]}
+
+
+def _vectors(channels: Sequence[Info], title: str, quantity: str) -> Iterator[Place]:
+    for info in channels:
+        if info["kind"] != "vector" or len(info["columns"]) != 3 or not re.match(title, str(info["title"]), re.I):
+            continue
+        units = _units(info)
+        scale = TO_SI[quantity].get(next(iter(units)), 0.0) if len(units) == 1 else 0.0
+        if scale:
+            frame = str(info["frame"])
+            yield Place(int(info["id"]), (0, 1, 2), str(info["message"]), scale, "" if frame == "body" else frame)
+
+
+def _field(channels: Sequence[Info]) -> tuple[Place | None, str]:
+    found = next(_vectors(channels, "^magnetic", "field"), None)
+    if found is not None:
+        return found, ""
+    for info in channels:
+        if info["kind"] == "vector" and re.match("^magnetic", str(info["title"]), re.I):
+            unit = next(iter(_units(info)), "")
+            words = "in arbitrary units (a.u.)" if unit in ("a.u.", "") else f"in {unit}"
+            return None, f"The device sends its magnetic field {words}, which cannot be converted to tesla."
+    return None, ""
+
+
+def _velocity(channels: Sequence[Info]) -> Place | None:
+    found = list(_vectors(channels, "^velocity$", "velocity"))
+    world = [one for one in found if one.frame in WORLD_FRAMES]
+    body = [one for one in found if not one.frame]
+    return next(iter(world + body), None)
+
+
+def _scalar(channels: Sequence[Info], title: str, quantity: str) -> Place | None:
+    """A scalar of that title, or a column of a record with that name."""
+    for info in channels:
+        unit = str(info["unit"])
+        if info["kind"] == "scalar" and re.match(title, str(info["title"]), re.I) and unit in TO_SI[quantity]:
+            return Place(int(info["id"]), (0,), str(info["message"]), TO_SI[quantity][unit])
+    for info in channels:
+        for at, column in enumerate(info["columns"]) if info["kind"] == "record" else ():
+            unit = str(column["unit"])
+            if re.match(title, str(column["name"]), re.I) and unit in TO_SI[quantity]:
+                return Place(int(info["id"]), (at,), str(info["message"]), TO_SI[quantity][unit])
+    return None
+
+
+def _column(info: Info, pattern: re.Pattern[str]) -> int:
+    return next((at for at, column in enumerate(info["columns"]) if pattern.match(str(column["name"]))), -1)
+
+
+def _fix(channels: Sequence[Info]) -> GnssPlaces | None:
+    found: list[tuple[bool, GnssPlaces]] = []
+    for info in channels:
+        words = f"{info['group']} {info['title']}"
+        lat, lon = _column(info, _LATITUDE), _column(info, _LONGITUDE)
+        if info["kind"] == "table" or lat < 0 or lon < 0 or _NOT_ITS_OWN.search(words):
+            continue
+        place = Place(int(info["id"]), (lat, lon), str(info["message"]))
+        same = [info, *(one for one in channels if one["message"] == info["message"] and one is not info)]
+        fix, invalid = _fix_type(same)
+        found.append(
+            (
+                not _RECEIVER.search(words),
+                GnssPlaces(
+                    place,
+                    _number(same, _HEIGHT),
+                    _number(same, _HORIZONTAL),
+                    _number(same, _VERTICAL),
+                    fix,
+                    invalid,
+                ),
+            )
+        )
+    return min(found, key=lambda one: one[0])[1] if found else None
+
+
+def _number(channels: Sequence[Info], pattern: re.Pattern[str]) -> Place | None:
+    """A column of a length, or a scalar of that name."""
+    for info in channels:
+        if info["kind"] == "table":
+            continue
+        at = 0 if info["kind"] == "scalar" and pattern.match(str(info["name"])) else _column(info, pattern)
+        if at < 0:
+            continue
+        unit = str(info["columns"][at]["unit"]) or str(info["unit"])
+        if unit in TO_SI["length"]:
+            return Place(int(info["id"]), (at,), str(info["message"]), TO_SI["length"][unit])
+    return None
+
+
+def _fix_type(channels: Sequence[Info]) -> tuple[Place | None, tuple[int, ...]]:
+    for info in channels:
+        at = _column(info, _FIX)
+        if at >= 0 and info["kind"] != "table":
+            choices = info["columns"][at].get("choices", {})
+            none = re.compile(r"no fix|invalid|time only|dead reckoning only", re.I)
+            invalid = tuple(int(value) for value, meaning in choices.items() if none.search(str(meaning)))
+            return Place(int(info["id"]), (at,), str(info["message"])), invalid
+    return None, ()
+
+
+def _utc(channels: Sequence[Info]) -> UtcPlaces | None:
+    for info in channels:
+        names = [str(column["name"]).lower() for column in info["columns"]]
+        if info["kind"] == "table":
+            continue
+        is_receiver = bool(_RECEIVER.search(f"{info['group']} {info['title']}"))
+        parts = [next((at for at, name in enumerate(names) if name.startswith(part)), -1) for part in _DATE]
+        if min(parts) >= 0:
+            nano = next((at for at, name in enumerate(names) if name in ("nano", "ns", "nanosecond")), -1)
+            valid = next((at for at, name in enumerate(names) if name in ("valid", "flags")), -1)
+            return UtcPlaces(
+                Place(int(info["id"]), tuple(parts), str(info["message"])), "utc", nano, valid, is_receiver
+            )
+        if {"week", "timeofweekms", "leaps"} <= set(names):
+            columns = tuple(names.index(name) for name in ("week", "timeofweekms", "leaps"))
+            return UtcPlaces(Place(int(info["id"]), columns, str(info["message"])), "gps", is_receiver=is_receiver)
+    return None

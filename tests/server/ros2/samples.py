@@ -1,0 +1,41 @@
+"""Channels and samples for tests of ROS messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from server.wire_codec import SampleFrame
+
+T0 = 1_795_000_000.0
+
+
+def info(id: int, title: str, columns: dict[str, str], **more: Any) -> dict[str, Any]:
+    """A channel with these columns and units."""
+    units = set(columns.values())
+    return {
+        "id": id,
+        "device": "1",
+        "message": "M",
+        "name": title,
+        "title": title,
+        "kind": "vector",
+        "unit": units.pop() if len(units) == 1 else "",
+        "frame": "",
+        "group": "",
+        "columns": [{"name": name, "unit": unit, "choices": {}} for name, unit in columns.items()],
+        **more,
+    }
+
+
+def frame(channel: int, times: Sequence[float], *columns: Sequence[float], arrival: float = 0.0) -> SampleFrame:
+    """Samples of a channel; times are seconds after T0."""
+    time = T0 + np.asarray(times, np.float64)
+    own = [np.asarray(column) for column in columns]
+    return SampleFrame(channel, 0, len(time), 0, False, T0, [time + arrival, time, *own])
+
+
+def xyz(unit: str) -> dict[str, str]:
+    return dict.fromkeys("xyz", unit)

@@ -1,0 +1,236 @@
+"""Devices as nodes of ROS 2: graph, messages, switches, routers; seen by a session that is a router, too."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+import zenoh
+
+from server.ros2 import type_support
+from server.ros2.attachment import Attachment, gid_of
+from server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
+from tests.free_ports import free_port
+from tests.server_process import ServerProcess, imuscope
+from tests.timeouts import PATIENCE_S, get
+from tests.waiting import block_until
+from tests.zenoh_router import announced, running_router
+
+OURS = "sim:xbus?product=MTi-680G"
+DATA = "/mti_680g/imu/data"
+
+
+@pytest.fixture(scope="module")
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture(scope="module")
+def router(port: int) -> Iterator[zenoh.Session]:
+    with running_router(port) as session:
+        yield session
+
+
+@pytest.fixture(scope="module")
+def published(router: zenoh.Session, port: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    arguments = ("--ros2", "--ros2-router", f"tcp/127.0.0.1:{port}", "--ros2-domain", "7")
+    with ServerProcess(OURS, data=tmp_path_factory.mktemp("data"), arguments=arguments) as server:
+        block_until(lambda: has_topic(server, DATA), "the device is identified")
+        yield server
+
+
+def state_of(server: ServerProcess) -> dict[str, Any]:
+    found: dict[str, Any] = get(f"{server.url}/api/ros2").json()
+    return found
+
+
+def switched(server: ServerProcess, key: str, *, enabled: bool) -> httpx.Response:
+    body = {"key": key, "enabled": enabled}
+    return httpx.patch(f"{server.url}/api/ros2/topics", json=body, timeout=PATIENCE_S)
+
+
+def topics_of(server: ServerProcess) -> dict[str, dict[str, Any]]:
+    return {row["name"]: row for row in state_of(server)["topics"]}
+
+
+def has_topic(server: ServerProcess, name: str) -> bool:
+    return name in topics_of(server)
+
+
+@contextmanager
+def received(session: zenoh.Session, key: str = "7/**") -> Iterator[dict[str, list[tuple[Any, Attachment]]]]:
+    """Messages by topic, each with its attachment."""
+    found: dict[str, list[tuple[Any, Attachment]]] = defaultdict(list)
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        _, topic, type, hash = parse_topic_key(str(sample.key_expr))
+        assert hash == type_support.type_hash(type)
+        assert sample.attachment is not None
+        message = type_support.deserialize(bytes(sample.payload), type)
+        found[topic].append((message, Attachment.decode(bytes(sample.attachment))))
+
+    subscriber = session.declare_subscriber(key, on_sample)
+    try:
+        yield found
+    finally:
+        subscriber.undeclare()
+
+
+def test_a_device_is_a_node_with_publishers(router: zenoh.Session, published: ServerProcess) -> None:
+    entities = [parse_token(token) for token in announced(router, "@ros2_lv/7/**")]
+    nodes = [one for one in entities if isinstance(one, RosNode)]
+    topics = {one.topic: one for one in entities if isinstance(one, RosEndpoint)}
+    assert [node.full_name for node in nodes] == ["/mti_680g"]
+    assert {one.kind for one in topics.values()} == {"publisher"}
+    assert {topic: one.type for topic, one in topics.items()} == {
+        name: row["type"] for name, row in topics_of(published).items()
+    }
+    assert {DATA, "/mti_680g/gnss/fix", "/diagnostics"} <= set(topics)
+    assert "/mti_680g/imu/mag" not in topics
+    (missing,) = state_of(published)["missing"]
+    assert (missing["topic"], "tesla" in missing["reason"]) == ("/mti_680g/imu/mag", True)
+
+
+def test_messages_have_values_stamps_and_numbers(router: zenoh.Session, published: ServerProcess) -> None:
+    with received(router) as found:
+        block_until(lambda: len(found[DATA]) >= 200 and len(found["/diagnostics"]) >= 1, "messages come")
+    tokens = {one.topic: one.token for one in map(parse_token, announced(router)) if isinstance(one, RosEndpoint)}
+    messages, attachments = zip(*found[DATA][-200:], strict=True)
+    stamps = np.array([one.header.stamp.sec + one.header.stamp.nanosec / 1e9 for one in messages])
+    assert np.diff(stamps) == pytest.approx(0.01, abs=0.003)
+    assert abs(stamps[-1] - time.time()) < 20
+    assert np.diff([one.sequence for one in attachments]).tolist() == [1] * 199
+    assert {one.gid for one in attachments} == {gid_of(tokens[DATA])}
+    assert abs(attachments[-1].time_ns / 1e9 - time.time()) < 20
+    norms = [np.linalg.norm([q.w, q.x, q.y, q.z]) for q in (one.orientation for one in messages)]
+    assert np.array(norms) == pytest.approx(1, abs=1e-6)
+    lengths = [np.linalg.norm([a.x, a.y, a.z]) for a in (one.linear_acceleration for one in messages)]
+    assert np.mean(lengths) == pytest.approx(9.81, abs=1.5)
+    assert all(message.header.frame_id == "mti_680g" for message in messages)
+    (status,) = found["/diagnostics"][0][0].status
+    assert status.name == "imuscope: mti_680g"
+    assert float({one.key: one.value for one in status.values}["stamp_uncertainty_ms"]) > 0
+
+
+def test_nothing_is_made_for_a_topic_without_subscribers(router: zenoh.Session, published: ServerProcess) -> None:
+    raw = f"{DATA}_raw"
+    block_until(lambda: topics_of(published)[raw]["subscribers"] == 0, "no subscribers are left")
+    before = topics_of(published)
+    with received(router, f"7{DATA}/**") as found:
+        block_until(lambda: len(found[DATA]) >= 20, "messages come")
+        block_until(lambda: topics_of(published)[DATA]["messages"] > before[DATA]["messages"], "they are counted")
+        block_until(lambda: topics_of(published)[DATA]["rate"] > 50, "their rate is counted")
+        after = topics_of(published)
+    assert (after[DATA]["subscribers"], after[raw]["subscribers"]) == (1, 0)
+    assert after[DATA]["messages"] > before[DATA]["messages"]
+    assert after[DATA]["bytes"] > before[DATA]["bytes"]
+    assert after[raw]["messages"] == before[raw]["messages"]
+    block_until(lambda: topics_of(published)[DATA]["subscribers"] == 0, "the end of the subscription is noticed")
+
+
+def test_a_topic_can_be_switched_off_and_on(router: zenoh.Session, published: ServerProcess) -> None:
+    def switch(enabled: bool) -> None:
+        row = topics_of(published)[DATA]
+        answer = switched(published, row["key"], enabled=enabled).json()
+        assert {one["name"]: one["enabled"] for one in answer["topics"]}[DATA] is enabled
+
+    def is_announced() -> bool:
+        return any("%mti_680g%imu%data/" in token for token in announced(router))
+
+    assert is_announced()
+    switch(False)
+    block_until(lambda: not is_announced(), "the topic is withdrawn")
+    assert not topics_of(published)[DATA]["enabled"]
+    switch(True)
+    block_until(is_announced, "the topic is back")
+
+
+def test_a_subscriber_of_another_type_is_named(router: zenoh.Session, published: ServerProcess) -> None:
+    other = RosEndpoint(RosNode(7, "ab", 0, "", "odd"), 1, "subscriber", DATA, "std_msgs/msg/String", "RIHS01_0")
+    token = router.liveliness().declare_token(other.token)
+    try:
+        block_until(lambda: topics_of(published)[DATA]["problem"], "it is noticed")
+        assert topics_of(published)[DATA]["problem"] == "/odd subscribes as std_msgs/msg/String, and receives nothing."
+    finally:
+        token.undeclare()
+
+
+def test_it_comes_back_after_a_crash(router: zenoh.Session, published: ServerProcess) -> None:
+    before = announced(router)
+    (worker,) = [pid for pid in children(published.process.pid) if "ros2_worker" in command(pid)]
+    os.kill(worker, signal.SIGKILL)
+    block_until(lambda: (now := announced(router)) and not set(now) & set(before), "it is announced anew")
+    with received(router) as found:
+        block_until(lambda: len(found[DATA]) > 20, "messages come again")
+
+
+def test_an_absent_router_is_reported_and_found_later(tmp_path: Path) -> None:
+    port = free_port()
+    arguments = ("--ros2", "--ros2-router", f"tcp/127.0.0.1:{port}")
+    with ServerProcess("sim:idtp", data=tmp_path, arguments=arguments) as server:
+        block_until(lambda: state_of(server)["problem"], "the absence is reported")
+        state = state_of(server)
+        assert state["problem"].startswith(f"ROS 2: there is no Zenoh router at tcp/127.0.0.1:{port}")
+        assert "rmw_zenohd" in state["hint"]
+        for _ in range(2):
+            with running_router(port) as hub:
+                block_until(lambda: state_of(server)["connected"], "it is found")
+                block_until(lambda hub=hub: len(announced(hub)) >= 4, "the device is announced")
+                assert state_of(server)["problem"] == ""
+                with received(hub, "0/**") as found:
+                    block_until(lambda found=found: sum(map(len, found.values())) > 50, "messages come")
+            block_until(lambda: "is gone" in state_of(server)["problem"], "its end is reported")
+
+
+def test_a_removed_device_leaves_the_graph(tmp_path: Path) -> None:
+    port = free_port()
+    arguments = ("--ros2", "--ros2-router", f"tcp/127.0.0.1:{port}")
+    with (
+        running_router(port) as hub,
+        ServerProcess("sim:idtp", "sim:isb", data=tmp_path, arguments=arguments) as server,
+    ):
+        block_until(lambda: has_topic(server, "/imx_5/imu/data"), "both are identified")
+        block_until(lambda: any("idtp" in token for token in announced(hub)), "the first one is announced")
+        assert httpx.delete(f"{server.url}/api/devices/1", timeout=PATIENCE_S).status_code == 204
+        block_until(lambda: not any("idtp" in token for token in announced(hub)), "it has left")
+        assert any("imx_5" in token for token in announced(hub))
+
+
+def test_without_the_option_nothing_is_published(server: ServerProcess) -> None:
+    state = state_of(server)
+    assert (state["enabled"], state["topics"]) == (False, [])
+    answer = switched(server, "/x", enabled=True)
+    assert (answer.status_code, "--ros2" in answer.json()["hint"]) == (409, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--ros2-router", "localhost:7447"), "ros2_router 'localhost:7447' is not an address"),
+        (("--ros2-domain", "500"), "ros2_domain 500 is outside 0 … 232"),
+    ],
+)
+def test_invalid_settings_are_one_line(arguments: tuple[str, ...], words: str) -> None:
+    said = imuscope("serve", "--ros2", *arguments)
+    assert said.returncode == 1
+    assert words in said.stderr
+    assert len(said.stderr.splitlines()) == 1
+
+
+def children(parent: int) -> list[int]:
+    return [
+        int(pid) for task in Path(f"/proc/{parent}/task").iterdir() for pid in (task / "children").read_text().split()
+    ]
+
+
+def command(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_text()
