@@ -20,7 +20,7 @@ from server.analysis.signals import Floats
 from server.analysis.welch import Segments
 
 MAX_PEAKS = 16
-FALSE_ALARM = 1e-5  # of the limit; in simulations 2 % of the spectra of white noise show a peak
+FALSE_ALARM = 1e-8  # of the limit; in simulations about 0.3 % of the spectra of white noise show a peak
 FLOOR_BINS = 101  # of the running median
 INTERPOLATION = 0.02  # of the spacing of the frequencies: the error of the parabola for the windows offered
 ALIASES = 3  # frequencies of which a peak may be the image

@@ -64,6 +64,9 @@ function close({ sheet, viewState: { cursor, measure } }: App): void {
 function act(action: KeyAction, app: App): void {
   const { view, actions } = app.viewState;
   switch (action.do) {
+    case "analysis":
+      app.overlay.value = "analysis";
+      return;
     case "playPause":
       return view.value.live ? actions.pause() : actions.live();
     case "pan":

@@ -1,4 +1,5 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
+import { AnalysisDialog } from "../analysis/dialog";
 import { mountLargeTrack } from "../attitude/track-dialog";
 import { mountAttitude } from "../attitude/panel";
 import { AddDevice } from "../forms/add-device";
@@ -117,6 +118,10 @@ function Overlays({ app }: { readonly app: App }) {
   }
   if (overlay.value === "share-port" && app.device.value)
     return <SharePort app={app} device={app.device.value} onClose={close} />;
+  if (overlay.value === "analysis" && app.device.value) {
+    const { id, name } = app.device.value;
+    return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;
+  }
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;
   return null;

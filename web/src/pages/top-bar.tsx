@@ -12,6 +12,7 @@ import { Record } from "./record-button";
 import { href, PAGES, route } from "./route";
 import { Share } from "./share";
 import { COMMON } from "../texts/common";
+import { TEXT as ANALYSIS } from "../texts/analysis";
 import { TEXT } from "../texts/live";
 
 /** Names of each page's folded panels. */
@@ -48,6 +49,17 @@ export function Bar({ app }: Props) {
       {page === "configure" && <StateTags app={app} />}
       <span class="grow desk" />
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton app={app} />}
+      {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
+        <button
+          type="button"
+          class="btn icon"
+          aria-label={ANALYSIS.analysis}
+          title={ANALYSIS.open}
+          onClick={() => (app.overlay.value = "analysis")}
+        >
+          <Icon name="wave" />
+        </button>
+      )}
       <Record app={app} />
       {isLive && showsPlots(app.state.value) && <Share app={app} />}
       <button

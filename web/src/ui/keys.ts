@@ -21,6 +21,7 @@ export type KeyAction =
         | "now"
         | "timeBase"
         | "help"
+        | "analysis"
         | "close";
     }
   | { readonly do: "pan"; readonly windows: number }
@@ -63,6 +64,7 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["Shift R"], what: COMMON.keyRecord },
   { keys: ["M", "Shift M"], what: COMMON.keyMarker },
   { keys: ["L"], what: COMMON.keyLoop },
+  { keys: ["A"], what: COMMON.keyAnalysis },
   { keys: ["C"], what: COMMON.keyLink },
   { keys: ["G L", "G C", "G R"], what: COMMON.keyPages },
   { keys: ["/"], what: COMMON.keySearch },
@@ -85,6 +87,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   end: { do: "now" },
   t: { do: "timeBase" },
   c: { do: "link" },
+  a: { do: "analysis" },
   "?": { do: "help" },
   escape: { do: "close" },
 };

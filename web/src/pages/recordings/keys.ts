@@ -39,6 +39,9 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
   const { sheet } = recording.app;
   const { view, cursor, measure, actions } = replay.viewState;
   switch (action.do) {
+    case "analysis":
+      recording.app.overlay.value = "analysis";
+      return true;
     case "playPause":
       replay.toggle();
       return true;

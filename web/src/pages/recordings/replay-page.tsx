@@ -1,5 +1,6 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
 import { useEffect, useRef } from "preact/hooks";
+import { AnalysisDialog } from "../../analysis/dialog";
 import { mountAttitude } from "../../attitude/panel";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import { onFrame } from "../../data/render-loop";
@@ -82,6 +83,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
           />
         </Dialog>
       )}
+      {overlay.value === "analysis" && <Analysis recording={recording} />}
       <RowsDialog app={app} deps={recording.deps} />
       <RerunPanel shown={recording.rerun} />
       <SettingsDialog recording={recording} />
@@ -99,6 +101,22 @@ function Panels({ recording: { replay, deps } }: { readonly recording: OpenRecor
         <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountPlots(host, replay)} />
       </div>
     </>
+  );
+}
+
+function Analysis({ recording: { replay, app, deps } }: { readonly recording: OpenRecording }) {
+  const { info, devices } = replay.detail;
+  const device = replay.viewState.view.value.device;
+  return (
+    <AnalysisDialog
+      key={device}
+      deps={deps}
+      source={info.id}
+      title={titleOf(info)}
+      prefix={devices.length > 1 ? `${device}/` : ""}
+      isLive={false}
+      onClose={() => (app.overlay.value = undefined)}
+    />
   );
 }
 

@@ -1,0 +1,222 @@
+/** A chart of figures against frequency or averaging time: curves with bands, marks, and a reading under the pointer. */
+import { useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { type Axis, axisOf, curve, figure, type Kind, nearest, type Point, share, ticks, valueAtShare } from "./axes";
+
+export type Numbers = readonly (number | null)[];
+
+export interface Curve {
+  readonly name: string;
+  readonly colour: string;
+  readonly x: Numbers;
+  readonly y: Numbers;
+  /** Ends of an interval around the curve. */
+  readonly low?: Numbers;
+  readonly high?: Numbers;
+  /** A dashed curve beside it. */
+  readonly model?: Numbers;
+}
+
+interface Props {
+  readonly label: string;
+  readonly curves: readonly Curve[];
+  readonly xKind: Kind;
+  readonly xTitle: string;
+  readonly xUnit: string;
+  readonly yTitle: string;
+  readonly yUnit: string;
+  /** Values of x with a mark and a word. */
+  readonly marks?: readonly { readonly x: number; readonly text: string }[];
+}
+
+const LEFT = 64;
+const BOTTOM = 40;
+const TOP = 18;
+const RIGHT = 12;
+const HEIGHT = 340;
+const MIN_WIDTH = 240;
+
+export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, marks = [] }: Props) {
+  const host = useRef<HTMLDivElement>(null);
+  const width = useSignal(720);
+  const pointer = useSignal<number | undefined>(undefined);
+  useEffect(() => {
+    const element = host.current;
+    if (!element) return undefined;
+    const fit = (): void => {
+      width.value = Math.max(MIN_WIDTH, element.clientWidth || width.peek());
+    };
+    fit();
+    const resized = new ResizeObserver(fit);
+    resized.observe(element);
+    return () => resized.disconnect();
+  }, [width]);
+  const inner = { width: width.value - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
+  const x = axisOf(
+    xKind,
+    curves.flatMap((one) => one.x),
+  );
+  const y = axisOf(
+    "log",
+    curves.flatMap((one) => [...one.y, ...(one.low ?? []), ...(one.high ?? [])]),
+  );
+  if (!x || !y) return <div class="analysis-chart" ref={host} />;
+  const move = (event: PointerEvent): void => {
+    const box = host.current?.getBoundingClientRect();
+    if (!box) return;
+    const at = (event.clientX - box.left - LEFT) / inner.width;
+    pointer.value = at >= 0 && at <= 1 ? valueAtShare(x, at) : undefined;
+  };
+  return (
+    <div class="analysis-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointer.value = undefined)}>
+      <svg role="img" aria-label={label} width={width.value} height={HEIGHT}>
+        <g transform={`translate(${LEFT} ${TOP})`}>
+          <Grid x={x} y={y} {...inner} />
+          <svg {...inner} overflow="hidden">
+            {curves.map((one) => (
+              <Drawn key={one.name} curve={one} axes={{ x, y }} {...inner} />
+            ))}
+          </svg>
+          {placed(marks, x, inner.width).map((mark) => (
+            <Mark key={mark.x} {...mark} {...inner} />
+          ))}
+          {pointer.value !== undefined && <Crosshair at={share(x, pointer.value) * inner.width} {...inner} />}
+        </g>
+        <text class="title" x={LEFT + inner.width / 2} y={HEIGHT - 4} text-anchor="middle">
+          {xTitle} {xUnit}
+        </text>
+        <text class="title" x={LEFT} y={12}>
+          {yTitle} {yUnit}
+        </text>
+      </svg>
+      <Reading curves={curves} at={pointer.value} xUnit={xUnit} yUnit={yUnit} />
+    </div>
+  );
+}
+
+interface Inner {
+  readonly width: number;
+  readonly height: number;
+}
+
+function Grid({ x, y, width, height }: { readonly x: Axis; readonly y: Axis } & Inner) {
+  const across = ticks(x, Math.max(2, Math.floor(width / 70)));
+  const up = ticks(y, Math.max(2, Math.floor(height / 34)));
+  return (
+    <g class="grid">
+      {across.map(({ at, text }) => (
+        <g key={text} transform={`translate(${at * width} 0)`}>
+          <line y2={height} />
+          <text y={height + 16} text-anchor="middle">
+            {text}
+          </text>
+        </g>
+      ))}
+      {up.map(({ at, text }) => (
+        <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
+          <line x2={width} />
+          <text x={-8} dy="0.32em" text-anchor="end">
+            {text}
+          </text>
+        </g>
+      ))}
+    </g>
+  );
+}
+
+interface DrawnProps extends Inner {
+  readonly curve: Curve;
+  readonly axes: { readonly x: Axis; readonly y: Axis };
+}
+
+function Drawn({ curve: one, axes, width, height }: DrawnProps) {
+  const parts = curve(one.x, one.y, axes, width, height);
+  const above = one.high ? curve(one.x, one.high, axes, width, height) : [];
+  const below = one.low ? curve(one.x, one.low, axes, width, height) : [];
+  const model = one.model ? curve(one.x, one.model, axes, width, height) : [];
+  return (
+    <g class={one.colour}>
+      {above.map((part, i) => (
+        <path key={path(part)} class="interval" d={`${path(part)}${path([...(below[i] ?? [])].reverse(), "L")}Z`} />
+      ))}
+      {model.map((part) => (
+        <path key={path(part)} class="model" d={path(part)} />
+      ))}
+      {parts.map((part) => (
+        <path key={path(part)} class="trace" d={path(part)} />
+      ))}
+    </g>
+  );
+}
+
+function path(points: readonly Point[], first = "M"): string {
+  return points.map(([x, y], i) => `${i === 0 ? first : "L"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
+}
+
+interface Placed {
+  readonly x: number;
+  readonly at: number;
+  /** "" where another word is too near. */
+  readonly text: string;
+}
+
+const WORD_PX = 52;
+
+/** Marks on the axis from left to right, with words where there is room. */
+function placed(marks: NonNullable<Props["marks"]>, axis: Axis, width: number): readonly Placed[] {
+  let free = 0;
+  return marks
+    .map(({ x, text }) => ({ x, text, at: share(axis, x) * width }))
+    .filter(({ at }) => at >= 0 && at <= width)
+    .sort((a, b) => a.at - b.at)
+    .map((mark) => {
+      const begin = mark.at > width - WORD_PX ? mark.at - WORD_PX : mark.at;
+      if (begin < free) return { ...mark, text: "" };
+      free = begin + WORD_PX;
+      return mark;
+    });
+}
+
+function Mark({ at, text, width, height }: Placed & Inner) {
+  const isRight = at > width - WORD_PX;
+  return (
+    <g class="mark" transform={`translate(${at} 0)`}>
+      <line y2={height} />
+      <text x={isRight ? -4 : 4} y={10} text-anchor={isRight ? "end" : "start"}>
+        {text}
+      </text>
+    </g>
+  );
+}
+
+function Crosshair({ at, height }: { readonly at: number } & Inner) {
+  return <line class="crosshair" x1={at} x2={at} y2={height} />;
+}
+
+interface ReadingProps {
+  readonly curves: readonly Curve[];
+  readonly at: number | undefined;
+  readonly xUnit: string;
+  readonly yUnit: string;
+}
+
+/** The figures under the pointer; the curves' names without one. */
+function Reading({ curves, at, xUnit, yUnit }: ReadingProps) {
+  const first = curves[0];
+  const i = at === undefined || !first ? -1 : nearest(first.x, at);
+  return (
+    <p class="analysis-reading">
+      {i >= 0 && (
+        <b>
+          {figure(first?.x[i])} {xUnit}
+        </b>
+      )}
+      {curves.map((one) => (
+        <span key={one.name}>
+          <i class={one.colour}>{one.name}</i>
+          {i >= 0 && ` ${figure(one.y[i])} ${yUnit}`}
+        </span>
+      ))}
+    </p>
+  );
+}

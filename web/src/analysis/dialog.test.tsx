@@ -1,0 +1,150 @@
+// @vitest-environment happy-dom
+/** The analysis dialog: what is asked for, the figures that are shown, and mistakes in an expression. */
+import { signal } from "@preact/signals";
+import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { Channel } from "../data/channels";
+import { createViewState } from "../data/view-state";
+import type { Deps } from "../panels/panel-context";
+import { answering, type Asked } from "../testing/recorded";
+import type { SignalFigures } from "../wire/routes";
+import { AnalysisDialog } from "./dialog";
+import { csvOf, signalNames } from "./figures";
+
+const ROUTE = "POST /api/analysis";
+const UNITS = { psd: "m/s²/√Hz", frequency: "Hz", "peaks.rms": "m/s²", adev: "m/s²", mean: "m/s²" };
+const PARAMETERS = {
+  random_walk: { value: 0.002, low: 0.0019, high: 0.0021 },
+  rate_random_walk: { value: 0, low: 0, high: 0.00034 },
+};
+
+function figures(axis: string): SignalFigures {
+  const numbers = [1, 2, 3, 4, 5];
+  return {
+    signal: `Acceleration.${axis}`,
+    device: "1",
+    units: { ...UNITS, "parameters.random_walk.value": "m/s²/√Hz", "parameters.rate_random_walk.value": "m/s³/√Hz" },
+    figures: {
+      frequency: numbers,
+      psd: numbers,
+      tau: numbers,
+      adev: numbers,
+      low: numbers.map((n) => n * 0.9),
+      high: numbers.map((n) => n * 1.1),
+      model: numbers,
+      peaks: [{ frequency: 31.7004, uncertainty: 0.0012, rms: 0.25, above_floor: 22.1, order: 2, harmonic_of: 15.85 }],
+      parameters: PARAMETERS,
+      segments: 8,
+      length: 256,
+      rate: 100,
+      n: 5000,
+      mean: 9.81,
+      notes: ["1 gap, 0.5 s in sum: nothing is computed across a gap."],
+    },
+  };
+}
+
+const channel = (name: string, kind: string, device = "1") =>
+  ({ info: { name, kind, device, source: "" } }) as unknown as Channel;
+const CHANNELS = [
+  channel("RateOfTurn", "vector"),
+  channel("Acceleration", "vector"),
+  channel("StatusWord", "status"),
+  channel("Other", "vector", "2"),
+];
+
+function open(answers: Record<string, unknown>, isLive = false, prefix = ""): readonly Asked[] {
+  const asked = answering(answers);
+  const viewState = createViewState();
+  viewState.view.value = { device: "1", live: isLive, end: 1000, span: 20, timeBase: "arrival" };
+  const store = { channels: signal(CHANNELS), serverNow: () => 2000 };
+  const deps = { store, viewState } as unknown as Deps;
+  const close = (): void => undefined;
+  render(<AnalysisDialog deps={deps} source="7" title="MTi-630" prefix={prefix} isLive={isLive} onClose={close} />);
+  return asked;
+}
+
+const bodies = (asked: readonly Asked[]): readonly Record<string, unknown>[] =>
+  asked.map(({ body }) => body as Record<string, unknown>);
+
+beforeEach(() => {
+  HTMLDialogElement.prototype.showModal ??= () => undefined;
+});
+afterEach(() => {
+  cleanup();
+  vi.unstubAllGlobals();
+});
+
+test("the spectrum of the window is shown first, with its peaks and notes", async () => {
+  const asked = open({ [`${ROUTE}/psd`]: ["x", "y", "z"].map(figures) });
+  expect(await screen.findByRole("img", { name: /Spectrum of Acceleration.x, Acceleration.y/ })).toBeTruthy();
+  expect(bodies(asked)[0]).toEqual({
+    signals: ["Acceleration"],
+    options: { window: "hann", length: 0, scale: "amplitude" },
+    source: "7",
+    base: "arrival",
+    t0: 980,
+    t1: 1000,
+  });
+  const peaks = screen.getByRole("region", { name: "Peaks" });
+  expect(peaks.textContent).toContain("31.7004 ± 0.0012 Hz");
+  expect(peaks.textContent).toContain("2 × 15.85 Hz");
+  expect(screen.getByText(/nothing is computed across a gap/)).toBeTruthy();
+  expect(screen.getByText(/8 segments of 256 samples at 100 Hz/)).toBeTruthy();
+});
+
+test("the Allan deviation is asked of everything; a parameter that is not seen has its limit", async () => {
+  const asked = open({ [`${ROUTE}/psd`]: [figures("x")], [`${ROUTE}/allan`]: [figures("x")] });
+  await screen.findByRole("region", { name: "Peaks" });
+  fireEvent.click(screen.getByRole("button", { name: "Allan deviation" }));
+  const table = await screen.findByRole("region", { name: "Noise parameters" });
+  expect(
+    within(table)
+      .getByText(/Random walk N/)
+      .closest("tr")?.textContent,
+  ).toContain("0.002 m/s²/√Hz");
+  expect(
+    within(table)
+      .getByText(/Rate random walk K/)
+      .closest("tr")?.textContent,
+  ).toContain("at most 3.4·10⁻⁴");
+  expect(bodies(asked).at(-1)).toMatchObject({ t0: null, t1: null, options: { motion: "exclude" } });
+});
+
+test("an expression is sent as typed, and its mistake is shown while the last figures stay", async () => {
+  const problem = {
+    kind: "bad-expression",
+    message: "There is no function nrom. (character 1)",
+    hint: "Did you mean norm?",
+  };
+  const answers: Record<string, unknown> = { [`${ROUTE}/psd`]: [figures("x")] };
+  const asked = open(answers, false, "2/");
+  await screen.findByRole("region", { name: "Peaks" });
+  expect(bodies(asked)[0]?.["signals"]).toEqual(["2/Acceleration"]);
+  vi.stubGlobal("fetch", async (_: string, init: RequestInit) => {
+    expect(JSON.parse(String(init.body)).signals).toEqual(["nrom(Acceleration)"]);
+    return new Response(JSON.stringify(problem), { status: 422, headers: { "content-type": "application/json" } });
+  });
+  fireEvent.input(screen.getByRole("combobox", { name: /Signal or expression/ }), {
+    target: { value: "nrom(Acceleration)" },
+  });
+  expect((await screen.findByRole("alert")).textContent).toContain("Did you mean norm?");
+  expect(screen.getByRole("region", { name: "Peaks" })).toBeTruthy();
+});
+
+test("live figures are asked for again", async () => {
+  const asked = open({ [`${ROUTE}/psd`]: [figures("x")] }, true);
+  await waitFor(() => expect(asked.length).toBeGreaterThan(1), { timeout: 5000 });
+  expect(bodies(asked)[1]).toMatchObject({ t0: 1980, t1: 2000 });
+});
+
+test("channels that are numbers are offered, acceleration first", () => {
+  expect(signalNames(CHANNELS, "1")).toEqual(["Acceleration", "RateOfTurn"]);
+});
+
+test("figures are copied as CSV", () => {
+  const lines = csvOf("psd", [figures("x"), figures("y")]).split("\n");
+  expect(lines[0]).toBe("frequency (Hz),Acceleration.x (m/s²/√Hz),Acceleration.y (m/s²/√Hz)");
+  expect(lines[1]).toBe("1,1,1");
+  expect(csvOf("statistics", [figures("x")])).toContain("mean,m/s²,9.81");
+});

@@ -1,0 +1,137 @@
+/** What an analysis is asked for, and its figures as the dialog shows them. */
+import type { Channel } from "../data/channels";
+import type { ViewState } from "../data/view-state";
+import type { AnalysisRequest, SignalFigures } from "../wire/routes";
+import type { Curve, Numbers } from "./chart";
+
+export type Name = "statistics" | "psd" | "allan";
+export type Range = "window" | "cursors" | "everything";
+
+/** The times of a range, unix s; null is the beginning or the end. */
+export function timesOf(
+  range: Range,
+  { view, cursor, measure }: Pick<ViewState, "view" | "cursor" | "measure">,
+  now: number,
+): Pick<AnalysisRequest, "t0" | "t1"> {
+  if (range === "everything") return { t0: null, t1: null };
+  const [pinned, second] = [cursor.peek(), measure.peek()];
+  if (range === "cursors" && pinned?.kind === "pinned" && second !== undefined) {
+    const ends = [pinned.time, second];
+    return { t0: Math.min(...ends), t1: Math.max(...ends) };
+  }
+  const { live, end, span } = view.peek();
+  const last = live ? now : end;
+  return { t0: last - span, t1: last };
+}
+
+/** Whether two cursors are set. */
+export function hasCursors({ cursor, measure }: Pick<ViewState, "cursor" | "measure">): boolean {
+  return cursor.value?.kind === "pinned" && measure.value !== undefined;
+}
+
+const NUMBERS: readonly Channel["info"]["kind"][] = ["vector", "quaternion", "euler", "scalar", "record", "matrix"];
+const FIRST = /^acceleration$|acc/i;
+
+/** Names of the channels that the server can analyse, the most wanted one first. */
+export function signalNames(channels: readonly Channel[], device: string | undefined): readonly string[] {
+  const names = channels
+    .filter(({ info }) => info.device === device && NUMBERS.includes(info.kind) && info.source !== "page")
+    .map(({ info }) => info.name);
+  const all = [...new Set(names)];
+  const first = all.find((name) => /^acceleration$/i.test(name)) ?? all.find((name) => FIRST.test(name));
+  return first === undefined ? all : [first, ...all.filter((name) => name !== first)];
+}
+
+const AXES: Readonly<Record<string, string>> = { x: "axis-x", y: "axis-y", z: "axis-z" };
+const OTHERS = ["axis-x", "axis-y", "axis-z", "axis-n"];
+
+/** The part of a signal's name that distinguishes it from the others: "x" of "Acceleration.x". */
+export function shortName(name: string): string {
+  const column = /\.(\w+)$/.exec(name)?.[1];
+  return column ?? name;
+}
+
+export function colourOf(name: string, at: number): string {
+  return AXES[shortName(name)] ?? OTHERS[at % OTHERS.length] ?? "axis-n";
+}
+
+const list = (figures: SignalFigures["figures"], name: string): Numbers => {
+  const value = figures[name];
+  return Array.isArray(value) ? (value as Numbers) : [];
+};
+
+/** Curves of a spectrum or an Allan deviation. 0 Hz has no place on a logarithmic axis and holds only what is left of the trend. */
+export function curvesOf(name: Name, answers: readonly SignalFigures[]): readonly Curve[] {
+  return answers.map(({ signal, figures }, at) => {
+    const shown = { name: shortName(signal), colour: colourOf(signal, at) };
+    if (name === "psd") {
+      const [x, y, low, high] = ["frequency", "psd", "low", "high"].map((key) => list(figures, key).slice(1));
+      return { ...shown, x: x ?? [], y: y ?? [], low: low ?? [], high: high ?? [] };
+    }
+    return {
+      ...shown,
+      x: list(figures, "tau"),
+      y: list(figures, "adev"),
+      low: list(figures, "low"),
+      high: list(figures, "high"),
+      model: list(figures, "model"),
+    };
+  });
+}
+
+export interface Peak {
+  readonly frequency: number;
+  readonly uncertainty: number;
+  readonly rms: number;
+  readonly above_floor: number;
+  readonly order: number;
+  readonly harmonic_of: number | null;
+}
+
+export interface Parameter {
+  readonly value: number;
+  readonly low: number;
+  readonly high: number;
+}
+
+export function peaksOf({ figures }: SignalFigures): readonly Peak[] {
+  return (figures["peaks"] as readonly Peak[] | undefined) ?? [];
+}
+
+export function parametersOf({ figures }: SignalFigures): Readonly<Record<string, Parameter>> {
+  return (figures["parameters"] as Readonly<Record<string, Parameter>> | undefined) ?? {};
+}
+
+/** The notes of all signals; one that does not hold for each of them begins with their names. */
+export function notesOf(answers: readonly SignalFigures[]): readonly string[] {
+  const holders = new Map<string, string[]>();
+  for (const { signal, figures } of answers)
+    for (const note of (figures["notes"] as readonly string[] | undefined) ?? [])
+      holders.set(note, [...(holders.get(note) ?? []), shortName(signal)]);
+  return [...holders].map(([note, names]) => (names.length === answers.length ? note : `${names.join(", ")}: ${note}`));
+}
+
+/** The figures as CSV: a column of x, then one per signal; of statistics a line per figure. */
+export function csvOf(name: Name, answers: readonly SignalFigures[]): string {
+  const quoted = (text: string): string => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const head = answers.map(({ signal }) => quoted(signal));
+  const first = answers[0];
+  if (!first) return "";
+  const lines: string[] = [];
+  if (name === "statistics") {
+    lines.push(["figure", "unit", ...head].join(","));
+    for (const key of Object.keys(first.figures))
+      if (key !== "notes")
+        lines.push(
+          [key, first.units[key] ?? "", ...answers.map(({ figures }) => String(figures[key] ?? ""))].join(","),
+        );
+  } else {
+    const [x, y] = name === "psd" ? (["frequency", "psd"] as const) : (["tau", "adev"] as const);
+    const unit = (key: string): string => (first.units[key] === undefined ? "" : ` (${first.units[key]})`);
+    lines.push([`${x}${unit(x)}`, ...answers.map(({ signal }) => quoted(`${signal}${unit(y)}`))].join(","));
+    list(first.figures, x).forEach((value, i) => {
+      lines.push([value, ...answers.map(({ figures }) => list(figures, y)[i] ?? "")].join(","));
+    });
+  }
+  return `${lines.join("\n")}\n`;
+}
