@@ -163,7 +163,7 @@ class Decoder(Protocol):
     def feed(self, data: bytes, arrival_ns: int) -> None:
         """Append a chunk. Cheap; content never raises."""
 
-    def feed_many(self, data: bytes, ends: NDArray[np.int64], arrival_ns: NDArray[np.int64]) -> None:
+    def feed_chunks(self, data: bytes, ends: NDArray[np.int64], arrival_ns: NDArray[np.int64]) -> None:
         """Append many consecutive chunks: (n,) end of each in `data`, and its arrival.
 
         Same as `feed` for each, without a call for each: an hour of a recording is half a million chunks.

@@ -1,7 +1,7 @@
 """Parser of a stream, chunk by chunk. Yields frames of its protocol, messages of other protocols, and noise.
 
     bytes   [frame][frame]$GPGGA,…*hh\\r\\n[frame]··noise··[frame][fra
-    Cut     table of the frames · Text for the sentence · Reject for each candidate that failed
+    ParseResult   table of the frames · Text for the sentence · Reject for each candidate that failed
     kept                                                         ^^^^ until the rest arrives
 
 Both a decoder (columns) and a listing (one line a frame) build on this. Other messages are searched for only outside
@@ -85,7 +85,7 @@ class StreamParser:
         """Append a chunk."""
         self._buffer.append(data, arrival_ns)
 
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+    def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
         """Append many chunks; see events.Decoder."""
         self._buffer.extend(data, ends, arrival_ns)
 
@@ -131,7 +131,7 @@ class StreamParser:
             or not set(ends) <= set((table[OFFSET] + table[SIZE]).tolist())
         ):
             return None
-        self.feed_many(data, np.array(ends, np.int64), np.array([arrival_ns for _, arrival_ns in chunks], np.int64))
+        self.feed_chunks(data, np.array(ends, np.int64), np.array([arrival_ns for _, arrival_ns in chunks], np.int64))
         return self._cut(data, array, scanned, True)
 
     def _cut(self, data: bytes, array: Bytes, scanned: ScanResult, stalled: bool) -> ParseResult:
@@ -203,7 +203,7 @@ class FrameParser(Protocol):
     """Interface of a frame parser."""
 
     def feed(self, data: bytes, arrival_ns: int) -> None: ...
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None: ...
+    def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None: ...
     @property
     def buffered(self) -> int: ...
     @property
@@ -237,6 +237,6 @@ class StreamDecoder(Decoder, Generic[S]):
         """Append a chunk."""
         self._stream.feed(data, arrival_ns)
 
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+    def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
         """Append many chunks; see events.Decoder."""
-        self._stream.feed_many(data, ends, arrival_ns)
+        self._stream.feed_chunks(data, ends, arrival_ns)

@@ -229,7 +229,7 @@ class Library:
         entry = LibraryEntry(name, list(files), size, modified, known[1], Edits(), [], [], [])
         self._apply_index(entry, stamp)
         entry.edits = sidecar.read(path).over(entry.probe.edits)
-        if why := sidecar.trouble(path):
+        if why := sidecar.error_of(path):
             entry.probe = replace(entry.probe, damaged=why.message)
         return entry
 

@@ -29,7 +29,7 @@ def is_pinned(path: Path) -> bool:
     pinned = sidecar.read(path).pinned
     if pinned is not None:
         return pinned
-    if sidecar.trouble(path) is not None:
+    if sidecar.error_of(path) is not None:
         return True
     try:
         with McapReader(path) as recording:

@@ -129,7 +129,7 @@ def refused(path: Path) -> RecordingError | None:
     return check_format_version(target.name, body.get("imuscope"), VERSION) if isinstance(body, dict) else None
 
 
-def trouble(path: Path) -> RecordingError | None:
+def error_of(path: Path) -> RecordingError | None:
     """Reason why the edits of the recording at `path` are not shown: damaged, or of a newer imuscope; else None."""
     target = sidecar_path(path)
     if why := refused(path):

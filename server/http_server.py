@@ -182,9 +182,9 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         if scope is not None:  # the handshake was a WebSocket's
             extensions = cast(dict[str, Any], scope["extensions"])
             extensions["imuscope.transport"] = self.transport
-            extensions["imuscope.send_now"] = self.send_now
+            extensions["imuscope.try_send"] = self.try_send
 
-    def send_now(self, frame: bytes) -> bool:
+    def try_send(self, frame: bytes) -> bool:
         """Send a prepared frame if nothing is queued before it; otherwise do nothing and return False."""
         transport = self.transport
         if self.conn.state is not State.OPEN or transport.get_write_buffer_size() or transport.is_closing():

@@ -16,7 +16,7 @@ PIECE = 1 << 18
 QUEUE_LENGTH = 8  # pieces
 
 
-class GoneError(OSError):
+class ClientGoneError(OSError):
     """The client disconnected."""
 
 
@@ -46,7 +46,7 @@ class QueueWriter(io.RawIOBase):
     def put(self, item: bytes | BaseException | None) -> None:
         while True:
             if self.client_gone.is_set():
-                raise GoneError("client disconnected")
+                raise ClientGoneError("client disconnected")
             try:
                 self.queue.put(item, timeout=0.2)
                 return
@@ -67,12 +67,12 @@ async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
             write(cast(BinaryIO, pipe))
             pipe.push()
             pipe.put(None)
-        except GoneError:
+        except ClientGoneError:
             return
         except BaseException as error:  # raised in the reader
             try:
                 pipe.put(error)
-            except GoneError:
+            except ClientGoneError:
                 return
 
     thread = threading.Thread(target=run, name="download", daemon=True)

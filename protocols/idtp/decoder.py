@@ -38,7 +38,7 @@ from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
 from protocols.idtp.payloads import DecodedPayload, Payload, Rotation
 from protocols.idtp.replay_guard import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
-from protocols.idtp.stream_parser import Cut, IdtpStream
+from protocols.idtp.stream_parser import ClassifiedFrames, IdtpStream
 from protocols.idtp.units import UNITS, UnitWatch
 from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
 from protocols.schema import Direction, Message
@@ -81,7 +81,7 @@ def gather(
             rows[f, i] = data[body + i]
 
 
-class _Kind(NamedTuple):
+class _PayloadKind(NamedTuple):
     """Properties shared by the frames of one KEY."""
 
     payload: Payload
@@ -143,7 +143,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         self._rotation: Rotation = rotation
         self._schema: Schema = schema or {}
         self._payloads: dict[int, Payload] = {}  # by the layout's part of a KEY, see replay_guard.py
-        self._kinds: dict[int, _Kind] = {}  # by KEY
+        self._kinds: dict[int, _PayloadKind] = {}  # by KEY
         self._clocks: dict[int, TickUnwrapper] = {}  # by source
         self._firsts: dict[int, int] = {}  # by source, its first sequence number
         self._said: set[tuple[int, str]] = set()
@@ -180,7 +180,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                     self._note_firsts(cut)
         return sorted(events, key=_offset) if len(events) > 1 else events
 
-    def _note_firsts(self, cut: Cut) -> None:
+    def _note_firsts(self, cut: ClassifiedFrames) -> None:
         """Record each device's first sequence number."""
         senders = cut.table[SENDER]
         for source in self._clocks.keys() - self._firsts.keys():
@@ -199,7 +199,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
 
     # -- batches -------------------------------------------------------------------------------------------------------
 
-    def _data(self, cut: Cut, events: list[Event]) -> None:
+    def _data(self, cut: ClassifiedFrames, events: list[Event]) -> None:
         """Batches, gaps, steps and warnings of the accepted frames."""
         rows, table = cut.verdict.rows, cut.table
         if table.shape[1] == 1:
@@ -214,7 +214,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         for _, which in _groups(rows[KEY]):
             events.append(self._batch(cut, which, times, events))
 
-    def _single(self, cut: Cut, events: list[Event]) -> None:
+    def _single(self, cut: ClassifiedFrames, events: list[Event]) -> None:
         """One frame, the usual case of a live stream: same as `_data`, with plain numbers."""
         rows, arrivals = cut.verdict.rows, cut.arrival_ns
         lost, stamp, _, key = rows[:, 0].tolist()
@@ -245,7 +245,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         batch = Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified, size, header)
         events.append(batch)
 
-    def _batch(self, cut: Cut, which: Ints, times: Ints, events: list[Event]) -> Batch:
+    def _batch(self, cut: ClassifiedFrames, which: Ints, times: Ints, events: list[Event]) -> Batch:
         """The batch of the frames with one key."""
         one = int(which[0])
         key, size = int(cut.verdict.rows[KEY, one]), int(cut.table[SIZE, one])
@@ -261,7 +261,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         trusted = not kind.unverified
         return Batch(payload.message, kind.device, arrivals, offsets, own_times, shown, trusted, size, header)
 
-    def _learn(self, key: int) -> _Kind:
+    def _learn(self, key: int) -> _PayloadKind:
         """Store the meaning of a key."""
         source, old, number, length = key_of(key)
         device, unverified = source_of(source)
@@ -272,12 +272,12 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             self._payloads[layout] = Payload(number, old, length, self._schema, self._tick_ns)
         if len(self._kinds) >= _LAYOUTS:
             self._kinds.clear()
-        self._kinds[key] = _Kind(self._payloads[layout], str(device), unverified)
+        self._kinds[key] = _PayloadKind(self._payloads[layout], str(device), unverified)
         return self._kinds[key]
 
     # -- time and loss -------------------------------------------------------------------------------------------------
 
-    def _times(self, cut: Cut, offsets: Ints, events: list[Event]) -> Ints:
+    def _times(self, cut: ClassifiedFrames, offsets: Ints, events: list[Event]) -> Ints:
         """Device time of each frame, ns; each device (verified or not) has its own clock."""
         rows, arrivals = cut.verdict.rows, cut.arrival_ns
         if not cut.verdict.mixed:
@@ -320,7 +320,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             self.contradiction = watch.contradiction
             del self._watches[source]
 
-    def _gaps(self, cut: Cut, offsets: Ints, times: Ints, events: list[Event]) -> None:
+    def _gaps(self, cut: ClassifiedFrames, offsets: Ints, times: Ints, events: list[Event]) -> None:
         missing = cut.verdict.rows[LOST]
         for i in np.flatnonzero(missing).tolist():
             device = str(int(cut.table[SENDER, i]))
@@ -330,14 +330,14 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 continue
             events.append(SampleGap(int(offsets[i]), lost, "sequence", int(cut.arrival_ns[i]), int(times[i]), device))
 
-    def _jumped(self, device: int, lost: int, cut: Cut, row: int, events: list[Event]) -> None:
+    def _jumped(self, device: int, lost: int, cut: ClassifiedFrames, row: int, events: list[Event]) -> None:
         """Report the numbers that a far jump skips; not counted as lost, as a number below Secure can be forged."""
         words = f"its sequence number jumped ahead by {lost + 1}, which is not counted as lost"
         self._warn(device, "jump", words, cut, row, events)
 
     # -- warnings ------------------------------------------------------------------------------------------------------
 
-    def _warn(self, device: int, topic: str, words: str, cut: Cut, row: int, events: list[Event]) -> None:
+    def _warn(self, device: int, topic: str, words: str, cut: ClassifiedFrames, row: int, events: list[Event]) -> None:
         """Report something about a device, once."""
         if (device, topic) in self._said:
             return
@@ -346,7 +346,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         values = {"device_id": device, "warning": words}
         events.append(Reply(WARNING, values, offset, size, int(cut.arrival_ns[row]), str(device)))
 
-    def _newer(self, cut: Cut, events: list[Event]) -> None:
+    def _newer(self, cut: ClassifiedFrames, events: list[Event]) -> None:
         """Warn about versions other than the known one."""
         minors = cut.array[cut.table[OFFSET] + VERSION_AT].astype(np.int64) & 0xF
         for device, at in zip(*np.unique(cut.table[SENDER] << 4 | minors, return_index=True), strict=True):
@@ -358,7 +358,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 words = "uses IDTP 2.0, in which every payload type is vendor-specific"
                 self._warn(int(device) >> 4, f"2.{minor}", words, cut, int(at), events)
 
-    def _other_protocols(self, cut: Cut) -> Iterator[Reply]:
+    def _other_protocols(self, cut: ClassifiedFrames) -> Iterator[Reply]:
         """Report INDT and other versions of IDTP by name, once each."""
         for reject in cut.rejects:
             if reject.reason == REASONS[SUCCESSOR]:

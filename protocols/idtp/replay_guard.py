@@ -186,7 +186,7 @@ class ReplayGuard:
         self._states = np.zeros((1 << 16, STATES), np.int64)
         self._room = ScanCapacity()
 
-    def judge(self, data: Bytes, table: Ints, arrival_ns: Ints) -> ReplayVerdict:
+    def classify(self, data: Bytes, table: Ints, arrival_ns: Ints) -> ReplayVerdict:
         """Judge the frames of `table`; see `classify`. The result is valid until the next call."""
         n = table.shape[1]
         rows = np.empty((JUDGED, n), np.int64) if n == 1 else self._room.table(JUDGED, n)[:, :n]

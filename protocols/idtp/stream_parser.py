@@ -28,7 +28,7 @@ from protocols.stream_parser import StreamParser
 
 
 @dataclass(slots=True)
-class Cut:
+class ClassifiedFrames:
     """Result of one drain; n frames were accepted.
 
     Args:
@@ -99,10 +99,10 @@ class IdtpStream:
         else:
             self._stream.feed(data, arrival_ns)
 
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+    def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
         """Append many chunks; see events.Decoder."""
         if not self._datagrams:
-            self._stream.feed_many(data, ends, arrival_ns)
+            self._stream.feed_chunks(data, ends, arrival_ns)
             return
         start = 0
         for end, arrival in zip(ends.tolist(), arrival_ns.tolist(), strict=True):
@@ -119,8 +119,8 @@ class IdtpStream:
         """Bytes so far that belong to no frame."""
         return self._stream.skipped
 
-    def drain(self, *, stalled: bool = False) -> Iterable[Cut]:
-        """Return everything complete: one ParseResult, or one for each datagram if not all are full of frames.
+    def drain(self, *, stalled: bool = False) -> Iterable[ClassifiedFrames]:
+        """Return everything complete: one ClassifiedFrames, or one for each datagram if not all are full of frames.
 
         Each is valid until the next.
         """
@@ -130,15 +130,15 @@ class IdtpStream:
         full = self._stream.drain_full(waiting) if len(waiting) > 1 else None
         return self._each(waiting) if full is None else (self._classified(full),)
 
-    def _each(self, waiting: Iterable[tuple[bytes, int]]) -> Iterator[Cut]:
+    def _each(self, waiting: Iterable[tuple[bytes, int]]) -> Iterator[ClassifiedFrames]:
         for data, arrival_ns in waiting:
             self._stream.feed(data, arrival_ns)
             yield self._classified(self._stream.drain(stalled=True))
 
-    def _classified(self, whole: Whole) -> Cut:
+    def _classified(self, whole: Whole) -> ClassifiedFrames:
         """Drop the frames that are old by their sequence number."""
         table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
-        judged = self.sequences.judge(whole.array, table, arrivals)
+        judged = self.sequences.classify(whole.array, table, arrivals)
         refused = self._intact(whole, rejects) if rejects else []
         if judged.dropped:
             refused += self._old(whole, table, arrivals, judged, rejects)
@@ -150,7 +150,7 @@ class IdtpStream:
             table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
             rows: Any = np.ascontiguousarray(judged.rows[:, good])
             judged = ReplayVerdict(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
-        return Cut(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
+        return ClassifiedFrames(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
 
     def _old(
         self, whole: Whole, table: Ints, arrivals: Ints, judged: ReplayVerdict, rejects: list[RejectedFrame]

@@ -58,7 +58,7 @@ _NOTHING = np.empty(0, np.uint8)
 
 
 class IsbDecoder(StreamDecoder[StreamParser]):
-    """See events.Decoder. Packet types tell the directions apart, so one decoder reads either.
+    """See events.Decoder. The packet type gives the direction, so one decoder reads either.
 
     Args:
         direction: whose side is read; kept for callers that need it.

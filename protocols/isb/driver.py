@@ -2,7 +2,7 @@
 
     ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      silence: retry, then NoReplyError
            (not for data sets that stream, as it would end the stream: protocols/isb/undisturbed.py)
-    tell   SET_DATA              ──>   ACK                 NACK: refused      silence: retry, then NoReplyError
+    write  SET_DATA              ──>   ACK                 NACK: refused      silence: retry, then NoReplyError
            GET_DATA              ──>   DATA: the present value, compared with the requested one
     do     system command: ACK; a reset may happen before the ACK is sent, so its silence is not a failure
     text   $…                    ──>   a sentence if one is documented, else nothing

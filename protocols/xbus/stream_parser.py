@@ -1,7 +1,7 @@
 """Parser of an Xbus stream, chunk by chunk: frames, the sentences between them, and rejects.
 
     bytes   [frame][frame]$GPGGA,…*hh\\r\\n[frame]··noise··[frame][fra
-    Cut     table of the frames · Text for the sentence · Reject for each candidate that failed
+    ParseResult   table of the frames · Text for the sentence · Reject for each candidate that failed
     kept                                                         ^^^^ until the rest arrives
 
 The cutting is that of every port (protocols/stream_parser.py). For an MTi, two kinds of messages are searched for

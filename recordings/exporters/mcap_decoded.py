@@ -46,7 +46,9 @@ Info = Mapping[str, Any]
 
 WINDOW = 1 << 14  # rows of the busiest channel held at once
 PER_ROW = 100  # bytes of a message, roughly
-_HEAD = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seq", "<u4"), ("log", "<u8"), ("told", "<u8")])
+_HEAD = np.dtype(
+    [("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seq", "<u4"), ("log", "<u8"), ("published", "<u8")]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +113,7 @@ def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
     head = np.zeros(len(log), _HEAD)
     head["op"], head["size"] = Opcode.MESSAGE, sizes + HEAD - 9
     head["channel"] = np.concatenate([part.topic for part in found])
-    head["log"] = head["told"] = log
+    head["log"] = head["published"] = log
     heads = pa.FixedSizeBinaryArray.from_buffers(pa.binary(HEAD), len(head), [None, pa.py_buffer(head)])
     empty = pa.scalar(b"", pa.large_binary())
     records = pc.binary_join_element_wise(heads.cast(pa.large_binary()), body, empty).take(pa.array(order))

@@ -23,7 +23,7 @@ EACH = 20_000  # rows of a quantity when thinned to the default limit
 
 
 @dataclass(frozen=True, slots=True)
-class Amount:
+class ViewerLimit:
     """Share of a range that is shown.
 
     Args:
@@ -39,23 +39,25 @@ class Amount:
     every: int
 
 
-def amount_of(columns: ColumnStore, t0: float = -math.inf, t1: float = math.inf, *, as_much: bool = False) -> Amount:
-    """Amount for an opened recording, or a range of it.
+def limit_of(
+    columns: ColumnStore, t0: float = -math.inf, t1: float = math.inf, *, as_much: bool = False
+) -> ViewerLimit:
+    """Limit for an opened recording, or a range of it.
 
     Args:
         t0, t1: unix s of device time, both included.
         as_much: as much as a browser can hold, instead of what it draws at once.
     """
-    return amount([hi - lo for lo, hi in (columns.between(number, t0, t1) for number in columns.shapes)], as_much)
+    return limit_for([hi - lo for lo, hi in (columns.between(number, t0, t1) for number in columns.shapes)], as_much)
 
 
-def amount(counts: Sequence[int], as_much: bool = False) -> Amount:
+def limit_for(counts: Sequence[int], as_much: bool = False) -> ViewerLimit:
     """The same, from the number of rows of each quantity."""
     rows = sum(counts)
     if rows <= (MAX_ROWS if as_much else WHOLE):
-        return Amount(rows, rows, 0, 1)
+        return ViewerLimit(rows, rows, 0, 1)
     most = _share(counts, MAX_ROWS) if as_much else min(EACH, _share(counts, WHOLE))
-    return Amount(rows, sum(min(count, most) for count in counts), most, math.ceil(max(counts) / most))
+    return ViewerLimit(rows, sum(min(count, most) for count in counts), most, math.ceil(max(counts) / most))
 
 
 def _share(counts: Sequence[int], whole: int) -> int:

@@ -88,7 +88,7 @@ async def decoded_columns(recording: str, services: TheServices, partial: Partia
     if not partial:
         return await columns_of(recording, services)
     try:
-        return await services.columns.so_far(recording)
+        return await services.columns.partial_or_wait(recording)
     except (KeyError, FileNotFoundError):
         raise unknown_recording(recording) from None
     except RecordingError as error:

@@ -25,7 +25,7 @@ from fastapi.responses import FileResponse, RedirectResponse, Response, Streamin
 from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
-from recordings.rrd.size_limit import MAX_ROWS, WHOLE, amount_of
+from recordings.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses
 from server.api.recording_data import OneStore
@@ -141,7 +141,7 @@ async def get_amount(
 ) -> ViewerQuery:
     """Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device."""
     begin, end = _stretch(t0, t1)
-    found = await asyncio.to_thread(amount_of, store, begin, end, as_much=all)
+    found = await asyncio.to_thread(limit_of, store, begin, end, as_much=all)
     first, last = store.span() or (0.0, 0.0)
     span = max(0.0, min(end, last) - max(begin, first))
     whole_s = span * min(1.0, WHOLE / max(1, found.rows))

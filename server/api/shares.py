@@ -93,7 +93,7 @@ async def get_shares(services: TheServices, session: OneSession) -> SharedPort:
 
 @router.post("", status_code=201, responses=responses(403, 404, 409, 422, 502))
 async def add_share(body: AddShareRequest, services: TheServices, session: OneSession) -> SharedPort:
-    """Share the port. For the first share the link is opened anew, by a process that stays when this server ends."""
+    """Share the port. For the first share the link is opened again, by a process that stays when this server ends."""
     await services.shares.add(session, body.address)
     return _shared_port(services, session)
 

@@ -19,7 +19,7 @@ from server.configuration.device_controller import DeviceController
 from server.configuration.products import mismatch
 from server.configuration.reading import plain_values
 from server.configuration.risk_check import dangers_of
-from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
+from server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
 from server.configuration.snapshots import Snapshot, SnapshotError, from_text
 from server.errors import DomainError
 from server.wire_codec import to_json_safe
@@ -150,7 +150,7 @@ def _dangers(controller: DeviceController, found: Difference) -> list[str]:
     return [one for one in dict.fromkeys(words) if one]
 
 
-async def _side(ref: SideRef, controller: DeviceController, controllers: ControllerRegistry) -> SideValues:
+async def _side(ref: SideRef, controller: DeviceController, controllers: ControllerRegistry) -> ComparedValues:
     match ref.side:
         case "device":
             return _device(controller, "Device, as last read")
@@ -163,24 +163,24 @@ async def _side(ref: SideRef, controller: DeviceController, controllers: Control
             if not defaults:
                 message = f"The documentation does not give the factory settings of the {known_context.product}."
                 raise DomainError("no-defaults", message, FACTORY_HINT)
-            return SideValues("Factory default", defaults, otherwise=NO_DEFAULT, product=known_context.product)
+            return ComparedValues("Factory default", defaults, otherwise=NO_DEFAULT, product=known_context.product)
         case "snapshot":
             owner = _of_same_protocol(controller, controller_of(ref.device, controllers)) if ref.device else controller
             snapshot = await _load(owner, controllers, ref.snapshot)
             title = snapshot.title or ref.snapshot
             from_device = owner is controller and not snapshot.imported
-            return SideValues(
+            return ComparedValues(
                 title, snapshot.values, snapshot.missing, product=snapshot.product, from_device=from_device
             )
         case "text":
             snapshot = _of_protocol(controller, await _parsed(ref.text))
-            return SideValues(snapshot.title or "File", snapshot.values, snapshot.missing, product=snapshot.product)
+            return ComparedValues(snapshot.title or "File", snapshot.values, snapshot.missing, product=snapshot.product)
 
 
-def _device(controller: DeviceController, title: str) -> SideValues:
+def _device(controller: DeviceController, title: str) -> ComparedValues:
     if not controller.values:
         raise DomainError("not-read", f"{controller.session.info.name} has not been read yet.", READ_FIRST)
-    return SideValues(title, controller.values, controller.missing, "could not be read", controller.context.product)
+    return ComparedValues(title, controller.values, controller.missing, "could not be read", controller.context.product)
 
 
 def _of_same_protocol(controller: DeviceController, other: DeviceController) -> DeviceController:

@@ -43,7 +43,7 @@ class WebSocketSender:
         self._stuck_s = stuck_s
         self._wake_event = asyncio.Event()
         extensions = socket.scope.get("extensions", {})
-        self.queue = SendQueue(self._wake_event.set, send_now=extensions.get("imuscope.send_now", lambda frame: False))
+        self.queue = SendQueue(self._wake_event.set, try_send=extensions.get("imuscope.try_send", lambda frame: False))
         self._transport: asyncio.WriteTransport | None = extensions.get("imuscope.transport")
         self.peer = socket.client.host if socket.client is not None else ""
         self._waiting = 0

@@ -186,7 +186,7 @@ class FieldProblem:
 
 
 @dataclass(slots=True)
-class PartInfo:
+class OutputLoadInfo:
     path: str
     title: str
     bytes_per_s: float
@@ -196,7 +196,7 @@ class PartInfo:
 class LoadInfo:
     """Load on the link."""
 
-    parts: list[PartInfo]
+    parts: list[OutputLoadInfo]
     total: float  # bytes/s
     capacity: float | None  # bytes/s, at the baud rate after the change; null if the link has no such limit
     baud: int | None

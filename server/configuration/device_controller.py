@@ -322,9 +322,9 @@ class DeviceController:
 
     # ── for jobs ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    async def run(self, dialogue: Transaction[T]) -> T:
+    async def run(self, transaction: Transaction[T]) -> T:
         """Run a transaction; see server/configuration/transaction_runner.py."""
-        return await self.runner.run(dialogue)
+        return await self.runner.run(transaction)
 
     def rest(self, on: bool) -> None:
         """Note that the user set the device to the state in which settings are read, which explains its silence, or

@@ -22,12 +22,12 @@ from server.configuration.api_models import (
     FitRatesResult,
     FrameInfo,
     LoadInfo,
-    PartInfo,
+    OutputLoadInfo,
     PreviewResult,
     SpanInfo,
 )
 from server.configuration.checks import problems_of, sentence, unlike
-from server.configuration.settings_diff import SideValues, compare
+from server.configuration.settings_diff import ComparedValues, compare
 from server.configuration.value_format import numbers
 from server.wire_codec import to_json_safe
 
@@ -178,13 +178,13 @@ def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud:
 
 def _lowered(present: DevicePresentState, row: Setting, before: Values, after: Values) -> list[str]:
     """Rates that a fit lowered, as text: "Acceleration 400 Hz → 100 Hz"."""
-    sides = SideValues("", {row.name: before}), SideValues("", {row.name: after})
+    sides = ComparedValues("", {row.name: before}), ComparedValues("", {row.name: after})
     rows = compare(present.driver, present.known, *sides).rows
     return [f"{one.title} {one.left or 'off'} → {one.right or 'off'}" for one in rows]
 
 
 def _info(load: LinkLoad, line: SerialLine, baud: int | None) -> LoadInfo:
-    parts = [PartInfo(part.path, part.title, part.bytes_per_s) for part in load.parts]
-    parts += [PartInfo("", title, sent) for title, sent in line.other_devices]
+    parts = [OutputLoadInfo(part.path, part.title, part.bytes_per_s) for part in load.parts]
+    parts += [OutputLoadInfo("", title, sent) for title, sent in line.other_devices]
     total = load.total + sum(sent for _, sent in line.other_devices)
     return LoadInfo(parts, total, line.rate_at(baud), baud, list(load.limits), line.measured)

@@ -30,7 +30,7 @@ NO_DEFAULT = "no default is documented"
 
 
 @dataclass(frozen=True, slots=True)
-class SideValues:
+class ComparedValues:
     """One side of a comparison.
 
     Args:
@@ -52,7 +52,7 @@ class SideValues:
         return self.missing.get(name, self.otherwise)
 
 
-def compare(driver: DeviceDriver, known: DeviceContext, left: SideValues, right: SideValues) -> Difference:
+def compare(driver: DeviceDriver, known: DeviceContext, left: ComparedValues, right: ComparedValues) -> Difference:
     """The differences, and the values to write to the left side to make it equal to the right one."""
     found = Difference(left.title, right.title, [], 0, product=right.product)
     rows = {row.name: row for row in driver.settings(known)}
@@ -79,7 +79,7 @@ def compare(driver: DeviceDriver, known: DeviceContext, left: SideValues, right:
 
 
 def _unknown_settings(
-    driver: DeviceDriver, known: DeviceContext, rows: Mapping[str, Setting], right: SideValues, found: Difference
+    driver: DeviceDriver, known: DeviceContext, rows: Mapping[str, Setting], right: ComparedValues, found: Difference
 ) -> None:
     """Report settings that this device does not have: those of another product, or misspelt ones."""
     family = {row.name for row in driver.settings(DeviceContext())}

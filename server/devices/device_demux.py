@@ -334,11 +334,11 @@ class LinkDecoder:
             return
         pieces = [chunk.data for chunk in chunks]
         ends = np.array(list(accumulate([len(data) for data in pieces])), np.int64)
-        self.feed_many(b"".join(pieces), ends, np.array([chunk.arrival_ns for chunk in chunks], np.int64))
+        self.feed_chunks(b"".join(pieces), ends, np.array([chunk.arrival_ns for chunk in chunks], np.int64))
 
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+    def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
         """Append many chunks at once; see events.Decoder."""
-        self._decoder.feed_many(data, ends, arrival_ns)
+        self._decoder.feed_chunks(data, ends, arrival_ns)
         self._fed = True
         self._tail += data
         self._boundaries.add_many((ends + self._end).tolist(), arrival_ns.tolist())

@@ -44,7 +44,7 @@ class ProtocolSet:
     guess: Callable[[bytes], Sequence[ProtocolGuess]]
     title: Callable[[str], str]
     about: Callable[[str], ProtocolTraits] = lambda protocol: ProtocolTraits()
-    messages_in: Callable[[bytes], Mapping[str, int]] = lambda data: {}
+    count_messages: Callable[[bytes], Mapping[str, int]] = lambda data: {}
 
 
 def unknown_hint(kind: str) -> str:

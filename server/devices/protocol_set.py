@@ -62,7 +62,7 @@ def all_protocols() -> ProtocolSet:
             row.identify_request, row.identity, row.protection, row.sender, row.utc, row.datagrams, row.frame_size
         )
 
-    def messages_in(data: bytes) -> Mapping[str, int]:
+    def count_messages(data: bytes) -> Mapping[str, int]:
         from protocols.registry import count_messages
 
         return count_messages(data)
@@ -70,4 +70,4 @@ def all_protocols() -> ProtocolSet:
     def title(name: str) -> str:
         return protocols().get(name, name)
 
-    return ProtocolSet(decoder=decoder, guess=guess, title=title, about=about, messages_in=messages_in)
+    return ProtocolSet(decoder=decoder, guess=guess, title=title, about=about, count_messages=count_messages)

@@ -91,7 +91,7 @@ class Session(Audience):
         self._stats = self.devices.own.stats
         self.latency = self._stats.latency  # s, from the arrival of bytes until their samples are published
         self._reporter = self.devices.own.events
-        self._diagnostics = StreamDiagnostics(self._reporter, protocol_set.messages_in, protocol_set.title)
+        self._diagnostics = StreamDiagnostics(self._reporter, protocol_set.count_messages, protocol_set.title)
         self.restarts = Restarts(link.kind, sequences)
         self._pipeline = DecodePipeline(
             link,
@@ -185,7 +185,7 @@ class Session(Audience):
         self._drain(final=True)
         self._pipeline.options = reading
         self.devices.reset_decoding()
-        self._diagnostics = StreamDiagnostics(self._reporter, self._protocols.messages_in, self._protocols.title)
+        self._diagnostics = StreamDiagnostics(self._reporter, self._protocols.count_messages, self._protocols.title)
         self._pipeline.disconnect()
         self._set(required_action="", rearm=[])
         if protocol := reading.protocol or self.info.protocol:

@@ -76,7 +76,7 @@ class StreamDiagnostics:
     """Diagnostics of the stream of one device.
 
     Args:
-        messages_in: number of messages of each protocol in some bytes.
+        count_messages: number of messages of each protocol in some bytes.
         title: displayed name of a protocol.
 
     Attributes:
@@ -88,11 +88,11 @@ class StreamDiagnostics:
     def __init__(
         self,
         incidents: EventReporter,
-        messages_in: Callable[[bytes], Mapping[str, int]],
+        count_messages: Callable[[bytes], Mapping[str, int]],
         title: Callable[[str], str],
     ) -> None:
         self._events = incidents
-        self._messages_in = messages_in
+        self._count_messages = count_messages
         self._title = title
         self._recent: deque[bytes] = deque(maxlen=RECENT_CHUNKS)
         self._checked_at = 0.0
@@ -189,7 +189,7 @@ class StreamDiagnostics:
         if "mixed" in self._reported or not self._recent or (now - self._checked_at < CHECK_INTERVAL_S and not at_once):
             return False
         self._checked_at = now
-        found = self._messages_in(b"".join(self._recent)[-RECENT_BYTES:])
+        found = self._count_messages(b"".join(self._recent)[-RECENT_BYTES:])
         self._recent.clear()
         others = [name for name, count in found.items() if count >= FEW and name != protocol]
         if not others:

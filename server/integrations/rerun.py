@@ -167,7 +167,7 @@ class RerunFeed:
             return
         batch, newest = base64.b64decode(message["data"]), float(message["newest"])
         if message["still"]:
-            if message["anew"]:
+            if message["restart"]:
                 self._is_idle.clear()
             self._is_idle.append(batch)
             for viewer in self.viewers:

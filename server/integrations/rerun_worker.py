@@ -4,9 +4,9 @@ It receives the messages of a browser (server/integrations/viewer_client.py). Sa
 quantity: a chunk has some 3 kB of overhead, and a viewer handles few large ones far better than many small ones, so
 there are 20 batches a second, regardless of the rates of the devices. Messages on standard output:
 
-    {"op": "batch", "still": bool, "anew": bool, "past": bool, "newest": unix s, "data": base64 of an .rrd}
+    {"op": "batch", "still": bool, "restart": bool, "past": bool, "newest": unix s, "data": base64 of an .rrd}
 
-`still`: static data and the layout; `anew`: earlier static data is void, because devices were added or removed.
+`still`: static data and the layout; `restart`: earlier static data is void, because devices were added or removed.
 `past`: earlier samples, from the server's history; `newest`: arrival of the newest sample. With the address of a remote
 viewer, all data is sent there instead, at the rate it accepts; the messages are then those of rerun_remote.py.
 """
@@ -104,7 +104,7 @@ class RerunBatcher:
                     )
         first = self._styled == set()
         self._styled = set(self._infos)
-        self._report(is_still=True, anew=not first)
+        self._report(is_still=True, restart=not first)
         self._client.subscribe(list(self._infos), past=list(self._infos), history=HISTORY_S if first else 0.0)
 
     def add(self, samples: Sequence[SampleFrame]) -> None:
@@ -216,7 +216,9 @@ class RerunBatcher:
             path.append((enu, latlon))
             static.send_track(self._stream, device, *(np.array(part) for part in zip(*path, strict=True)))
 
-    def _report(self, *, is_still: bool = False, anew: bool = False, past: bool = False, newest: float = 0.0) -> None:
+    def _report(
+        self, *, is_still: bool = False, restart: bool = False, past: bool = False, newest: float = 0.0
+    ) -> None:
         if self._bytes is None:
             return
         data = self._bytes.read()
@@ -225,7 +227,7 @@ class RerunBatcher:
                 self._client.send(op="left-out", bytes=len(data))
                 return
             text = base64.b64encode(data).decode()
-            self._client.send(op="batch", still=is_still, anew=anew, past=past, newest=newest, data=text)
+            self._client.send(op="batch", still=is_still, restart=restart, past=past, newest=newest, data=text)
 
 
 def main() -> None:

@@ -138,7 +138,7 @@ class ColumnCache:
                 return columns
         raise RecordingError("The recording changed while it was opened.", "Open it again.")
 
-    async def so_far(self, recording: str) -> ColumnStore:
+    async def partial_or_wait(self, recording: str) -> ColumnStore:
         """The columns, or the part decoded so far. Raises as `opened`."""
         found = self.open(recording)
         if isinstance(found, DecodeJob) and found.partial is not None and found.error is None:

@@ -115,7 +115,7 @@ class _Device:
         if probe is None:
             return
         for part in self._waiting:
-            probe.feed_many(part.data, part.ends, part.times)
+            probe.feed_chunks(part.data, part.ends, part.times)
         probe.drain()
         if (doubt := probe.contradiction) is not None:
             self._reading = self._reading.replaced({probe.doubted: doubt.value})
@@ -161,7 +161,7 @@ class _Device:
             past = int(np.searchsorted(part.ends, start + DRAIN_BYTES - self._fed, "right"))
             past = max(min(past, int(np.searchsorted(part.times, self._drained + DRAIN_NS, "right"))), first + 1)
             end = int(part.ends[past - 1])
-            reader.feed_many(part.data[start:end], part.ends[first:past] - start, part.times[first:past])
+            reader.feed_chunks(part.data[start:end], part.ends[first:past] - start, part.times[first:past])
             self._fed += end - start
             self._sink.time = float(part.times[past - 1]) / 1e9
             last = int(part.times[past - 1])

@@ -54,7 +54,7 @@ MAX_CHANNELS = 1000  # of one device; a vendor's tables give at most some 300
 
 
 @dataclass(frozen=True, slots=True)
-class _Cut:
+class _ColumnPlan:
     """Layout of one channel within a batch: its id, its columns, rows per sample (a table's k), and the factor of each
     column shown in another unit (0 for an unchanged unit; empty if all are unchanged).
     """
@@ -87,7 +87,7 @@ class ChannelRegistry:
     def __init__(self, device: str, advertise: Advertise) -> None:
         self.device = device
         self._advertise = advertise
-        self._plans: dict[tuple[int, bool], tuple[Message, list[_Cut]]] = {}
+        self._plans: dict[tuple[int, bool], tuple[Message, list[_ColumnPlan]]] = {}
         self._ids: dict[str, int] = {}
         self.is_full = False
 
@@ -109,7 +109,7 @@ class ChannelRegistry:
                 found.setdefault(cut.channel, []).append((offset, columns))
         return [ChannelRows(channel, _merged(parts)) for channel, parts in found.items()]
 
-    def _plan(self, batch: Batch) -> list[_Cut]:
+    def _plan(self, batch: Batch) -> list[_ColumnPlan]:
         key = (id(batch.message), batch.verified)
         known = self._plans.get(key)
         if known is not None and known[0] is batch.message:
@@ -120,7 +120,7 @@ class ChannelRegistry:
         self._plans[key] = (batch.message, cuts)
         return cuts
 
-    def _cuts(self, batch: Batch) -> list[_Cut]:
+    def _cuts(self, batch: Batch) -> list[_ColumnPlan]:
         message = batch.message
         last = described(batch.columns, message.fields)  # the others go to server/streaming/unknown_payloads.py
         if not last:
@@ -143,7 +143,7 @@ class ChannelRegistry:
                     info.verified = False
                 number = self._identify(info)
                 if number:
-                    cuts.append(_Cut(number, used, _rows_per_sample(batch.columns[used[0]]), factors))
+                    cuts.append(_ColumnPlan(number, used, _rows_per_sample(batch.columns[used[0]]), factors))
         return cuts
 
     def _identify(self, info: ChannelInfo) -> int:
@@ -187,7 +187,7 @@ def _merged(parts: list[tuple[Array, list[Array]]]) -> list[Array]:
 # ── values ───────────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def _values(batch: Batch, cut: _Cut) -> list[Array]:
+def _values(batch: Batch, cut: _ColumnPlan) -> list[Array]:
     out: list[Array] = []
     for name in cut.names:
         array = np.asarray(batch.columns[name])

@@ -107,7 +107,7 @@ class SendQueue:
     Args:
         on_ready: called when the queue is no longer empty.
         limit: maximum size of queued live samples, bytes.
-        send_now: sends a whole WebSocket frame if its socket accepts it at once, else returns False.
+        try_send: sends a whole WebSocket frame if its socket accepts it at once, else returns False.
 
     Attributes:
         interval_s: shortest useful interval between samples.
@@ -121,10 +121,10 @@ class SendQueue:
         self,
         on_ready: Callable[[], None] = lambda: None,
         limit: int = LIVE_BYTES,
-        send_now: Callable[[bytes], bool] = lambda frame: False,
+        try_send: Callable[[bytes], bool] = lambda frame: False,
     ) -> None:
         self._on_ready = on_ready
-        self._send_now = send_now
+        self._try_send = try_send
         self._limit = limit
         self._texts: deque[str] = deque()
         self.text_bytes = 0  # characters of queued texts
@@ -171,7 +171,7 @@ class SendQueue:
                 return
             if len(frames) != len(packet.frames):
                 packet = Packet.of(frames, packet.at)
-        if not self._is_waiting and self._send_now(packet.ready()):
+        if not self._is_waiting and self._try_send(packet.ready()):
             self.sent_bytes += len(packet.data)
             return
         self._live.append(packet)

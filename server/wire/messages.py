@@ -1,4 +1,4 @@
-"""Messages: text frames in both directions, told apart by `op`."""
+"""Messages: text frames in both directions, distinguished by `op`."""
 
 from __future__ import annotations
 

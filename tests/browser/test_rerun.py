@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, Page, Route
 
 from protocols.xbus.simulator.device import XbusSimulator
 from recordings.mcap_writer import McapWriter
-from recordings.rrd.size_limit import amount as amount_told
+from recordings.rrd.size_limit import limit_for
 from tests.chromium import until
 from tests.conftest import ARTIFACTS
 from tests.recordings.recorded_drive import START, drive
@@ -118,7 +118,7 @@ def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_pa
     page.route("**/re_viewer_bg.wasm", lambda route: None)
 
     def amount(route: Route) -> None:
-        told = amount_told([3_600_000] * 7, "all=true" in route.request.url)
+        told = limit_for([3_600_000] * 7, "all=true" in route.request.url)
         route.fulfill(json={**asdict(told), "whole_s": 142.9})
 
     page.route("**/amount?*", amount)

@@ -41,7 +41,7 @@ def xbus(message: int, payload: bytes = b"") -> bytes:
     return b"\xfa" + body + bytes([-sum(body) & 0xFF])
 
 
-class Metronome:
+class PeriodicDevice:
     """The simplest device: a frame at each multiple of its period; answers anything with the bytes it got, framed."""
 
     next_ns = 0
@@ -152,7 +152,7 @@ def pty() -> Iterator[Pty]:
 def device(baud: int, rate: float = 200.0) -> Iterator[SimulatorThread]:
     """A device behind a pseudo-terminal that communicates at `baud`."""
     options = SimulatorOptions("xbus", faults=LineFaults(baud=baud))
-    bench = SimulatorThread(lambda start_ns: Metronome(start_ns, rate), options)
+    bench = SimulatorThread(lambda start_ns: PeriodicDevice(start_ns, rate), options)
     bench.start()
     try:
         yield bench

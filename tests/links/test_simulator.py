@@ -22,7 +22,18 @@ from server.links.serial import SerialLink, SerialSettings, open_port
 from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.simulator import SimulatorLink, SimulatorThread
 from server.links.source_url import SourceUrl
-from tests.links.link_fixtures import Metronome, dies, fails, frame, gather, joined, left_behind, opened, settings, xbus
+from tests.links.link_fixtures import (
+    PeriodicDevice,
+    dies,
+    fails,
+    frame,
+    gather,
+    joined,
+    left_behind,
+    opened,
+    settings,
+    xbus,
+)
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
@@ -34,7 +45,7 @@ def run(coroutine: Any) -> Any:
 def simulator(query: str = "", rate: float = 200.0) -> SimulatorLink:
     options = open_link(f"sim:xbus?{query}")
     assert isinstance(options, SimulatorLink)
-    return SimulatorLink(options.source, settings(), options.options, lambda start_ns: Metronome(start_ns, rate))
+    return SimulatorLink(options.source, settings(), options.options, lambda start_ns: PeriodicDevice(start_ns, rate))
 
 
 def test_a_simulator_streams_answers_and_cleans_up() -> None:
@@ -91,7 +102,7 @@ def test_a_simulator_whose_reader_is_late_loses_nothing() -> None:
     of the simulator overflowed, where a real port holds 640.
     """
     options = simulator("rate=2000").options
-    bench = SimulatorThread(lambda start_ns: Metronome(start_ns, 2000), options)
+    bench = SimulatorThread(lambda start_ns: PeriodicDevice(start_ns, 2000), options)
     port = open_port(bench.slave, SerialSettings(baud=options.faults.baud))
     bench.start()
     bench.release()
@@ -119,7 +130,9 @@ def test_a_delayed_simulator_does_not_fill_its_line() -> None:
     """Its line was taken to be half a second behind, and the samples made up for were dropped."""
     late_ns = 0
     options = simulator("rate=2000&baud=460800").options
-    bench = SimulatorThread(lambda start_ns: Metronome(start_ns, 2000), options, lambda: time.monotonic_ns() + late_ns)
+    bench = SimulatorThread(
+        lambda start_ns: PeriodicDevice(start_ns, 2000), options, lambda: time.monotonic_ns() + late_ns
+    )
     port = open_port(bench.slave, SerialSettings(baud=options.faults.baud))
     bench.start()
     bench.release()
@@ -174,7 +187,7 @@ def test_a_simulator_at_another_rate_is_noise_until_the_port_follows() -> None:
 
 
 def test_a_fault_in_a_simulator_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
-    class Faulty(Metronome):
+    class Faulty(PeriodicDevice):
         def advance(self, now_ns: int) -> bytes:
             if self.sent > 5:
                 raise RuntimeError("broken")

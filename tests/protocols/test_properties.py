@@ -218,7 +218,7 @@ def test_many_chunks_at_once(speaker: ProtocolCase, data: st.DataObject) -> None
     for arrival, chunk in enumerate(chunks):
         singly.feed(chunk, 1000 + arrival)
     ends, times = np.cumsum([len(one) for one in chunks], dtype=np.int64), 1000 + np.arange(len(chunks))
-    at_once.feed_many(stream, ends, times)
+    at_once.feed_chunks(stream, ends, times)
     wanted, found = singly.drain(stalled=True), at_once.drain(stalled=True)
     assert canonical(found) == canonical(wanted)
     for one, other in zip(found, wanted, strict=True):

@@ -22,7 +22,7 @@ from recordings.exporters import ExportRequest, by_suffix, export
 from recordings.mcap_writer import McapWriter
 from recordings.rrd.chunks import name_of
 from recordings.rrd.entities import devices_of
-from recordings.rrd.size_limit import MAX_ROWS, WHOLE, amount
+from recordings.rrd.size_limit import MAX_ROWS, WHOLE, limit_for
 from recordings.rrd.writer import Work, fill, stream_of, write_rrd
 from recordings.sources import McapSource
 from server.devices import protocol_set
@@ -331,7 +331,7 @@ def test_a_fault_of_one_sample_survives_thinning_and_is_reported(tmp_path: Path)
     ],
 )
 def test_a_browser_gets_no_more_than_it_holds(counts: list[int], as_much: bool, shown: tuple[int, int, int]) -> None:
-    found = amount(counts, as_much)
+    found = limit_for(counts, as_much)
     assert (found.rows, found.shown, found.most, found.every) == (sum(counts), *shown)
 
 

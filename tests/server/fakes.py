@@ -121,7 +121,7 @@ class FakeDecoder:
         self._data += data
         self._ends.append((self._at + len(self._data), arrival_ns))
 
-    def feed_many(self, data: bytes, ends: NDArray[np.int64], arrival_ns: NDArray[np.int64]) -> None:
+    def feed_chunks(self, data: bytes, ends: NDArray[np.int64], arrival_ns: NDArray[np.int64]) -> None:
         for begin, end, arrival in zip([0, *ends[:-1].tolist()], ends.tolist(), arrival_ns.tolist(), strict=True):
             self.feed(data[begin:end], arrival)
 

@@ -154,10 +154,10 @@ def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: P
         opening = shelf.open("a")
         assert isinstance(opening, DecodeJob)
         opening.partial = first
-        assert await shelf.so_far("a") is first  # available while the rest is decoded
+        assert await shelf.partial_or_wait("a") is first  # available while the rest is decoded
         again = await shelf.opened("a")
         assert again is not first
-        assert await shelf.so_far("a") is again
+        assert await shelf.partial_or_wait("a") is again
         await shelf.prepare()  # and a waiting process ends with the server
         assert sum(again.rows(number) for number in again.shapes) < sum(first.rows(number) for number in first.shapes)
         with pytest.raises(KeyError):

@@ -206,7 +206,7 @@ def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
 def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False) -> dict[str, Any]:
     """A batch in the format of a feed's process."""
     text = base64.b64encode(data).decode()
-    return {"op": "batch", "still": still, "anew": False, "past": past, "newest": newest, "data": text}
+    return {"op": "batch", "still": still, "restart": False, "past": past, "newest": newest, "data": text}
 
 
 def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() -> None:

@@ -16,7 +16,7 @@ from protocols.xbus.products import MODELS
 from server.configuration.budget import overload
 from server.configuration.preview import DevicePresentState, SerialLine
 from server.configuration.products import base_name, mismatch, same_product
-from server.configuration.settings_diff import SideValues, compare
+from server.configuration.settings_diff import ComparedValues, compare
 from tests.server.control_harness import house, outputs
 
 LINE = SerialLine(115_200, 11_520.0)
@@ -98,7 +98,7 @@ def test_file_errors_are_reported_before_applying() -> None:
         "LatLonAlt": {**position, "latitude": 99.0},
     }
     found = compare(
-        XbusDriver(), DeviceContext(product="MTi-630"), SideValues("Now", present), SideValues("File", wrong)
+        XbusDriver(), DeviceContext(product="MTi-630"), ComparedValues("Now", present), ComparedValues("File", wrong)
     )
     said = {problem.path: problem.hint for problem in found.problems}
     assert said["LocationId"] == "Did you mean LocationID?"
@@ -112,15 +112,15 @@ def test_a_profile_holds_all_that_can_be_written_not_only_what_differs() -> None
     left = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(50)}
     right = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(100)}
     found = compare(
-        XbusDriver(), DeviceContext(product="MTi-630"), SideValues("Now", left), SideValues("Profile", right)
+        XbusDriver(), DeviceContext(product="MTi-630"), ComparedValues("Now", left), ComparedValues("Profile", right)
     )
     assert set(found.changes) == {"OutputConfiguration"}
     assert found.profile == right
 
 
 def test_a_setting_of_another_product_is_not_an_error() -> None:
-    sides = SideValues("Now", {}), SideValues("File", {"LatLonAlt": {"latitude": 1.0}})
+    sides = ComparedValues("Now", {}), ComparedValues("File", {"LatLonAlt": {"latitude": 1.0}})
     known = DeviceContext(product="MTi-610")
     if "LatLonAlt" not in {row.name for row in XbusDriver().settings(known)}:
         assert compare(XbusDriver(), known, *sides).problems == []
-    assert compare(IsbDriver(), DeviceContext(), SideValues("", {}), SideValues("", {"Nonsense": {}})).problems
+    assert compare(IsbDriver(), DeviceContext(), ComparedValues("", {}), ComparedValues("", {"Nonsense": {}})).problems

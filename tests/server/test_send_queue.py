@@ -73,12 +73,12 @@ def test_immediate_messages_keep_their_order_and_are_sent_once(steps: list[str])
     wire: list[str | bytes] = []
     is_open = True
 
-    def send_now(data: bytes) -> bool:
+    def try_send(data: bytes) -> bool:
         if is_open:
             wire.append(payload(data))
         return is_open
 
-    box = SendQueue(limit=20_000, send_now=send_now)
+    box = SendQueue(limit=20_000, try_send=try_send)
     box.subscribe(None, NOTHING, "")
     assert box.take_history(0.0) is None
     assert box.pop() == ""
@@ -112,7 +112,7 @@ def test_immediate_messages_keep_their_order_and_are_sent_once(steps: list[str])
 
 def test_nothing_is_sent_immediately_while_a_message_is_in_progress() -> None:
     went: list[bytes] = []
-    box = SendQueue(send_now=lambda data: went.append(data) is None)
+    box = SendQueue(try_send=lambda data: went.append(data) is None)
     box.subscribe(None, NOTHING, "")
     assert box.take_history(0.0) is None
     assert box.pop() == ""

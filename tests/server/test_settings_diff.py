@@ -12,7 +12,7 @@ from server.api.snapshots import compare_sides
 from server.configuration.api_models import CompareRequest, SideRef
 from server.configuration.device_controller import DeviceController
 from server.configuration.form_builder import forms_of
-from server.configuration.settings_diff import SideValues, compare
+from server.configuration.settings_diff import ComparedValues, compare
 from server.errors import DomainError
 from tests.server.control_harness import house
 
@@ -26,11 +26,11 @@ def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
         async with house(tmp_path) as here:
             desk = await here.add("sim:isb?rate=50")
             await here.read(desk)
-            first = SideValues("First", desk.values)
+            first = ComparedValues("First", desk.values)
             await asyncio.sleep(0.02)
             await here.read(desk)
             assert first.values["DID_SYS_PARAMS"] != desk.values["DID_SYS_PARAMS"]
-            found = compare(desk.driver, desk.context, SideValues("Now", desk.values), first)
+            found = compare(desk.driver, desk.context, ComparedValues("Now", desk.values), first)
             assert found.rows == []
             assert found.same > 50
             assert "DID_SYS_PARAMS" not in {*found.missing, *found.profile, *found.changes}
@@ -45,7 +45,7 @@ def test_a_profile_saved_during_a_calibration_does_not_start_one() -> None:
     rest |= {"DID_SURVEY_IN": {"state": 0, "maxDurationSec": 60, "minAccuracy": 1.0}}
     busy = {"DID_MAG_CAL": {"state": 1, "progress": 7.0, "declination": 0.1}}
     busy |= {"DID_SURVEY_IN": {"state": 2, "maxDurationSec": 90, "minAccuracy": 1.0}}
-    found = compare(driver, IMX, SideValues("Now", rest), SideValues("Profile", busy))
+    found = compare(driver, IMX, ComparedValues("Now", rest), ComparedValues("Profile", busy))
     assert found.changes == {"DID_SURVEY_IN": {"maxDurationSec": 90}}
     assert [row.path for row in found.rows] == ["maxDurationSec"]
     assert "DID_MAG_CAL" not in found.profile

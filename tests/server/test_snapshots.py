@@ -14,7 +14,7 @@ from protocols.isb.stored_settings import settings_of
 from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
-from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
+from server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
 from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, from_text, to_text
 from server.configuration.value_format import field_at, title_at, value_at
 
@@ -137,7 +137,7 @@ def test_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def difference(left: dict[str, Any], right: dict[str, Any]) -> Any:
-    sides = SideValues("Left", left), SideValues("Right", right, {"CanConfig": "message unknown"}, NO_DEFAULT)
+    sides = ComparedValues("Left", left), ComparedValues("Right", right, {"CanConfig": "message unknown"}, NO_DEFAULT)
     return compare(XbusDriver(), DeviceContext(product="MTi-630"), *sides)
 
 
@@ -175,7 +175,7 @@ def test_names_with_points_are_written_too() -> None:
     """wheelConfig.radius was taken for a part of wheelConfig and dropped out of what was to be written."""
     left = {"wheelConfig.radius": 0.1, "wheelConfig.transform.t_b2w": [0.0, 0.0, 1.0], "startupNavDtMs": 4}
     right = {"wheelConfig.radius": 0.2, "wheelConfig.transform.t_b2w": [0.0, 0.5, 1.0], "startupNavDtMs": 4}
-    sides = (SideValues(name, {"DID_FLASH_CONFIG": one}) for name, one in (("Left", left), ("Right", right)))
+    sides = (ComparedValues(name, {"DID_FLASH_CONFIG": one}) for name, one in (("Left", left), ("Right", right)))
     found = compare(IsbDriver(), DeviceContext(), *sides)
     assert [row.path for row in found.rows] == ["wheelConfig.transform.t_b2w", "wheelConfig.radius"]
     changed = {name: right[name] for name in ("wheelConfig.transform.t_b2w", "wheelConfig.radius")}

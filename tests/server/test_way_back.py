@@ -19,7 +19,7 @@ from recordings import atomic_write
 from server.configuration import rollback
 from server.configuration.device_controller import DeviceController
 from server.configuration.risk_check import plan_changes
-from server.configuration.settings_diff import SideValues, compare
+from server.configuration.settings_diff import ComparedValues, compare
 from server.errors import DomainError
 from server.links.simulator import SimulatorLink
 from tests.server.control_harness import BRIEFEST, ControlHarness, house, over
@@ -94,9 +94,9 @@ def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_p
             with pytest.raises(DomainError, match="dynamicModel"):
                 plan_changes(desk, back)
             first = next(iter(here.desks.snapshots.describe("isb", desk.serial_number)))
-            now = SideValues("now", desk.values)
+            now = ComparedValues("now", desk.values)
             for told in (True, False):
-                found = compare(desk.driver, desk.context, now, SideValues("before", first, from_device=told))
+                found = compare(desk.driver, desk.context, now, ComparedValues("before", first, from_device=told))
                 assert bool(found.changes) == told
                 assert bool(found.problems) != told
             wish = plan_changes(desk, back, lambda: here.desks.snapshots.describe("isb", desk.serial_number))

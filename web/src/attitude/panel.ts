@@ -70,18 +70,18 @@ function numeral(list: HTMLElement, name: string, axis: string, note: Node | str
 /** Verification of the attitude's sender; empty if the protocol does not provide it. */
 function writeTrust(node: HTMLElement, deps: Deps, { verified }: Source): void {
   const device = selected(deps);
-  const told = device && trustOf(device, deps.store.health.value.get(device.id));
+  const trust = device && trustOf(device, deps.store.health.value.get(device.id));
   const text = !verified
     ? COMMON.unverified
-    : told === undefined
+    : trust === undefined
       ? ""
-      : told.state === "unverified"
+      : trust.state === "unverified"
         ? TEXT.verified
-        : `${told.mark} ${told.word}`;
+        : `${trust.mark} ${trust.word}`;
   if (node.textContent === text) return;
   node.textContent = text;
   node.className = verified ? "trust-mark" : "trust-mark tag warn";
-  node.title = told?.detail ?? "";
+  node.title = trust?.detail ?? "";
 }
 
 const BODY_WORDS = { FLU: TEXT.forwardLeftUp, FRD: TEXT.forwardRightDown } as const;
@@ -155,15 +155,15 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
       const { ring } = source.channel;
       const key = `${ring.revision} ${i} ${frame} ${document.documentElement.dataset["theme"]}`;
       const read = i < 0 ? undefined : source.at(i);
-      const told = read && pairIn(read, source.frame, frame);
-      const enu = told && matrixIn(told, frame, "ENU");
+      const rotation = read && pairIn(read, source.frame, frame);
+      const enu = rotation && matrixIn(rotation, frame, "ENU");
       if (key !== drawn) {
         drawn = key;
         drawHorizon(horizonOn, enu && horizonOf(enu, frame));
         drawBody(bodyOn, enu, frame);
       }
       if (!textDue(now)) return;
-      const angles = told && eulerOfMatrix(told);
+      const angles = rotation && eulerOfMatrix(rotation);
       heading.set(number(enu && headingOf(enu), 1));
       roll.set(number(angles?.[0], 1));
       pitch.set(number(angles?.[1], 1));

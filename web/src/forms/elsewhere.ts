@@ -2,14 +2,14 @@
 import { TEXT } from "../texts/forms";
 import { NONE } from "../ui/format";
 import { keyedList } from "./edits";
-import type { Elsewhere } from "./rebase";
+import type { RemoteChange } from "./rebase";
 import type { FieldForm, Forms } from "./types";
 import { at, joined, type Values, whereOf, words } from "./values";
 
 /** @param now the setting as on the device */
 export function describe(
   forms: Forms,
-  { setting, path, before, now: value }: Elsewhere,
+  { setting, path, before, now: value }: RemoteChange,
   now: Values | undefined,
 ): string {
   const form = forms.settings.find(({ name }) => name === setting);

@@ -11,7 +11,7 @@ import type { SettingForm } from "./types";
 import { at, joined, type Path, put, same, type Values } from "./values";
 
 /** A value changed by another user. */
-export interface Elsewhere {
+export interface RemoteChange {
   readonly setting: string;
   readonly path: Path;
   readonly before: unknown;
@@ -22,7 +22,7 @@ export interface Elsewhere {
 
 export interface Rebased {
   readonly draft: Values;
-  readonly elsewhere: readonly Elsewhere[];
+  readonly elsewhere: readonly RemoteChange[];
 }
 
 export function rebase(form: SettingForm, base: Values, mine: Values, theirs: Values): Rebased {

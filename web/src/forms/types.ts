@@ -217,7 +217,7 @@ export interface FieldProblem {
   readonly hint: string;
 }
 
-export interface PartInfo {
+export interface OutputLoadInfo {
   readonly path: string;
   readonly title: string;
   readonly bytes_per_s: number;
@@ -225,7 +225,7 @@ export interface PartInfo {
 
 /** Load on the link. */
 export interface LoadInfo {
-  readonly parts: readonly PartInfo[];
+  readonly parts: readonly OutputLoadInfo[];
   /** bytes/s */
   readonly total: number;
   /** bytes/s, at the baud rate after the change; null if the link has no such limit */

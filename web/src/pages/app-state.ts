@@ -72,8 +72,8 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     return store.channels.value.some(({ info, ring }) => info.device === id && ring.length > 0);
   });
   // without a connection the display stays; only a page that never had one is starting
-  const greeted = computed(() => store.connection.value === "open" || store.devices.value.length > 0);
-  const state = computed(() => pageState(greeted.value, store.devices.value.length, device.value, seen.value));
+  const isConnected = computed(() => store.connection.value === "open" || store.devices.value.length > 0);
+  const state = computed(() => pageState(isConnected.value, store.devices.value.length, device.value, seen.value));
   const stops = [
     effect(() => {
       for (const health of store.health.value.values()) recentHealth.add(health);

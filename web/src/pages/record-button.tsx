@@ -100,18 +100,18 @@ export function beginNote(app: App): void {
 /** Shows on every page that a recording stopped by itself. */
 export function watchRecorder(app: App): void {
   const { saved } = recordOf(app);
-  let told = "";
+  let shownMessage = "";
   let before: RecorderState | undefined;
   effect(() => {
     const now = app.store.recorder.value;
-    const heard = app.store.devices
+    const recorded = app.store.devices
       .peek()
       .filter(({ id, last_arrival: last }) => before?.devices.includes(id) && last !== null);
     const ended = endedOf(
       before,
       now,
       app.store.serverNow(),
-      heard.map(({ name }) => name),
+      recorded.map(({ name }) => name),
     );
     if (ended) saved.value = ended;
     else if (now?.running) saved.value = undefined;
@@ -126,9 +126,9 @@ export function watchRecorder(app: App): void {
   effect(() => {
     const state = app.store.recorder.value;
     const message = state?.message ?? "";
-    if (state && message !== "" && message !== told)
+    if (state && message !== "" && message !== shownMessage)
       app.problem.value = { kind: "recorder", message, hint: state.hint, status: 0 };
-    told = message;
+    shownMessage = message;
   });
 }
 

@@ -27,7 +27,7 @@ function late<P>(load: () => Promise<{ default: ComponentType<P> }>): {
           found.value = module.default;
         },
         () => {
-          asked = false; // the server was away: the next wish tries again
+          asked = false; // the server was away: the next request tries again
         },
       );
     },

@@ -78,10 +78,10 @@ export function groupsOf(events: readonly EventInfo[], sort: Sort, most: number)
   }
   const latest = (group: readonly EventInfo[]): EventInfo => group.at(-1)!;
   found.sort((a, b) => latest(b).time - latest(a).time || latest(b).seq - latest(a).seq);
-  return found.slice(0, most).map(told);
+  return found.slice(0, most).map(groupOf);
 }
 
-function told(group: readonly EventInfo[]): EventGroup {
+function groupOf(group: readonly EventInfo[]): EventGroup {
   const [first, last] = [group[0]!, group.at(-1)!];
   const level = LEVELS[Math.max(...group.map((one) => LEVELS.indexOf(one.level)))]!;
   const n = group.reduce((sum, { data }) => sum + (typeof data["gaps"] === "number" ? data["gaps"] : 1), 0);

@@ -194,9 +194,9 @@ function mountReasons(list: HTMLElement): {
     update(health, device) {
       const wanted = new Map<string, Figure>();
       const passed = device && trustOf(device, health)?.mark === "○" ? TEXT.headerChecked : TEXT.trust.verified;
-      const told = rejections(health).map(({ words, count }) => `${words} ${number(count, 0)}`);
-      reasons.set(told.join(", ") || COMMON.none);
-      why.title = told.join(", ");
+      const reasonsShown = rejections(health).map(({ words, count }) => `${words} ${number(count, 0)}`);
+      reasons.set(reasonsShown.join(", ") || COMMON.none);
+      why.title = reasonsShown.join(", ");
       if (health?.unverified)
         wanted.set(TEXT.trust.unverified, {
           value: `▲ ${number(health.unverified, 0)}`,

@@ -80,11 +80,11 @@ function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
       if (names === known && !due(now)) return;
       if (names !== known) {
         known = names;
-        const told = (protocolOf(device?.protocol)?.payload_option ?? "") !== "";
+        const isDefinable = (protocolOf(device?.protocol)?.payload_option ?? "") !== "";
         entries = new Map(
           payloads.map((one, k) => [
             key(one),
-            entries.get(key(one)) ?? new Entry(one, k < OPEN, told ? () => deps.open.describe(one) : undefined),
+            entries.get(key(one)) ?? new Entry(one, k < OPEN, isDefinable ? () => deps.open.describe(one) : undefined),
           ]),
         );
         host.replaceChildren(...[...entries.values()].map(({ root }) => root));

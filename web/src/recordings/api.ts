@@ -1,7 +1,7 @@
 /** The routes of the library and of a recording, a function each. */
 import { addressOf, type Outcome, type Problem, problemOf, request, respond } from "../ui/http";
 import type { ColumnStatistics, HealthHistory } from "../wire/routes";
-import type { Asked } from "./statistics-feed";
+import type { StatisticsRequest } from "./statistics-feed";
 import type {
   EditRequest,
   ExportJobRequest,
@@ -83,7 +83,7 @@ export async function fetchWindow(
 /** Statistics of a window, channel by channel; undefined if unavailable. */
 export async function fetchStatistics(
   recording: string,
-  { channels, from, to, base }: Asked,
+  { channels, from, to, base }: StatisticsRequest,
   signal: AbortSignal,
 ): Promise<Readonly<Record<string, readonly ColumnStatistics[]>> | undefined> {
   const query = { t0: from, t1: to, base, channels: channels.join(","), partial: true };
@@ -123,9 +123,9 @@ export function upload(
       resolve({ ok: false, problem: { kind: "upload", message, hint, status: going.status } });
     going.upload.onprogress = (event) => event.lengthComputable && progress(event.loaded / event.total);
     going.onload = () => {
-      const told = parsed(going.responseText);
-      if (going.status < 300) resolve({ ok: true, value: told as RecordingInfo });
-      else resolve({ ok: false, problem: { ...problemOf(told, going.status), kind: "upload" } });
+      const answer = parsed(going.responseText);
+      if (going.status < 300) resolve({ ok: true, value: answer as RecordingInfo });
+      else resolve({ ok: false, problem: { ...problemOf(answer, going.status), kind: "upload" } });
     };
     going.onerror = () => failed(TEXT.uploadFailed(file.name), TEXT.checkServer);
     going.onabort = () => failed(TEXT.fileNotAdded(file.name), "");

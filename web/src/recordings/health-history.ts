@@ -30,8 +30,8 @@ export function figuresAt(history: HealthHistory, t: number): Partial<DeviceHeal
   const k = Math.floor(t) - history.first;
   const { bytes } = history;
   if (k < 0 || k >= bytes.length) return {};
-  const heard = bytes.findIndex((n) => n > 0);
-  const begins = history.before > 0 ? -1 : heard;
+  const firstBytes = bytes.findIndex((n) => n > 0);
+  const begins = history.before > 0 ? -1 : firstBytes;
   const messages = Object.entries(history.messages).flatMap(([name, counts]): MessageHealth[] => {
     const rate = rateAt(counts, k, begins);
     return rate === undefined
@@ -60,7 +60,7 @@ export function minuteAt(
   t: number,
 ): readonly Moment[] {
   const counts = Object.values(history.messages);
-  const heard = history.before > 0 ? -1 : history.bytes.findIndex((n) => n > 0);
+  const firstBytes = history.before > 0 ? -1 : history.bytes.findIndex((n) => n > 0);
   const own = events.filter((event) => event.device === device && (event.kind === "gap" || event.kind === "reject"));
   let [gaps, lost, rejects, next] = [0, 0, 0, 0];
   const out: Moment[] = [];
@@ -71,7 +71,7 @@ export function minuteAt(
       if (kind === "gap") [gaps, lost] = [gaps + 1, lost + samples];
       else rejects += samples;
     }
-    if (k < 0 || k >= history.bytes.length || (heard >= 0 && k < heard)) continue;
+    if (k < 0 || k >= history.bytes.length || (firstBytes >= 0 && k < firstBytes)) continue;
     const whole = second + 1 <= t;
     // the current second counts as the one before it: half a second's samples are not a lower rate
     const rate = Math.max(0, ...counts.map((one) => one[whole ? k : Math.max(0, k - 1)] ?? 0));

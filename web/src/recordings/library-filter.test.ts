@@ -6,7 +6,7 @@ import {
   deviceName,
   flaw,
   heardIn,
-  heardOf,
+  withReceiving,
   length,
   matches,
   messagesOf,
@@ -98,7 +98,7 @@ it("names an untitled recording after its devices", () => {
 it("shows no message count before it is known", () => {
   const uncounted = { ...one().devices[0]!, messages: null };
   expect([messagesOf(one()), messagesOf(one({ devices: [uncounted] }))]).toEqual([10, undefined]);
-  expect(heardOf(one({ devices: [uncounted] })).devices).toHaveLength(1);
+  expect(withReceiving(one({ devices: [uncounted] })).devices).toHaveLength(1);
 });
 
 it("a device without data is in no recording name and no filter", () => {
@@ -113,9 +113,9 @@ it("a device without data is in no recording name and no filter", () => {
     rejects: 0,
   };
   const info = one({ title: "", devices: [...one().devices, silent] });
-  expect(titleOf(heardOf(info))).toBe("MTi-630");
-  expect(heardOf(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
-  expect(heardOf(one({ devices: [silent] })).devices).toHaveLength(1); // a recording without data keeps its only device
+  expect(titleOf(withReceiving(info))).toBe("MTi-630");
+  expect(withReceiving(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
+  expect(withReceiving(one({ devices: [silent] })).devices).toHaveLength(1); // a recording without data keeps its only device
   const detail = {
     info,
     devices: [{ id: "1" }, { id: "2" }],

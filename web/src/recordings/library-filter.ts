@@ -15,15 +15,15 @@ export const CATEGORIES: readonly { readonly name: Category; readonly title: str
 ];
 
 /** The recording with only the devices that sent anything; with all of them if none did. */
-export function heardOf(info: RecordingInfo): RecordingInfo {
-  const heard = info.devices.filter(({ messages }) => messages !== 0);
-  return heard.length === 0 || heard.length === info.devices.length ? info : { ...info, devices: heard };
+export function withReceiving(info: RecordingInfo): RecordingInfo {
+  const receiving = info.devices.filter(({ messages }) => messages !== 0);
+  return receiving.length === 0 || receiving.length === info.devices.length ? info : { ...info, devices: receiving };
 }
 
 /** The same for an opened recording: devices with a quantity. */
 export function heardIn(detail: RecordingDetail): RecordingDetail {
-  const heard = detail.devices.filter(({ id }) => detail.channels.some(({ device }) => device === id));
-  return { ...detail, info: heardOf(detail.info), devices: heard.length === 0 ? detail.devices : heard };
+  const receiving = detail.devices.filter(({ id }) => detail.channels.some(({ device }) => device === id));
+  return { ...detail, info: withReceiving(detail.info), devices: receiving.length === 0 ? detail.devices : receiving };
 }
 
 export const lostOf = (info: RecordingInfo): number => info.devices.reduce((sum, { lost }) => sum + lost, 0);

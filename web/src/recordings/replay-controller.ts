@@ -62,7 +62,7 @@ export class ReplayController {
   readonly #measured: Vicinity;
   #frame = NaN;
   readonly #unframe: () => void;
-  #told = "";
+  #lastState = "";
 
   /** @param screen of this recording, if prefetched */
   constructor(
@@ -80,9 +80,9 @@ export class ReplayController {
     this.far = new ReplayStore(detail, () => this.head);
     this.#history = new HealthHistoryFeed(detail.info.id, this.bounds);
     this.#statistics = new StatisticsFeed(detail.info.id);
-    const told = (problem: Problem): void => void (this.problem.value = problem);
-    this.#read = new Vicinity(detail, this.near, this.bounds, told);
-    this.#measured = new Vicinity(detail, this.far, this.bounds, told);
+    const onProblem = (problem: Problem): void => void (this.problem.value = problem);
+    this.#read = new Vicinity(detail, this.near, this.bounds, onProblem);
+    this.#measured = new Vicinity(detail, this.far, this.bounds, onProblem);
     this.#unframe = effect(() =>
       [this.drawn, this.near, this.far].forEach((store) => store.showIn(this.viewState.frame.value)),
     );
@@ -294,11 +294,11 @@ export class ReplayController {
     const ring = this.#every(channel, from, to);
     if (ring) return ring.stats(column, from, to, base);
     const { device } = channel.info;
-    const told = this.detail.channels
+    const channels = this.detail.channels
       .filter((info) => info.device === device && COUNTED.has(info.kind))
       .map(({ id }) => id);
     this.#statistics.want({
-      channels: told,
+      channels,
       from: Math.max(from, this.bounds.first),
       to: Math.min(to, this.bounds.last),
       base,
@@ -338,8 +338,8 @@ export class ReplayController {
     const happened = until(this.detail.events, this.head);
     const history = device === undefined ? undefined : this.#history.at(device, this.head);
     const state = `${happened.length} ${device} ${this.#history.version} ${Math.floor(this.head * TOLD_PER_S)}`;
-    if (state === this.#told) return;
-    this.#told = state;
+    if (state === this.#lastState) return;
+    this.#lastState = state;
     if (happened.length !== this.near.events.peek().length) this.near.events.value = happened;
     if (device === undefined) return;
     this.near.health.value = new Map([[device, healthAt(this.detail, device, this.head, history)]]);

@@ -1,7 +1,7 @@
 import { expect, it, vi } from "vitest";
-import { type Asked, StatisticsFeed } from "./statistics-feed";
+import { type StatisticsRequest, StatisticsFeed } from "./statistics-feed";
 
-const window = (from: number, to: number): Asked => ({ channels: [1, 2], from, to, base: "device" });
+const window = (from: number, to: number): StatisticsRequest => ({ channels: [1, 2], from, to, base: "device" });
 const answer = { 1: [{ n: 5, mean: null, sigma: 2, min: 0, max: 4 }] };
 
 it("reports a summarised window, and requests exact figures when it stands still", async () => {

@@ -9,7 +9,7 @@ import type { ColumnStatistics } from "../wire/routes";
 import { fetchStatistics } from "./api";
 
 /** Channels and range of a request. */
-export interface Asked {
+export interface StatisticsRequest {
   readonly channels: readonly number[];
   readonly from: number;
   readonly to: number;
@@ -26,7 +26,7 @@ const MOVING_MS = 500;
 const PAUSES = 3;
 const PATIENCE_MS = 3000;
 
-function same(a: Asked, b: Asked, part: number): boolean {
+function same(a: StatisticsRequest, b: StatisticsRequest, part: number): boolean {
   const slack = part * (b.to - b.from);
   const channels = a.channels.length === b.channels.length && a.channels.every((id, k) => id === b.channels[k]);
   return channels && a.base === b.base && Math.abs(a.from - b.from) <= slack && Math.abs(a.to - b.to) <= slack;
@@ -36,8 +36,10 @@ const finite = (value: number | null): number => value ?? NaN;
 
 export class StatisticsFeed {
   readonly #stop = new AbortController();
-  #held: { readonly of: Asked; readonly columns: Readonly<Record<string, readonly ColumnStatistics[]>> } | undefined;
-  #wish: Asked | undefined;
+  #held:
+    | { readonly of: StatisticsRequest; readonly columns: Readonly<Record<string, readonly ColumnStatistics[]>> }
+    | undefined;
+  #request: StatisticsRequest | undefined;
   #since = 0;
   #began = -Infinity;
   #busy = false;
@@ -51,18 +53,18 @@ export class StatisticsFeed {
   ) {}
 
   /** Request the statistics of a window; call it repeatedly. */
-  want(wish: Asked): void {
+  want(request: StatisticsRequest): void {
     const now = this.clock();
-    if (this.#wish === undefined || !same(this.#wish, wish, UNMOVED)) this.#since = now;
-    this.#wish = wish;
-    if (wish.channels.length === 0 || (this.#held !== undefined && same(this.#held.of, wish, UNMOVED))) return;
+    if (this.#request === undefined || !same(this.#request, request, UNMOVED)) this.#since = now;
+    this.#request = request;
+    if (request.channels.length === 0 || (this.#held !== undefined && same(this.#held.of, request, UNMOVED))) return;
     const isDue = now - this.#since >= REST_MS || now - this.#began >= MOVING_MS;
-    if (!this.#busy && now >= this.#notBefore && isDue) void this.#ask(wish);
+    if (!this.#busy && now >= this.#notBefore && isDue) void this.#ask(request);
   }
 
   /** Statistics of a column, if loaded for the requested window. */
   of(channel: number, column: number): Stats | undefined {
-    if (this.#held === undefined || this.#wish === undefined || !same(this.#held.of, this.#wish, ALIKE))
+    if (this.#held === undefined || this.#request === undefined || !same(this.#held.of, this.#request, ALIKE))
       return undefined;
     const found = this.#held.columns[String(channel)]?.[column];
     return (
@@ -85,12 +87,12 @@ export class StatisticsFeed {
     this.#stop.abort();
   }
 
-  async #ask(wish: Asked): Promise<void> {
+  async #ask(request: StatisticsRequest): Promise<void> {
     const began = (this.#began = this.clock());
     this.#busy = true;
     try {
-      const columns = await this.fetch(this.recording, wish, this.#stop.signal);
-      if (columns !== undefined) this.#held = { of: wish, columns };
+      const columns = await this.fetch(this.recording, request, this.#stop.signal);
+      if (columns !== undefined) this.#held = { of: request, columns };
       const now = this.clock();
       this.#notBefore = columns === undefined ? now + PATIENCE_MS : now + PAUSES * (now - began);
     } finally {

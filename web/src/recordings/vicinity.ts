@@ -46,7 +46,7 @@ export class Vicinity {
     readonly store: ReplayStore,
     readonly bounds: Bounds,
     /** Called with problems. */
-    readonly told: (problem: Problem) => void,
+    readonly onProblem: (problem: Problem) => void,
   ) {}
 
   /** Load the samples around a moment; call it every frame, `now` in ms. */
@@ -118,12 +118,12 @@ export class Vicinity {
     this.#device = device;
     this.dispose();
     const own = this.detail.channels.filter((info) => info.device === device);
-    const told = (problem: Problem | undefined): void => {
-      if (problem) this.told(problem);
+    const onProblem = (problem: Problem | undefined): void => {
+      if (problem) this.onProblem(problem);
     };
     this.#around = nearOf(own, this.detail.longest_s).map((near) => ({
       near,
-      fetcher: new WindowFetcher(this.detail.info.id, this.store, told),
+      fetcher: new WindowFetcher(this.detail.info.id, this.store, onProblem),
       share: 1,
       missing: NaN,
     }));

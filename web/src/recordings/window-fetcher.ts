@@ -43,7 +43,7 @@ export class WindowFetcher {
     readonly recording: string,
     readonly store: ReplayStore,
     /** Called after every answer with its problem, or undefined. */
-    readonly told: (problem: Problem | undefined) => void,
+    readonly onProblem: (problem: Problem | undefined) => void,
   ) {}
 
   /** Whether this matches the held data, apart from the range. */
@@ -58,20 +58,20 @@ export class WindowFetcher {
   }
 
   /** Send the request, unless one is running; called every frame. */
-  ask(wish: FetchRequest): void {
-    if (this.#busy || performance.now() < this.#notBefore || wish.channels.length === 0) return;
+  ask(request: FetchRequest): void {
+    if (this.#busy || performance.now() < this.#notBefore || request.channels.length === 0) return;
     this.#busy = true;
-    void this.#fetch(wish).finally(() => (this.#busy = false));
+    void this.#fetch(request).finally(() => (this.#busy = false));
   }
 
   dispose(): void {
     this.#stop.abort();
   }
 
-  async #fetch(wish: FetchRequest): Promise<void> {
+  async #fetch(request: FetchRequest): Promise<void> {
     const began = performance.now();
     try {
-      const answer = await fetchWindow(this.recording, { ...wish.stretch, ...wish }, this.#stop.signal);
+      const answer = await fetchWindow(this.recording, { ...request.stretch, ...request }, this.#stop.signal);
       if (this.#stop.signal.aborted) return;
       if ("message" in answer) return this.#refused(answer.kind === OFFLINE.kind ? OFFLINE : answer);
       const { frames, problem } = decode(answer.buffer, this.store.dtypesOf);
@@ -82,10 +82,10 @@ export class WindowFetcher {
           hint: TEXT.reloadPage,
           status: 0,
         });
-      this.store.show(wish.channels, frames, wish.stretch, answer.exact);
-      this.held = { ...wish, exact: answer.exact };
+      this.store.show(request.channels, frames, request.stretch, answer.exact);
+      this.held = { ...request, exact: answer.exact };
       this.took = performance.now() - began;
-      this.told(undefined);
+      this.onProblem(undefined);
     } catch {
       if (this.#stop.signal.aborted) return;
       this.#refused(OFFLINE);
@@ -94,6 +94,6 @@ export class WindowFetcher {
 
   #refused(problem: Problem): void {
     this.#notBefore = performance.now() + PATIENCE_MS;
-    this.told(problem);
+    this.onProblem(problem);
   }
 }

@@ -19,7 +19,7 @@ export interface Opened {
   readonly look: (device: string) => void;
 }
 
-/** Missing in a DOM without layout: a size for everything, told to who observes it, and canvases that accept any drawing. */
+/** Missing in a DOM without layout: a size for everything, reported to observers, and canvases that accept any drawing. */
 const [WIDTH, HEIGHT] = [1000, 150];
 
 class SizeObserver {

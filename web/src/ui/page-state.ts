@@ -3,7 +3,7 @@ import type { DeviceInfo, DeviceStatus } from "../wire/types";
 import { COMMON } from "../texts/common";
 
 export type PageState =
-  | "starting" // the server has not been heard yet
+  | "starting" // nothing has been received from the server yet
   | "empty" // no device is configured
   | "connecting" // trying; no sample yet
   | "denied" // the system does not let us open the port

@@ -15,7 +15,7 @@ import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
 import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
-import { headNews, type Told } from "./viewer-sync";
+import { headNews, type SentHead } from "./viewer-sync";
 import { liveHref } from "./viewer-href";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/viewers";
@@ -256,7 +256,7 @@ function Following({ replay }: { readonly replay: ReplayController }) {
   useEffect(() => {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/ws/scene/${encodeURIComponent(replay.detail.info.id)}`);
-    let told: Told | undefined;
+    let sent: SentHead | undefined;
     socket.onmessage = ({ data }) => setAddress((JSON.parse(String(data)) as { readonly address: string }).address);
     socket.onclose = ({ reason }) => {
       setAddress(undefined);
@@ -270,9 +270,9 @@ function Following({ replay }: { readonly replay: ReplayController }) {
     const stop = onFrame((now) => {
       if (socket.readyState !== WebSocket.OPEN) return;
       const rate = replay.playing.peek() ? replay.speed.peek() : 0;
-      const news = headNews(told, { t: replay.head, rate, at: now / 1000 });
+      const news = headNews(sent, { t: replay.head, rate, at: now / 1000 });
       if (!news) return;
-      told = news;
+      sent = news;
       socket.send(JSON.stringify({ t: news.t, rate: news.rate }));
     });
     return () => {

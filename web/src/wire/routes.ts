@@ -468,7 +468,7 @@ export interface Routes {
     readonly path: { readonly device: string };
     readonly answer: SharedPort;
   };
-  /** Share the port. For the first share the link is opened anew, by a process that stays when this server ends. */
+  /** Share the port. For the first share the link is opened again, by a process that stays when this server ends. */
   "POST /api/devices/{device}/shares": {
     readonly path: { readonly device: string };
     readonly body: AddShareRequest;

@@ -12,22 +12,22 @@ export const ASK_S = 0.25;
 const SLEPT_S = 1;
 
 export class Silence {
-  #heard = NaN;
-  #asked = NaN;
+  #received = NaN;
+  #checked = NaN;
   #since: number | undefined;
 
   /** Report a message; true if it ends a silence. */
-  hear(now: number): boolean {
+  receive(now: number): boolean {
     const ended = this.#since !== undefined;
-    [this.#heard, this.#since] = [now, undefined];
+    [this.#received, this.#since] = [now, undefined];
     return ended;
   }
 
   /** Start of the silence when it becomes relevant; undefined otherwise. */
   ask(now: number): number | undefined {
-    const slept = !(now - this.#asked < SLEPT_S);
-    this.#asked = now;
-    if (slept || this.#since !== undefined || !(now - this.#heard > SILENT_S)) return undefined;
-    return (this.#since = this.#heard);
+    const slept = !(now - this.#checked < SLEPT_S);
+    this.#checked = now;
+    if (slept || this.#since !== undefined || !(now - this.#received > SILENT_S)) return undefined;
+    return (this.#since = this.#received);
   }
 }

@@ -37,7 +37,7 @@ let wait = FIRST_WAIT;
 let retryTimer: ReturnType<typeof setTimeout> | undefined;
 let pingTimer: ReturnType<typeof setTimeout> | undefined;
 let pings = 0;
-let heard = 0;
+let received = 0;
 let run: string | undefined;
 let newest = -Infinity;
 let historyComplete = false;
@@ -59,14 +59,14 @@ function connect(): void {
   mine.binaryType = "arraybuffer";
   socket = mine;
   mine.onopen = () => {
-    hear();
+    receive();
     pings = 0;
     ping();
     clearInterval(listening);
     listening = setInterval(listen, 1000 * ASK_S);
   };
   mine.onmessage = (event: MessageEvent<ArrayBuffer | string>) => {
-    hear();
+    receive();
     if (typeof event.data === "string") onText(event.data);
     else onBinary(event.data);
   };
@@ -83,9 +83,9 @@ function connect(): void {
   };
 }
 
-function hear(): void {
-  heard = localNow();
-  if (silence.hear(heard)) post({ kind: "silence", since: undefined });
+function receive(): void {
+  received = localNow();
+  if (silence.receive(received)) post({ kind: "silence", since: undefined });
 }
 
 function listen(): void {
@@ -96,7 +96,7 @@ function listen(): void {
 }
 
 function ping(): void {
-  if (localNow() - heard > SILENCE_S) {
+  if (localNow() - received > SILENCE_S) {
     const dead = socket;
     dead?.close();
     dead?.onclose?.(new CloseEvent("close")); // close() waits for the other end, which does not answer

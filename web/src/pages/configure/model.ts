@@ -13,7 +13,7 @@ import { computed, effect, type ReadonlySignal, type Signal, signal } from "@pre
 import type { Store } from "../../data/store";
 import { capacityAt, overWords, ratesOf } from "../../forms/budget";
 import { countOf, current, type Drafts, type Present, sameSetting, toApply } from "../../forms/edits";
-import { type Elsewhere, rebase } from "../../forms/rebase";
+import { type RemoteChange, rebase } from "../../forms/rebase";
 import { indexOf } from "../../forms/search";
 import type {
   CommandForm,
@@ -62,7 +62,7 @@ export class Model {
   /** Number of discards or undos of each setting's edits, which reset typed texts. */
   readonly epochs: Signal<Readonly<Record<string, number>>> = signal({});
   /** Changes by other users in settings being edited here. */
-  readonly elsewhere: Signal<readonly Elsewhere[]> = signal([]);
+  readonly elsewhere: Signal<readonly RemoteChange[]> = signal([]);
   /** The row under the pointer: a path of the shown setting. Row, bytes and share are highlighted together. */
   readonly hot: Signal<string> = signal("");
   /** The user's reason for the change; stored with the snapshot. */
@@ -119,8 +119,8 @@ export class Model {
     this.device = computed(() => store.devices.value.find((device) => device.id === id));
     this.traffic = computed(() => {
       const own = store.traffic.value.filter(({ device }) => device === id);
-      const heard = new Set(own.map(({ seq }) => seq)); // entries missed while disconnected lie between them
-      return [...this.older.value.filter(({ seq }) => !heard.has(seq)), ...own].sort((a, b) => a.seq - b.seq);
+      const known = new Set(own.map(({ seq }) => seq)); // entries missed while disconnected lie between them
+      return [...this.older.value.filter(({ seq }) => !known.has(seq)), ...own].sort((a, b) => a.seq - b.seq);
     });
     const who = computed(() =>
       [
@@ -152,7 +152,7 @@ export class Model {
     if (!isFirst) this.forms.value = forms.value;
     const older = this.loadOlder(undefined);
     await this.refresh();
-    if (isFirst) this.forms.value = forms.value; // not before the values: nobody is told "never read" of what was read
+    if (isFirst) this.forms.value = forms.value; // not before the values: nobody is reported "never read" of what was read
     await older;
   }
 
@@ -176,7 +176,7 @@ export class Model {
   #follow(now: Present): void {
     const finished = this.jobs.peek()?.done[0]?.id;
     const isOurs = finished !== undefined && finished === this.applied.peek(); // values altered by the device are reported with the job
-    const told: Elsewhere[] = [];
+    const reported: RemoteChange[] = [];
     const rebased = (drafts: Drafts, tell: boolean): Drafts =>
       Object.fromEntries(
         Object.entries(drafts).flatMap(([name, draft]) => {
@@ -185,7 +185,7 @@ export class Model {
           if (base === undefined || sameSetting(form, base, theirs))
             return sameSetting(form, theirs, draft) ? [] : [[name, draft]];
           const found = rebase(form, base, draft, theirs);
-          if (tell && !isOurs) told.push(...found.elsewhere);
+          if (tell && !isOurs) reported.push(...found.elsewhere);
           return sameSetting(form, theirs, found.draft) ? [] : [[name, found.draft]];
         }),
       );
@@ -195,10 +195,10 @@ export class Model {
     this.#bases = Object.fromEntries(
       Object.keys({ ...this.#bases, ...drafts }).flatMap((name) => (now[name] ? [[name, now[name]]] : [])),
     );
-    if (told.length > 0)
+    if (reported.length > 0)
       this.elsewhere.value = [
-        ...this.elsewhere.peek().filter((one) => !told.some(({ setting }) => setting === one.setting)),
-        ...told,
+        ...this.elsewhere.peek().filter((one) => !reported.some(({ setting }) => setting === one.setting)),
+        ...reported,
       ];
   }
 

@@ -155,15 +155,15 @@ function useMeasured(
   channels: readonly number[] | undefined,
 ): ExportSizes | undefined {
   const found = useSignal<{ readonly key: string; readonly sizes: ExportSizes } | undefined>(undefined);
-  const wish = { t0: range?.t0 ?? null, t1: range?.t1 ?? null, channels: channels ?? null, base };
-  const key = JSON.stringify(wish);
+  const selection = { t0: range?.t0 ?? null, t1: range?.t1 ?? null, channels: channels ?? null, base };
+  const key = JSON.stringify(selection);
   // biome-ignore lint/correctness/useExhaustiveDependencies: the key stands for all that is asked
   useEffect(() => {
     if ((!info.opened && detail === undefined) || channels?.length === 0) return;
     let over = false;
     const timer = setTimeout(
       () => {
-        void server.exportSizes(info.id, wish).then((answer) => {
+        void server.exportSizes(info.id, selection).then((answer) => {
           if (!over && answer.ok) found.value = { key, sizes: answer.value };
         });
       },

@@ -1,7 +1,7 @@
 /** Content of the library and its selection; loaded again when the server reports a change. */
 import { computed, effect, signal } from "@preact/signals";
 import { Prefetch } from "../../recordings/prefetch";
-import { type Choice, chosen, heardOf } from "../../recordings/library-filter";
+import { type Choice, chosen, withReceiving } from "../../recordings/library-filter";
 import { server, upload } from "../../recordings/api";
 import type { EditRequest, RecordingInfo } from "../../recordings/types";
 import type { Problem } from "../../ui/http";
@@ -45,7 +45,7 @@ export class Library {
     const mine = ++this.#asked;
     const outcome = await server.list();
     if (mine !== this.#asked) return;
-    if (outcome.ok) this.all.value = outcome.value.map(heardOf);
+    if (outcome.ok) this.all.value = outcome.value.map(withReceiving);
     this.trouble.value = outcome.ok ? undefined : outcome.problem;
   }
 
@@ -70,9 +70,9 @@ export class Library {
     };
   }
 
-  #replace(told: RecordingInfo | undefined): void {
-    if (told === undefined) return;
-    const info = heardOf(told);
+  #replace(answer: RecordingInfo | undefined): void {
+    if (answer === undefined) return;
+    const info = withReceiving(answer);
     const list = this.all.peek() ?? [];
     this.all.value = list.some(({ id }) => id === info.id)
       ? list.map((one) => (one.id === info.id ? info : one))

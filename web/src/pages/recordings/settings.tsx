@@ -31,16 +31,16 @@ const isFields = (value: unknown): value is Fields =>
 const words = (value: unknown): string => (typeof value === "string" ? value : "");
 
 function settingsOf(replay: ReplayController, device: string | undefined): Settings | undefined {
-  const told = replay.detail.snapshots[device ?? ""];
-  if (!told || !isFields(told["values"])) return undefined;
+  const snapshot = replay.detail.snapshots[device ?? ""];
+  if (!snapshot || !isFields(snapshot["values"])) return undefined;
   const values = Object.fromEntries(
-    Object.entries(told["values"]).filter((pair): pair is [string, Fields] => isFields(pair[1])),
+    Object.entries(snapshot["values"]).filter((pair): pair is [string, Fields] => isFields(pair[1])),
   );
   if (Object.keys(values).length === 0) return undefined;
-  const missing = isFields(told["missing"])
-    ? Object.fromEntries(Object.entries(told["missing"]).map(([name, why]) => [name, words(why)]))
+  const missing = isFields(snapshot["missing"])
+    ? Object.fromEntries(Object.entries(snapshot["missing"]).map(([name, why]) => [name, words(why)]))
     : {};
-  const of = (name: string): string => words(told[name]);
+  const of = (name: string): string => words(snapshot[name]);
   const about = {
     protocol: of("protocol"),
     product: of("product"),
@@ -48,7 +48,7 @@ function settingsOf(replay: ReplayController, device: string | undefined): Setti
     firmware: of("firmware"),
     reason: of("reason"),
   };
-  return { values, missing, about, taken: typeof told["taken"] === "number" ? told["taken"] : null };
+  return { values, missing, about, taken: typeof snapshot["taken"] === "number" ? snapshot["taken"] : null };
 }
 
 /** The device itself, if it is connected now. */
@@ -125,11 +125,11 @@ export function SettingsDialog({ recording }: { readonly recording: OpenRecordin
 
 /** All settings in the form of Configure, group by group. */
 function Values({ recording, device }: { readonly recording: string; readonly device: string }) {
-  const told = useSignal<RecordedSettings | undefined>(undefined);
+  const settingsAnswer = useSignal<RecordedSettings | undefined>(undefined);
   const why = useSignal("");
   useEffect(() => {
     void recordings.settings(recording, device).then((outcome) => {
-      if (outcome.ok) told.value = outcome.value;
+      if (outcome.ok) settingsAnswer.value = outcome.value;
       else why.value = `${outcome.problem.message} ${outcome.problem.hint}`;
     });
   }, [recording, device]);
@@ -139,13 +139,13 @@ function Values({ recording, device }: { readonly recording: string; readonly de
         <Message text={why.value} />
       </p>
     );
-  if (told.value === undefined)
+  if (settingsAnswer.value === undefined)
     return (
       <p class="hint" aria-busy="true">
         {TEXT.readingRecordedSettings}
       </p>
     );
-  const { settings, missing } = told.value;
+  const { settings, missing } = settingsAnswer.value;
   const without = Object.keys(missing);
   return (
     <>
