@@ -253,6 +253,14 @@ class Doubts(Decoder, Protocol):
     contradiction: Doubt | None
 
 
+@runtime_checkable
+class Remarks(Protocol):
+    """A decoder with remarks on its stream for the user: sentences, each with its remedy."""
+
+    @property
+    def remarks(self) -> list[str]: ...
+
+
 def sender_of(event: Event) -> str:
     """Sender of an event, as named in the stream; "" without one."""
     return "" if isinstance(event, Text | RejectedFrame) else event.device

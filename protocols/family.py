@@ -217,6 +217,7 @@ class ProtocolInfo:
             imports nothing heavy: with it a slow client of a shared port loses whole frames. "" for none.
         identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
         identify_request: harmless request to any device of the protocol for its identity; b"" for none.
+        stamped: its device time is that of a host's clock, UTC: samples have this time, which is not mapped.
         bauds: default rates of its devices' serial lines; a search for the rate tries them first.
         protection: protection of the frames of a batch, in words; None if it is the same for all.
         sender: name for senders (Batch.device) if a stream names them: its name is then its serial number, and the
@@ -262,6 +263,7 @@ class ProtocolInfo:
     permissive: Mapping[str, Any] = field(default_factory=dict)
     datagrams: bool = False
     frame_size: str = ""
+    stamped: bool = False
     identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
     identify_request: bytes = b""
     bauds: tuple[int, ...] = ()

@@ -19,6 +19,7 @@ from typing import Any
 from protocols.decode_options import DecodeOption, merged
 from protocols.events import Batch, Decoder, Reply
 from protocols.family import FrameLister, LogFormat, PositionFix, ProtocolInfo, RejectRemedy
+from protocols.messages.family import MESSAGES
 from protocols.plugins import ProtocolPlugin, protocol_plugins
 
 __all__ = ["PROBLEMS", "PROTOCOLS", "Detection", "FrameLister", "ProtocolInfo", "detect"]
@@ -70,6 +71,14 @@ def _loaded(plugin: ProtocolPlugin) -> ProtocolInfo:
 
 
 PROTOCOLS, PROBLEMS = load_families(protocol_plugins())
+
+
+def family_of(protocol: str) -> ProtocolInfo | None:
+    """The family of that name, or the stream of messages (protocols/messages/); None if unknown.
+
+    Messages are no family of devices: they are neither detected nor offered as a choice.
+    """
+    return MESSAGES if protocol == MESSAGES.name else PROTOCOLS.get(protocol)
 
 
 def decode_options() -> dict[str, DecodeOption]:
@@ -127,7 +136,7 @@ def log_formats() -> list[tuple[ProtocolInfo, LogFormat]]:
 
 def position_of(protocol: str, batch: Batch) -> PositionFix | None:
     """The newest position in a batch; None without one."""
-    family = PROTOCOLS.get(protocol)
+    family = family_of(protocol)
     return family.position(batch) if family is not None else None
 
 

@@ -101,7 +101,11 @@ class ChunkedFile:
                     self._new.append(schema)
                 number = schema.id
             channel = Channel(
-                id=topic.id, topic=topic.name, message_encoding=topic.encoding, metadata={}, schema_id=number
+                id=topic.id,
+                topic=topic.name,
+                message_encoding=topic.encoding,
+                metadata=dict(topic.metadata),
+                schema_id=number,
             )
             self._channels[topic.id] = channel
             self._new.append(channel)

@@ -1,6 +1,7 @@
 """Importers: recognise a file and read it. Each format is a row: file name, first bytes and reader.
 
-    .mcap              a recording of imuscope; of other programs if their messages are numbers (recordings/tabular.py)
+    .mcap              a recording of imuscope; of other programs if their messages hold numbers
+                       (recordings/message_source.py)
     .mtb .raw .dat …   logs of the vendors' programs (recordings/vendor_logs.py); a split log is one recording
     .csv               a table with a time column (recordings/tabular.py)
     everything else    bytes as received from a port, of any protocol
@@ -27,8 +28,9 @@ from recordings import vendor_logs
 from recordings.capture_timing import CaptureTiming
 from recordings.mcap_reader import MAGIC, FileDamage, McapReader
 from recordings.mcap_writer import READABLE, RecordingError
+from recordings.message_source import MessageSource
 from recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
-from recordings.tabular import CsvSource, MessageSource
+from recordings.tabular import CsvSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5

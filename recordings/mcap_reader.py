@@ -155,6 +155,7 @@ class McapChannel:
     schema: str = ""
     schema_encoding: str = ""
     schema_data: bytes = field(default=b"", repr=False)
+    metadata: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -380,6 +381,7 @@ class McapReader:
                     of.name if of else "",
                     of.encoding if of else "",
                     of.data if of else b"",
+                    channel.metadata,
                 )
             elif opcode == STATISTICS:
                 self.statistics = Statistics.read(_stream(body))

@@ -9,6 +9,9 @@ from them when the file is opened, so a better decoder improves old files.
     events                json                        one event of the session (server/wire/, EventInfo)
     notes                 json                        {"kind": "marker" | "note", "text", "device"}
     snapshot/<device>     json                        configuration: {"values", "missing", "reason", …}
+    <topic>               cdr, json, protobuf         a message as received from a device that sends messages, with its
+                                                      schema, sequence number and publish time; log time: its arrival.
+                                                      Metadata of the channel: "imuscope.device"
 
     metadata              name                        holds (strings)
     of the recording      recording                   format, title, created (ISO 8601), host, version
@@ -43,10 +46,13 @@ from typing import Any, Literal
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
+from protocols.messages.records import HEAD, Definitions, MessageChannel, records_of
 from recordings import file_lock
-from recordings.mcap_records import MAGIC, bytes_of, ending, message, messages
+from recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending, message, messages
 
 Direction = Literal["rx", "tx"]
+ChannelKey = str | tuple[str, MessageChannel]
+"""Topic, or device and channel of a device that sends messages."""
 
 PROFILE = "imuscope"
 FORMAT = 1
@@ -54,6 +60,8 @@ RAW_ENCODING = "application/octet-stream"
 SUFFIX = ".mcap"
 RECORDING, DEVICE, EDIT = "recording", "device/", "edit"
 EVENTS, NOTES, SNAPSHOT = "events", "notes", "snapshot/"
+DEVICE_KEY = "imuscope.device"
+"""Key in the metadata of a channel of messages: the device."""
 
 _EVENT_SCHEMA = {
     "type": "object",
@@ -104,21 +112,23 @@ class McapWriter:
     Args:
         path: of a file that does not exist yet.
         about: the recording's own metadata; values become strings.
+        definitions: channels of each device that sends messages, defined in an earlier part; extended here.
 
     Raises:
         RecordingError: the file cannot be created. Every method raises it when writing fails; data written until then
             stays, and the file is closed.
     """
 
-    def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, about: Mapping[str, Any], definitions: dict[str, Definitions] | None = None) -> None:
         self.path = path
         self.size = 0
         try:
             self._file = AtomicRecordFile(path)
         except OSError as error:
             raise disk_error(error, path) from None
-        self._schemas: dict[str, Schema] = {}
-        self._channels: dict[str, Channel] = {}
+        self._schemas: dict[tuple[str, str, bytes], Schema] = {}
+        self._channels: dict[ChannelKey, Channel] = {}
+        self._definitions = definitions if definitions is not None else {}
         self._counts: dict[int, int] = {}
         self._metadata: list[MetadataIndex] = []
         self._first: int | None = None
@@ -147,11 +157,44 @@ class McapWriter:
         for device, direction, chunks in runs:
             topic = f"{direction}/{device}"
             if topic not in self._channels:
-                records.append(self._channel(topic, RAW_ENCODING, None))
+                records.append(self._channel(topic, topic, RAW_ENCODING, None, {}))
             number = self._channels[topic].id
             self._count(number, len(chunks), min(chunks, key=_time)[1], max(chunks, key=_time)[1])
             records += messages(number, chunks)
         self._write(records)
+
+    def messages(self, device: str, chunks: Iterable[tuple[bytes, int]]) -> None:
+        """Write messages of a device, given as records of protocols/messages/records.py with their arrival, ns. One
+        whose channel is not defined is left out.
+        """
+        definitions = self._definitions.setdefault(device, Definitions())
+        out: list[bytes] = []
+        for data, arrival_ns in chunks:
+            for opcode, record in records_of(data):
+                if opcode == Opcode.MESSAGE:
+                    out += self._copied(device, definitions, record, arrival_ns)
+                else:
+                    with contextlib.suppress(ValueError):
+                        definitions.read(opcode, record[HEAD.size :])
+        if out:
+            self._write(out)
+
+    def _copied(self, device: str, definitions: Definitions, record: bytes, arrival_ns: int) -> list[bytes]:
+        """The record of a message in this file, after those of its channel if it is the first."""
+        opcode, size, id, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(record)
+        channel = definitions.channels.get(id)
+        if channel is None:
+            return []
+        key = (device, channel)
+        out = []
+        if key not in self._channels:
+            metadata = {**channel.metadata, DEVICE_KEY: device}
+            schema = (channel.schema, channel.schema_encoding, channel.schema_data) if channel.schema else None
+            out.append(self._channel(key, channel.topic, channel.encoding, schema, metadata))
+        number = self._channels[key].id
+        self._count(number, 1, arrival_ns, arrival_ns)
+        head = MESSAGE_HEAD.pack(opcode, size, number, sequence, arrival_ns, publish_ns or arrival_ns)
+        return [*out, head + record[MESSAGE_HEAD.size :]]
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
         """Write an event."""
@@ -221,7 +264,10 @@ class McapWriter:
         self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None, time_ns: int, data: bytes
     ) -> bytes:
         """The record of a message, preceded by its channel's records if it is the first."""
-        described = b"" if topic in self._channels else self._channel(topic, encoding, schema)
+        described = b""
+        if topic not in self._channels:
+            as_bytes = (schema[0], "jsonschema", json.dumps(schema[1]).encode()) if schema is not None else None
+            described = self._channel(topic, topic, encoding, as_bytes, {})
         number = self._channels[topic].id
         self._count(number, 1, time_ns, time_ns)
         return described + message(number, time_ns, data)
@@ -232,20 +278,35 @@ class McapWriter:
         self._first = first_ns if self._first is None or first_ns < self._first else self._first
         self._last = max(self._last, last_ns)
 
-    def _channel(self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None) -> bytes:
+    def _channel(
+        self,
+        key: ChannelKey,
+        topic: str,
+        encoding: str,
+        schema: tuple[str, str, bytes] | None,
+        metadata: Mapping[str, str],
+    ) -> bytes:
+        """The records of a new channel.
+
+        Args:
+            schema: name, encoding, data.
+        """
         records: list[McapRecord] = []
         number = 0
         if schema is not None:
-            name, body = schema
-            if name not in self._schemas:
-                data = json.dumps(body).encode()
-                self._schemas[name] = Schema(id=len(self._schemas) + 1, data=data, encoding="jsonschema", name=name)
-                records.append(self._schemas[name])
-            number = self._schemas[name].id
-        self._channels[topic] = Channel(
-            id=len(self._channels) + 1, topic=topic, message_encoding=encoding, metadata={}, schema_id=number
+            name, kind, data = schema
+            if schema not in self._schemas:
+                self._schemas[schema] = Schema(id=len(self._schemas) + 1, data=data, encoding=kind, name=name)
+                records.append(self._schemas[schema])
+            number = self._schemas[schema].id
+        self._channels[key] = Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding=encoding,
+            metadata=dict(metadata),
+            schema_id=number,
         )
-        records.append(self._channels[topic])
+        records.append(self._channels[key])
         return b"".join(bytes_of(record) for record in records)
 
     def _summary(self) -> list[tuple[int, list[McapRecord]]]:

@@ -7,6 +7,7 @@ Other captures: the first kilobytes give the protocol; the duration is known aft
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -17,6 +18,7 @@ from recordings import sidecar, vendor_logs
 from recordings.importers import GUESS_BYTES, GUESS_SCORE, paced
 from recordings.mcap_reader import MAGIC, TIME, McapReader
 from recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
+from recordings.messages import recorded_device
 
 ALWAYS_LISTED = (".mcap", *vendor_logs.log_suffixes(), ".bin", ".csv")  # listed even if nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
@@ -112,15 +114,18 @@ def _recording(recording: McapReader) -> RecordingProbe:
         found.duration = (statistics.message_end_time - statistics.message_start_time) / 1e9
     elif first is not None:
         found.started = int(first.table[TIME].min()) / 1e9
-    names = {topic.name: counts.get(number, 0) for number, topic in recording.topics.items()}
-    found.markers = names.get("notes", 0)
+    names: Counter[str] = Counter()
+    for channel, topic in recording.topics.items():
+        of = recorded_device(topic)
+        names[f"rx/{of}" if of else topic.name] += counts.get(channel, 0)
+    found.markers = names["notes"]
     devices: dict[str, ProbedDevice] = {}
     for name, values in recording.metadata:
         if name.startswith(DEVICE):
             number = name.removeprefix(DEVICE)
             devices.pop(number, None)  # repeated: now it is the last
             devices[number] = _device(number, values)
-            if statistics is not None and names.get(f"rx/{number}", 0) == 0:
+            if statistics is not None and names[f"rx/{number}"] == 0:
                 devices[number].messages = 0
     found.devices = list(devices.values())
     if not recording.whole:

@@ -26,6 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from protocols.messages.records import Definitions
 from recordings.mcap_writer import Direction, McapWriter, RecordingError
 
 log = logging.getLogger("imuscope.recording")
@@ -36,7 +37,7 @@ MAX_WAITING = 256 << 20  # bytes
 HOLD_S = 0.05
 _BATCH = 4096  # chunks per write, so that a part ends near its size
 
-Kind = Literal["chunks", "event", "note", "snapshot", "device", "split"]
+Kind = Literal["chunks", "messages", "event", "note", "snapshot", "device", "split"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,7 @@ class Preamble:
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
     snapshots: dict[str, tuple[Mapping[str, Any], int]] = field(default_factory=dict)
+    definitions: dict[str, Definitions] = field(default_factory=dict)
 
 
 class RecordingWriter:
@@ -136,6 +138,15 @@ class RecordingWriter:
         self._queue.append(("chunks", chunks[0][1], device, direction, chunks, size))
         if not self._wake_event.is_set():
             self._wake_event.set()
+
+    def messages(self, device: str, chunks: Sequence[tuple[bytes, int]]) -> None:
+        """Queue messages received from a device; see McapWriter.messages. Never waits."""
+        if self.error is not None:
+            return
+        size = sum(len(data) for data, _ in chunks)
+        with self._counting:
+            self._queued_bytes += size
+        self._put("messages", chunks[0][1], device, [(data, time + self.shift_ns) for data, time in chunks], size)
 
     def room(self) -> None:
         """Delay the caller briefly while too much is queued; not for a thread that others wait for.
@@ -259,6 +270,9 @@ class RecordingWriter:
         match kind:
             case "split":
                 self._split()
+            case "messages":
+                self._written_bytes += what[2]
+                self._writer.messages(what[0], what[1])
             case "event":
                 self._writer.event(what[0], time_ns)
             case "note":
@@ -297,7 +311,7 @@ class RecordingWriter:
         path = self._name(self._part)
         self._began_ns = self._now_ns()
         about = {**self._header, "part": self._part, "previous": previous.stem if previous is not None else ""}
-        writer = McapWriter(path, about)
+        writer = McapWriter(path, about, self._preambles.definitions)
         for device, known in self._preambles.devices.items():
             writer.device(device, known)
         for device, (body, time_ns) in self._preambles.snapshots.items():

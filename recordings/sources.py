@@ -20,6 +20,7 @@ import numpy as np
 from protocols.framing import Ints
 from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, FileDamage, McapReader, MessageBlock
 from recordings.mcap_writer import DEVICE, RECORDING, check_format_version
+from recordings.messages import MessageBlocks, preamble, recorded_device
 from recordings.tolerant_json import loads
 
 
@@ -115,6 +116,7 @@ class McapSource:
         recording = self._recording
         recording.damage.clear()
         self._metadata.clear()
+        of_messages = MessageBlocks(recording, recorded_device)
         for block in recording.blocks(start_ns, stop_ns):
             for number in np.unique(block.table[CHANNEL_ID]).tolist():
                 topic = recording.topics.get(number)
@@ -122,13 +124,19 @@ class McapSource:
                     continue
                 rows = block.of(number)
                 way, _, device = topic.name.partition("/")
-                if topic.encoding == "json":
+                if topic.encoding == "json" and not recorded_device(topic):
                     self._collect(topic.name, block, rows)
-                if way not in ("rx", "tx") or topic.encoding == "json":
+                if way not in ("rx", "tx") or topic.encoding == "json" or recorded_device(topic):
                     continue
                 data, ends = block.joined(rows)
                 yield ChunkBlock(device, way, data, ends, rows[TIME], block.done / max(recording.size, 1))  # type: ignore[arg-type]
+            for device, data, ends, times in of_messages.of(block):
+                yield ChunkBlock(device, "rx", data, ends, times, block.done / max(recording.size, 1))
         self._learn()
+
+    def preamble(self, device: str) -> bytes:
+        """Definitions of the channels of a device that sends messages; complete after `parts`."""
+        return preamble(self._recording, recorded_device, device)
 
     def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
         yield from self._metadata

@@ -1,4 +1,4 @@
-"""Numbers decoded by other programs: CSV with a time column, and MCAP files of other programs.
+"""Numbers decoded by other programs: CSV with a time column.
 
     CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
             1760000000.00,0.1,0.2,24.5
@@ -8,9 +8,6 @@ ns, in brackets of either kind or after an underscore (`time_ms`). Without a uni
 text is read as ISO 8601, UTC if it names no zone. Times that are not since 1970 are counted from when the file was last
 written. A column `arrival` beside it is taken as the arrival time. Lines before the heading that begin with # are
 skipped; fields are separated by comma, semicolon or tab. A cell that is not a number is empty, and reported.
-
-    MCAP  one table a topic; a number in its messages is a column (recordings/mcap_decoders.py: JSON, protobuf,
-          ROS 2); the log time is its arrival. Unreadable messages are skipped and reported.
 
 Columns are grouped into channels by name: `Acceleration.x`, `acc_x` and `accX` go with their y and z.
 """
@@ -32,11 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.plural import counted, plural
-from recordings.mcap_decoders import MessageReader, NumericMessage, reader_of, unit_of
-from recordings.mcap_reader import DATA, LENGTH, TIME, FileDamage, McapChannel, McapReader
+from recordings.mcap_reader import FileDamage
 from recordings.mcap_writer import RecordingError
 from recordings.sources import ChunkBlock, SourceDevice
-from recordings.topics import columns_of
 
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
     import pyarrow as pa
@@ -49,7 +44,6 @@ UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6,
 SINCE_1970 = 1e8  # s; smaller times are counted from another epoch
 BLOCK_BYTES = 4 << 20
 LONGEST_LINE = 4 << 20  # of the comment with the markers in an exported CSV file
-FAR_OFF_S = 86_400.0  # a stamp further from the arrival is of another clock
 MAX_COLUMNS = 500
 _TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
@@ -311,75 +305,6 @@ def _unique(names: list[str]) -> list[str]:
         seen[name] = seen.get(name, 0) + 1
         out.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
     return out
-
-
-class MessageSource(TableSource):
-    """An MCAP file of another program.
-
-    Raises:
-        RecordingError: none of its messages can be read.
-    """
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "table")
-        with McapReader(path) as recording:
-            if not recording.chunks:
-                next(iter(recording.blocks()), None)
-            topics = list(recording.topics.values())
-        if not any(reader_of(topic) for topic in topics):
-            kinds = ", ".join(sorted({topic.encoding for topic in topics})) or "nothing"
-            hint = "JSON is read, and protobuf and ROS 2 messages whose schema is in the file."
-            raise RecordingError(f"{path.name} holds no bytes of a device, and its messages are {kinds}.", hint)
-
-    def last(self) -> float:
-        with McapReader(self.path) as recording:
-            return max((chunk.message_end_time for chunk in recording.chunks), default=0) / 1e9
-
-    def rows(self) -> Iterator[TableRows]:
-        left_out: set[str] = set()
-        headings: dict[int, list[str]] = {}
-        readers: dict[int, MessageReader | None] = {}
-        self.damage.clear()
-        with McapReader(self.path) as recording:
-            for block in recording.blocks():
-                for number in np.unique(block.table[0]).tolist():
-                    topic = recording.topics.get(number)
-                    if number not in readers:
-                        readers[number] = reader_of(topic) if topic is not None else None
-                    read = readers[number]
-                    if topic is None or read is None:
-                        left_out.add(_other(topic))
-                        continue
-                    rows = block.of(number)
-                    bodies = [
-                        read(bytes(block.data[at : at + size]))
-                        for at, size in zip(rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True)
-                    ]
-                    arrival = rows[TIME] / 1e9
-                    if any(body.rows for body in bodies):
-                        arrival = np.repeat(arrival, [len(body.rows) for body in bodies])
-                        bodies = [row for body in bodies for row in body.rows]
-                    described = columns_of(topic.schema, topic.schema_data) if topic.encoding == "json" else {}
-                    names = headings.setdefault(number, list(described)[:MAX_COLUMNS] or _names(bodies))
-                    stamps = np.array([body.stamp for body in bodies])
-                    time = np.where(np.abs(stamps - arrival) < FAR_OFF_S, stamps, arrival)
-                    columns = {}
-                    for name in names:
-                        heading, unit = described.get(name) or (name, unit_of(topic, name))
-                        columns[heading] = (np.array([body.of.get(name, np.nan) for body in bodies]), unit)
-                    yield TableRows(topic.name, time, arrival, columns, block.done / max(recording.size, 1))
-            self.damage.extend(recording.damage)
-        self.damage.extend(FileDamage(-1, words) for words in sorted(left_out))
-
-
-def _other(topic: McapChannel | None) -> str:
-    if topic is None:
-        return "Messages of a channel that is not described are left out."
-    return f"{topic.name} is {topic.encoding or 'of no encoding'}, which is not read."
-
-
-def _names(bodies: list[NumericMessage]) -> list[str]:
-    return list(dict.fromkeys(name for body in bodies for name in body.of))[:MAX_COLUMNS]
 
 
 def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -23,15 +23,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.messages.own_schema import LETTERS, letters
+
 if TYPE_CHECKING:  # imported where many rows are encoded, so that a server starts sooner
     import pyarrow as pa
 
 Array = NDArray[Any]
 Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
 EVENTS = "/events"
-_LETTERS = str.maketrans(
-    {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_"}
-)
 
 
 def topic_of(device: str, info: Info, taken: Iterable[str]) -> str:
@@ -58,7 +57,7 @@ def fields_of(info: Info) -> list[str]:
     """The field of each column, with its unit in letters."""
     found: list[str] = []
     for column in info["columns"]:
-        unit = _letters(str(column["unit"]))
+        unit = letters(str(column["unit"]))
         name = _word(f"{column['name']}_{unit}" if unit else str(column["name"]))
         found.append(f"{name}_{len(found)}" if name in found else name)
     return found
@@ -83,27 +82,6 @@ def schema_of(info: Info) -> dict[str, Any]:
 def frame_of(column: Mapping[str, Any], frame: str) -> str:
     """The frame of a column for metadata: axes of a quantity without a frame are those of the body."""
     return frame or ("body" if column.get("axis") in ("x", "y", "z") else "")
-
-
-def columns_of(title: str, schema: bytes) -> dict[str, tuple[str, str]]:
-    """Columns of the fields of one of our schemas: {"x_m_s2": ("Acceleration.x", "m/s²")}; {} for other schemas.
-
-    Args:
-        title: the schema's name.
-    """
-    try:
-        parsed = json.loads(schema)
-        row = parsed["properties"].get("rows", {}).get("items", parsed)
-        if parsed["title"] != title:
-            return {}
-        units = {field: str(one.get("unit", "")) for field, one in row["properties"].items()}
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        return {}
-    found = {}
-    for field, unit in units.items():
-        name = field.removesuffix(f"_{_letters(unit)}") if unit else field
-        found[field] = (title if name == "value" else f"{title}.{name}", unit)
-    return found
 
 
 class Encoder:
@@ -192,14 +170,9 @@ def stamps(arrival: Array, time: Array) -> NDArray[np.int64]:
     return np.round(np.where(np.isfinite(time), time, arrival) * 1e9).astype(np.int64)
 
 
-def _letters(unit: str) -> str:
-    """A unit in letters: m_s2."""
-    return re.sub(r"\W", "", unit.translate(_LETTERS), flags=re.ASCII)
-
-
 def _word(text: str) -> str:
     """Letters, digits, hyphen and underscore."""
-    return re.sub(r"(?:[^\w-]|_)+", "_", text.translate(_LETTERS), flags=re.ASCII).strip("_") or "_"
+    return re.sub(r"(?:[^\w-]|_)+", "_", text.translate(LETTERS), flags=re.ASCII).strip("_") or "_"
 
 
 def _flags(column: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -25,10 +25,11 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal, TextIO
 
 from protocols.mixed_protocols import MixedProtocolDetector
-from protocols.registry import PROTOCOLS, ProtocolInfo, detect
+from protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_of
 from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
 from recordings.mcap_reader import MAGIC
 from recordings.mcap_writer import RecordingError
+from recordings.message_source import MessageSource
 from recordings.sources import McapSource
 from server.commands.common import temporary_copy
 from server.commands.inspect_table import InspectTable
@@ -158,13 +159,13 @@ def _of_file(
         if head and not head.startswith(MAGIC):
             _guessed(head, name)  # raises a more exact error
         raise ValueError(f"{error.message} {error.hint}".strip()) from None
-    if device and not isinstance(source, McapSource):
+    if device and not isinstance(source, McapSource | MessageSource):
         raise ValueError(f"{name} {NO_DEVICES}")
     if isinstance(source, CaptureSource):
         with contextlib.closing(source.stream()) as file:
             yield PROTOCOLS[source.protocol], _pieces(file)
         return
-    if not isinstance(source, McapSource) or not source.devices:
+    if not isinstance(source, McapSource | MessageSource) or not source.devices:
         raise ValueError(f"{name} has no device bytes; use `imuscope decode` to read its numbers")
     try:
         one = choose_device(source, device)
@@ -172,10 +173,12 @@ def _of_file(
         raise ValueError(str(error)) from None
     parts = (part.data for part in source.parts() if part.device == one and part.direction == direction)
     protocol_name = named or source.devices[one].protocol
-    if protocol_name not in PROTOCOLS:
+    if family_of(protocol_name) is None:
         head = next(parts, b"")
         protocol_name, parts = _guessed(head[:GUESS_BYTES], name), itertools.chain((head,), parts)  # type: ignore[assignment]
-    yield PROTOCOLS[protocol_name], parts
+    family = family_of(protocol_name)
+    assert family is not None
+    yield family, parts
 
 
 def _head(pipe: BinaryIO) -> bytes:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from protocols.events import Doubts, Event
+from protocols.events import Doubts, Event, Remarks
 from server.devices.decode_options import DecodeOptions
 from server.devices.device_demux import LinkDecoder, LinkDevices
 from server.devices.device_state import short_source
@@ -70,6 +70,16 @@ class DecodePipeline:
     def samples(self) -> int:
         """Samples of the link's own device since it was last silent."""
         return self.stream.samples if self.stream is not None else 0
+
+    @property
+    def known_protocol(self) -> str:
+        """The protocol, as the link determines or the user gave it; "" to detect it."""
+        return self._link.protocol or self.options.protocol
+
+    @property
+    def notices(self) -> list[str]:
+        """Remarks of the link, and of the decoder on its stream."""
+        return [*self._link.notices, *(self.decoder.remarks if isinstance(self.decoder, Remarks) else ())]
 
     def use_link(self, link: Link) -> None:
         """Decode what arrives on another link from now on."""

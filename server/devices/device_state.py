@@ -17,6 +17,7 @@ from server.devices.link_stats import LinkStatistics
 from server.streaming.sink import TelemetrySink
 
 ATTEMPTS_KEPT = 12
+_TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")
 _MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
 
@@ -68,7 +69,7 @@ class DeviceState:
         model = _MODEL.match(product)
         if product:
             return model.group() if model else product
-        return fallback or (self._title(protocol) if protocol else short_source(self.info.source))
+        return fallback or (self._title(protocol) if protocol else "") or short_source(self.info.source)
 
 
 def health(
@@ -112,8 +113,13 @@ def health(
 
 
 def short_source(source: str) -> str:
-    """Short name of a source: /dev/ttyUSB0 → ttyUSB0; /dev/pts/4 → pts/4; tcp://host:1 → host:1; a file's name."""
+    """Short name of a source: /dev/ttyUSB0 → ttyUSB0; /dev/pts/4 → pts/4; tcp://host:1 → host:1; the topic of a host,
+    if it is one; a file's name.
+    """
     bare = source.partition("?")[0].rstrip("/")
+    topics = _TOPICS.fullmatch(bare)
+    if topics is not None:
+        return topics["host"] if "," in topics["path"] else topics["path"]
     device = re.search("(?:^|//)/dev/(.+)", bare)
     return (device[1] if device else bare.rsplit("/", 1)[-1]) or source
 

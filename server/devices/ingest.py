@@ -27,6 +27,7 @@ from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Samp
 from protocols.framing import REFUSED
 from protocols.nmea_quantities import NmeaQuantities
 from protocols.plural import counted
+from protocols.stamp_clock import StampClock
 from server.devices.dating import Dating
 from server.devices.event_reporter import EventReporter, LossCause
 from server.devices.jitter_causes import cause_of
@@ -70,6 +71,7 @@ class ProtocolTraits:
     utc: Callable[[Batch], NDArray[np.int64] | None] = lambda batch: None
     datagrams: bool = False
     frame_size: str = ""
+    stamped: bool = False
 
 
 @dataclass(slots=True)
@@ -186,11 +188,11 @@ class Ingest:
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last good frame
         unknown_ns = NETWORK_NS if is_network(line.kind) else 0
-        self.clock = (
-            ClockSync(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
-            if line.timed
-            else CaptureClock()
-        )
+        self.clock: ClockSync = CaptureClock()
+        if about.stamped:
+            self.clock = StampClock()
+        elif line.timed:
+            self.clock = ClockSync(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
         self._clock_set_ns = 0  # total adjustment of a device clock that continued to count
         self._resets: deque[float] = deque(maxlen=RESETS)  # unix s
         self._breaks: list[float] = []  # restarts of the clock mapping that are not reported yet, unix s

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from protocols.events import Decoder
+from protocols.family import ProtocolInfo
 from protocols.sensor_properties import SensorProperties
 from server.devices.decode_options import DecodeOptions
 from server.devices.ingest import ProtocolTraits
@@ -43,9 +44,7 @@ def all_protocols() -> ProtocolSet:
     """All protocols of the registry."""
 
     def decoder(name: str, reading: DecodeOptions, link_kind: str) -> Decoder:
-        from protocols.registry import PROTOCOLS
-
-        row = PROTOCOLS[name]
+        row = _family(name)
         datagrams = {"datagrams": True} if row.datagrams and link_kind == "udp" else {}
         return row.decoder(**reading.settings(name), **datagrams)
 
@@ -55,11 +54,16 @@ def all_protocols() -> ProtocolSet:
         return detect(data)
 
     def about(name: str) -> ProtocolTraits:
-        from protocols.registry import PROTOCOLS
-
-        row = PROTOCOLS[name]
+        row = _family(name)
         return ProtocolTraits(
-            row.identify_request, row.identity, row.protection, row.sender, row.utc, row.datagrams, row.frame_size
+            row.identify_request,
+            row.identity,
+            row.protection,
+            row.sender,
+            row.utc,
+            row.datagrams,
+            row.frame_size,
+            row.stamped,
         )
 
     def count_messages(data: bytes) -> Mapping[str, int]:
@@ -68,6 +72,19 @@ def all_protocols() -> ProtocolSet:
         return count_messages(data)
 
     def title(name: str) -> str:
-        return protocols().get(name, name)
+        from protocols.registry import family_of
+
+        family = family_of(name)
+        return family.title if family is not None else name
 
     return ProtocolSet(decoder=decoder, guess=guess, title=title, about=about, count_messages=count_messages)
+
+
+def _family(name: str) -> ProtocolInfo:
+    """The family of that name; KeyError if unknown."""
+    from protocols.registry import family_of
+
+    family = family_of(name)
+    if family is None:
+        raise KeyError(name)
+    return family

@@ -228,7 +228,7 @@ class Session(Audience):
         self._pipeline.disconnect()
         self._link.flow.keep_datagrams = True  # until it is known whether ends of datagrams matter
         self._identification.restart()
-        if protocol := self.reading.protocol or (self.info.protocol if same and self.devices.others else ""):
+        if protocol := self._pipeline.known_protocol or (self.info.protocol if same and self.devices.others else ""):
             self._pipeline.begin(protocol)
         message = f"{self._link.source} is open, no data yet."
         self._set(is_open=True, message=message, hint="", baud=self._link.baud, notices=self._notices)
@@ -432,7 +432,7 @@ class Session(Audience):
 
     @property
     def _notices(self) -> list[str]:
-        return [*self._link.notices, *self._left_out.notices(self._sink.now()), *self._diagnostics.notices]
+        return [*self._pipeline.notices, *self._left_out.notices(self._sink.now()), *self._diagnostics.notices]
 
     def rearm(self, device: str = "") -> None:
         """Accept any next sequence number of one device of the stream, or of all ("").

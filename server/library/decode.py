@@ -28,12 +28,13 @@ from typing import Any, get_args
 
 import numpy as np
 
-from protocols.events import Doubts
+from protocols.events import Doubts, Remarks
 from recordings.capture_timing import BLIND_RATE
 from recordings.column_store import ColumnStore, ColumnStoreWriter
 from recordings.health_history import HealthHistoryWriter
 from recordings.importers import CaptureSource
 from recordings.mcap_writer import EVENTS, NOTES, SNAPSHOT
+from recordings.message_source import MessageSource
 from recordings.sources import ChunkBlock, McapSource, Source
 from recordings.tabular import TableSource
 from server import previous_names, wire, wire_codec
@@ -94,6 +95,7 @@ class _Device:
         self._timed = source.timed
         self._baud = info.baud
         self._reader: LinkDecoder | None = None
+        self._decoder: object = None
         self._waiting: list[ChunkBlock] = []
         self._fed = 0
         self._drained = 0  # arrival of the last decoded chunk, ns
@@ -126,7 +128,7 @@ class _Device:
         byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
         line = LinkTiming(byte_time_ns, self._link, capacity, timed=self._timed)
         self._settle_doubts()
-        decoder = self._protocols.decoder(self.protocol, self._reading, self._link)
+        decoder = self._decoder = self._protocols.decoder(self.protocol, self._reading, self._link)
         about = self._protocols.about(self.protocol)
         self.state.set(protocol=self.protocol)
         self._reader = LinkDecoder(self._sink, self.devices, decoder, line=line, about=about)
@@ -188,6 +190,11 @@ class _Device:
                 device = sender.state.info.id
                 self._sink.health_history.clock(device, self._sink.time, clock.drift_ppm, clock.uncertainty_ns / 1e6)
 
+    def _report_remarks(self) -> None:
+        """Report what the decoder has to say about the stream."""
+        for words in self._decoder.remarks if isinstance(self._decoder, Remarks) else ():
+            self.devices.own.events.report("device", "warning", words)
+
     def end(self) -> None:
         """Finish decoding at the end of the file."""
         if self._reader is None and self._waiting:
@@ -196,6 +203,7 @@ class _Device:
             self._reader.drain(stalled=True)
             self._store_clocks()
         self._report_refusals()
+        self._report_remarks()
         for sender in self.devices.all:
             sender.events.tick(self._sink.time + 3600.0)
             sender.state.set(status="ended", message="", hint="", next_attempt=None)
@@ -295,7 +303,7 @@ def decode(
 
 def _end(source: Source) -> float:
     """End of a recording, unix s, from its index; 0 without an index."""
-    return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource) else 0.0
+    return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource | MessageSource) else 0.0
 
 
 def _manifest(

@@ -1,4 +1,4 @@
-"""Decoding of numeric files (CSV, MCAP of other tools) into an opened recording; each table becomes a channel.
+"""Decoding of numeric files (CSV) into an opened recording; each table becomes a channel.
 
 There are no bytes, so no decoder, clock mapping or losses: times are taken from the file, and the unit of a column from
 its heading.

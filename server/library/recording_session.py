@@ -1,6 +1,7 @@
 """Writers of one recording: bytes, events and metadata of its devices.
 
     session.chunks            every chunk, both directions                 rx/<device>, tx/<device>
+                              of a device that sends messages, each one    its topic
     bus: events               of its devices and of the server             events
     bus: traffic              only notes (frames are recorded as bytes,
                               commands as events)                          events
@@ -18,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from protocols.messages.family import NAME as MESSAGES
 from recordings.mcap_writer import Direction
 from recordings.recording_writer import RecordingWriter
 from server import wire, wire_codec
@@ -83,8 +85,18 @@ class RecordingSession:
         self._sessions[device] = session
         writer.device(device, {**about(session.info), **session.reading.recorded})
 
+        described = False
+
         def take(chunks: Sequence[Chunk], way: Direction) -> None:
-            writer.chunks(device, way, [(chunk.data, chunk.arrival_ns) for chunk in chunks])
+            nonlocal described
+            received = [(chunk.data, chunk.arrival_ns) for chunk in chunks]
+            if way == "rx" and session.link.protocol == MESSAGES:
+                if not described:  # what was received before says what these messages are
+                    received.insert(0, (session.link.preamble, received[0][1]))
+                    described = True
+                writer.messages(device, received)
+            else:
+                writer.chunks(device, way, received)
             if way == "rx":  # in the thread that reads the link
                 writer.room()
 

@@ -159,6 +159,8 @@ class Link(ABC):
         flow: the byte flow of the link.
         speed: speed of a played file relative to the device's clock.
         detects_baud: `open` tries each rate until a protocol is detected.
+        protocol: protocol of its bytes, if the link determines it; "" otherwise.
+        preamble: bytes that a decoder, or a recording, needs before those that it receives from now on.
     """
 
     kind: str
@@ -172,6 +174,8 @@ class Link(ABC):
         self.notices: list[str] = []
         self.flow = Flow()
         self.speed = 1.0
+        self.protocol = ""
+        self.preamble = b""
 
     @property
     def waits(self) -> bool:

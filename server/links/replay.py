@@ -18,10 +18,13 @@ import threading
 from pathlib import Path
 from urllib.parse import quote
 
+from protocols.messages.family import NAME as MESSAGES
 from recordings.importers import open_file
 from recordings.mcap_reader import MAGIC
 from recordings.mcap_writer import RecordingError
+from recordings.message_source import MessageSource
 from recordings.replay import ReplayClock, extent
+from recordings.sources import McapSource
 from recordings.sources import Source as File
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
 from server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
@@ -31,6 +34,7 @@ from server.links.text import progress_line
 
 TOGETHER_NS = 1_000_000_000  # links of one file opened within this time start together
 LONGEST_S = 1e7
+DESCRIBE_NS = 2_000_000_000  # between two definitions of the channels of messages, for a decoder that starts meanwhile
 OPTIONS = ("speed", "loop", "device", "from", "to")
 
 _began: dict[tuple[str, float, bool, float, float], int] = {}  # file and options → start time
@@ -98,6 +102,10 @@ class ReplayLink(FileLink):
         if span is None:
             raise LinkError("ended", f"{self.path.name} holds no bytes of a device.", "Give another recording.")
         device = self._chosen(file)
+        if (known := file.devices.get(device)) is not None and known.protocol == MESSAGES:
+            self.protocol = MESSAGES
+        if self.protocol == MESSAGES and isinstance(file, McapSource | MessageSource):
+            self.preamble = file.preamble(device)
         progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")
         self.notices = [damage.words for damage in file.damage[:1]]
         self._stop.clear()
@@ -144,10 +152,15 @@ class ReplayLink(FileLink):
     def _play(self, inbox: ChunkQueue, replay: ReplayClock) -> None:
         """Body of the thread."""
         wait_for = self._wait_for(inbox)
+        describe_ns = 0
         try:
             while not self._stop.is_set():
                 for one in replay.due_chunks():
-                    inbox.put(Chunk(one.data, self.settings.now_ns(), one.restart))
+                    now_ns = self.settings.now_ns()
+                    data = one.data
+                    if self.preamble and (one.restart or now_ns >= describe_ns):
+                        data, describe_ns = self.preamble + data, now_ns + DESCRIBE_NS
+                    inbox.put(Chunk(data, now_ns, one.restart))
                 inbox.flush()
                 inbox.wait(FULL_BYTES, self._stop.wait)
                 wait_ns = replay.wait_ns()

@@ -12,8 +12,8 @@ colours and descriptions of columns come from the rows of the protocol's table (
 of the array. The division of a batch is computed once per message layout and stored as a plan, because the same layouts
 occur thousands of times.
 
-The page shows °/s for rad/s and metres for millimetres: `SHOWN` is the only place where wire units are converted to
-page units, for every family. Files and `inspect` use wire units.
+The page shows °/s for rad/s, µT for T and metres for millimetres: `SHOWN` is the only place where wire units are
+converted to page units, for every family. Files and `inspect` use wire units.
 
 Unknown payloads are not numbers; they are shown as bytes (server/streaming/unknown_payloads.py).
 
@@ -46,6 +46,7 @@ _AXIS_LABELS = {"xyz", "rollpitchyaw", "enu", "ned", "nwu", "eastnorthup", "nort
 # Unit of a protocol's table → unit on the page, factor, number of decimals less.
 SHOWN: Mapping[str, tuple[str, float, int]] = {
     "rad/s": ("°/s", 180 / np.pi, 2),
+    "T": ("µT", 1e6, 6),
     "mm": ("m", 1e-3, -3),
     "mm/s": ("m/s", 1e-3, -3),
 }

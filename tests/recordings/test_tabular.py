@@ -14,7 +14,6 @@ from recordings.column_store import ColumnStore
 from recordings.exporters import ExportRequest, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
-from recordings.tabular import TableSource
 from server.devices import protocol_set
 from server.library.decode import decode
 from tests.recordings.store_fixtures import START, store
@@ -30,7 +29,7 @@ def table(path: Path, text: str) -> ColumnStore:
 
 
 def named(columns: ColumnStore) -> dict[str, int]:
-    return {info["name"]: info["id"] for info in columns.manifest["channels"]}
+    return {info["title"]: info["id"] for info in columns.manifest["channels"]}
 
 
 @pytest.mark.parametrize(
@@ -122,9 +121,10 @@ def test_messages_in_json_are_tables_and_others_are_named(tmp_path: Path) -> Non
     numbers = named(columns)
     assert numbers.keys() == {"position", "cov", "ok"}
     rows = columns.exact(numbers["position"], 0, 100)
-    assert rows.columns[0][[0, 49, 51, 99]].tolist() == [0, 49, 51, 99]
-    assert np.isnan(rows.columns[0][50])
-    np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)
+    assert rows.columns[0].tolist() == [*range(50), *range(51, 100)]
+    assert columns.manifest["figures"]["1"]["rejects"] == 1
+    np.testing.assert_allclose(rows.arrival, START + np.delete(np.arange(100), 50) / 100, atol=1e-6)
+    assert np.isnan(rows.time).all()  # these messages have no stamp
     assert any("/camera is cdr" in damage["words"] for damage in columns.manifest["damage"])
 
 
@@ -172,12 +172,13 @@ def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
     """
     columns = store(tmp_path / "store")
     (made,) = export("mcap", ExportRequest(columns, channels=(4,)), tmp_path / "run.mcap")
-    source = open_file(made)
-    assert isinstance(source, TableSource)
-    (rows,) = (rows for rows in source.rows() if rows.table == "/MTi-630/GnssSatInfo")
-    wanted = columns.exact(4, 0, 30)
-    np.testing.assert_array_equal(rows.columns["GnssSatInfo.svid"][0], wanted.columns[0])
-    assert rows.columns["GnssSatInfo.cno"][1] == "dBHz"
+    again = opened(made)
+    (info,) = (one for one in again.manifest["channels"] if one["message"] == "/MTi-630/GnssSatInfo")
+    rows, wanted = again.exact(info["id"], 0, 30), columns.exact(4, 0, 30)
+    names = [column["name"] for column in info["columns"]]
+    assert (info["title"], info["kind"]) == ("GnssSatInfo", "table")
+    np.testing.assert_array_equal(rows.columns[names.index("svid")], wanted.columns[0])
+    assert info["columns"][names.index("cno")]["unit"] == "dBHz"
     np.testing.assert_allclose(rows.time, wanted.time, atol=1e-6)
 
 

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as RosWriter
 
+from protocols.events import Batch
+from protocols.messages.decoder import MessageDecoder, reader_of
+from protocols.messages.records import MessageChannel
 from recordings.importers import open_file
-from recordings.mcap_decoders import reader_of
-from recordings.mcap_reader import McapChannel
 from recordings.mcap_writer import RecordingError
-from recordings.tabular import TableRows, TableSource
+from recordings.message_source import MessageSource
 from tests.recordings.store_fixtures import START
 
 NS = round(START * 1e9)
@@ -67,22 +68,40 @@ def bag(path: Path) -> Path:
     return path
 
 
-def rows_of(path: Path) -> TableRows:
+def batch_of(path: Path) -> list[Batch]:
+    """The messages of a file, in one batch for each layout."""
     source = open_file(path)
-    assert isinstance(source, TableSource)
-    (rows,) = source.rows()
-    return rows
+    assert isinstance(source, MessageSource)
+    decoder = MessageDecoder()
+    for part in source.parts():
+        decoder.feed_chunks(part.data, part.ends, part.times)
+    events = decoder.drain(stalled=True)
+    assert all(isinstance(event, Batch) for event in events), events
+    return [event for event in events if isinstance(event, Batch)]
+
+
+def column(batches: list[Batch], name: str) -> np.ndarray:
+    """A quantity of all batches, in the order of the file."""
+    order = np.argsort(np.concatenate([batch.offset for batch in batches]), kind="stable")
+    return np.concatenate([batch.columns[name] for batch in batches])[order]
 
 
 def test_a_ros_2_bag_has_its_numbers_with_their_units_at_the_time_they_were_measured(tmp_path: Path) -> None:
-    rows = rows_of(bag(tmp_path / "bag.mcap"))
-    assert rows.table == "/imu"
-    np.testing.assert_allclose(rows.columns["angular_velocity.x"][0], 0.1 * np.arange(50))
-    assert rows.columns["angular_velocity.x"][1] == "rad/s"
-    assert rows.columns["linear_acceleration.z"][1] == "m/s²"
-    assert rows.columns["orientation_covariance.8"][0][0] == 8.0
-    assert "header.stamp" not in rows.columns
-    np.testing.assert_allclose(rows.arrival - rows.time, 0.003, atol=1e-6)
+    batches = batch_of(bag(tmp_path / "bag.mcap"))
+    assert {batch.message.name for batch in batches} == {"/imu"}
+    fields = {field.name: field for field in batches[0].message.fields}
+    np.testing.assert_allclose(column(batches, "angular_velocity")[:, 0], 0.1 * np.arange(50))
+    assert fields["angular_velocity"].unit == "rad/s"
+    assert fields["linear_acceleration"].unit == "m/s²"
+    assert column(batches, "linear_acceleration")[0].tolist() == [0.0, 0.0, 9.81]
+    assert column(batches, "orientation_covariance")[0, 8] == 8.0
+    assert column(batches, "raw")[0].tolist() == [1, 2, 3]
+    assert (fields["orientation"].axes, fields["orientation"].frame) == (("w", "x", "y", "z"), "ENU from body")
+    assert column(batches, "orientation")[0].tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert not [name for name in fields if "stamp" in name]
+    for batch in batches:
+        assert batch.time_ns is not None
+        assert (batch.arrival_ns - batch.time_ns == 3_000_000).all()
 
 
 def described() -> tuple[bytes, type]:
@@ -124,11 +143,13 @@ def test_protobuf_that_describes_itself_is_read_zeros_too(tmp_path: Path) -> Non
             told.timestamp.FromNanoseconds(NS + n * 10**7 - 10**6)
             writer.add_message(channel, NS + n * 10**7, told.SerializeToString(), 0)
         writer.finish()
-    rows = rows_of(path)
-    assert rows.columns.keys() == {"turn.x", "turn.y", "turn.z", "noise.0", "noise.1"}
-    assert rows.columns["turn.x"][0].tolist() == list(range(20))
-    assert rows.columns["turn.y"][0].tolist() == [0.0] * 20  # unset: it is zero, and included
-    np.testing.assert_allclose(rows.arrival - rows.time, 0.001, atol=1e-6)
+    (batch,) = batch_of(path)
+    assert batch.columns.keys() == {"turn", "noise"}
+    assert batch.columns["turn"][:, 0].tolist() == list(range(20))
+    assert batch.columns["turn"][:, 1].tolist() == [0.0] * 20  # unset: it is zero, and included
+    assert batch.columns["noise"].shape == (20, 2)
+    assert batch.time_ns is not None
+    assert (batch.arrival_ns - batch.time_ns == 1_000_000).all()
 
 
 @pytest.mark.parametrize("encoding", [("cdr", "ros2msg"), ("protobuf", "protobuf")])
@@ -136,21 +157,27 @@ def test_protobuf_that_describes_itself_is_read_zeros_too(tmp_path: Path) -> Non
 def test_malformed_schemas_and_messages_give_no_numbers(
     encoding: tuple[str, str], schema: bytes, message: bytes
 ) -> None:
-    read = reader_of(McapChannel(1, "/odd", encoding[0], "a/msg/B", encoding[1], schema))
+    read = reader_of(MessageChannel(1, "/odd", encoding[0], "a/msg/B", encoding[1], schema))
     if read is not None:
-        read(message)
+        read([message])
 
 
 @given(message=st.binary(max_size=120))
 def test_malformed_messages_of_a_known_kind_are_harmless(message: bytes) -> None:
-    read = reader_of(McapChannel(1, "/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", IMU.encode()))
+    read = reader_of(MessageChannel(1, "/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", IMU.encode()))
     assert read is not None
-    read(b"\x00\x01\x00\x00" + message)
+    found, refused = read([b"\x00\x01\x00\x00" + message])
+    assert (found, len(refused)) == ([], 1)  # shorter than the shortest of its kind
 
 
-def test_an_array_of_empty_elements_has_a_size_limit() -> None:
-    text = b"a/Empty[] many\n====\nMSG: a/Empty\n# nothing\n"
-    assert reader_of(McapChannel(1, "/odd", "cdr", "a/msg/B", "ros2msg", text)) is None
+def test_an_array_of_empty_elements_takes_no_time() -> None:
+    """Its elements take no bytes: it can claim any number of them."""
+    text = b"a/Empty[] many\nuint8 last\n====\nMSG: a/Empty\n# nothing\n"
+    read = reader_of(MessageChannel(1, "/odd", "cdr", "a/msg/B", "ros2msg", text))
+    assert read is not None
+    found, refused = read([bytes([0, 1, 0, 0]) + b"\xff" * 4 + b"\x07"])
+    assert not refused
+    assert found[0].columns["last"].tolist() == [7]
 
 
 def test_unreadable_messages_are_reported(tmp_path: Path) -> None:

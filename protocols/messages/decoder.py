@@ -1,0 +1,420 @@
+"""Decoder of a stream of messages: records in, batches out. A topic is a message; its quantities are channels.
+
+    records ─> by channel ─> readers (cdr.py, walkers.py) ─> numbers by path ─> quantities ─> Batch
+
+## Time
+
+The time of measurement is the message's own stamp (header.stamp, stamp, timestamp), else the time at which it was
+published, if that is known. Both are times of the sender's clock. A stamp that is missing, or further from the arrival
+than clocks of two hosts can be apart, is not used: the time is then that of the arrival, and `remarks` says so. So is a
+stamp that goes back by more than `BACK_NS`, until the stamps have passed where they were.
+
+## Loss
+
+If a channel's sequence numbers count the messages of its publisher, numbers that are missing are lost messages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.counters import SequenceCounter
+from protocols.events import Batch, Event, RejectedFrame, SampleGap
+from protocols.framing import StreamBuffer
+from protocols.messages.cdr import MOST_COLUMNS, CdrReader
+from protocols.messages.own_schema import columns_of, own_quantity
+from protocols.messages.quantities import MessageQuantity, absent_quantities, quantities_of, unknown_rows
+from protocols.messages.records import (
+    HEAD,
+    LONGEST,
+    MESSAGE,
+    MESSAGE_FIXED,
+    MESSAGE_HEAD,
+    PLAUSIBLE,
+    SCHEMA,
+    Definitions,
+    MessageChannel,
+)
+from protocols.messages.ros2msg import parse
+from protocols.messages.walkers import SENSELESS, STAMPS, NumericMessage, json_reader, protobuf_reader
+from protocols.schema import Message
+
+Array = NDArray[Any]
+Ints = NDArray[np.int64]
+
+LATE_NS, AHEAD_NS = 60_000_000_000, 5_000_000_000  # a stamp earlier or later than that is of another clock
+BACK_NS = 1_000_000_000
+MOST_CHANNELS = 1024
+MOST_REMARKS = 8
+
+
+@dataclass(slots=True)
+class _Received:
+    """One message of a drain."""
+
+    data: bytes
+    offset: int
+    size: int
+    arrival_ns: int
+    sequence: int
+    publish_ns: int
+
+
+@dataclass(slots=True)
+class Numbers:
+    """Numbers of some messages of a channel.
+
+    Args:
+        rows: (n,) indexes of the messages.
+        stamps: (n,) ns; 0 if the message has none.
+        columns: path → (n,).
+        tables: path → (n, rows) of messages that are tables.
+    """
+
+    rows: Ints
+    stamps: Ints
+    columns: dict[str, Array]
+    tables: dict[str, Array] = field(default_factory=dict)
+
+
+Read = Callable[[Sequence[bytes]], tuple[list[Numbers], list[tuple[int, str]]]]
+
+
+def reader_of(channel: MessageChannel) -> Read | None:
+    """Reader of the messages of a channel; None if their encoding or schema is unknown or invalid."""
+    try:
+        match channel.encoding, channel.schema_encoding:
+            case "cdr", "ros2msg":
+                return _cdr(CdrReader(parse(channel.schema, channel.schema_data.decode())))
+            case "protobuf", "protobuf":
+                return _walked(protobuf_reader(channel.schema, channel.schema_data))
+            case "json", _:
+                return _walked(json_reader())
+    except SENSELESS:
+        return None
+    return None
+
+
+def _cdr(reader: CdrReader) -> Read:
+    def read(messages: Sequence[bytes]) -> tuple[list[Numbers], list[tuple[int, str]]]:
+        layouts, refused = reader.columns(messages)
+        found = []
+        for one in layouts:
+            stamps = np.zeros(len(one.rows), np.int64)
+            columns = dict(one.numbers)
+            for path, times in one.times.items():
+                if path in STAMPS:
+                    stamps = times
+                else:
+                    columns[path] = times / 1e9
+            found.append(Numbers(one.rows, stamps, columns))
+        return found, refused
+
+    return read
+
+
+def _walked(read_one: Callable[[bytes], NumericMessage]) -> Read:
+    def read(messages: Sequence[bytes]) -> tuple[list[Numbers], list[tuple[int, str]]]:
+        flat: list[tuple[int, NumericMessage]] = []
+        tables: dict[int, list[tuple[int, NumericMessage]]] = {}
+        refused: list[tuple[int, str]] = []
+        for index, data in enumerate(messages):
+            try:
+                one = read_one(data)
+            except SENSELESS as error:
+                refused.append((index, str(error)))
+                continue
+            if one.rows:
+                tables.setdefault(len(one.rows), []).append((index, one))
+            else:
+                flat.append((index, one))
+        found = [_gathered(flat)] if flat else []
+        return found + [_gathered_tables(some) for some in tables.values()], refused
+
+    return read
+
+
+def _gathered(messages: Sequence[tuple[int, NumericMessage]]) -> Numbers:
+    names = list(dict.fromkeys(name for _, one in messages for name in one.of))[:MOST_COLUMNS]
+    columns: dict[str, Array] = {
+        name: np.array([one.of.get(name, np.nan) for _, one in messages], np.float64) for name in names
+    }
+    return Numbers(_indexes(messages), _stamps(messages), columns)
+
+
+def _gathered_tables(messages: Sequence[tuple[int, NumericMessage]]) -> Numbers:
+    names = list(dict.fromkeys(name for _, one in messages for row in one.rows for name in row.of))[:MOST_COLUMNS]
+    tables: dict[str, Array] = {
+        name: np.array([[row.of.get(name, np.nan) for row in one.rows] for _, one in messages], np.float64)
+        for name in names
+    }
+    return Numbers(_indexes(messages), _stamps(messages), {}, tables)
+
+
+def _indexes(messages: Sequence[tuple[int, NumericMessage]]) -> Ints:
+    return np.array([index for index, _ in messages], np.int64)
+
+
+def _stamps(messages: Sequence[tuple[int, NumericMessage]]) -> Ints:
+    return np.array([min(one.stamp_ns, (1 << 63) - 1) for _, one in messages], np.int64)
+
+
+class _Topic:
+    """One channel of the stream."""
+
+    def __init__(self, channel: MessageChannel) -> None:
+        self.channel = channel
+        self.read = reader_of(channel)
+        self.own = columns_of(channel.schema, channel.schema_data) if channel.encoding == "json" else {}
+        self.counter = SequenceCounter(1 << 32) if channel.is_counted else None
+        self.last_ns = 0  # the newest stamp used
+        self.stamped = 0  # stamps used
+        self.unstamped = 0  # messages whose stamp could not be used
+        self.off_ns = 0  # arrival less stamp, of the last stamp that could not be used
+        self._paths: dict[str, None] = {}
+        self._known: dict[tuple[frozenset[str], bool], tuple[Message, list[MessageQuantity]]] = {}
+
+    def described(self, numbers: Numbers) -> tuple[Message, list[MessageQuantity]]:
+        """The message with the quantities that are known in these rows."""
+        is_table = bool(numbers.tables)
+        columns = numbers.tables or numbers.columns
+        if self.own:
+            columns = {name: columns.get(name, np.zeros(0)) for name in self.own}
+        elif not columns.keys() <= self._paths.keys():
+            self._paths = dict.fromkeys([*self._paths, *columns][:MOST_COLUMNS])
+            self._known.clear()
+        names = {path.rpartition(".")[0] for path in numbers.columns if path.endswith((".0", ".x"))}
+        names = {name.removesuffix("_covariance") for name in names}
+        absent = frozenset() if self.own else frozenset(absent_quantities(numbers.columns, names))
+        key = (absent, is_table)
+        if key not in self._known:
+            self._known[key] = self._message(absent, is_table=is_table)
+        return self._known[key]
+
+    def _message(self, absent: frozenset[str], *, is_table: bool) -> tuple[Message, list[MessageQuantity]]:
+        channel = self.channel
+        if self.own:
+            quantities = [own_quantity(channel.schema, self.own)]
+        else:
+            found = quantities_of(channel.schema, list(self._paths))
+            quantities = [one for one in found if one.field.name not in absent]
+        fields = tuple(one.field for one in quantities)
+        # A quantity that is called like its message would have its name twice.
+        apart = () if is_table else tuple(one.name for one in fields)
+        message = Message(-1, channel.topic, fields, separate_channels=apart, title=channel.topic, doc=channel.schema)
+        return message, quantities
+
+
+class MessageDecoder:
+    """Decoder of one stream; see protocols/events.py, Decoder.
+
+    Args:
+        direction: accepted for the interface; a stream of messages has one.
+    """
+
+    def __init__(self, *, direction: str = "to_host", datagrams: bool = False) -> None:
+        self._buffer = StreamBuffer()
+        self._definitions = Definitions()
+        self._topics: dict[int, _Topic] = {}
+
+    # -- input ---------------------------------------------------------------------------------------------------------
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._buffer.append(data, arrival_ns)
+
+    def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks."""
+        self._buffer.extend(data, ends, arrival_ns)
+
+    @property
+    def buffered(self) -> int:
+        """Bytes of an incomplete record."""
+        return len(self._buffer)
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about the stream for the user."""
+        found = [words for topic in self._topics.values() if (words := _remark(topic))]
+        return list(dict.fromkeys(found))[:MOST_REMARKS]
+
+    def drain(self, *, stalled: bool = False) -> list[Event]:
+        """Return every complete event."""
+        rejects: list[Event] = []
+        received: dict[int, list[_Received]] = {}
+        self._scan(rejects, received, stalled=stalled)
+        events = rejects
+        for number, messages in received.items():
+            events += self._decode(self._topics[number], messages)
+        if len(received) + len(rejects) > 1:
+            events.sort(key=_first)
+        return events
+
+    # -- records -------------------------------------------------------------------------------------------------------
+
+    def _scan(self, rejects: list[Event], received: dict[int, list[_Received]], *, stalled: bool) -> None:
+        buffer = self._buffer
+        data, start = buffer.data(), buffer.start
+        at, end = 0, len(data)
+        while end - at >= HEAD.size:
+            opcode, length = HEAD.unpack_from(data, at)
+            whole = at + HEAD.size + length
+            if not SCHEMA <= opcode <= MESSAGE or length >= LONGEST or (opcode == MESSAGE and length < MESSAGE_FIXED):
+                found = PLAUSIBLE.search(data, at + 1)
+                behind = found.start() if found is not None else max(end - HEAD.size + 1, at + 1)
+                rejects.append(RejectedFrame(start + at, behind - at, "bad_size", buffer.arrival(start + at)))
+                at = behind
+                continue
+            if whole > end:
+                if not stalled:
+                    break
+                rejects.append(RejectedFrame(start + at, end - at, "truncated", buffer.arrival(start + end - 1)))
+                found = PLAUSIBLE.search(data, at + 1)
+                at = found.start() if found is not None else end
+                continue
+            self._record(data[at:whole], opcode, start + at, rejects, received)
+            at = whole
+        if stalled and at < end:
+            rejects.append(RejectedFrame(start + at, end - at, "truncated", buffer.arrival(start + end - 1)))
+            at = end
+        buffer.release(start + at)
+
+    def _record(
+        self, record: bytes, opcode: int, offset: int, rejects: list[Event], received: dict[int, list[_Received]]
+    ) -> None:
+        arrival_ns = self._buffer.arrival(offset + len(record) - 1)
+        if opcode != MESSAGE:
+            try:
+                channel = self._definitions.read(opcode, record[HEAD.size :])
+            except ValueError:
+                rejects.append(RejectedFrame(offset, len(record), "bad_item", arrival_ns))
+                return
+            if channel is not None and len(self._topics) < MOST_CHANNELS:
+                self._topics[channel.id] = _Topic(channel)
+                received.pop(channel.id, None)
+            return
+        _, _, number, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(record)
+        topic = self._topics.get(number)
+        if topic is None:
+            rejects.append(RejectedFrame(offset, len(record), "bad_id", arrival_ns))
+        elif topic.read is not None:
+            data = record[MESSAGE_HEAD.size :]
+            received.setdefault(number, []).append(
+                _Received(data, offset, len(record), arrival_ns, sequence, min(publish_ns, (1 << 63) - 1))
+            )
+
+    # -- messages ------------------------------------------------------------------------------------------------------
+
+    def _decode(self, topic: _Topic, messages: list[_Received]) -> list[Event]:
+        assert topic.read is not None
+        events: list[Event] = []
+        if topic.counter is not None:
+            lost = topic.counter.missing(np.array([one.sequence for one in messages], np.int64))
+            for row in np.flatnonzero(lost).tolist():
+                one = messages[row]
+                events.append(SampleGap(one.offset, int(lost[row]), topic.channel.topic, one.arrival_ns))
+        found, refused = topic.read([one.data for one in messages])
+        for index, words in refused:
+            one = messages[index]
+            events.append(RejectedFrame(one.offset, one.size, "bad_item", one.arrival_ns, detail=words[:200]))
+        arrivals = np.array([one.arrival_ns for one in messages], np.int64)
+        offsets = np.array([one.offset for one in messages], np.int64)
+        published = np.array([one.publish_ns for one in messages], np.int64)
+        stamps = np.zeros(len(messages), np.int64)
+        for numbers in found:
+            stamps[numbers.rows] = np.where(numbers.stamps > 0, numbers.stamps, published[numbers.rows])
+        usable = _usable(topic, stamps, arrivals)
+        for numbers in found:
+            rows = numbers.rows
+            message, quantities = topic.described(numbers)
+            if not quantities:
+                continue
+            columns = _values(quantities, numbers)
+            used = usable[rows]
+            for which in (used, ~used):
+                if which.all():
+                    part: Mapping[str, Array] = columns
+                elif which.any():
+                    part = {name: column[which] for name, column in columns.items()}
+                else:
+                    continue
+                some = rows[which]
+                time_ns = stamps[some] if which is used else None
+                events.append(Batch(message, "", arrivals[some], offsets[some], time_ns, part))
+        return events
+
+
+def _values(quantities: Sequence[MessageQuantity], numbers: Numbers) -> dict[str, Array]:
+    n = len(numbers.rows)
+    if numbers.tables:
+        return {one.field.name: _table(one, numbers.tables, n) for one in quantities}
+    columns = {}
+    for one in quantities:
+        values = one.values(numbers.columns, n)
+        unknown = unknown_rows(numbers.columns, one.field.name)
+        if unknown is not None and values.dtype.kind == "f":
+            values = values.copy()
+            values[unknown] = np.nan
+        columns[one.field.name] = values
+    return columns
+
+
+def _table(quantity: MessageQuantity, tables: Mapping[str, Array], n: int) -> Array:
+    """(n, rows) records."""
+    k = next(iter(tables.values())).shape[1]
+    names = [one.name for one in quantity.field.fields] or list(quantity.field.axes) or ["value"]
+    records = np.full((n, k), np.nan, [(name, "<f8") for name in names])
+    for name, path in zip(names, quantity.paths, strict=True):
+        if path in tables:
+            records[name] = tables[path]
+    return records
+
+
+def _usable(topic: _Topic, stamps: Ints, arrivals: Ints) -> NDArray[np.bool_]:
+    """Mask of the stamps that are times of measurement."""
+    ahead = stamps - arrivals
+    used: NDArray[np.bool_] = (stamps > 0) & (ahead > -LATE_NS) & (ahead < AHEAD_NS)
+    newest = np.maximum.accumulate(np.concatenate(([topic.last_ns], np.where(used, stamps, 0))))
+    used &= stamps >= newest[:-1] - BACK_NS
+    topic.last_ns = int(newest[-1])
+    count = int(used.sum())
+    topic.stamped += count
+    topic.unstamped += len(used) - count
+    if count < len(used):
+        topic.off_ns = -int(ahead[~used][-1]) if stamps[~used][-1] > 0 else 0
+    return used
+
+
+def _remark(topic: _Topic) -> str:
+    name = topic.channel.topic
+    if topic.read is None:
+        encoding = topic.channel.encoding or "of no encoding"
+        kind = topic.channel.schema or "its type"
+        if topic.channel.encoding in ("cdr", "protobuf", "json"):
+            return f"{name} is not shown: the definition of {kind} is missing or cannot be read."
+        return f"{name} is {encoding}, which is not read."
+    if topic.unstamped > topic.stamped and topic.unstamped:
+        if not topic.off_ns:
+            return f"Messages of {name} have no stamp: their times are those of arrival."
+        side = "behind" if topic.off_ns > 0 else "ahead of"
+        words = f"Stamps of {name} are {duration(abs(topic.off_ns) / 1e9)} {side} the time of arrival"
+        return f"{words}, which is used instead. Synchronise the clocks of both hosts."
+    return ""
+
+
+def duration(seconds: float) -> str:
+    """A duration in its largest unit: "3.2 s", "41 min", "12 days"."""
+    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.1f} s"
+
+
+def _first(event: Event) -> int:
+    offset = event.offset
+    return offset if isinstance(offset, int) else int(offset[0])

@@ -1,0 +1,51 @@
+"""The stream of messages as a protocol, without a device of its own: nothing of it is configured, composed or
+simulated, and it is never searched for in the bytes of a port.
+"""
+
+from __future__ import annotations
+
+from protocols.events import Batch
+from protocols.family import PositionFix, ProtocolInfo
+from protocols.framing import Bytes, Ints
+from protocols.messages.decoder import MessageDecoder
+from protocols.messages.listing import MessageLister
+from protocols.messages.records import MessageChannel, definition, message_record
+
+NAME = "messages"
+
+
+def _scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
+    """No frames: a stream of messages is never mixed with that of a device."""
+    return 0, len(data), 0, 0
+
+
+def _position(batch: Batch) -> PositionFix | None:
+    """The newest position of a message with latitude and longitude."""
+    for field in batch.message.fields:
+        names = [one.name for one in field.fields]
+        if "latitude" in names and "longitude" in names and field.name in batch.columns:
+            last = batch.columns[field.name][-1]
+            height = float(last["altitude"]) if "altitude" in names else None
+            return PositionFix(float(last["latitude"]), float(last["longitude"]), height)
+    return None
+
+
+def _utc(batch: Batch) -> Ints | None:
+    """Stamps are UTC."""
+    return batch.time_ns
+
+
+MESSAGES = ProtocolInfo(
+    NAME,
+    "",
+    MessageDecoder,
+    lambda data: (0.0, ""),
+    MessageLister,
+    definition(MessageChannel(1, "/imu", "json")) + message_record(1, b'{"x": 1}'),
+    _scan,
+    short="Messages",
+    datagrams=True,
+    stamped=True,
+    position=_position,
+    utc=_utc,
+)

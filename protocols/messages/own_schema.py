@@ -1,0 +1,74 @@
+"""Quantities of JSON messages that imuscope wrote: its decoded exports, and its Foxglove server.
+
+Their schema (recordings/topics.py) has the title of the quantity, and of each field the unit and the frame. So the
+messages of another imuscope are the same quantities again.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+
+from protocols.messages.quantities import MessageQuantity
+from protocols.schema import Field
+
+LETTERS = str.maketrans(
+    {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_"}
+)
+AXES = (
+    *(("x", "y", "z"), ("w", "x", "y", "z"), ("q0", "q1", "q2", "q3"), ("roll", "pitch", "yaw")),
+    *(("east", "north", "up"), ("north", "east", "down"), ("north", "west", "up"), ("E", "N", "U"), ("N", "E", "D")),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnColumn:
+    """One column of a quantity: its name in it ("value" of a single one), its unit and frame."""
+
+    name: str
+    unit: str
+    frame: str
+
+
+def letters(unit: str) -> str:
+    """A unit in letters: m_s2."""
+    return re.sub(r"\W", "", unit.translate(LETTERS), flags=re.ASCII)
+
+
+def columns_of(title: str, schema: bytes) -> dict[str, OwnColumn]:
+    """Columns of the fields of one of our schemas: {"x_m_s2": ("x", "m/s²", "body")}; {} for other schemas.
+
+    Args:
+        title: the schema's name.
+    """
+    try:
+        parsed = json.loads(schema)
+        row = parsed["properties"].get("rows", {}).get("items", parsed)
+        if parsed["title"] != title:
+            return {}
+        fields = {
+            str(field): (str(one.get("unit", "")), str(one.get("frame", "")))
+            for field, one in row["properties"].items()
+        }
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return {}
+    found = {}
+    for field, (unit, frame) in fields.items():
+        name = field.removesuffix(f"_{letters(unit)}") if unit else field
+        found[field] = OwnColumn(name, unit, frame)
+    return found
+
+
+def own_quantity(title: str, columns: dict[str, OwnColumn]) -> MessageQuantity:
+    """The quantity of a message with these columns."""
+    paths, given = tuple(columns), list(columns.values())
+    frame = given[0].frame if len({one.frame for one in given}) == 1 else ""
+    if len(given) == 1:
+        return MessageQuantity(Field(title, "<f8", unit=given[0].unit, frame=frame), paths)
+    names = tuple(one.name for one in given)
+    units = {one.unit for one in given}
+    if names in AXES and len(units) == 1:
+        return MessageQuantity(Field(title, "<f8", (len(names),), unit=units.pop(), axes=names, frame=frame), paths)
+    inner = tuple(Field(one.name, "<f8", unit=one.unit) for one in given)
+    return MessageQuantity(Field(title, fields=inner, frame=frame), paths)
