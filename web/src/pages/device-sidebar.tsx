@@ -17,6 +17,7 @@ import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+import { TEXT as ROS } from "../texts/ros";
 
 export function Rail({ app }: { readonly app: App }) {
   const { overlay, ports, scanning, sheet } = app;
@@ -262,6 +263,11 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
       {device.parent === "" && linkNamed(device.link)?.shareable === true && (
         <button type="button" class="btn small" onClick={() => (app.overlay.value = "share-port")}>
           {TEXT.sharePort}
+        </button>
+      )}
+      {device.status === "live" && (
+        <button type="button" class="btn small" onClick={() => (app.overlay.value = "ros")}>
+          {ROS.ros}
         </button>
       )}
       <span class="grow" />

@@ -13,6 +13,7 @@ import { type App, select } from "./app-state";
 import { Bar, Dock } from "./top-bar";
 import { Describe } from "./payload-dialog";
 import { SharePort } from "./port-shares";
+import { RosTopics } from "./ros-topics";
 import { Rail } from "./device-sidebar";
 import { RowsDialog } from "./rows";
 import { Side, Strip } from "./side-panels";
@@ -118,6 +119,7 @@ function Overlays({ app }: { readonly app: App }) {
   }
   if (overlay.value === "share-port" && app.device.value)
     return <SharePort app={app} device={app.device.value} onClose={close} />;
+  if (overlay.value === "ros" && app.device.value) return <RosTopics device={app.device.value} onClose={close} />;
   if (overlay.value === "analysis" && app.device.value) {
     const { id, name } = app.device.value;
     return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;

@@ -52,7 +52,7 @@ export function Bar({ app }: Props) {
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
         <button
           type="button"
-          class="btn icon"
+          class="btn icon analysis-button"
           aria-label={ANALYSIS.analysis}
           title={ANALYSIS.open}
           onClick={() => (app.overlay.value = "analysis")}

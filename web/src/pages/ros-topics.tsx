@@ -1,0 +1,139 @@
+/** The ROS 2 topics of a device: types, subscribers and rates, each with a switch. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { bytes } from "../recordings/library-filter";
+import { Dialog } from "../ui/dialog";
+import { rate } from "../ui/format";
+import { type Outcome, type Problem, request } from "../ui/http";
+import { Message } from "../ui/message";
+import type { MissingTopic, RosState, RosTopic } from "../wire/routes";
+import type { DeviceInfo } from "../wire/types";
+import { TEXT } from "../texts/ros";
+import "./ros-topics.css";
+
+const ASK_EVERY_MS = 1000;
+
+interface Props {
+  readonly device: DeviceInfo;
+  readonly onClose: () => void;
+}
+
+export function RosTopics({ device, onClose }: Props) {
+  const state = useSignal<RosState | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const take = (outcome: Outcome<RosState>): void => {
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) state.value = outcome.value;
+  };
+  // biome-ignore lint/correctness/useExhaustiveDependencies: `take` writes to signals, which stay the same
+  useEffect(() => {
+    const ask = async (): Promise<void> => take(await request("GET /api/ros2"));
+    void ask();
+    const timer = setInterval(() => void ask(), ASK_EVERY_MS);
+    return () => clearInterval(timer);
+  }, []);
+  const flip = async ({ key, enabled }: RosTopic): Promise<void> =>
+    take(await request("PATCH /api/ros2/topics", { body: { key, enabled: !enabled } }));
+  return (
+    <Dialog title={TEXT.topicsOf(device.name)} onClose={onClose}>
+      <div class="ros-topics">
+        {state.value && <State state={state.value} device={device.id} flip={(topic) => void flip(topic)} />}
+        {problem.value && (
+          <div class="problem" role="alert">
+            <b>
+              <Message text={problem.value.message} />
+            </b>{" "}
+            <Message text={problem.value.hint} />
+          </div>
+        )}
+      </div>
+    </Dialog>
+  );
+}
+
+interface StateProps {
+  readonly state: RosState;
+  readonly device: string;
+  readonly flip: (topic: RosTopic) => void;
+}
+
+function State({ state, device, flip }: StateProps) {
+  if (!state.enabled)
+    return (
+      <p>
+        <Message text={TEXT.notPublished} />
+      </p>
+    );
+  const topics = state.topics.filter((topic) => topic.device === device);
+  const missing = state.missing.filter((topic) => topic.device === device);
+  return (
+    <>
+      <p role="status">
+        <span class={`dot ${state.connected ? "live" : "bad"}`} /> {TEXT.publishedAt(state.router, state.domain)}{" "}
+        {state.connected ? TEXT.connected : state.problem || TEXT.notConnected}{" "}
+        {state.hint !== "" && <Message text={state.hint} />}
+      </p>
+      {state.dropped > 0 && <p class="tag warn">{TEXT.dropped(state.dropped)}</p>}
+      {topics.length === 0 ? (
+        <p class="dim">{TEXT.noTopics}</p>
+      ) : (
+        <ul>
+          {topics.map((topic) => (
+            <Topic key={topic.key} topic={topic} flip={flip} />
+          ))}
+        </ul>
+      )}
+      {missing.length > 0 && <Missing topics={missing} />}
+    </>
+  );
+}
+
+function Topic({ topic, flip }: { readonly topic: RosTopic; readonly flip: StateProps["flip"] }) {
+  const sent = bytes(topic.bytes);
+  return (
+    <li class="ros-topic">
+      <label class="ros-topic-head">
+        <input
+          type="checkbox"
+          role="switch"
+          aria-label={TEXT.publish(topic.name)}
+          checked={topic.enabled}
+          aria-checked={topic.enabled}
+          onChange={() => flip(topic)}
+        />
+        <b class="mono">{topic.name}</b>
+      </label>
+      <p class="mono dim">{topic.type}</p>
+      {topic.enabled && (
+        <p>
+          {topic.subscribers === 0 ? TEXT.nobodySubscribes : TEXT.subscribers(topic.subscribers)}
+          {topic.subscribers > 0 && ` · ${TEXT.rate(rate(topic.rate))}`}
+          {topic.messages > 0 && ` · ${TEXT.messages(topic.messages)} · ${sent.value} ${sent.unit}`}
+        </p>
+      )}
+      {topic.problem !== "" && (
+        <p class="tag warn">
+          <Message text={topic.problem} />
+        </p>
+      )}
+    </li>
+  );
+}
+
+function Missing({ topics }: { readonly topics: readonly MissingTopic[] }) {
+  return (
+    <section aria-label={TEXT.missing}>
+      <h3>{TEXT.missing}</h3>
+      <dl>
+        {topics.map(({ topic, reason }) => (
+          <div key={topic}>
+            <dt class="mono">{topic}</dt>
+            <dd class="dim">
+              <Message text={reason} />
+            </dd>
+          </div>
+        ))}
+      </dl>
+    </section>
+  );
+}
