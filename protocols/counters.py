@@ -59,11 +59,14 @@ class TickUnwrapper:
     def set_wrap(self, wrap: int) -> None:
         """Set the modulus, once known from the product code."""
         self._wraps = np.array([wrap], np.int64)
+        if self._is_ahead:
+            self._store_state()
         self._state[WRAP], self._state[OPEN_FROM], self._state[OPEN_TO] = 0, 0, 1
         self._load_state()
 
     def _load_state(self) -> None:
         """State needed by `tick`, as plain numbers."""
+        self._is_ahead = False  # they are newer than the array
         started, self._newest, self._turns, _, self._arrived, wrap, first, last = self._state.tolist()
         self._near = max(int(self._wraps[wrap]) // NEAR_SHARE, 1)
         in_doubt = first + 1 < last
@@ -79,13 +82,19 @@ class TickUnwrapper:
         if raw >= self._below or not 0 <= value - self._newest <= near:
             arrival = None if arrival_ns is None else np.array((arrival_ns,))
             return int(self.ticks(np.array((raw,)), arrival)[0])
-        self.steps = []
-        state = self._state
-        state[NEWEST] = self._newest = value
-        state[LATE_RUN] = 0
+        if self.steps:
+            self.steps = []
+        self._newest = value
+        self._is_ahead = True
         if arrival_ns is not None and self._tick_ns:
-            state[ARRIVAL] = self._arrived = arrival_ns
+            self._arrived = arrival_ns
         return value
+
+    def _store_state(self) -> None:
+        """Write what `tick` changed into the array."""
+        self._is_ahead = False
+        state = self._state
+        state[NEWEST], state[ARRIVAL], state[LATE_RUN] = self._newest, self._arrived, 0
 
     def ticks(self, raw: Array, arrival_ns: Array | None = None) -> Times:
         """Unwrapped ticks of the rows `raw`, (n,) int64, continuing from the last call.
@@ -97,6 +106,8 @@ class TickUnwrapper:
         arrival = _UNKNOWN if arrival_ns is None else np.ascontiguousarray(arrival_ns, np.int64)
         out = np.empty(len(values), np.int64)
         steps = np.empty((3, len(values)), np.int64)
+        if self._is_ahead:
+            self._store_state()
         found = follow(values, arrival, self._state, self._wraps, self._late, self._tick_ns, _AHEAD_NS, out, steps)
         self._load_state()
         self.steps = []

@@ -30,18 +30,18 @@ class LazyMapping(Mapping[str, Any]):
     """Values by name, read on first access: most answers and sentences of a busy stream are never used.
 
     Args:
-        read: returns the values; called at most once.
+        read: returns the values; called at most once, with `arguments`.
     """
 
-    __slots__ = ("_read", "_values")
+    __slots__ = ("_arguments", "_read", "_values")
 
-    def __init__(self, read: Callable[[], Mapping[str, Any]]) -> None:
-        self._read = read
+    def __init__(self, read: Callable[..., Mapping[str, Any]], *arguments: Any) -> None:
+        self._read, self._arguments = read, arguments  # no partial: that costs as much again as this object
         self._values: Mapping[str, Any] | None = None
 
     def _all(self) -> Mapping[str, Any]:
         if self._values is None:
-            self._values = self._read()
+            self._values = self._read(*self._arguments)
         return self._values
 
     def __getitem__(self, name: str) -> Any:

@@ -46,6 +46,8 @@ from numpy.typing import NDArray
 
 from protocols.jit import INT, INTS, NOTHING, STRIDED, compiled
 
+INT64, UINT8 = np.dtype(np.int64), np.dtype(np.uint8)  # a dtype is found sooner than a type; for loops over frames
+
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
@@ -70,6 +72,7 @@ Stops at the end of the data or of the table.
 
 _TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in the second-level cache
 _SMALL = 1 << 11
+_TINY = 1 << 8  # of a single frame, as in most drains of a live stream
 _KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; memory is committed only to columns that are written
 
 
@@ -185,6 +188,7 @@ class ScanCapacity:
 
     def __init__(self) -> None:
         self._kept: dict[int, Ints] = {}
+        self.tiny: Ints = np.empty((QUANTITIES, _TINY), np.int64)
 
     def table(self, rows: int, columns: int) -> Ints:
         """An array of (rows, at least columns), with leftover contents; small ones are newly allocated."""
@@ -212,13 +216,21 @@ def compact_rejected(table: Ints) -> int:
     return kept
 
 
+def one_number(value: int) -> Ints:
+    """(1,) int64; `np.array` takes twice as long."""
+    made = np.empty(1, INT64)
+    made[0] = value
+    return made
+
+
 def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: ScanCapacity | None = None) -> ScanResult:
     """Run `scan` from `at` to the end of `data`; with a `room`, the table is valid until its next use."""
-    columns = min(_TABLE_COLUMNS, len(data) - at + 1)
+    columns = len(data) - at + 1
     if columns < _SMALL:  # a column for each byte is always enough
-        table = np.empty((QUANTITIES, columns), np.int64)
+        table = room.tiny if room is not None and columns <= _TINY else np.empty((QUANTITIES, columns), np.int64)
         found, at, failed, framed = scan(data, at, final, table)
         return ScanResult(table[:, :found], at, failed, framed)
+    columns = min(_TABLE_COLUMNS, columns)
     parts: list[Ints] = []
     all_failed = all_framed = 0
     while True:

@@ -60,6 +60,7 @@ def several(*kinds: TypeSpec) -> TypeSpec:
 
 BYTES = array("uint8", 1, "C", readonly=True)  # the result of np.frombuffer(bytes); a writable array fits too
 ROWS = array("uint8", 2, "C")
+READ_ROWS = array("uint8", 2, "C", readonly=True)
 INTS = array("int64", 1, "C")
 TABLE = array("int64", 2, "C")  # one row per quantity, one column per frame: each quantity is contiguous
 FLOATS = array("float64", 1, "C")

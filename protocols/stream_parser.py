@@ -24,6 +24,7 @@ from protocols.framing import (
     REASONS,
     SIZE,
     STATUS,
+    UINT8,
     Bytes,
     Ints,
     Scan,
@@ -31,6 +32,7 @@ from protocols.framing import (
     ScanResult,
     StreamBuffer,
     compact_rejected,
+    one_number,
     scan_all,
 )
 from protocols.jit import INTERPRETED_BYTES, load_for
@@ -68,9 +70,13 @@ class StreamParser:
         scan: finds frames.
         find: finds other messages between them.
         starts: how each of these messages begins; a final stretch without a match need not be searched.
+        result: makes the result, for a protocol that adds to it.
     """
 
-    def __init__(self, scan: Scan, find: Find, starts: re.Pattern[bytes]) -> None:
+    def __init__(
+        self, scan: Scan, find: Find, starts: re.Pattern[bytes], result: type[ParseResult] = ParseResult
+    ) -> None:
+        self._result = result
         self._scan = scan
         self._find = find
         self._starts = starts
@@ -105,7 +111,7 @@ class StreamParser:
         if self._is_short and self._buffer.start + len(data) > INTERPRETED_BYTES:
             self._is_short = False
             load_for(self._buffer.start + len(data))
-        array = np.frombuffer(data, np.uint8)
+        array = np.frombuffer(data, UINT8)
         at = self._scan_at - self._buffer.start
         return self._cut(data, array, scan_all(self._scan, array, at, final=stalled, room=self._room), stalled)
 
@@ -144,8 +150,7 @@ class StreamParser:
             rejects = self._rejects(table, start)
             table = table[:, : compact_rejected(table)]
         if table.shape[1] == 1:  # the usual case of a live stream
-            offset, size = table[:2, 0].tolist()
-            arrivals = np.array((buffer.arrival(start + offset + size - 1),))
+            arrivals = one_number(buffer.arrival(start + table.item(OFFSET) + table.item(SIZE) - 1))
         elif buffer.arrived_at_once:
             arrivals = buffer.same_arrivals(table.shape[1])
         else:
@@ -159,7 +164,7 @@ class StreamParser:
         else:
             self._find_at = self._scan_at
         buffer.release(min(self._scan_at, self._find_at))
-        return ParseResult(data, array, start, table, arrivals, rejects, texts)
+        return self._result(data, array, start, table, arrivals, rejects, texts)
 
     def _rejects(self, table: Ints, start: int) -> list[RejectedFrame]:
         """The failed candidates of a scan. The size of a truncated one is that of its available bytes."""

@@ -24,15 +24,27 @@ Source: IDTP v2.1.0, with its errata.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import partial
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from protocols.counters import TickUnwrapper
 from protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap
-from protocols.framing import BAD_VERSION, BODY, OFFSET, REASONS, SENDER, SIZE, SUCCESSOR, Bytes, Ints
+from protocols.framing import (
+    BAD_VERSION,
+    BODY,
+    OFFSET,
+    REASONS,
+    SENDER,
+    SIZE,
+    SUCCESSOR,
+    UINT8,
+    Bytes,
+    Ints,
+    one_number,
+)
 from protocols.grouping import group
 from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
@@ -81,7 +93,8 @@ def gather(
             rows[f, i] = data[body + i]
 
 
-class _PayloadKind(NamedTuple):
+@dataclass(slots=True)
+class _PayloadKind:
     """Properties shared by the frames of one KEY."""
 
     payload: Payload
@@ -174,8 +187,11 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             if cut.rejects:
                 events += cut.rejects
                 events += self._other_protocols(cut)
-            if cut.table.shape[1]:
-                self._data(cut, events)
+            if n := cut.table.shape[1]:
+                if n == 1:
+                    self._single(cut, events)
+                else:
+                    self._data(cut, events)
                 if len(self._firsts) < len(self._clocks):
                     self._note_firsts(cut)
         return sorted(events, key=_offset) if len(events) > 1 else events
@@ -200,12 +216,9 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
     # -- batches -------------------------------------------------------------------------------------------------------
 
     def _data(self, cut: ClassifiedFrames, events: list[Event]) -> None:
-        """Batches, gaps, steps and warnings of the accepted frames."""
-        rows, table = cut.verdict.rows, cut.table
-        if table.shape[1] == 1:
-            self._single(cut, events)
-            return
-        offsets = table[OFFSET] + cut.start
+        """Batches, gaps, steps and warnings of several accepted frames."""
+        rows = cut.verdict.rows
+        offsets = cut.table[OFFSET] + cut.start
         times = self._times(cut, offsets, events)
         if cut.verdict.gaps:
             self._gaps(cut, offsets, times, events)
@@ -217,20 +230,20 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
     def _single(self, cut: ClassifiedFrames, events: list[Event]) -> None:
         """One frame, the usual case of a live stream: same as `_data`, with plain numbers."""
         rows, arrivals = cut.verdict.rows, cut.arrival_ns
-        lost, stamp, _, key = rows[:, 0].tolist()
+        lost, stamp, mode, key = rows.ravel().tolist()
         offset, size, body, _, _, sender = cut.table[:6, 0].tolist()
         offset += cut.start
         kind = self._kinds.get(key) or self._learn(key)
         payload, device = kind.payload, kind.device
         clock = self._clocks.get(key >> SOURCE_SHIFT) or self._clock(key >> SOURCE_SHIFT)
-        arrival = int(arrivals[0])
-        if self._watches and (watch := self._watches.get(key >> SOURCE_SHIFT)) is not None:
-            watch.add(stamp, arrival)
+        arrival = arrivals.item()
+        watch = self._watches.get(key >> SOURCE_SHIFT) if self._watches else None
+        if watch is not None and watch.add(stamp, arrival):
             self._judge_unit(key >> SOURCE_SHIFT, watch)
         time = clock.tick(stamp, arrival) * self._tick_ns
         for _, step, by in clock.steps:
             events.append(ClockStep(offset, step, by * self._tick_ns, arrival, device))
-        if lost > FAR and rows[MODE, 0] < SECURE:
+        if lost > FAR and mode < SECURE:
             self._jumped(sender, lost, cut, 0, events)
         elif lost:
             events.append(SampleGap(offset, lost, "sequence", arrival, time, device))
@@ -238,10 +251,10 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             self._newer(cut, events)
         if payload.error:
             self._warn(sender, payload.message.name, payload.error, cut, 0, events)
-        gathered = np.ndarray((1, payload.width), np.uint8, bytearray(cut.data[body : body + payload.width]))
+        gathered = np.ndarray((1, payload.width), UINT8, cut.data[body : body + payload.width])
         shown = DecodedPayload(payload, gathered, rows[MODE], kind.unverified, self._rotation)
-        offsets, times = np.array((offset,)), np.array((time,))
-        header = LazyMapping(partial(_header, cut.data, cut.start, offsets))
+        offsets, times = one_number(offset), one_number(time)
+        header = LazyMapping(_header, cut.data, cut.start, offsets)
         batch = Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified, size, header)
         events.append(batch)
 
@@ -257,7 +270,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         gather(cut.array, cut.table, cut.verdict.rows, cut.arrival_ns, times, which, cut.start, rows, about)
         offsets, arrivals, own_times, modes = about
         shown = DecodedPayload(payload, rows, modes, kind.unverified, self._rotation)
-        header = LazyMapping(partial(_header, cut.data, cut.start, offsets))
+        header = LazyMapping(_header, cut.data, cut.start, offsets)
         trusted = not kind.unverified
         return Batch(payload.message, kind.device, arrivals, offsets, own_times, shown, trusted, size, header)
 

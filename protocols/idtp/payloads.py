@@ -34,7 +34,7 @@ from protocols.idtp.messages import (
     rest,
     status_of,
 )
-from protocols.jit import INTS, NOTHING, ROWS, TABLE, compiled, unsigned
+from protocols.jit import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
 from protocols.layouts import Layout, LazyColumns, element, size_of
 from protocols.schema import Field, Message
 
@@ -51,7 +51,7 @@ def row_of(kind: int, old: bool, schema: Schema) -> Message | None:
     return schema.get(kind)
 
 
-@compiled(NOTHING, ROWS, TABLE, INTS, ROWS)
+@compiled(NOTHING, READ_ROWS, TABLE, INTS, ROWS)
 def check_finite(rows: Bytes, floats: Ints, modes: Ints, status: Bytes) -> None:
     """Start the status of each row: its mode, and whether one of its floats is not finite.
 
@@ -122,13 +122,13 @@ def _floats(fields: tuple[Field, ...]) -> Ints:
 class DecodedPayload(Mapping[str, Array]):
     """Field → column, with the Status; made on first access (see events.Batch)."""
 
-    __slots__ = ("_marks", "_modes", "_payload", "_plain", "_rotation", "_rows", "_special")
+    __slots__ = ("_modes", "_payload", "_plain", "_rotation", "_rows", "_special", "_unverified")
 
     def __init__(self, payload: Payload, rows: Bytes, modes: Ints, unverified: bool, rotation: Rotation) -> None:
         self._payload = payload
         self._rows = rows
         self._modes = modes
-        self._marks = payload.marks | int(unverified) << UNVERIFIED
+        self._unverified = unverified
         self._rotation = rotation
         self._plain: LazyColumns | None = None
         self._special: dict[str, Array] | None = None
@@ -162,8 +162,8 @@ class DecodedPayload(Mapping[str, Array]):
         table = np.empty((len(self._rows), 1), np.uint8)
         check_finite(self._rows, self._payload.floats, self._modes, table)
         status = table[:, 0]
-        if self._marks:
-            status |= np.uint8(self._marks)
+        if marks := self._payload.marks | int(self._unverified) << UNVERIFIED:
+            status |= np.uint8(marks)
         made = {self._payload.status: status}
         if self._payload.has_quaternion:
             made[QUATERNION.name] = self._quaternion(status)

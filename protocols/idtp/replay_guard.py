@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints, ScanCapacity
+from protocols.framing import FAR_AHEAD, FRAME, ID, INT64, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints, ScanCapacity
 from protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
 from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, STRIDED, TABLE, compiled, inlined, unsigned
 
@@ -189,7 +189,7 @@ class ReplayGuard:
     def classify(self, data: Bytes, table: Ints, arrival_ns: Ints) -> ReplayVerdict:
         """Judge the frames of `table`; see `classify`. The result is valid until the next call."""
         n = table.shape[1]
-        rows = np.empty((JUDGED, n), np.int64) if n == 1 else self._room.table(JUDGED, n)[:, :n]
+        rows = np.empty((JUDGED, 1), INT64) if n == 1 else self._room.table(JUDGED, n)[:, :n]
         return ReplayVerdict(rows, *classify(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
 
     def state(self, devices: Iterable[int]) -> dict[int, int]:

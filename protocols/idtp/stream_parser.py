@@ -13,13 +13,13 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 import numpy as np
 
 from protocols.events import RejectedFrame
-from protocols.framing import OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
+from protocols.framing import OFFSET, REASONS, SENDER, SIZE, Ints
 from protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
 from protocols.idtp.replay_guard import LOST, MASK, ReplayGuard, ReplayVerdict
 from protocols.nmea import ParsedMessage
@@ -28,22 +28,14 @@ from protocols.stream_parser import StreamParser
 
 
 @dataclass(slots=True)
-class ClassifiedFrames:
+class ClassifiedFrames(Whole):
     """Result of one drain; n frames were accepted.
 
     Args:
-        data, array, start, table, arrival_ns: see protocols/stream_parser.py.
         verdict: replay_guard.py's verdict on the accepted frames.
-        rejects: by offset.
     """
 
-    data: bytes
-    array: Bytes
-    start: int
-    table: Ints
-    arrival_ns: Ints
-    verdict: ReplayVerdict
-    rejects: list[RejectedFrame]
+    verdict: ReplayVerdict = field(init=False)
 
 
 INTACT = ("no_key", "below_min_mode")
@@ -86,7 +78,8 @@ class IdtpStream:
             min_mode = LITE if key is None else SECURE
         if min_mode not in (0, 1, 2):
             raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
-        self._stream = StreamParser(scanner(key, min_mode, show_unverified=show_unverified), _nothing, _NEVER)
+        scan = scanner(key, min_mode, show_unverified=show_unverified)
+        self._stream = StreamParser(scan, _nothing, _NEVER, ClassifiedFrames)
         self.sequences = ReplayGuard(check=replay_check, keyed=key is not None)
         self._refused: dict[int, deque[int]] = {}  # numbers of whole frames that were refused, by device
         self._datagrams = datagrams
@@ -137,20 +130,21 @@ class IdtpStream:
 
     def _classified(self, whole: Whole) -> ClassifiedFrames:
         """Drop the frames that are old by their sequence number."""
-        table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
-        judged = self.sequences.classify(whole.array, table, arrivals)
-        refused = self._intact(whole, rejects) if rejects else []
+        cut = cast(ClassifiedFrames, whole)  # as the parser was told
+        table, arrivals, rejects = cut.table, cut.arrival_ns, cut.rejects
+        judged = cut.verdict = self.sequences.classify(cut.array, table, arrivals)
+        refused = self._intact(cut, rejects) if rejects else []
         if judged.dropped:
-            refused += self._old(whole, table, arrivals, judged, rejects)
+            refused += self._old(cut, table, arrivals, judged, rejects)
             rejects.sort(key=_offset)
         if refused or (judged.gaps and self._refused):
-            self._correct_losses(whole, table, judged, sorted(refused))
+            self._correct_losses(cut, table, judged, sorted(refused))
         if judged.dropped:
             good = judged.rows[LOST] >= 0
-            table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
+            cut.table, cut.arrival_ns = np.ascontiguousarray(table[:, good]), arrivals[good]
             rows: Any = np.ascontiguousarray(judged.rows[:, good])
-            judged = ReplayVerdict(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
-        return ClassifiedFrames(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
+            cut.verdict = ReplayVerdict(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
+        return cut
 
     def _old(
         self, whole: Whole, table: Ints, arrivals: Ints, judged: ReplayVerdict, rejects: list[RejectedFrame]

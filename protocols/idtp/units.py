@@ -69,8 +69,8 @@ class UnitWatch:
                 return
             self.add(stamp, arrival)
 
-    def add(self, stamp: int, arrival_ns: int) -> None:
-        """The same for one row, while more are needed."""
+    def add(self, stamp: int, arrival_ns: int) -> bool:
+        """The same for one row, while more are needed; whether it was the last one."""
         self._rows += 1
         if self._begin_ns >= 0:
             self._ticks += (stamp - self._raw) % WRAP
@@ -80,6 +80,8 @@ class UnitWatch:
         if arrival_ns - self._begin_ns >= STRETCH_NS and self._ticks >= FEWEST_TICKS:
             self._judge(arrival_ns - self._begin_ns)
             self._begin_ns, self._ticks = arrival_ns, 0
+            return self.done
+        return self._rows > MAX_ROWS
 
     def _observe_many(self, raw: Ints, arrival_ns: Ints) -> None:
         """The same for many rows, a stretch at a time."""

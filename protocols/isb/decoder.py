@@ -18,14 +18,13 @@ Source: ISB document; inertial-sense-sdk 2.7.1.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from protocols.embedded_protocols import STARTS, find
 from protocols.events import Batch, ClockStep, Event, LazyMapping, Reply
-from protocols.framing import BODY, OFFSET, SIZE, Ints, ScanCapacity
+from protocols.framing import BODY, OFFSET, SIZE, UINT8, Ints, ScanCapacity, one_number
 from protocols.grouping import group
 from protocols.isb import messages
 from protocols.isb.classify import (
@@ -99,14 +98,14 @@ class IsbDecoder(StreamDecoder[StreamParser]):
             self._batches(cut, out, np.zeros(1, np.int64), events)
         else:
             form = self._forms.get(key) or self._form(key)
-            begin = int(cut.table[BODY, 0])
+            begin = cut.table.item(BODY)
             width = form.layout.size
             payload = cut.data[begin : begin + width]
             if not key >> 27 & 0x7FF:
                 self._whole[form.message.id] = payload
-            columns = form.layout.columns(np.ndarray((1, width), np.uint8, payload))
-            offset = np.array((cut.start + int(cut.table[OFFSET, 0]),))
-            size, time = int(cut.table[SIZE, 0]), out[TIME] if timed else None
+            columns = form.layout.columns(np.ndarray((1, width), UINT8, payload))
+            offset = one_number(cut.start + cut.table.item(OFFSET))
+            size, time = cut.table.item(SIZE), out[TIME] if timed else None
             events.append(Batch(form.message, "", cut.arrival_ns, offset, time, columns, size=size))
 
     def _many(self, cut: ParseResult, out: Ints, events: list[Event]) -> None:
@@ -172,7 +171,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
                 part, payload = self._merged(did, part, payload)
             version_index = -1 - row_keys[i]
             version = None if version_index == NO_FIRMWARE else VERSIONS[version_index]
-            values = LazyMapping(partial(values_of, kind, did, payload, part, version))
+            values = LazyMapping(values_of, kind, did, payload, part, version)
             events.append(Reply(message, values, cut.start + offset, size, arrivals[i]))
 
     @staticmethod

@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 
 from protocols.counters import SequenceCounter, TickUnwrapper
 from protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap
-from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Bytes, Ints
+from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, UINT8, Bytes, Ints, one_number
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
 from protocols.stream_parser import StreamDecoder
@@ -284,8 +284,8 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         """One frame of a live stream: same as `_data`, with plain numbers. Returns False without side effects unless it
         is an MTData2 of a known layout with the usual counter and clock.
         """
-        offset, size, body, length, mid = cut.table[:5, 0].tolist()
-        if self.addresses.get("") != int(cut.table[SENDER, 0]):
+        offset, size, body, length, mid, sender = cut.table[:6, 0].tolist()
+        if self.addresses.get("") != sender:
             return False
         layout = self._newest.get(length) if mid == MTDATA2 and self._clocks.clock in (NO_CLOCK, FINE_CLOCK) else None
         if layout is None or not layout.usual:
@@ -304,8 +304,8 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             missing := int(self._clocks.counter.missing(np.array((number,)))[0])
         ):
             events.append(SampleGap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
-        columns = layout.layout.columns(np.ndarray((1, length), np.uint8, payload))
-        offsets, times = np.array((offset,)), np.array((time,))
+        columns = layout.layout.columns(np.ndarray((1, length), UINT8, payload))
+        offsets, times = one_number(offset), one_number(time)
         events.append(Batch(layout.message, "", cut.arrival_ns, offsets, times, columns, size=size))
         return True
 

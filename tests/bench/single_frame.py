@@ -11,7 +11,7 @@ The yardstick, in the same run: the same frames with zlib.crc32 as their check, 
 wrote by hand for this one frame, and every field read. It knows where the frame begins and ends, loses nothing, keeps
 no time and takes no other frame.
 
-Budget (design, section 9): 10 µs to feed and drain.
+Budget: 8 µs to feed and drain.
 """
 
 from __future__ import annotations
