@@ -215,6 +215,9 @@ class ProtocolInfo:
         datagrams: whether the decoder has that keyword: every chunk is a datagram.
         frame_size: name of a module with a function `frame_size(data, at)` (server/holder/queues.py, FrameSize), which
             imports nothing heavy: with it a slow client of a shared port loses whole frames. "" for none.
+        configuration_frames: name of a module with a function `effect_of(frame)` (server/holder/client_frames.py,
+            Effect), which imports nothing heavy: with it imuscope waits while a client of a shared port configures the
+            device, and shows what it changed. "" for none.
         identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
         identify_request: harmless request to any device of the protocol for its identity; b"" for none.
         stamped: its device time is that of a host's clock, UTC: samples have this time, which is not mapped.
@@ -264,6 +267,7 @@ class ProtocolInfo:
     datagrams: bool = False
     frame_size: str = ""
     stamped: bool = False
+    configuration_frames: str = ""
     identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
     identify_request: bytes = b""
     bauds: tuple[int, ...] = ()

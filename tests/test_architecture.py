@@ -41,6 +41,7 @@ COMMON = {
         "listeners",
         "previous_names",
         "printable",
+        "processes",
         "prometheus_text",
         "rate_meter",
     ),

@@ -124,6 +124,7 @@ FAMILY = ProtocolInfo(
     scan,
     short="ISB",
     frame_size="protocols.isb.frame_size",
+    configuration_frames="protocols.isb.configuration_frames",
     identity=identity,
     identify_request=get_data(1, period=0),  # device information, once; streams are not affected
     bauds=(921_600,),

@@ -255,6 +255,7 @@ FAMILY = ProtocolInfo(
     scan,
     short="Xbus",
     frame_size="protocols.xbus.frame_size",
+    configuration_frames="protocols.xbus.configuration_frames",
     is_certain=_is_certain,
     identity=identity,
     bauds=(115_200,),

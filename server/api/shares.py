@@ -10,8 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from server.api.dependencies import TheServices
 from server.api.devices import OneSession
 from server.api.errors import responses
-from server.configuration.port_shares import speaker_name
+from server.configuration.port_shares import client_name, speaker_name
 from server.devices.session import Session
+from server.links.held import HeldLink
 from server.services import Services
 
 router = APIRouter(prefix="/api/devices/{device}/shares", tags=["shares"])
@@ -35,11 +36,15 @@ class ShareClient(BaseModel):
 
     number: int
     peer: str = Field(description="address, or path of the terminal")
+    name: str = Field(description="its program, where that is visible to this server; else as `peer`")
     may_write: bool
     waits: bool = Field(description="what it sends waits until another is finished")
     sent: int = Field(description="bytes to it")
     received: int = Field(description="bytes from it")
-    refused: int = Field(description="bytes from it that the device did not get, because it may only read")
+    refused: int = Field(
+        description="bytes from it that the device did not get: it may only read, or the device was not free in time"
+    )
+    limited: bool = Field(description="it sends more than the line carries, and is held back")
     dropped_bytes: int = Field(description="lost because it did not read in time")
     dropped_frames: int = Field(description="of those, whole frames")
 
@@ -53,29 +58,65 @@ class PortShare(BaseModel):
     clients: list[ShareClient]
 
 
+class ChangedValue(BaseModel):
+    """A value before and after; empty if it was not known."""
+
+    title: str
+    unit: str
+    before: str
+    after: str
+
+
+class SettingsChange(BaseModel):
+    """Changes of a client to the settings of the device."""
+
+    client: str
+    time: float = Field(description="unix s")
+    rows: list[ChangedValue]
+    unread: list[str] = Field(description="titles of settings that it may have changed, and were not read since")
+    snapshot: str = Field(description="name of the snapshot after it; empty if there is none")
+
+
 class SharedPort(BaseModel):
     """The shares of the port of a device."""
 
     why_not: str = Field(description="why the port cannot be shared; empty if it can")
     folder: str = Field(description="folder in which a terminal can be created from the page; empty if there is none")
+    holder: int = Field(description="process that holds the port; 0 for this server")
     speaker: str = Field(description="who talks to the device now: a client, `imuscope`, or empty")
+    configuring: bool = Field(description="the speaker configures the device: imuscope waits with what it sends")
+    changes: list[SettingsChange] = Field(description="what clients changed last, newest first")
     shares: list[PortShare]
 
 
 def _shared_port(services: Services, session: Session) -> SharedPort:
     state, shares, why_not = services.shares.state(session)
-    clients = state.get("clients", ())
+    clients, link = state.get("clients", ()), session.link
     return SharedPort(
         why_not=why_not,
         folder=services.shares.folder,
-        speaker=speaker_name(state),
+        holder=link.holder_pid if isinstance(link, HeldLink) and link.is_connected else 0,
+        speaker=speaker_name(link),
+        configuring=state.get("configuring") is not None,
+        changes=[
+            SettingsChange(
+                client=one.client,
+                time=one.time,
+                rows=[
+                    ChangedValue(title=row.title, unit=row.unit, before=row.left, after=row.right) for row in one.rows
+                ],
+                unread=list(one.unread),
+                snapshot=one.snapshot,
+            )
+            for one in services.shares.changes_of(session)
+        ],
         shares=[
             PortShare(
                 name=share.text,
                 kind=share.kind,
                 read_only=share.read_only,
                 clients=[
-                    ShareClient.model_validate({**one, "waits": one["paused"]})
+                    ShareClient.model_validate({**one, "waits": one["paused"], "name": client_name(link, one)})
                     for one in clients
                     if one["share"] == share.text
                 ],

@@ -17,6 +17,7 @@ from protocols.transactions import DeviceDriver
 from server import previous_names
 from server.configuration.device_controller import DeviceController
 from server.configuration.jobs import Jobs
+from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.configuration.snapshots import Snapshots
 from server.configuration.timings import ConfigurationTimings
@@ -72,7 +73,8 @@ class ControllerRegistry:
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
         previous_names.rename_folder(data / "trials", data / "rollbacks")
         self.rollbacks = RollbackStore(data / "rollbacks")
-        self.jobs = Jobs(self.snapshots, self.rollbacks, timings)
+        self.reader = SettingsReader(self.snapshots, self.rollbacks)
+        self.jobs = Jobs(self.reader, self.rollbacks, timings)
         self._controllers: dict[str, DeviceController] = {}
         sessions.on_added(self._added)
 

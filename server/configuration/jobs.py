@@ -32,7 +32,6 @@ from server.configuration.budget import OVER_HINT, overload
 from server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
-from server.configuration.snapshots import Snapshots
 from server.configuration.timings import ConfigurationTimings
 from server.configuration.transaction_runner import group
 from server.configuration.value_format import field_at, title_at, value_at, words
@@ -70,8 +69,8 @@ class Jobs:
         timings: how long a device and its user are waited for.
     """
 
-    def __init__(self, snapshots: Snapshots, rollbacks: RollbackStore, timings: ConfigurationTimings) -> None:
-        self._reader = SettingsReader(snapshots, rollbacks)
+    def __init__(self, reader: SettingsReader, rollbacks: RollbackStore, timings: ConfigurationTimings) -> None:
+        self._reader = reader
         self._rollbacks = rollbacks
         self._timings = timings
 

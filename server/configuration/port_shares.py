@@ -10,9 +10,10 @@ A device whose port is not shared yet keeps its session: only its link is replac
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from typing import Any
 
+from server.configuration.client_changes import ClientChange, ClientChanges
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController
 from server.devices.session import Session
@@ -25,6 +26,7 @@ from server.links.base import Link, LinkError
 from server.links.held import ClientData, HeldLink, is_held
 from server.links.serial import SerialLink
 from server.links.tcp import TcpLink
+from server.processes import programs_with
 from server.streaming.bus import TelemetryBus
 
 MOST_SHARES = 8
@@ -51,6 +53,8 @@ class PortShares:
         self._controllers = controllers
         self._given = {source: [ShareAddress.parse(text) for text in texts] for source, texts in given.items()}
         self._partial: dict[tuple[str, int], bytes] = {}  # of a frame of a client, by device and client
+        self._changes: dict[str, ClientChanges] = {}  # by device
+        self._tasks: set[asyncio.Task[None]] = set()
         sessions.on_added(self._on_added)
 
     def shared(self, link: Link) -> Link:
@@ -72,54 +76,91 @@ class PortShares:
             self._follow(session, session.link)
 
     def _follow(self, session: Session, link: HeldLink) -> None:
-        known: dict[int, Mapping[str, Any]] = {}
+        known: dict[str, Any] = {"clients": {}, "configuring": None}
         off = [
-            link.on_state.add(lambda state: self._on_state(session, known, state)),
-            link.on_client_data.add(lambda data: self._on_client_data(session, data)),
+            link.on_state.add(lambda state: self._on_state(session, link, known, state)),
+            link.on_client_data.add(lambda data: self._on_client_data(session, link, data)),
         ]
 
         async def closing() -> None:
             for one in off:
                 one()
+            changes = self._changes.pop(session.info.id, None)
+            if changes is not None:
+                changes.close()
 
         session.before_close(closing)
 
     # ── what clients do ──────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _on_state(self, session: Session, known: dict[int, Mapping[str, Any]], state: Mapping[str, Any]) -> None:
-        """Report clients that came, left or lost bytes, and a rate that a client set."""
-        now = {one["number"]: one for one in state["clients"]}
+    def _on_state(self, session: Session, link: HeldLink, known: dict[str, Any], state: Mapping[str, Any]) -> None:
+        """Report clients that came, left or lost bytes, who configures the device, and a rate that a client set."""
+        before, now = known["clients"], {one["number"]: one for one in state["clients"]}
         for number, one in now.items():
-            if number not in known:
-                rights = "may write" if one["may_write"] else "only reads"
-                self._report(session, "info", f"{one['peer']} is connected to the shared port and {rights}.")
-            elif one["dropped_bytes"] and not known[number]["dropped_bytes"]:
-                self._report(session, "warning", f"{one['peer']} does not read fast enough and loses whole frames.")
-        for number in set(known) - set(now):
-            one = known[number]
+            if number not in before:
+                self._start(self._report_new(session, link, one))
+                continue
+            for text in _news(link.name_of(number), before[number], one):
+                self._report(session, "warning", text)
+        for number in set(before) - set(now):
+            one, name = before[number], link.name_of(number)
             lost = f" It lost {one['dropped_bytes']} B that it did not read in time." if one["dropped_bytes"] else ""
-            self._report(session, "info", f"{one['peer']} left the shared port.{lost}")
-        known.clear()
-        known.update(now)
+            self._report(session, "info", f"{name} left the shared port.{lost}")
+            link.names.pop(number, None)
+            self._partial.pop((session.info.id, number), None)
+        configuring, known["clients"], known["configuring"] = known["configuring"], now, state.get("configuring")
+        if state.get("configuring") != configuring:
+            self._on_configuring(session, link, state.get("configuring"))
         if state["open"] and state["baud"] and state["baud"] != session.info.baud and session.info.baud:
             session.devices.own.state.set(baud=state["baud"])
-            by = next((one["peer"] for one in now.values() if one["baud"] == state["baud"]), "A client")
+            by = next((link.name_of(one["number"]) for one in now.values() if one["baud"] == state["baud"]), "A client")
             self._report(session, "warning", f"{by} set the port to {state['baud']} Bd.")
+
+    async def _report_new(self, session: Session, link: HeldLink, client: Mapping[str, Any]) -> None:
+        """Report a client by the name of its program, if that can be found."""
+        if client.get("terminal"):
+            found = await asyncio.to_thread(programs_with, client["terminal"])
+            others = [str(one) for one in found if one.pid != link.holder_pid]
+            if others:
+                link.names[client["number"]] = ", ".join(others)
+        rights = "may write" if client["may_write"] else "only reads"
+        self._report(session, "info", f"{link.name_of(client['number'])} is connected to the shared port and {rights}.")
+
+    def _on_configuring(self, session: Session, link: HeldLink, client: int | None) -> None:
+        if client is not None:
+            text = f"{link.name_of(client)} is configuring the device; imuscope waits with what it sends."
+            self._report(session, "info", text)
+        elif session.info.id in self._changes:
+            self._changes[session.info.id].finished()
 
     def _report(self, session: Session, level: Any, text: str) -> None:
         self._bus.event(session.info.id, "link", level, text, data={"kind": "share"})
 
-    def _on_client_data(self, session: Session, sent: ClientData) -> None:
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work, name="client of a share")
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def _on_client_data(self, session: Session, link: HeldLink, sent: ClientData) -> None:
         session.note_sent(sent.data, sent.arrival_ns)
+        device = session.info.id
         try:
-            controller = self._controllers.get(session.info.id)
+            controller = self._controllers.get(device)
         except KeyError:
             return
-        key = session.info.id, sent.client
+        if device not in self._changes:
+            self._changes[device] = ClientChanges(controller, self._controllers.snapshots, self._controllers.reader)
+        changes, name = self._changes[device], link.name_of(sent.client) or sent.peer
+        key = device, sent.client
         data = self._partial.pop(key, b"") + sent.data
-        rest = log_frames(controller, sent.peer, data)
+        rest = log_frames(controller, name, data, lambda line: changes.sent(name, line))
         if rest:
             self._partial[key] = rest
+
+    def changes_of(self, session: Session) -> Sequence[ClientChange]:
+        """The last changes by clients, newest first."""
+        changes = self._changes.get(session.info.id)
+        return tuple(changes.latest) if changes is not None else ()
 
     @property
     def folder(self) -> str:
@@ -200,7 +241,21 @@ class PortShares:
         await link.request("drop", number=client)
 
 
-def log_frames(controller: DeviceController, peer: str, data: bytes) -> bytes:
+def _news(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """Sentences on what happened to a client that was there before."""
+    if now["dropped_bytes"] and not before["dropped_bytes"]:
+        yield f"{name} does not read fast enough and loses whole frames."
+    if now.get("limited") and not before.get("limited"):
+        yield f"{name} sends more than the line carries and is held back."
+    if now["may_write"] and now["refused"] and not before["refused"]:
+        yield f"What {name} sent was refused: the device was not free for it in time."
+    if now.get("refused_baud") and now.get("refused_baud") != before.get("refused_baud"):
+        yield f"{name} set {now['refused_baud']} Bd, which the port does not support; it keeps its rate."
+
+
+def log_frames(
+    controller: DeviceController, peer: str, data: bytes, on_frame: Callable[[Mapping[str, Any]], None]
+) -> bytes:
     """Log every frame of a client; returns the beginning of a frame that is not complete."""
     while data:
         line = controller.log.decode(data)
@@ -208,6 +263,7 @@ def log_frames(controller: DeviceController, peer: str, data: bytes) -> bytes:
             break
         end = int(line["offset"]) + int(line["size"])
         controller.log.client_sent(peer, data[int(line["offset"]) : end], line)
+        on_frame(line)
         data = data[end:]
     if len(data) > MOST_PARTIAL:
         controller.log.client_sent(peer, data, {})
@@ -227,14 +283,17 @@ async def _opened(session: Session, link: HeldLink) -> None:
         await asyncio.sleep(LOOK_S)
 
 
-def speaker_name(state: Mapping[str, Any]) -> str:
+def speaker_name(link: Link) -> str:
     """The speaker that has the voice: "imuscope" or a client; "" for nobody."""
-    speaker = state.get("speaker")
-    if speaker is None:
+    speaker = link.state.get("speaker") if isinstance(link, HeldLink) else None
+    if speaker is None or not isinstance(link, HeldLink):
         return ""
-    if speaker == SERVER:
-        return "imuscope"
-    return next((str(one["peer"]) for one in state["clients"] if one["number"] == speaker), "")
+    return "imuscope" if speaker == SERVER else link.name_of(speaker)
+
+
+def client_name(link: Link, client: Mapping[str, Any]) -> str:
+    """Name of a client, else its address."""
+    return link.name_of(client["number"]) if isinstance(link, HeldLink) else str(client["peer"])
 
 
 def _check_path(address: ShareAddress) -> None:

@@ -72,6 +72,7 @@ class ProtocolTraits:
     datagrams: bool = False
     frame_size: str = ""
     stamped: bool = False
+    configuration_frames: str = ""
 
 
 @dataclass(slots=True)

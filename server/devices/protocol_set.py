@@ -56,14 +56,15 @@ def all_protocols() -> ProtocolSet:
     def about(name: str) -> ProtocolTraits:
         row = _family(name)
         return ProtocolTraits(
-            row.identify_request,
-            row.identity,
-            row.protection,
-            row.sender,
-            row.utc,
-            row.datagrams,
-            row.frame_size,
-            row.stamped,
+            identify_request=row.identify_request,
+            identity=row.identity,
+            protection=row.protection,
+            sender=row.sender,
+            utc=row.utc,
+            datagrams=row.datagrams,
+            frame_size=row.frame_size,
+            configuration_frames=row.configuration_frames,
+            stamped=row.stamped,
         )
 
     def count_messages(data: bytes) -> Mapping[str, int]:

@@ -7,14 +7,17 @@
 It outlives the server: what a client reads and writes does not depend on imuscope, its upgrade or its end. It imports
 neither numpy nor numba nor anything of the web, and runs one epoll loop in one thread.
 
-    shares.py     addresses of shares
-    messages.py   the protocol between holder and server
-    queues.py     bytes on their way to a client; a slow one loses whole frames
-    clients.py    the clients of each kind of share
-    arbiter.py    one voice at a time towards the device
-    port.py       the port
-    settings.py   settings as text
-    server_connection.py
-    requests.py   requests of the server
-    process.py    the loop
+    process.py        the loop: the port, and who is told what
+    event_loop.py     descriptors and what is done when they are ready
+    port.py           the port
+    shares.py         addresses of shares
+    share_kinds.py    what a port is shared as
+    clients.py        the clients of each kind of share
+    sharing.py        all shares and their clients: who comes and leaves, what they get and may send
+    queues.py         bytes on their way to a client; a slow one loses whole frames
+    arbiter.py        one voice at a time towards the device
+    line_budget.py   a client sends no more than the line carries
+    client_frames.py  which frames of a client configure the device
+    server_side.py    the server: its connection (server_connection.py), requests (requests.py), messages (messages.py)
+    settings.py       settings as text
 """

@@ -1,17 +1,26 @@
-"""`python -m server.holder SETTINGS`, where SETTINGS is the JSON of `HolderSettings`."""
+"""`python -m server.holder SETTINGS`, where SETTINGS is the JSON of `HolderSettings`.
+
+A holder that fails says why: on standard error, which is the journal for a unit of systemd and a log beside its socket
+for one that a server has started (places.log_of), and in the system's log.
+"""
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import signal
 import sys
+import syslog
+import traceback
 from collections.abc import Callable
 
+from server.holder.places import failure_of, log_of
 from server.holder.process import Holder
 from server.holder.settings import HolderSettings
 from server.holder.shares import ShareError
 
 READY = b"ready"
+MOST_LOG = 1 << 16  # bytes, beyond which the log is begun anew
 
 
 def main() -> int:
@@ -29,24 +38,46 @@ def main() -> int:
     def ready() -> None:
         os.write(writer, READY)
         os.close(writer)
+        log = _opened_log(log_of(settings.socket))
         for fd in (1, 2):  # whoever waits for the end of what this process prints need not wait any more
-            os.dup2(os.open(os.devnull, os.O_WRONLY), fd)
+            os.dup2(log, fd)
 
     return run(settings, ready)
 
 
 def run(settings: HolderSettings, ready: Callable[[], None]) -> int:
     """Run a holder; `ready` is called when it answers and all shares are offered."""
+    faulthandler.enable()
     holder = Holder(settings)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, holder.end)
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    failures: list[Exception] = []
+
+    def failed(error: Exception) -> None:
+        failures.append(error)
+        traceback.print_exception(error)
+        words = failure_of(os.getpid()) + f"{type(error).__name__}: {error}"
+        print(words, file=sys.stderr, flush=True)
+        syslog.syslog(syslog.LOG_ERR, words)
+
     try:
-        holder.run(ready)
+        holder.run(ready, failed)
     except (OSError, ShareError) as error:
         print(f"imuscope hold: {error}", file=sys.stderr)
         return 1
-    return 0
+    return 1 if failures else 0
+
+
+def _opened_log(path: str) -> int:
+    """A descriptor of the log; of nothing if it cannot be written."""
+    try:
+        log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        if os.fstat(log).st_size > MOST_LOG:
+            os.ftruncate(log, 0)
+    except OSError:
+        return os.open(os.devnull, os.O_WRONLY)
+    return log
 
 
 if __name__ == "__main__":

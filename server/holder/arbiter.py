@@ -1,7 +1,11 @@
 """One voice at a time towards the device.
 
 Whoever sends to the device has the voice until it has sent nothing for QUIET_S; the server also keeps it while it
-carries out a transaction (`lock`). The others wait: what they send is not read from them, so their own buffers hold it.
+carries out a transaction (`lock`), and a client while it configures the device (`configures`). The others wait: what
+they send is not read from them, so their own buffers hold it.
+
+    client:   configures ── its frames ── configured, or nothing for CONFIGURING_QUIET_S ──> the voice is free
+    flooding: as much as the line carries for MOST_TURN_S while somebody waits ──> `take_turn`: the others are next
 """
 
 from __future__ import annotations
@@ -9,6 +13,10 @@ from __future__ import annotations
 SERVER = 0
 """Number of the server among the speakers; clients have numbers from 1 on."""
 QUIET_S = 0.5  # longer than a device takes for an answer, so that a dialogue is not interrupted
+CHANGED_QUIET_S = 2.0  # after a write of settings that has no end of its own: more are likely to follow
+CONFIGURING_QUIET_S = 10.0  # within a configuration: a device that restarts answers later than that, or never
+MOST_TURN_S = 5.0
+BARRED_S = 1.0  # for whom a turn was taken from: twice what the others need to begin theirs
 
 
 class Arbiter:
@@ -16,8 +24,11 @@ class Arbiter:
 
     def __init__(self) -> None:
         self._speaker: int | None = None
-        self._until = 0.0
+        self._began = self._until = 0.0
+        self._quiet_s = QUIET_S
         self._locked = False
+        self._configuring: int | None = None
+        self._barred: tuple[int, float] = (-1, 0.0)
 
     def speaker(self, now: float) -> int | None:
         """The speaker that has the voice; None: nobody."""
@@ -25,13 +36,53 @@ class Arbiter:
             return self._speaker
         return SERVER if self._locked else None
 
+    def configuring(self, now: float) -> int | None:
+        """The client that is configuring the device; None: nobody."""
+        return self._configuring if now < self._until and self._speaker == self._configuring else None
+
     def may_speak(self, who: int, now: float) -> bool:
         """Whether `who` may send now."""
+        if who == self._barred[0] and now < self._barred[1]:
+            return False
         return self.speaker(now) in (None, who)
 
     def spoke(self, who: int, now: float) -> None:
         """Note that `who` sends; call it only if it may."""
-        self._speaker, self._until = who, now + QUIET_S
+        if self._speaker != who or now >= self._until:
+            self._speaker, self._began, self._quiet_s = who, now, QUIET_S
+            self._configuring = None
+        self._until = now + self._quiet_s
+
+    def configures(self, who: int, now: float, *, until_done: bool) -> None:
+        """Note that what `who` has just sent configures the device.
+
+        Args:
+            until_done: `configured` follows.
+        """
+        if self._speaker != who:
+            return
+        self._configuring = who
+        self._quiet_s = max(self._quiet_s, CONFIGURING_QUIET_S if until_done else CHANGED_QUIET_S)
+        self._until = now + self._quiet_s
+
+    def configured(self, who: int, now: float) -> None:
+        """Note that `who` has finished configuring the device."""
+        if self._speaker == who:
+            self._configuring, self._quiet_s = None, QUIET_S
+            self._until = now + QUIET_S
+
+    def take_turn(self, who: int, now: float) -> bool:
+        """Free the voice, which `who` has had for MOST_TURN_S, for those who wait; False: it has not had it so long."""
+        if self.speaker(now) != who or now - self._began < MOST_TURN_S:
+            return False
+        self._barred = who, now + BARRED_S
+        self._until, self._configuring = 0.0, None
+        return True
+
+    @property
+    def is_locked(self) -> bool:
+        """Whether the server carries out a transaction, or waits for its beginning."""
+        return self._locked
 
     def lock(self) -> None:
         """Keep the voice for the server until `unlock`, from when a client that has it now is quiet."""

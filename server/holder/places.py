@@ -43,3 +43,23 @@ def socket_of(place: str, folder: Path | None = None) -> Path:
     """
     name = place if "://" in place else os.path.realpath(place)
     return (folder or runtime_folder()) / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.sock"
+
+
+def log_of(path: str) -> str:
+    """The log of the holder with a socket."""
+    return f"{path.removesuffix('.sock')}.log"
+
+
+def failure_of(pid: int) -> str:
+    """Beginning of the line in the log that says why a holder failed."""
+    return f"imuscope hold [{pid}] failed: "
+
+
+def cause_of_end(path: str, pid: int) -> str:
+    """Why the holder with a socket failed; "" if it did not, or is not known."""
+    try:
+        lines = Path(log_of(path)).read_text(errors="replace").splitlines()
+    except OSError:
+        return ""
+    head = failure_of(pid)
+    return next((line.removeprefix(head) for line in reversed(lines) if line.startswith(head)), "")

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
+import select
 import socket
+import stat
+import struct
 import termios
 import time
 from collections import deque
@@ -16,6 +20,7 @@ READ_BYTES = 1 << 16
 CONNECT_S = 5.0
 LOCKED_S, LOOK_S = 0.5, 0.02
 MOST_WAITING = 1 << 15  # bytes for the device beyond which clients are not read
+NETWORK_CAPACITY = 1e6  # bytes/s, of a device server: more than any serial line behind it
 EMPTY_READS = 3  # consecutive empty reads after which the port counts as gone
 
 
@@ -43,6 +48,7 @@ class Port:
         self._waiting: deque[bytes] = deque()
         self.backlog = 0
         self._empty_reads = 0
+        self._ended_terminal: object = None
 
     @property
     def is_open(self) -> bool:
@@ -67,6 +73,9 @@ class Port:
                 return
 
     def _open(self) -> None:
+        terminal = _terminal_of(self._source.get("place", ""))
+        if terminal is not None and terminal == self._ended_terminal:
+            raise PortError("its terminal was closed", errno.ENOENT)
         try:
             if self._source["kind"] == "serial":
                 self._handle = self._open_serial()
@@ -97,9 +106,31 @@ class Port:
             exclusive=True,
         )
 
+    @property
+    def capacity(self) -> float:
+        """Bytes/s that the line carries."""
+        if self._source["kind"] != "serial":
+            return NETWORK_CAPACITY
+        bits = 1 + int(self._source.get("bits", 8)) + (self._source.get("parity", "N") != "N")
+        return float((self.baud or 115_200) / (bits + float(self._source.get("stop", 1))))
+
+    def has_sent_all(self) -> bool:
+        """Whether nothing waits to be sent, here or in the driver."""
+        if self.backlog or self._source["kind"] != "serial" or self.fd < 0:
+            return not self.backlog
+        try:
+            return not struct.unpack("i", fcntl.ioctl(self.fd, termios.TIOCOUTQ, bytes(4)))[0]
+        except OSError:
+            return True
+
     def close(self) -> None:
-        """Close it. Idempotent."""
-        handle, self._handle, self.fd = self._handle, None, -1
+        """Close it, at once, whatever the device does not take. Idempotent."""
+        handle, self._handle, fd, self.fd = self._handle, None, self.fd, -1
+        if fd >= 0 and _hung_up(fd):
+            self._ended_terminal = _terminal_of(self._source.get("place", ""))
+        if self._source["kind"] == "serial" and fd >= 0:
+            with contextlib.suppress(OSError, termios.error):
+                termios.tcflush(fd, termios.TCOFLUSH)  # the driver would wait for up to 30 s
         self._waiting.clear()
         self.backlog = 0
         if handle is not None:
@@ -176,3 +207,25 @@ class Port:
         self.set_baud(baud)
         if before is not None:
             self.set_baud(before)
+
+
+def _terminal_of(place: str) -> object:
+    """Identity of the name of a pseudo-terminal; None for other ports.
+
+    The kernel gives the number of one that was closed to the next: that may be a person's shell. So a name leads to the
+    same port again only if it is a link that was made anew.
+    """
+    real = os.path.realpath(place)
+    if not real.startswith("/dev/pts/"):
+        return None
+    try:
+        about = os.stat(place, follow_symlinks=False)
+    except FileNotFoundError:
+        return real  # it is gone, and was no link
+    return (real, about.st_ino, about.st_ctime_ns) if stat.S_ISLNK(about.st_mode) else real
+
+
+def _hung_up(fd: int) -> bool:
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return any(event & select.POLLHUP for _, event in poll.poll(0))

@@ -22,6 +22,7 @@ class ClientQueue:
     """Bytes waiting for one client.
 
     Attributes:
+        size: bytes that wait.
         dropped_bytes, dropped_frames: lost so far because the client did not keep up; of frames only those counted
             while the protocol was known.
     """
@@ -29,19 +30,16 @@ class ClientQueue:
     def __init__(self, most: int = MOST_HELD) -> None:
         self._most = most
         self._chunks: deque[bytes] = deque()
-        self._size = 0
+        self.size = 0
         self._is_cut = False  # the first chunk was sent in part
         self.dropped_bytes = 0
         self.dropped_frames = 0
 
-    def __len__(self) -> int:
-        return self._size
-
     def put(self, data: bytes, frame_size: FrameSize | None) -> None:
         """Append bytes; beyond `most`, drop the oldest frames."""
         self._chunks.append(data)
-        self._size += len(data)
-        if self._size > self._most:
+        self.size += len(data)
+        if self.size > self._most:
             if frame_size is None:
                 self._drop_chunks()
             else:
@@ -64,7 +62,7 @@ class ClientQueue:
             except BlockingIOError:
                 break
             sent += n
-            self._size -= n
+            self.size -= n
             if n < len(chunk):
                 self._chunks[0] = chunk[n:]
                 self._is_cut = True
@@ -76,13 +74,13 @@ class ClientQueue:
     def clear(self) -> None:
         """Forget what waits."""
         self._chunks.clear()
-        self._size, self._is_cut = 0, False
+        self.size, self._is_cut = 0, False
 
     def _drop_chunks(self) -> None:
         kept = [self._chunks.popleft()] if self._is_cut else []
-        while len(self._chunks) > 1 and self._size > self._most // 2:
+        while len(self._chunks) > 1 and self.size > self._most // 2:
             size = len(self._chunks.popleft())
-            self._size -= size
+            self.size -= size
             self.dropped_bytes += size
         self._chunks.extendleft(kept)
 
@@ -93,11 +91,11 @@ class ClientQueue:
             self._drop_chunks()
             return
         first = bounds[0]  # before it is the rest of a frame that was begun
-        excess = self._size - self._most // 2
+        excess = self.size - self._most // 2
         last = next((i for i, bound in enumerate(bounds) if bound - first >= excess), len(bounds) - 1)
         gone = bounds[last] - first
         self._chunks = deque(part for part in (data[:first], data[bounds[last] :]) if part)
-        self._size -= gone
+        self.size -= gone
         self.dropped_bytes += gone
         self.dropped_frames += last
 

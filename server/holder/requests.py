@@ -3,7 +3,8 @@
 {"do": "lock"} · "unlock"        begin and end a transaction, in which clients wait
 {"do": "baud", "baud": N}        change the rate of the port · "try": and back, to see whether it has that rate
 {"do": "share", "share": {…}}    offer a share · "unshare", "name": end it · "drop", "number": disconnect a client
-{"do": "frames", "module": "…"}  how frames are found: a module with `frame_size` (queues.FrameSize)
+{"do": "frames", "module": "…"}  how frames are found, with "configuration": which of them configure the device
+                                 (client_frames.FrameRules)
 {"do": "end"}                    end the holder
 """
 
@@ -35,13 +36,13 @@ def carry_out(holder: Holder, request: Mapping[str, Any]) -> None:
         case "try":
             holder.port.try_baud(int(request["baud"]))
         case "share":
-            holder.add_share(ShareAddress.from_json(request["share"]))
+            holder.sharing.add(ShareAddress.from_json(request["share"]))
         case "unshare":
-            holder.unshare(request["name"])
+            holder.sharing.remove(request["name"])
         case "drop":
-            holder.drop_client(int(request["number"]))
+            holder.sharing.drop(int(request["number"]))
         case "frames":
-            holder.use_frames(request["module"])
+            holder.use_frames(request["module"], request.get("configuration", ""))
         case "end":
             holder.end()
         case other:

@@ -9,7 +9,7 @@ import struct
 from server.holder.messages import STAMP, MessageKind, MessageReader, message
 
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of the other end, see unix(7)
-SERVER_S = 0.004
+SERVER_S = 0.008
 """Bytes of the device are collected for this long: their stamps go with them, and fewer messages cost less."""
 
 
@@ -23,7 +23,7 @@ class ServerConnection:
         self.pid: int = _CREDENTIALS.unpack(peer)[0]
         self._reader = MessageReader()
         self._waiting = bytearray()
-        self._collected: list[bytes] = []
+        self._collected: list[tuple[int, bytes]] = []
         self.collected = 0
         self.due_at = 0.0
 
@@ -33,14 +33,14 @@ class ServerConnection:
 
     def add(self, stamp_ns: int, data: bytes) -> None:
         """Collect bytes of the device."""
-        self._collected.append(message(MessageKind.DATA, STAMP.pack(stamp_ns) + data))
+        self._collected.append((stamp_ns, data))
         self.collected += len(data)
         if not self.due_at:
             self.due_at = stamp_ns / 1e9 + SERVER_S
 
     def pass_on(self) -> None:
         """Send what was collected."""
-        data = b"".join(self._collected)
+        data = b"".join([message(MessageKind.DATA, STAMP.pack(stamp) + data) for stamp, data in self._collected])
         self._collected.clear()
         self.collected, self.due_at = 0, 0.0
         self.send(data)

@@ -238,8 +238,10 @@ class Link(ABC):
     def expect_reply(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do
         """Note that an answer is expected, which must be delivered without delay."""
 
-    def use_frames(self, module: str) -> None:  # noqa: B027 - only a shared port does something
-        """Find frames for clients of a shared port with this module (protocols/family.py: ProtocolInfo.frame_size)."""
+    def use_frames(self, frames: str, configuration: str) -> None:  # noqa: B027 - only a shared port does something
+        """Find frames of a shared port, and those of clients that configure the device, with these modules
+        (protocols/family.py: ProtocolInfo.frame_size, configuration_frames).
+        """
 
     def hold_clients(self, on: bool) -> None:  # noqa: B027 - only a shared port does something
         """Let other clients of a shared port wait before they may send, while `on`."""

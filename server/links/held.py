@@ -31,7 +31,7 @@ from server.holder.messages import (
     json_message,
     message,
 )
-from server.holder.places import socket_of
+from server.holder.places import cause_of_end, log_of, socket_of
 from server.holder.settings import HolderSettings
 from server.holder.shares import ShareAddress
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
@@ -42,8 +42,9 @@ from server.listeners import CallbackList
 
 ROOT = Path(__file__).resolve().parents[2]
 START_S = 5.0  # until a holder that was started answers
+SILENT_S = 8.0  # more than it is busy with opening a port, for which it waits at most 5 s
 ATTEMPTS, ATTEMPT_S = 10, 0.05
-ANSWER_S = 12.0  # until a request is carried out; a client that has the voice may delay it
+ANSWER_S = 12.0  # until a request is carried out or refused; a client that has the voice delays it by 10 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +66,7 @@ class HeldLink(ThreadedLink):
 
     Attributes:
         state: last state of the holder (server/holder/process.py), {} before the first.
+        names: of clients by number, where they are known better than by their address.
         on_state, on_client_data: called in the event loop.
     """
 
@@ -75,6 +77,7 @@ class HeldLink(ThreadedLink):
         self.state: Mapping[str, Any] = {}
         self.on_state: CallbackList[[Mapping[str, Any]]] = CallbackList()
         self.on_client_data: CallbackList[[ClientData]] = CallbackList()
+        self.names: dict[int, str] = {}
         self._inner = inner
         self._connection: socket.socket | None = None
         self._messages = MessageReader()
@@ -82,10 +85,12 @@ class HeldLink(ThreadedLink):
         self._requests: dict[int, asyncio.Future[None]] = {}
         self._numbers = 0
         self._offset_ns = 0  # from the monotonic clock to the clock of arrivals
-        self._frames = ""
+        self._frames = "", ""
         self.holder_pid = 0
         self._busy_with = 0  # process of the server that the holder has, if it refused this one
         self._sending = asyncio.Lock()
+        self._last_message_s = 0.0
+        self._timer: asyncio.TimerHandle | None = None
 
     @property
     def is_connected(self) -> bool:
@@ -123,12 +128,14 @@ class HeldLink(ThreadedLink):
             self.notices = latency_notices(self.place, self.settings.sys_root)
         connection.setblocking(False)
         self._start(connection.fileno(), self._on_readable)
+        self._last_message_s = time.monotonic()
+        self._watch()
         offered = {one["text"] for one in self.state["shares"]}
         for share in self.shares:
             if share.text not in offered:
                 await self.request("share", share=share.to_json())
-        if self._frames:
-            await self.request("frames", module=self._frames)
+        if self._frames[0]:
+            await self.request("frames", module=self._frames[0], configuration=self._frames[1])
 
     async def _connected_at_last(
         self, path: Path, progress: Progress | None
@@ -231,16 +238,24 @@ class HeldLink(ThreadedLink):
         except OSError:
             data = b""
         if not data:
-            raise LinkError("gone", f"The holder of {self.source} ended.", "It is started again.")
+            raise self._ended()
         try:
             for kind, body in self._messages.feed(data):
                 self._on_message(kind, body)
         except (MessageError, ValueError, KeyError) as error:
             raise LinkError("gone", f"The holder of {self.source} sent nonsense: {error}.", "Retry.") from None
 
+    def _watch(self) -> None:
+        """Fail if the holder has said nothing for a while: it reports its state once a second."""
+        if time.monotonic() - self._last_message_s > SILENT_S:
+            self.fail(self._does_not_answer())
+        else:
+            self._timer = asyncio.get_running_loop().call_later(1.0, self._watch)
+
     def _on_message(self, kind: MessageKind, body: bytes) -> None:
         """A message, in the reading thread."""
         assert self._queue is not None
+        self._last_message_s = time.monotonic()
         if kind == MessageKind.DATA:
             (stamp,) = STAMP.unpack_from(body)
             self._queue.put(Chunk(body[STAMP.size :], stamp + self._offset_ns))
@@ -289,23 +304,42 @@ class HeldLink(ThreadedLink):
                 await write_all(connection.fileno(), make(number))
             await asyncio.wait_for(answered, ANSWER_S)
         except TimeoutError:
-            hint = "Wait until it has finished, or end it under Share."
-            raise LinkError("busy", f"{self._speaker()} is talking to {self.source}.", hint) from None
+            raise self._does_not_answer() from None
         except OSError:
-            raise LinkError("gone", f"The holder of {self.source} ended.", "It is started again.") from None
+            raise self._ended() from None
         finally:
             self._requests.pop(number, None)
 
-    def _speaker(self) -> str:
-        speaker = self.state.get("speaker")
-        peers = [one["peer"] for one in self.state.get("clients", ()) if one["number"] == speaker]
-        return f"The client {peers[0]}" if peers else "Another program"
+    def _ended(self) -> LinkError:
+        path = str(self._socket())
+        why = cause_of_end(path, self.holder_pid)
+        hint = f"It is started again; {log_of(path)} has the details." if why else "It is started again."
+        return LinkError("gone", f"The holder of {self.source} ended{f': {why}' if why else ''}.", hint)
+
+    def _does_not_answer(self) -> LinkError:
+        hint = f"If it does not recover, end its process: kill -9 {self.holder_pid}."
+        return LinkError("gone", f"The holder of {self.source} does not answer.", hint)
+
+    def name_of(self, client: int) -> str:
+        """Name of a client, else its address; "" if it is not there."""
+        peers = (str(one["peer"]) for one in self.state.get("clients", ()) if one["number"] == client)
+        return self.names.get(client) or next(peers, "")
+
+    def _is_busy(self) -> LinkError:
+        state = self.state
+        name = self.name_of(state.get("speaker") or 0)
+        who = f"The client {name}" if name else "Another program"
+        does = "configuring the device at" if state.get("configuring") is not None else "talking to"
+        hint = "Wait until it has finished, or end it under Share port."
+        return LinkError("busy", f"{who} is {does} {self.source}.", hint)
 
     def _on_done(self, body: Mapping[str, Any]) -> None:
         answered = self._requests.get(int(body["id"]))
         if answered is None or answered.done():
             return
-        if body.get("error"):
+        if body.get("kind") == "busy":
+            answered.set_exception(self._is_busy())
+        elif body.get("error"):
             answered.set_exception(
                 LinkError(body["kind"], f"{self.source}: {body['error']}.", "Correct it, then retry.")
             )
@@ -317,11 +351,12 @@ class HeldLink(ThreadedLink):
             task = asyncio.get_running_loop().create_task(self.request("lock" if on else "unlock"), name="voice")
             task.add_done_callback(lambda done: done.cancelled() or done.exception())
 
-    def use_frames(self, module: str) -> None:
-        if module != self._frames:
-            self._frames = module
+    def use_frames(self, frames: str, configuration: str) -> None:
+        if (frames, configuration) != self._frames:
+            self._frames = frames, configuration
             if self._connection is not None:
-                task = asyncio.get_running_loop().create_task(self.request("frames", module=module), name="frames")
+                asked = self.request("frames", module=frames, configuration=configuration)
+                task = asyncio.get_running_loop().create_task(asked, name="frames")
                 task.add_done_callback(lambda done: done.cancelled() or done.exception())
 
     # ── the rate ─────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -343,6 +378,8 @@ class HeldLink(ThreadedLink):
         await self.request("try", baud=baud)
 
     async def _release(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import select
 import time
 import tty
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
+from typing import Any
 
 from server.holder.shares import ShareAddress
 from server.links import LinkSettings, open_link, steady_clock
@@ -90,3 +92,31 @@ async def shared(port: DevicePort, *shares: str) -> AsyncIterator[HeldLink]:
                 await link.open()
             await link.request("end")
         await link.close()
+
+
+async def received(link: HeldLink, size: int) -> bytes:
+    """Bytes of the device, as the link gives them."""
+    found = b""
+    while len(found) < size:
+        chunks = await asyncio.wait_for(link.read(), PATIENCE_S)
+        found += b"".join(chunk.data for chunk in chunks)
+    return found
+
+
+async def eventually(condition: Callable[[], Any], link: HeldLink) -> Any:
+    """What a condition gives when it is true; the link is read meanwhile by nobody."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < deadline, link.state
+        await asyncio.sleep(0.01)
+    return found
+
+
+def clients(link: HeldLink) -> list[dict[str, Any]]:
+    return list(link.state["clients"])
+
+
+def hung_up(fd: int) -> bool:
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return any(event & select.POLLHUP for _, event in poll.poll(0))

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import os
-import select
 import signal
 import socket
 import termios
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -20,48 +17,21 @@ from server.holder.places import socket_of
 from server.links.base import LinkError
 from server.links.held import ClientData, HeldLink, is_held
 from tests.free_ports import free_port
-from tests.links.shared_port import DevicePort, link_to, opened, read_exactly, shared
+from tests.links.shared_port import (
+    DevicePort,
+    clients,
+    eventually,
+    hung_up,
+    link_to,
+    opened,
+    read_exactly,
+    received,
+    shared,
+)
 from tests.timeouts import PATIENCE_S
 
 FRAME = bytes.fromhex("faff3600cb")
-
-
-@pytest.fixture(autouse=True)
-def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A runtime folder of this test: nobody else's holder is found."""
-    folder = tmp_path / "run"
-    folder.mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    return folder
-
-
-@pytest.fixture
-def port() -> Iterator[DevicePort]:
-    made = DevicePort()
-    yield made
-    made.unplug()
-
-
-async def received(link: HeldLink, size: int) -> bytes:
-    """Bytes of the device, as the link gives them."""
-    found = b""
-    while len(found) < size:
-        chunks = await asyncio.wait_for(link.read(), PATIENCE_S)
-        found += b"".join(chunk.data for chunk in chunks)
-    return found
-
-
-async def eventually(condition: Callable[[], Any], link: HeldLink) -> Any:
-    """What a condition gives when it is true; the link is read meanwhile by nobody."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < deadline, link.state
-        await asyncio.sleep(0.01)
-    return found
-
-
-def clients(link: HeldLink) -> list[dict[str, Any]]:
-    return list(link.state["clients"])
+pytestmark = pytest.mark.usefixtures("runtime")
 
 
 async def reopen(link: HeldLink) -> None:
@@ -74,12 +44,6 @@ async def reopen(link: HeldLink) -> None:
         except LinkError:
             assert time.monotonic() < deadline
             await asyncio.sleep(0.05)
-
-
-def hung_up(fd: int) -> bool:
-    poll = select.poll()
-    poll.register(fd, select.POLLIN)
-    return any(event & select.POLLHUP for _, event in poll.poll(0))
 
 
 def test_every_client_gets_every_byte_and_one_of_each_share_may_write(port: DevicePort, tmp_path: Path) -> None:

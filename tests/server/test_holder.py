@@ -5,13 +5,19 @@ from __future__ import annotations
 import subprocess
 import sys
 from importlib import import_module
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocols.isb.configuration_frames import SETTINGS
+from protocols.isb.stored_settings import STORED
 from protocols.registry import PROTOCOLS
-from server.holder.arbiter import QUIET_S, SERVER, Arbiter
+from protocols.transactions import DeviceContext
+from server.holder.arbiter import CONFIGURING_QUIET_S, MOST_TURN_S, QUIET_S, SERVER, Arbiter
+from server.holder.client_frames import ClientFrames, FrameRules
+from server.holder.line_budget import LEAST_BURST, LineBudget
 from server.holder.messages import HEADER, MOST_BODY, MessageError, MessageKind, MessageReader, json_message, message
 from server.holder.queues import ClientQueue, FrameSize, frame_bounds
 from server.holder.shares import ShareAddress, ShareError
@@ -195,6 +201,86 @@ def test_a_transaction_begins_when_a_client_is_quiet_and_keeps_the_voice() -> No
     assert arbiter.speaker(1000.0) is None
 
 
+def test_a_client_that_configures_keeps_the_voice_until_it_is_done() -> None:
+    arbiter = Arbiter()
+    arbiter.spoke(3, 0.0)
+    arbiter.configures(3, 0.0, until_done=True)
+    assert arbiter.configuring(5.0) == 3
+    assert not arbiter.may_speak(SERVER, 0.9 * CONFIGURING_QUIET_S)
+    arbiter.spoke(3, 5.0)
+    assert arbiter.configuring(4.9 + CONFIGURING_QUIET_S) == 3, "each frame of it extends that"
+    arbiter.configured(3, 6.0)
+    assert arbiter.configuring(6.0) is None
+    assert arbiter.may_speak(SERVER, 6.01 + QUIET_S)
+    arbiter.spoke(4, 10.0)
+    arbiter.configures(4, 10.0, until_done=True)
+    assert arbiter.may_speak(SERVER, 10.1 + CONFIGURING_QUIET_S), "one that never says that it is done"
+    arbiter.spoke(4, 30.0)
+    assert arbiter.configuring(30.0) is None
+
+
+def test_a_turn_is_taken_from_who_has_had_it_long() -> None:
+    arbiter = Arbiter()
+    for tenth in range(round(10 * MOST_TURN_S)):
+        arbiter.spoke(3, tenth / 10)
+        assert not arbiter.take_turn(3, tenth / 10)
+    now = MOST_TURN_S + 0.1
+    assert arbiter.take_turn(3, now)
+    assert arbiter.may_speak(SERVER, now)
+    assert not arbiter.may_speak(3, now + 0.5)
+    assert arbiter.may_speak(3, now + 1.5)
+
+
+@given(st.lists(st.tuples(st.floats(0.001, 0.5), st.integers(1, 4000)), max_size=60))
+def test_no_more_is_sent_than_the_line_carries(wishes: list[tuple[float, int]]) -> None:
+    budget, now, sent = LineBudget(), 100.0, 0
+    for wait_s, wish in wishes:
+        now += wait_s
+        size = min(wish, max(0, budget.available(now, 1000.0)))
+        budget.take(size)
+        sent += size
+    assert sent <= LEAST_BURST + 1000.0 * (now - 100.0) + 1
+
+
+# ── configuration ────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def effects(protocol: str, frames: bytes) -> list[str]:
+    """Effects of frames to a device of a family, however the stream is cut."""
+    family = PROTOCOLS[protocol]
+    rules, one = FrameRules.of(family.frame_size, family.configuration_frames), ClientFrames()
+    whole = list(ClientFrames().feed(frames, rules))
+    bytewise = [effect for at in range(len(frames)) for effect in one.feed(frames[at : at + 1], rules)]
+    assert whole == bytewise
+    return list(whole)
+
+
+def test_an_mti_is_configured_from_go_to_config_to_go_to_measurement() -> None:
+    driver = PROTOCOLS["xbus"].driver
+    assert driver is not None
+    known = DeviceContext()
+    names = ("ReqDID", "GoToConfig", "SetFilterProfile", "GoToMeasurement", "Reset")
+    values: dict[str, Any] = {"SetFilterProfile": {"profile": "General"}}
+    frames = [driver.frame(name, values.get(name, {}), known) for name in names]
+    assert effects("xbus", b"noise" + b"".join(frames)) == ["begin", "end", "end"]
+
+
+def test_an_imx_is_configured_by_what_it_stores_and_streams() -> None:
+    driver = PROTOCOLS["isb"].driver
+    assert driver is not None
+    known = DeviceContext(product="IMX-5")
+    one = driver.frame("GET_DID_INS_1", {}, known)
+    stream = driver.frame("GET_DATA", {"id": 4, "period": 10}, known)
+    (write,) = driver.setting_frames("DID_FLASH_CONFIG", {"startupImuDtMs": 4}, known)
+    stop = driver.frame("STOP_BROADCASTS_ALL_PORTS", {}, known)
+    assert effects("isb", one) == []
+    assert effects("isb", stream + write + stop) == ["change"] * 3
+
+
+def test_every_stored_data_set_counts_as_configuration() -> None:
+    assert {did for did, row in STORED.items() if row.write} <= SETTINGS
+
+
 # ── messages ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
@@ -218,8 +304,10 @@ def test_another_protocol_on_the_socket_is_refused(head: bytes) -> None:
 
 
 def test_the_holder_imports_nothing_heavy() -> None:
+    modules = [(one.frame_size, one.configuration_frames) for one in PROTOCOLS.values()]
     code = (
-        "import sys, server.holder.__main__, protocols.xbus.frame_size; "
+        "import sys, server.holder.__main__; from server.holder.client_frames import FrameRules; "
+        f"[FrameRules.of(*one) for one in {modules!r}]; "
         "print([name for name in ('numpy', 'numba', 'asyncio', 'fastapi', 'ssl') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -17,7 +17,9 @@ from typing import Any
 import pytest
 
 from protocols.events import Batch, RejectedFrame, SampleGap
+from protocols.transactions import DeviceContext
 from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.driver import XbusDriver
 from protocols.xbus.frames import build
 from server.commands.arguments import parse
 from server.commands.common import shares_by_source
@@ -89,8 +91,12 @@ def ask(server: ServerProcess, path: str, body: Any = None, method: str = "") ->
     request = urllib.request.Request(
         f"{server.url}/api/devices/1{path}", data, {"content-type": "application/json"}, method=method or None
     )
-    with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
-        return json.load(answer)
+    try:
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            return json.load(answer)
+    except urllib.error.HTTPError as error:
+        error.msg += f" {error.fp.peek(1000).decode()}"  # what the server says, for who reads a failed test
+        raise
 
 
 def refusal(server: ServerProcess, path: str, body: Any = None, method: str = "") -> Any:
@@ -116,14 +122,16 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
     with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path)), fresh=True) as server:
         block_until(lambda: is_live(server), "a live device")
         driver = Driver(path)
-        block_until(lambda: first_client(server), "the driver on the page")
+        name = f"(process {os.getpid()})"
+        block_until(lambda: first_client(server) and name in first_client(server)["name"], "the driver on the page")
         block_until(lambda: driver.samples > 20, "samples at the driver")
         os.write(driver.fd, REQUEST_ID)
         entry = block_until(
             lambda: next((one for one in ask(server, "/traffic") if one["name"] == "ReqDID"), None),
             "the request of the driver in the traffic log",
         )
-        assert (entry["direction"], entry["text"]) == ("tx", str(path))
+        assert entry["direction"] == "tx"
+        assert entry["text"] == first_client(server)["name"]
         job = ask(server, "/read", {})
         done = block_until(
             lambda: next((one for one in ask(server, "/jobs")["done"] if one["id"] == job["id"]), None), "the settings"
@@ -153,8 +161,8 @@ def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
     path = tmp_path / "run" / "imuscope" / "imu0"
     with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data", fresh=True) as server:
         block_until(lambda: is_live(server), "a live device")
-        expected = {"why_not": "", "folder": str(path.parent), "speaker": "", "shares": []}
-        assert ask(server, "/shares") == expected
+        found = ask(server, "/shares")
+        assert (found["why_not"], found["folder"], found["holder"], found["shares"]) == ("", str(path.parent), 0, [])
         told = refusal(server, "/shares", {"address": str(tmp_path / "imu0")})
         assert told["kind"] == "file-not-allowed"
         assert str(path.parent) in told["message"]
@@ -231,3 +239,34 @@ def test_a_holder_of_its_own_is_found_by_a_server(simulator: SimulatorThread, tm
         if holder.stdout:
             holder.stdout.close()
     assert not os.path.lexists(path)
+
+
+def test_what_a_client_configures_is_shown_and_kept(simulator: SimulatorThread, tmp_path: Path) -> None:
+    path, source = tmp_path / "imu0", f"{simulator.slave}?baud=115200"
+    driver_of, known = XbusDriver(), DeviceContext()
+    outputs = [{"data_identifier": 0x2010, "output_frequency": 50}]
+    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path)), fresh=True) as server:
+        block_until(lambda: is_live(server), "a live device")
+        job = ask(server, "/read", {})
+        block_until(lambda: any(one["id"] == job["id"] for one in ask(server, "/jobs")["done"]), "the settings")
+        driver = Driver(path)
+        block_until(lambda: driver.samples > 20, "samples at the driver")
+        client = first_client(server)
+        os.write(driver.fd, driver_of.frame("GoToConfig", {}, known))
+        block_until(lambda: ask(server, "/shares")["configuring"], "a configuration")
+        assert ask(server, "/shares")["speaker"] == client["name"]
+        block_until(lambda: "GoToConfigAck" in {one["name"] for one in ask(server, "/traffic")}, "the config state")
+        os.write(driver.fd, driver_of.frame("SetOutputConfiguration", {"outputs": outputs}, known))
+        block_until(
+            lambda: "SetOutputConfigurationAck" in {one["name"] for one in ask(server, "/traffic")}, "an answer"
+        )
+        os.write(driver.fd, driver_of.frame("GoToMeasurement", {}, known))
+        change = block_until(lambda: ask(server, "/shares")["changes"], "what it changed")[0]
+        assert change["client"] == client["name"]
+        assert {"title": "Quaternion", "unit": "", "before": "100 Hz", "after": "50 Hz"} in [
+            {**row, "title": row["title"].partition(",")[0]} for row in change["rows"]
+        ], change
+        (entry,) = [one for one in ask(server, "/snapshots") if one["name"] == change["snapshot"]]
+        assert client["name"] in entry["reason"]
+        assert ask(server, "/shares")["configuring"] is False
+        driver.stop()

@@ -71,6 +71,14 @@ export interface Build {
   readonly role: "view" | "control";
 }
 
+/** A value before and after; empty if it was not known. */
+export interface ChangedValue {
+  readonly title: string;
+  readonly unit: string;
+  readonly before: string;
+  readonly after: string;
+}
+
 /** One channel as JSON, column by column; a bucket is two rows (min, max). */
 export interface ChannelTable {
   readonly channel: string;
@@ -253,11 +261,25 @@ export interface SceneAddress {
   readonly address: string;
 }
 
+/** Changes of a client to the settings of the device. */
+export interface SettingsChange {
+  readonly client: string;
+  /** unix s */
+  readonly time: number;
+  readonly rows: readonly ChangedValue[];
+  /** titles of settings that it may have changed, and were not read since */
+  readonly unread: readonly string[];
+  /** name of the snapshot after it; empty if there is none */
+  readonly snapshot: string;
+}
+
 /** A client of a share. */
 export interface ShareClient {
   readonly number: number;
   /** address, or path of the terminal */
   readonly peer: string;
+  /** its program, where that is visible to this server; else as `peer` */
+  readonly name: string;
   readonly may_write: boolean;
   /** what it sends waits until another is finished */
   readonly waits: boolean;
@@ -265,8 +287,10 @@ export interface ShareClient {
   readonly sent: number;
   /** bytes from it */
   readonly received: number;
-  /** bytes from it that the device did not get, because it may only read */
+  /** bytes from it that the device did not get: it may only read, or the device was not free in time */
   readonly refused: number;
+  /** it sends more than the line carries, and is held back */
+  readonly limited: boolean;
   /** lost because it did not read in time */
   readonly dropped_bytes: number;
   /** of those, whole frames */
@@ -279,8 +303,14 @@ export interface SharedPort {
   readonly why_not: string;
   /** folder in which a terminal can be created from the page; empty if there is none */
   readonly folder: string;
+  /** process that holds the port; 0 for this server */
+  readonly holder: number;
   /** who talks to the device now: a client, `imuscope`, or empty */
   readonly speaker: string;
+  /** the speaker configures the device: imuscope waits with what it sends */
+  readonly configuring: boolean;
+  /** what clients changed last, newest first */
+  readonly changes: readonly SettingsChange[];
   readonly shares: readonly PortShare[];
 }
 

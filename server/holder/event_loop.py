@@ -1,0 +1,48 @@
+"""File descriptors and what is done when they are ready: the holder's one epoll."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+from collections.abc import Callable
+
+READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EPOLLERR
+
+Handler = Callable[[int], None]
+"""Called with what a descriptor is ready for."""
+
+
+class EventLoop:
+    """Watched descriptors with their handlers."""
+
+    def __init__(self) -> None:
+        self._epoll = select.epoll()
+        self._handlers: dict[int, Handler] = {}
+
+    def watch(self, fd: int, events: int, handler: Handler) -> None:
+        """Call `handler` when a descriptor is ready."""
+        self._handlers[fd] = handler
+        self._epoll.register(fd, events)
+
+    def expect(self, fd: int, events: int) -> None:
+        """Change what a watched descriptor is expected to become ready for."""
+        if fd in self._handlers:
+            with contextlib.suppress(OSError):
+                self._epoll.modify(fd, events)
+
+    def forget(self, fd: int) -> None:
+        """Stop watching a descriptor, before it is closed. Idempotent."""
+        if self._handlers.pop(fd, None) is not None:
+            with contextlib.suppress(OSError):
+                self._epoll.unregister(fd)
+
+    def run_once(self, timeout_s: float) -> None:
+        """Call the handlers of what is ready now, or within the time."""
+        handlers = self._handlers
+        for fd, event in self._epoll.poll(timeout_s):
+            handler = handlers.get(fd)
+            if handler is not None:  # else one before it has forgotten it
+                handler(event)
+
+    def close(self) -> None:
+        self._epoll.close()

@@ -1,0 +1,201 @@
+"""The server at a holder: one at a time, its connection, what it sends to the device, and the answers to it.
+
+What it sends while a client has the voice waits, for MOST_WAIT_S; then it is refused, with who had the voice.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from server.holder.clients import Client
+from server.holder.event_loop import READ, WRITE, EventLoop
+from server.holder.messages import CLIENT, VERSION, MessageError, MessageKind, json_message, message
+from server.holder.server_connection import ServerConnection
+
+MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
+SERVER_BYTES = 1 << 15  # collected for the server before it is due
+MOST_WAIT_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingWrite:
+    """Bytes of the server that wait for the voice until a time, monotonic s."""
+
+    number: int
+    data: bytes
+    until: float
+
+
+class ServerSide:
+    """The connection to the server, if there is one.
+
+    Args:
+        path: of the Unix socket.
+        about: of the first message ("source").
+        on_message: carries out a message.
+        on_gone: called when the server has left.
+        state: the whole state.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        about: Mapping[str, Any],
+        loop: EventLoop,
+        *,
+        on_message: Callable[[MessageKind, bytes], None],
+        on_gone: Callable[[], None],
+        state: Callable[[], dict[str, Any]],
+    ) -> None:
+        self._path, self._about, self._loop = path, about, loop
+        self._on_message, self._on_gone, self._state = on_message, on_gone, state
+        self._accepting: socket.socket | None = None
+        self.connection: ServerConnection | None = None
+        self.writes: list[WaitingWrite] = []
+
+    def listen(self) -> None:
+        """Be found from now on.
+
+        Raises:
+            OSError: another holder has the port.
+        """
+        path = self._path
+        accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        if os.path.exists(path):
+            try:
+                accepting.connect(path)
+            except OSError:
+                os.unlink(path)  # of a holder that was killed
+            else:
+                accepting.close()
+                raise OSError(errno.EADDRINUSE, "another holder has this port")
+            accepting.close()
+            accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        before = os.umask(0o177)
+        try:
+            accepting.bind(path)
+        finally:
+            os.umask(before)
+        accepting.listen(1)
+        accepting.setblocking(False)
+        self._accepting = accepting
+        self._loop.watch(accepting.fileno(), READ, self._on_connects)
+
+    def _on_connects(self, _: int) -> None:
+        assert self._accepting is not None
+        try:
+            connection, _peer = self._accepting.accept()
+        except OSError:
+            return
+        hello = {"version": VERSION, "pid": os.getpid(), "busy": 0, **self._about}
+        if self.connection is not None:  # one that is gone has closed its end
+            with contextlib.suppress(OSError):
+                connection.sendall(json_message(MessageKind.HELLO, hello | {"busy": self.connection.pid}))
+            connection.close()
+            return
+        connection.setblocking(False)
+        self.connection = ServerConnection(connection)
+        self._loop.watch(connection.fileno(), READ, self._on_ready)
+        self._send(json_message(MessageKind.HELLO, hello))
+        self.send_state()
+
+    def _on_ready(self, event: int) -> None:
+        server = self.connection
+        if server is None:
+            return
+        try:
+            if event & WRITE:
+                server.flush()
+                self._expect(server)
+            if event & ~WRITE:
+                for kind, body in server.read():
+                    self._on_message(kind, body)
+        except BlockingIOError:
+            return
+        except (OSError, MessageError, KeyError, ValueError, ImportError, AttributeError) as error:
+            if not isinstance(error, OSError):
+                print(f"the server sent nonsense: {error!r}", flush=True)
+            self.disconnect()
+
+    def disconnect(self) -> None:
+        """End the connection. Idempotent."""
+        server, self.connection = self.connection, None
+        if server is not None:
+            self._loop.forget(server.fd)
+            server.close()
+        self.writes.clear()
+        self._on_gone()
+
+    # ── to the server ────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _expect(self, server: ServerConnection) -> None:
+        self._loop.expect(server.fd, READ | (WRITE if server.backlog else 0))
+
+    def _send(self, data: bytes) -> None:
+        if self.connection is not None:
+            self.connection.send(data)
+            if self.connection.backlog:
+                self._expect(self.connection)
+
+    def pass_on(self) -> None:
+        """Send the bytes of the device that were collected."""
+        server = self.connection
+        if server is not None:
+            server.pass_on()
+            if server.backlog > MOST_BEHIND:
+                self.disconnect()
+            elif server.backlog:
+                self._expect(server)
+
+    def on_device_data(self, stamp_ns: int, data: bytes) -> None:
+        """Collect bytes of the device."""
+        server = self.connection
+        if server is not None:
+            server.add(stamp_ns, data)
+            if server.collected >= SERVER_BYTES:
+                self.pass_on()
+
+    def on_client_data(self, stamp_ns: int, client: Client, data: bytes) -> None:
+        """Report what a client sent."""
+        self._send(message(MessageKind.CLIENT_DATA, CLIENT.pack(stamp_ns, client.number) + data))
+
+    def send_state(self) -> None:
+        """Send the whole state."""
+        if self.connection is not None:
+            self._send(json_message(MessageKind.STATE, self._state()))
+
+    def done(self, number: int, error: str = "", *, kind: str = "") -> None:
+        """Answer a request."""
+        body = {"id": number, **({"error": error, "kind": kind} if error else {})}
+        self._send(json_message(MessageKind.DONE, body))
+
+    # ── its writes ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def wait(self, number: int, data: bytes, now: float) -> None:
+        """Let bytes wait for the voice."""
+        self.writes.append(WaitingWrite(number, data, now + MOST_WAIT_S))
+
+    def refuse_late(self, now: float) -> None:
+        """Refuse what has waited too long; what was sent after it, too, or it would arrive without its beginning."""
+        if self.writes and now > self.writes[0].until:
+            self.refuse_all("another program is talking to the device", kind="busy")
+
+    def refuse_all(self, why: str, *, kind: str) -> None:
+        """Refuse what waits."""
+        writes, self.writes = self.writes, []
+        for one in writes:
+            self.done(one.number, why, kind=kind)
+
+    def close(self) -> None:
+        """End everything."""
+        self.disconnect()
+        if self._accepting is not None:
+            self._accepting.close()
+            with contextlib.suppress(OSError):
+                os.unlink(self._path)

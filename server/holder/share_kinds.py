@@ -1,0 +1,302 @@
+"""Kinds of shares: a pseudo-terminal under a stable path, a TCP port, a UDP socket."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import grp
+import os
+import pwd
+import select
+import socket
+import termios
+import tty
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+
+from recordings import atomic_write
+from server.holder.clients import Client, UdpClient
+from server.holder.shares import ShareAddress, ShareError
+
+MOST_TCP_CLIENTS = 16
+PTS = "/dev/pts/"
+RATES = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[:1] == "B" and name[1:].isdigit()}
+
+
+class Share(ABC):
+    """One share and its clients.
+
+    Args:
+        address: of the share.
+        next_number: numbers of clients.
+    """
+
+    def __init__(self, address: ShareAddress, next_number: Callable[[], int]) -> None:
+        self.address = address
+        self.clients: list[Client] = []
+        self._next_number = next_number
+
+    @property
+    @abstractmethod
+    def is_open(self) -> bool:
+        """Whether it is offered."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Offer it.
+
+        Raises:
+            ShareError: it cannot be offered: cause, then action.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Disconnect everybody and remove it. Idempotent."""
+
+    @property
+    def listener(self) -> int:
+        """Descriptor that is readable when a client connects; −1 for none."""
+        return -1
+
+    def accept(self) -> Client | None:
+        """A client that connected, if any."""
+        return None
+
+    def look(self) -> tuple[Client | None, Client | None]:
+        """The client that came and the one that left since the last call, for shares without a listener."""
+        return None, None
+
+    def drop(self, client: Client) -> None:
+        """Disconnect a client."""
+        if client in self.clients:
+            self.clients.remove(client)
+
+    def _add(self, peer: str, fd: int, make: type[Client] = Client, terminal: str = "") -> Client:
+        may_write = not self.address.read_only and not any(one.may_write for one in self.clients)
+        client = make(self._next_number(), self.address.text, peer, fd, may_write=may_write, terminal=terminal)
+        self.clients.append(client)
+        return client
+
+
+class PtyShare(Share):
+    """A pseudo-terminal under a stable path. All programs that have it open are one client."""
+
+    def __init__(self, address: ShareAddress, next_number: Callable[[], int]) -> None:
+        super().__init__(address, next_number)
+        self._master = -1
+        self._slave = ""
+
+    @property
+    def is_open(self) -> bool:
+        return self._master >= 0
+
+    def open(self) -> None:
+        path = self.address.path
+        if os.path.lexists(path) and not _is_own_link(path):
+            raise ShareError(f"{path} exists and is not a link of a share; choose another path or remove it")
+        if (other := _holder_of(path)) is not None:
+            words = f"{path} is offered by another holder (process {other})"
+            raise ShareError(f"{words}; choose another path or end that one")
+        master, slave = os.openpty()
+        try:
+            tty.setraw(slave)
+            name = os.ttyname(slave)
+            self._own(slave)
+            temporary = f"{path}.{os.getpid()}.tmp"
+            os.symlink(name, temporary)
+            atomic_write.replace(Path(temporary), Path(path), durable=False)
+        except (OSError, KeyError) as error:
+            os.close(master)
+            raise ShareError(_cannot_link(path, error)) from None
+        finally:
+            os.close(slave)
+        os.set_blocking(master, False)
+        self._master, self._slave = master, name
+
+    def _own(self, slave: int) -> None:
+        """Set owner, group and permissions of the terminal; KeyError: no such user or group."""
+        owner, group = self.address.owner, self.address.group
+        uid = -1 if not owner else int(owner) if owner.isdigit() else pwd.getpwnam(owner).pw_uid
+        gid = -1 if not group else int(group) if group.isdigit() else grp.getgrnam(group).gr_gid
+        if uid >= 0 or gid >= 0:
+            os.fchown(slave, uid, gid)
+        if self.address.permissions is not None:
+            os.fchmod(slave, self.address.permissions)
+
+    def close(self) -> None:
+        self.clients.clear()
+        if self._master >= 0:
+            os.close(self._master)
+            self._master = -1
+        try:
+            if os.readlink(self.address.path) == self._slave:
+                os.unlink(self.address.path)
+        except OSError:
+            pass
+
+    def look(self) -> tuple[Client | None, Client | None]:
+        if self._master < 0:
+            return None, None
+        poll = select.poll()
+        poll.register(self._master, select.POLLIN)
+        is_open = not any(event & select.POLLHUP for _, event in poll.poll(0))
+        if is_open and not self.clients:
+            return self._add(self.address.path, self._master, terminal=self._slave), None
+        if not is_open and self.clients:
+            client = self.clients.pop()
+            with contextlib.suppress(termios.error):
+                termios.tcflush(self._master, termios.TCIOFLUSH)
+            return None, client
+        for client in self.clients:
+            with contextlib.suppress(termios.error):  # it was closed just now
+                client.baud = RATES.get(termios.tcgetattr(self._master)[4])
+        return None, None
+
+    def drop(self, client: Client) -> None:
+        """Hang up: the programs that have it open see an unplugged port; the path leads to a new one."""
+        super().drop(client)
+        self.close()
+        self.open()
+
+
+class TcpShare(Share):
+    """A listening TCP port."""
+
+    def __init__(self, address: ShareAddress, next_number: Callable[[], int]) -> None:
+        super().__init__(address, next_number)
+        self._listener: socket.socket | None = None
+        self._sockets: dict[int, socket.socket] = {}
+
+    @property
+    def is_open(self) -> bool:
+        return self._listener is not None
+
+    def open(self) -> None:
+        family = socket.AF_INET6 if ":" in self.address.host else socket.AF_INET
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind((self.address.host, self.address.port))
+            listener.listen(MOST_TCP_CLIENTS)
+            listener.setblocking(False)
+        except OSError as error:
+            listener.close()
+            why = (error.strerror or "it cannot be used").lower()
+            raise ShareError(f"{self.address.text} cannot be offered: {why}; choose another port or host") from None
+        self._listener = listener
+
+    def close(self) -> None:
+        for client in list(self.clients):
+            self.drop(client)
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+
+    @property
+    def listener(self) -> int:
+        return self._listener.fileno() if self._listener is not None else -1
+
+    def accept(self) -> Client | None:
+        if self._listener is None:
+            return None
+        try:
+            connection, peer = self._listener.accept()
+        except OSError:
+            return None
+        if len(self.clients) >= MOST_TCP_CLIENTS:
+            connection.close()
+            return None
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        host = f"[{peer[0]}]" if ":" in peer[0] else peer[0]
+        client = self._add(f"{host}:{peer[1]}", connection.fileno())
+        self._sockets[client.number] = connection
+        return client
+
+    def drop(self, client: Client) -> None:
+        super().drop(client)
+        connection = self._sockets.pop(client.number, None)
+        if connection is not None:
+            connection.close()
+
+
+class UdpShare(Share):
+    """Datagrams to one address, and from it."""
+
+    def __init__(self, address: ShareAddress, next_number: Callable[[], int]) -> None:
+        super().__init__(address, next_number)
+        self._socket: socket.socket | None = None
+
+    @property
+    def is_open(self) -> bool:
+        return self._socket is not None
+
+    def open(self) -> None:
+        family = socket.AF_INET6 if ":" in self.address.host else socket.AF_INET
+        made = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            made.connect((self.address.host, self.address.port))
+            made.setblocking(False)
+        except OSError as error:
+            made.close()
+            why = (error.strerror or "it cannot be used").lower()
+            raise ShareError(f"{self.address.text} cannot be reached: {why}; check host and port") from None
+        self._socket = made
+
+    def close(self) -> None:
+        self.clients.clear()
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def look(self) -> tuple[Client | None, Client | None]:
+        if self.clients or self._socket is None:
+            return None, None
+        return self._add(self.address.text, self._socket.fileno(), UdpClient), None
+
+
+def make_share(address: ShareAddress, next_number: Callable[[], int]) -> Share:
+    """The share of an address, not offered yet."""
+    kinds: dict[str, Callable[[ShareAddress, Callable[[], int]], Share]]
+    kinds = {"pty": PtyShare, "tcp": TcpShare, "udp": UdpShare}
+    return kinds[address.kind](address, next_number)
+
+
+def _is_own_link(path: str) -> bool:
+    try:
+        return os.readlink(path).startswith(PTS)
+    except OSError:
+        return False
+
+
+def _holder_of(path: str) -> int | None:
+    """Process of another holder that offers a terminal under this path; None: nobody, or a holder that was killed."""
+    try:
+        index = os.readlink(path).removeprefix(PTS)
+    except OSError:
+        return None
+    for folder in Path("/proc").iterdir():
+        try:
+            if not folder.name.isdecimal() or b"server.holder" not in (folder / "cmdline").read_bytes():
+                continue
+            for fd in (folder / "fd").iterdir():
+                about = folder / "fdinfo" / fd.name
+                if os.readlink(fd).endswith("ptmx") and f"tty-index:\t{index}\n" in about.read_text():
+                    return int(folder.name)
+        except OSError:  # it ended, or belongs to another user
+            continue
+    return None
+
+
+def _cannot_link(path: str, error: Exception) -> str:
+    if isinstance(error, KeyError):
+        return f"{path}: {error.args[0]}; name an existing user and group"
+    number = getattr(error, "errno", 0)
+    folder = os.path.dirname(path)
+    if number == errno.ENOENT:
+        return f"{path} cannot be created: there is no folder {folder}; create it first"
+    if number in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"{path} cannot be created: no permission to write in {folder} or to set its owner"
+    return f"{path} cannot be created: {(getattr(error, 'strerror', '') or str(error)).lower()}"

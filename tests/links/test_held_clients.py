@@ -1,0 +1,281 @@
+"""Clients of a shared port that configure the device, flood it, wait or set rates, and a holder that fails."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from protocols.xbus.frames import build
+from server.holder import server_side, sharing
+from server.holder.arbiter import QUIET_S
+from server.holder.places import log_of, socket_of
+from server.holder.process import Holder
+from server.links import held
+from server.links.base import LinkError
+from server.links.held import ROOT, HeldLink, holder_settings
+from server.processes import programs_with
+from tests.free_ports import free_port
+from tests.links.shared_port import DevicePort, clients, eventually, hung_up, link_to, opened, received, shared
+from tests.timeouts import PATIENCE_S
+
+GO_TO_CONFIG, GO_TO_MEASUREMENT = build(0x30), build(0x10)
+XBUS = ("protocols.xbus.frame_size", "protocols.xbus.configuration_frames")
+pytestmark = pytest.mark.usefixtures("runtime")
+LINE = 11_520  # bytes/s at 115 200 Bd
+
+
+@contextlib.asynccontextmanager
+async def in_process(port: DevicePort, *shares: str) -> AsyncIterator[HeldLink]:
+    """As `shared`, with a holder in a thread: its times can be replaced."""
+    link = link_to(port, *shares)
+    holder = Holder(holder_settings(link.inner, link.shares, stay=True))
+    ready = threading.Event()
+    failures: list[Exception] = []
+    thread = threading.Thread(target=holder.run, args=(ready.set, failures.append))
+    thread.start()
+    try:
+        assert await asyncio.to_thread(ready.wait, PATIENCE_S)
+        await link.open()
+        yield link
+    finally:
+        holder.end()
+        await asyncio.to_thread(thread.join, PATIENCE_S)
+        await link.close()
+    assert not failures
+
+
+@pytest.fixture
+def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "MOST_WAIT_S", 0.3)
+    monkeypatch.setattr(server_side, "MOST_WAIT_S", 0.3)
+
+
+def test_the_server_waits_until_a_client_has_configured_the_device(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            link.use_frames(*XBUS)
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            os.write(driver, GO_TO_CONFIG)
+            assert port.receive(len(GO_TO_CONFIG)) == GO_TO_CONFIG
+            await eventually(lambda: link.state["configuring"] == clients(link)[0]["number"], link)
+            began = time.monotonic()
+            write = asyncio.create_task(link.write(b"server"))
+            await eventually(lambda: time.monotonic() - began > 2 * QUIET_S, link)
+            assert not write.done()
+            assert port.is_quiet()
+            os.write(driver, GO_TO_MEASUREMENT)
+            assert await asyncio.to_thread(port.receive, len(GO_TO_MEASUREMENT)) == GO_TO_MEASUREMENT
+            assert await asyncio.to_thread(port.receive, 6) == b"server"
+            await write
+            assert link.state["configuring"] is None
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+@pytest.mark.usefixtures("short_waits")
+def test_what_has_waited_too_long_is_refused(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with in_process(port, str(tmp_path / "imu0")) as link:
+            link.use_frames(*XBUS)
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            os.write(driver, GO_TO_CONFIG)
+            await eventually(lambda: link.state["configuring"], link)
+            with pytest.raises(LinkError) as raised:
+                await link.write(b"server")
+            assert raised.value.kind == "busy"
+            assert raised.value.message == f"The client {tmp_path / 'imu0'} is configuring the device at {link.source}."
+            os.write(driver, GO_TO_MEASUREMENT)
+            whole = GO_TO_CONFIG + GO_TO_MEASUREMENT
+            assert await asyncio.to_thread(port.receive, len(whole)) == whole, "nothing of the server in between"
+            await eventually(lambda: link.state["speaker"] is None, link)
+            assert port.is_quiet(), "what was refused is not sent later"
+            link.hold_clients(True)
+            await eventually(lambda: link.state["speaker"] == 0, link)
+            os.write(driver, b"too late")
+            await eventually(lambda: clients(link)[0]["refused"] == 8, link)
+            assert port.is_quiet()
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_a_client_that_floods_is_held_to_the_line_and_takes_turns(port: DevicePort, tmp_path: Path) -> None:
+    number = free_port()
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}") as link:
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            stop, taken = threading.Event(), bytearray()
+
+            def flood() -> None:
+                while not stop.is_set():
+                    with contextlib.suppress(BlockingIOError):
+                        os.write(driver, b"f" * 500)
+                    select.select((), (driver,), (), 0.1)
+
+            def device() -> None:
+                while not stop.is_set():
+                    if not port.is_quiet():
+                        taken.extend(port.receive(1))
+                    else:
+                        select.select((), (), (), 0.001)
+
+            threads = [threading.Thread(target=one) for one in (flood, device)]
+            for one in threads:
+                one.start()
+            began = time.monotonic()
+            try:
+                with socket.create_connection(("127.0.0.1", number), PATIENCE_S) as other:
+                    await eventually(lambda: any(one["limited"] for one in clients(link)), link)
+                    other.sendall(b"OTHER")
+                    await link.write(b"SERVER")
+                    await eventually(lambda: b"SERVER" in taken and b"OTHER" in taken, link)
+                elapsed = time.monotonic() - began
+                assert len(taken) < LINE * (elapsed + 1)
+                assert clients(link)[0]["limited_s"] > 0
+            finally:
+                stop.set()
+                for one in threads:
+                    one.join()
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_a_rate_that_a_client_sets_while_it_waits_is_followed_after_what_it_sent(
+    port: DevicePort, tmp_path: Path
+) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link) and clients(link)[0]["baud"], link)
+            link.hold_clients(True)
+            await eventually(lambda: link.state["speaker"] == 0, link)
+            os.write(driver, b"SetBaudrate")
+            await eventually(lambda: clients(link)[0]["paused"], link)
+            settings = termios.tcgetattr(driver)
+            settings[4] = settings[5] = termios.B460800
+            termios.tcsetattr(driver, termios.TCSANOW, settings)
+            await eventually(lambda: clients(link)[0]["baud"] == 460_800, link)
+            assert link.baud == 115_200
+            link.hold_clients(False)
+            assert await asyncio.to_thread(port.receive, 11) == b"SetBaudrate"
+            await eventually(lambda: link.baud == 460_800, link)
+            os.close(driver)
+
+    asyncio.run(check())
+
+
+def test_a_path_that_another_holder_offers_is_left_to_it(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            target, other = os.readlink(tmp_path / "imu0"), DevicePort()
+            with pytest.raises(LinkError, match=rf"is offered by another holder \(process {link.holder_pid}\)"):
+                await link_to(other, str(tmp_path / "imu0")).open()
+            assert os.readlink(tmp_path / "imu0") == target
+            other.unplug()
+
+    asyncio.run(check())
+
+
+def test_a_link_that_a_killed_holder_left_is_replaced(port: DevicePort, tmp_path: Path) -> None:
+    os.symlink("/dev/pts/99999", tmp_path / "imu0")
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")):
+            assert os.path.exists(tmp_path / "imu0")
+
+    asyncio.run(check())
+
+
+def test_the_next_terminal_of_a_number_is_not_taken_for_the_port(port: DevicePort, tmp_path: Path) -> None:
+    """The kernel gives the number of a closed terminal to the next one, here the share of another port: its client's
+    rate was replaced by that of the holder that still waited for its own.
+    """
+
+    async def check() -> None:
+        other = DevicePort()
+        former, number = link_to(other), other.path
+        await former.open()
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            other.unplug()
+            await eventually(lambda: not former.state["open"], link)
+            next_one = DevicePort()
+            assert next_one.path == number, "no terminal was closed meanwhile"
+            await eventually(lambda: time.monotonic() > began + 3.0, link)
+            assert not [one for one in programs_with(number) if one.pid == former.holder_pid]
+            next_one.unplug()
+        await former.close()
+        os.kill(former.holder_pid, signal.SIGTERM)
+
+    began = time.monotonic()
+    asyncio.run(check())
+
+
+FAILING = """
+import sys, server.holder.sharing as sharing
+look = sharing.Sharing.look
+def failing(self, now):
+    look(self, now)
+    if any(client.received for client in self.clients.values()):
+        raise RuntimeError("a defect")
+sharing.Sharing.look = failing
+from server.holder.__main__ import main
+raise SystemExit(main())
+"""
+
+
+def test_a_holder_that_fails_says_why_and_its_clients_see_an_unplugged_port(port: DevicePort, tmp_path: Path) -> None:
+    async def check() -> None:
+        link = link_to(port, str(tmp_path / "imu0"))
+        words = holder_settings(link.inner, link.shares).to_text()
+        subprocess.run([sys.executable, "-c", FAILING, words], cwd=ROOT, check=True, timeout=PATIENCE_S)
+        await link.open()
+        driver = opened(tmp_path / "imu0")
+        await eventually(lambda: clients(link), link)
+        os.write(driver, b"x")
+        with pytest.raises(LinkError) as raised:
+            await received(link, 1)
+        assert "ended: RuntimeError: a defect." in raised.value.message
+        log = log_of(str(socket_of(port.path)))
+        assert log in raised.value.hint
+        assert "Traceback" in Path(log).read_text()
+        await eventually(lambda: hung_up(driver), link)
+        assert not os.path.lexists(tmp_path / "imu0")
+        os.close(driver)
+        await link.close()
+
+    asyncio.run(check())
+
+
+def test_a_holder_that_is_stuck_is_reported(port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(held, "SILENT_S", 2.0)
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            os.kill(link.holder_pid, signal.SIGSTOP)
+            try:
+                with pytest.raises(LinkError, match="does not answer") as raised:
+                    await received(link, 1)
+                assert f"kill -9 {link.holder_pid}" in raised.value.hint
+            finally:
+                os.kill(link.holder_pid, signal.SIGCONT)
+
+    asyncio.run(check())
