@@ -12,6 +12,8 @@ const ROUTE = "/api/devices/1/shares";
 const CLIENT = {
   number: 3,
   peer: "127.0.0.1:50312",
+  name: "127.0.0.1:50312",
+  limited: false,
   may_write: true,
   waits: false,
   sent: 1_234_000,
@@ -20,7 +22,15 @@ const CLIENT = {
   dropped_bytes: 0,
   dropped_frames: 0,
 };
-const EMPTY: SharedPort = { why_not: "", folder: "/run/imuscope", speaker: "", shares: [] };
+const EMPTY: SharedPort = {
+  why_not: "",
+  folder: "/run/imuscope",
+  holder: 0,
+  speaker: "",
+  configuring: false,
+  changes: [],
+  shares: [],
+};
 const SHARED: SharedPort = {
   ...EMPTY,
   speaker: CLIENT.peer,
@@ -32,7 +42,7 @@ const SHARED: SharedPort = {
       read_only: false,
       clients: [
         CLIENT,
-        { ...CLIENT, number: 4, peer: "127.0.0.1:50999", waits: true, dropped_bytes: 300, dropped_frames: 2 },
+        { ...CLIENT, number: 4, name: "127.0.0.1:50999", waits: true, dropped_bytes: 300, dropped_frames: 2 },
       ],
     },
   ],
@@ -57,6 +67,35 @@ test("programs are shown with what they get, lose and may do", async () => {
   expect(share.textContent).toContain("2 frames");
   expect(screen.getByRole("status").textContent).toContain("Commands from 127.0.0.1:50312");
   expect(screen.getByRole("region", { name: "/run/imuscope/imu0" }).textContent).toContain("No program connected");
+});
+
+test("a program that configures the device is named, and what it changed is shown", async () => {
+  const name = "xsens_mti_node (process 4711)";
+  const changes = [
+    {
+      client: name,
+      time: 1_760_000_000,
+      rows: [{ title: "Acceleration, rate", unit: "Hz", before: "400 Hz", after: "100 Hz" }],
+      unread: ["Filter profile"],
+      snapshot: "20261123T101500Z-set-by-xsens",
+    },
+  ];
+  open({ [`GET ${ROUTE}`]: { ...SHARED, holder: 812, speaker: name, configuring: true, changes } });
+  const status = await screen.findByRole("status");
+  expect(status.textContent).toContain(`${name} is configuring the device`);
+  const shown = screen.getByRole("region", { name: "Settings changed by programs" });
+  expect(shown.textContent).toContain("Acceleration, rate400 Hz → 100 Hz");
+  expect(shown.textContent).toContain("Not read since: Filter profile");
+  expect(screen.getByText(/Held by process 812/)).toBeTruthy();
+});
+
+test("a program that floods or comes too late is told apart", async () => {
+  const client = { ...CLIENT, limited: true, refused: 2_000 };
+  const share = { name: "tcp://127.0.0.1:4001", kind: "tcp" as const, read_only: false, clients: [client] };
+  open({ [`GET ${ROUTE}`]: { ...EMPTY, shares: [share] } });
+  const shown = await screen.findByRole("region", { name: share.name });
+  expect(shown.textContent).toContain("is held back");
+  expect(shown.textContent).toContain("Refused2.0 kB");
 });
 
 test("a port is shared under an address that is proposed, and may be read only", async () => {

@@ -5,7 +5,7 @@ import { bytes } from "../recordings/library-filter";
 import { Dialog } from "../ui/dialog";
 import { type Outcome, type Problem, request } from "../ui/http";
 import { Message } from "../ui/message";
-import type { PortShare, SharedPort, ShareClient } from "../wire/routes";
+import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
 import type { App } from "./app-state";
 import { TEXT } from "../texts/live";
@@ -56,11 +56,12 @@ export function SharePort({ device, onClose }: Props) {
     <Dialog title={TEXT.sharePortOf(device.name)} onClose={onClose}>
       <div class="port-shares">
         <p>{TEXT.shareIntro}</p>
-        {shares.length > 0 && <Speaker speaker={port.value?.speaker ?? ""} />}
+        {port.value && shares.length > 0 && <Speaker port={port.value} />}
         {port.value && shares.length === 0 && <p class="dim">{port.value.why_not || TEXT.notShared}</p>}
         {shares.map((share) => (
           <Share key={share.name} share={share} state={state} />
         ))}
+        {port.value && port.value.changes.length > 0 && <Changes changes={port.value.changes} />}
         {port.value && port.value.why_not === "" && <AddShare state={state} />}
         {problem.value && (
           <div class="problem" role="alert">
@@ -75,13 +76,47 @@ export function SharePort({ device, onClose }: Props) {
   );
 }
 
-function Speaker({ speaker }: { readonly speaker: string }) {
+function Speaker({ port }: { readonly port: SharedPort }) {
+  const { speaker, configuring, holder } = port;
+  const text =
+    speaker === "" ? TEXT.noCommands : configuring ? TEXT.configuringDevice(speaker) : TEXT.commandsFrom(speaker);
   return (
-    <p role="status">
-      <span class={`dot ${speaker === "" ? "off" : "live"}`} />{" "}
-      {speaker === "" ? TEXT.noCommands : <span class="mono">{TEXT.commandsFrom(speaker)}</span>}
-    </p>
+    <div class="port-speaker">
+      <p role="status">
+        <span class={`dot ${speaker === "" ? "off" : "live"}`} /> {text}
+      </p>
+      {holder > 0 && <p class="dim">{TEXT.heldByProcess(holder)}</p>}
+    </div>
   );
+}
+
+function Changes({ changes }: { readonly changes: readonly SettingsChange[] }) {
+  return (
+    <section class="port-share" aria-label={TEXT.changedByPrograms}>
+      <b>{TEXT.changedByPrograms}</b>
+      <ul>
+        {changes.map((change) => (
+          <li key={change.time} class="port-client">
+            <div class="dim">{TEXT.changedBy(change.client, clock(change.time))}</div>
+            <dl>
+              {change.rows.map(({ title, before, after }) => (
+                <Figure
+                  key={title}
+                  name={title}
+                  value={TEXT.valueChange(before || TEXT.noValue, after || TEXT.noValue)}
+                />
+              ))}
+            </dl>
+            {change.unread.length > 0 && <div>{TEXT.notReadSince(change.unread.join(", "))}</div>}
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}
+
+function clock(time: number): string {
+  return new Date(time * 1000).toLocaleTimeString([], { hour12: false });
 }
 
 function Share({ share, state }: { readonly share: PortShare; readonly state: State }) {
@@ -128,16 +163,18 @@ function Client({ client, share, state }: ClientProps) {
   return (
     <li class="port-client">
       <div class="port-client-head">
-        {client.peer !== share.name && <b class="mono">{client.peer}</b>}
+        {client.name !== share.name && <b>{client.name}</b>}
         <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>
+        {client.limited && <span class="tag warn">{TEXT.heldBack}</span>}
         <span class="grow" />
-        <button type="button" class="btn small" aria-label={TEXT.disconnectNamed(client.peer)} onClick={drop}>
+        <button type="button" class="btn small" aria-label={TEXT.disconnectNamed(client.name)} onClick={drop}>
           {TEXT.disconnect}
         </button>
       </div>
       <dl>
         <Figure name={TEXT.toProgram} value={quantity(client.sent)} />
         <Figure name={TEXT.fromProgram} value={quantity(client.received)} />
+        {client.refused > 0 && <Figure name={TEXT.refusedFromProgram} value={quantity(client.refused)} isBad />}
         <Figure name={TEXT.lostByProgram} value={lost} isBad={client.dropped_bytes > 0} />
       </dl>
     </li>
