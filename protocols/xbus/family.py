@@ -29,6 +29,7 @@ from protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
 from protocols.xbus.messages import ROWS
 from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
 from protocols.xbus.products import absent, as_built, has, model_of
+from protocols.xbus.sensors import sensors_of
 from protocols.xbus.supported import supported
 
 DRIVER = XbusDriver()
@@ -292,6 +293,7 @@ FAMILY = ProtocolInfo(
             exported="frames",
         ),
     ),
+    sensors=sensors_of,
     simulator=SIMULATOR,
     usb_vendors={0x2639: "Xsens"},
     usb_products={  # Source: Linux drivers/usb/serial/ftdi_sio_ids.h.

@@ -337,7 +337,7 @@ def _mismatch(type: str, node: str, expected: str) -> str:
 
 def main() -> None:
     """Run until standard input ends."""
-    client = ViewerClient()
+    client = ViewerClient(nice=0)  # a robot may depend on it, unlike on a view
     bridge = Ros2Bridge(client)
     for message in client.messages_until(lambda: bridge.next_tick):
         if message is None:

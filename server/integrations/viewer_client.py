@@ -29,7 +29,7 @@ class ViewerClient:
         on_events: called with events, as in `events` of server/wire/.
     """
 
-    def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None) -> None:
+    def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None, *, nice: int = 5) -> None:
         self._in = source or open(0, "rb", buffering=0, closefd=False)  # noqa: SIM115 - unbuffered, see `messages`
         self._out = out or _own_output()
         self._lock = threading.Lock()
@@ -40,7 +40,7 @@ class ViewerClient:
         self.changed = False
         self.on_events: Callable[[list[Mapping[str, Any]]], None] = lambda events: None
         with contextlib.suppress(OSError):
-            os.nice(5)  # live devices come first
+            os.nice(nice)  # live devices come first
 
     def send(self, **words: Any) -> None:
         """Send a message to the server's side. Thread-safe."""

@@ -9,6 +9,8 @@
     python -m tests.interop.run mcap              pymcap-cli 0.34.0 (pip), on recordings and exports of ours
     python -m tests.interop.run rerun             the rerun command that is installed with imuscope, on an .rrd export
     python -m tests.interop.run pygnssutils       pygnssutils 1.3.1 (pip) as the NTRIP caster of a device
+    python -m tests.interop.run hiroz             hiroz 0.2.1 (crates.io), a ROS 2 over Zenoh, by hiroz_host, which must
+                                                  be on PATH: cargo build --release in tests/interop/hiroz_host
     python -m tests.interop.run                   all of them
 
 Each starts what of ours it is for, runs the program unchanged, and compares what it printed with what must come out.
@@ -26,7 +28,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tests.interop import files, hosts
+from tests.interop import files, hosts, ros2
 from tests.interop.running import ROOT, DiffersError
 
 PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
@@ -34,6 +36,7 @@ PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
     "xda": hosts.xda,
     "cltool": hosts.cltool,
     "xsens-go": hosts.xsens_go,
+    "hiroz": ros2.hiroz,
     "mcap": files.mcap,
     "rerun": files.rerun,
     "pygnssutils": files.pygnssutils,
