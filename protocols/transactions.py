@@ -25,11 +25,13 @@ another (`RequiresState`): some commands make sense only while the device measur
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, TypeVar
 
 from protocols.events import Event
+from protocols.layouts import EncodeError
 from protocols.schema import Caution, Command, Setting
 
 T = TypeVar("T")
@@ -239,27 +241,34 @@ class Harm:
     consequence: str
 
 
-class DeviceDriver(Protocol):
+class DeviceDriver(ABC):
     """Configuration of a protocol's devices: tables, frames and transactions; no I/O, no state.
+
+    What a family leaves out is that of a device without settings, states and load, whose rate nothing changes.
 
     Every method with values raises protocols.layouts.EncodeError with the field's path, the value and the allowed range
     if they cannot be sent. Transactions raise DeviceRejectedError and NoReplyError.
     """
 
     name: str
-    states: Mapping[str, str]
+    states: Mapping[str, str] = NO_STATES
     """Message → the device's state after sending it ("Config"); empty without states."""
-    begins: Collection[str]
+    begins: Collection[str] = ()
     """Messages that signal a restart of the device: work that a command left unfinished is discarded."""
-    ends_rest: str
+    ends_rest: str = ""
     """The command that ends the state in which settings are read (`AT_REST`); "" without such a state."""
+    usual_rates: Sequence[int] = ()
+    """Rates that its devices may have been set to, likeliest first, Bd."""
 
+    @abstractmethod
     def commands(self, known: DeviceContext) -> Sequence[Command]:
         """Every command of the document for this product; for all products if it is unknown."""
 
     def settings(self, known: DeviceContext) -> Sequence[Setting]:
         """Readable settings of this device, and whether they are writable."""
+        return ()
 
+    @abstractmethod
     def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:
         """The bytes of a command (or of an NMEA line)."""
 
@@ -272,10 +281,13 @@ class DeviceDriver(Protocol):
             held: as in `write`.
             old: values on the device, if known and relevant to the bytes.
         """
+        raise EncodeError(f"{self.name} has no settings")
 
+    @abstractmethod
     def annotate(self, frame: bytes) -> list[ByteRange]:
         """The frame byte by byte: ordered spans that cover it without overlap."""
 
+    @abstractmethod
     def name_of(self, frame: bytes) -> str:
         """Its name, for the traffic log."""
 
@@ -283,7 +295,9 @@ class DeviceDriver(Protocol):
         """`body` in its required state, and the previous one afterwards, also after failure (GoToConfig …
         GoToMeasurement); a device at rest stays at rest.
         """
+        return body
 
+    @abstractmethod
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
         """Send one command and wait for its answer; returns its values."""
 
@@ -291,6 +305,7 @@ class DeviceDriver(Protocol):
         """Unfinished work of a command that a change of state discards, in words; "" if it completes that of an earlier
         command of its kind; None if neither.
         """
+        return None
 
     def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
         """Settings that a command may change, besides the one it writes (Setting.write).
@@ -298,9 +313,12 @@ class DeviceDriver(Protocol):
         Args:
             values: its arguments; missing ones are unknown.
         """
+        return ()
 
     def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
         """The values of one setting."""
+        yield from ()  # a transaction is a generator, even one that does nothing
+        raise EncodeError(f"{self.name} has no settings")
 
     def write(
         self, setting: str, values: Values, known: DeviceContext, *, held: bool = False
@@ -311,20 +329,27 @@ class DeviceDriver(Protocol):
             held: the values were read from the device, so they are written whatever the tables allow: restoring must
                 not depend on our ranges. Only a value that does not fit its field is then an EncodeError.
         """
+        yield from ()
+        raise EncodeError(f"{self.name} has no settings")
 
     def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
         """Query the identity: product, serial number, firmware."""
+        yield from ()
+        return known
 
     def formerly(self, serial_number: str) -> Sequence[str]:
         """Other numbers that earlier versions of this program used for the same device."""
+        return ()
 
     def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
         """Effect of this write on the link."""
+        return None
 
     def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
         """Possible rates of a device with these settings after a restart, likeliest first; empty if the rate does not
         change.
         """
+        return ()
 
     def instead(
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
@@ -332,29 +357,41 @@ class DeviceDriver(Protocol):
         """The setting and the values that replace a command which is deprecated for this product; no values if
         `present` is insufficient. None for a command that is sent unchanged.
         """
+        return None
 
     def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         """Harm of this write, by single fields, apart from `line_change` and the setting's own caution."""
+        return []
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         """Make written values persistent and effective: save if the protocol requires it, reset. The link may die."""
+        yield from ()
 
+    @abstractmethod
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         """Whether the device answers at the link's present baud rate. Short; never raises."""
 
     def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
         """The document's procedure for a device that answers at no rate; the user power-cycles it during the
-        procedure.
+        procedure. Without one, all usual rates are tried.
         """
+        for baud in dict.fromkeys((known.baud or self.usual_rates[0], *self.usual_rates)):
+            if (yield ReopenLink(baud)) and (yield from self.is_alive(known)):
+                return True
+        return False
 
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         """Load of these settings, bytes per second, exact to the byte."""
+        return LinkLoad((), 0.0)
 
     def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         """The same settings with rates lowered so that their load is within `capacity` bytes per second."""
+        return settings
 
     def factory(self, known: DeviceContext) -> Mapping[str, Values]:
         """The documented factory defaults, of the settings that have one."""
+        return {}
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
         """Paths of the fields whose meaning differs between two values of a setting."""
+        return [name for name in a if name in b and a[name] != b[name]]

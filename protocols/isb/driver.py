@@ -63,15 +63,14 @@ from protocols.isb.undisturbed import undisturbed
 from protocols.json_values import jsonable
 from protocols.schema import Command, Setting
 from protocols.transactions import (
-    NO_STATES,
     BaudChange,
     ByteRange,
     DeviceContext,
+    DeviceDriver,
     DeviceRejectedError,
     Harm,
     LinkLoad,
     NoReplyError,
-    ReopenLink,
     Send,
     Sleep,
     Transaction,
@@ -86,7 +85,6 @@ ANSWER_S, ATTEMPTS = 0.5, 3
 ALIVE_S, ALIVE_TRIES = 0.25, 4
 RESET_S = 0.3  # until its last bytes are sent
 NO = "rejected by the device (NACK): not supported, read-only, or the packet was invalid"
-RATES = (921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000, 57_600, 38_400, 19_200, 9_600)
 
 
 def version_of(known: DeviceContext) -> str:
@@ -169,7 +167,7 @@ def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, require
     raise NoReplyError(what, attempts, ANSWER_S)
 
 
-class IsbDriver:
+class IsbDriver(DeviceDriver):
     """See protocols.transactions.DeviceDriver.
 
     Args:
@@ -177,9 +175,10 @@ class IsbDriver:
     """
 
     name = "isb"
-    states: Mapping[str, str] = NO_STATES
-    begins: Collection[str] = ()
-    ends_rest = ""
+    usual_rates = (
+        *(921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000),
+        *(57_600, 38_400, 19_200, 9_600),
+    )  # tried when the document has no procedure for a lost rate
 
     def __init__(self, listening: ListeningTimes | None = None) -> None:
         self._listening = listening or ListeningTimes()
@@ -363,14 +362,8 @@ class IsbDriver:
                 return replace(known, at_rest=False, **found)
         raise NoReplyError("GET DID_DEV_INFO", ATTEMPTS, ANSWER_S)
 
-    def formerly(self, serial_number: str) -> Sequence[str]:
-        return ()
-
     def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
         return line_change(setting, old, new, known)
-
-    def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
-        return ()
 
     def instead(
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
@@ -402,13 +395,6 @@ class IsbDriver:
                 return True
         return False
 
-    def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
-        """Try all usual rates while the user power-cycles the device; the document has no procedure for a lost rate."""
-        for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
-            if (yield ReopenLink(baud)) and (yield from self.is_alive(known)):
-                return True
-        return False
-
     # -- load ----------------------------------------------------------------------------------------------------------
 
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
@@ -416,10 +402,6 @@ class IsbDriver:
 
     def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return budget.fit(settings, capacity)
-
-    def factory(self, known: DeviceContext) -> Mapping[str, Values]:
-        """Factory values: none are documented for a whole set."""
-        return {}
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
         return differences(setting, a, b)

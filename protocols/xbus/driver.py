@@ -30,8 +30,8 @@ from protocols.transactions import (
     BaudChange,
     ByteRange,
     DeviceContext,
+    DeviceDriver,
     DeviceRejectedError,
-    Harm,
     LinkLoad,
     NoReplyError,
     ReopenLink,
@@ -66,7 +66,7 @@ _NONE: Mapping[str, tuple[str, dict[str, int]]] = {  # encoding of an empty list
 _OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
 
 
-class XbusDriver:
+class XbusDriver(DeviceDriver):
     """See protocols.transactions.DeviceDriver.
 
     Args:
@@ -220,9 +220,6 @@ class XbusDriver:
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
         return config_effects.instead(command, values, present, known)
-
-    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
-        return []
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         """Reset; written settings are stored already. Not inside `within`: the device then measures by itself."""

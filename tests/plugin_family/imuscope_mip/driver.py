@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from imuscope_mip.json_codec import frame_from_json, name_of, rows_of
 from imuscope_mip.messages import ERRORS, FUNCTIONS, ROTATION, ROTATION_NAME
@@ -20,15 +20,11 @@ from protocols.events import Batch, Event, Reply
 from protocols.layouts import EncodeError, size_of, unpack
 from protocols.schema import Command, Field, Setting
 from protocols.transactions import (
-    NO_STATES,
-    BaudChange,
     ByteRange,
     DeviceContext,
+    DeviceDriver,
     DeviceRejectedError,
-    Harm,
-    LinkLoad,
     NoReplyError,
-    ReopenLink,
     Send,
     Transaction,
     Values,
@@ -36,9 +32,7 @@ from protocols.transactions import (
     WriteResult,
 )
 
-T = TypeVar("T")
 TRIES, TIMEOUT_S, ALIVE_S = 3, 0.5, 1.5
-RATES = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
 TOLERANCE = 1e-6
 DEVICE, VEHICLE = "Device", "Mounting"
 COMMANDS: tuple[Command, ...] = (
@@ -81,13 +75,11 @@ SETTINGS = (
 )
 
 
-class MipDriver:
+class MipDriver(DeviceDriver):
     """See protocols.transactions.DeviceDriver."""
 
     name = "mip"
-    states: Mapping[str, str] = NO_STATES
-    begins: Collection[str] = ()
-    ends_rest = ""
+    usual_rates = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
 
     def commands(self, known: DeviceContext) -> Sequence[Command]:
         return COMMANDS
@@ -135,14 +127,8 @@ class MipDriver:
     def name_of(self, frame: bytes) -> str:
         return name_of(rows_of(frame)) if frame[:2] == SYNC and len(frame) >= HEADER + SUM else ""
 
-    def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
-        return body
-
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
         return (yield from _ask(self.frame(command, values, known), command))
-
-    def unfinished(self, command: str, values: Values) -> str | None:
-        return None
 
     def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
         return (ROTATION_NAME,) if command in (f"Load{ROTATION_NAME}", f"Default{ROTATION_NAME}") else ()
@@ -168,23 +154,6 @@ class MipDriver:
         told = identity_of(values)
         return DeviceContext(**{**{"baud": known.baud, "device": known.device}, **told})
 
-    def formerly(self, serial_number: str) -> Sequence[str]:
-        return ()
-
-    def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-        return None
-
-    def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
-        return ()
-
-    def instead(
-        self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
-    ) -> tuple[str, Values] | None:
-        return None
-
-    def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
-        return []
-
     def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         """Settings take effect at once and are saved; no restart is needed."""
         yield from _ask(frame_from_json({"message": f"Save{ROTATION_NAME}"}), f"Save{ROTATION_NAME}")
@@ -195,19 +164,6 @@ class MipDriver:
 
         yield Send(frame_from_json({"message": "Ping"}), "Ping")
         return bool((yield WaitFor(match, ALIVE_S, "a packet")))
-
-    def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
-        for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
-            yield ReopenLink(baud)
-            if (yield from self.is_alive(known)):
-                return True
-        return False
-
-    def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
-        return LinkLoad((), 0.0)
-
-    def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
-        return settings
 
     def factory(self, known: DeviceContext) -> Mapping[str, Values]:
         return {ROTATION_NAME: {field.name: 0.0 for field in ROTATION}}
