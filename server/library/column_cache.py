@@ -233,12 +233,18 @@ class ColumnCache:
 
 
 def _sweep(cache: Path, budget: int) -> None:
-    """Delete the least recently used stores until the rest is within the budget."""
-    stores = [(folder.stat().st_mtime, folder) for folder in cache.iterdir() if folder.is_dir()]
-    sizes = {folder: sum(file.stat().st_size for file in folder.iterdir()) for _, folder in stores}
-    total = sum(sizes.values())
-    for _, folder in sorted(stores):
+    """Delete the least recently used stores until the rest is within the budget.
+
+    Hidden folders are being made: they are left alone, and vanish or get their name while this looks.
+    """
+    stores = []
+    for folder in cache.iterdir():
+        if not folder.name.startswith("."):
+            with contextlib.suppress(OSError):  # deleted meanwhile
+                stores.append((folder.stat().st_mtime, folder, sum(file.stat().st_size for file in folder.iterdir())))
+    total = sum(size for _, _, size in stores)
+    for _, folder, size in sorted(stores):
         if total <= budget:
             return
         shutil.rmtree(folder, ignore_errors=True)
-        total -= sizes[folder]
+        total -= size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from recordings.mcap_reader import McapReader
@@ -29,5 +30,6 @@ def received(path: Path) -> bytes:
 
 def hidden(folder: Path) -> list[str]:
     """Unfinished files, and files that resemble them."""
-    names = [path for path in folder.rglob("*") if path.name.endswith((".making", ".packing", ".export"))]
+    found = [Path(place, name) for place, folders, files in os.walk(folder) for name in (*folders, *files)]
+    names = [path for path in found if path.name.endswith((".making", ".packing", ".export"))]
     return [str(path.relative_to(folder)) for path in (*names, *(folder / "exports").glob("*"))]
