@@ -36,6 +36,7 @@ from protocols.messages.decoder import reader_of
 from protocols.messages.records import MessageChannel
 from server.links.base import Link, LinkError, LinkSettings, Progress
 from server.links.message_link import (
+    NO_NUMBERS,
     MessageLink,
     SeenTopic,
     TopicSource,
@@ -45,30 +46,22 @@ from server.links.message_link import (
 )
 from server.links.registry import LinkDefinition, register_link
 from server.links.source_url import SourceUrl
-from server.links.text import progress_line
+from server.links.text import is_ours, progress_line
 
 if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection
 
 DEFAULT_PORT = 8765
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
-PATHS = ("/", "/foxglove")
+OWN_PATH = "/foxglove"  # of another imuscope
+PATHS = ("/", OWN_PATH)
 TOKEN = "IMUSCOPE_FOXGLOVE_TOKEN"
 LARGEST = 64 << 20  # bytes of a message; images and clouds are not subscribed to
 PING_S = 5.0
+LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
 DATA = struct.Struct("<BIQ")
 MESSAGE_DATA = 1
 SCHEMA_ENCODINGS = {"json": "jsonschema", "protobuf": "protobuf", "cdr": "ros2msg"}
-NO_NUMBERS = frozenset(
-    f"{package}{name}"
-    for package, names in (
-        ("sensor_msgs/msg/", ("Image", "CompressedImage", "PointCloud2", "LaserScan", "CameraInfo")),
-        ("foxglove.", ("RawImage", "CompressedImage", "CompressedVideo", "PointCloud", "SceneUpdate", "Log", "Grid")),
-        ("", ("rcl_interfaces/msg/Log", "nav_msgs/msg/OccupancyGrid", "visualization_msgs/msg/MarkerArray")),
-    )
-    for name in names
-)
-"""Types left out of a source without topics: much data, and hardly a number to plot."""
 
 
 @dataclass(slots=True)
@@ -232,10 +225,16 @@ class FoxgloveLink(MessageLink):
             except (OSError, EOFError) as error:
                 reason = getattr(error, "strerror", None) or "the connection broke"
                 raise LinkError("refused", f"{self.where.place} cannot be reached: {reason}.", hint) from None
-            if connection.subprotocol is not None:
+            if connection.subprotocol is not None and not (path == OWN_PATH and self._is_own()):
                 return connection
             await connection.close()
+            if connection.subprotocol is not None:  # its devices would be its own source, again and again
+                words = f"{self.where.place} is this server itself."
+                raise LinkError("bad-source", words, "Its devices are shown already. Give the address of another one.")
         raise refusal
+
+    def _is_own(self) -> bool:
+        return self.where.host in LOCAL_HOSTS and is_ours(self.where.port)
 
     async def _on_text(self, connection: ClientConnection, text: str, opened: Future[str]) -> None:
         try:
@@ -284,8 +283,9 @@ class FoxgloveLink(MessageLink):
     def _on_data(self, data: bytes) -> None:
         if len(data) < DATA.size or data[0] != MESSAGE_DATA:
             return
+        arrival_ns = self.settings.now_ns()
         _, subscription, time_ns = DATA.unpack_from(data)
-        self.deliver(self._channels.get(subscription, 0), data[DATA.size :], publish_ns=time_ns)
+        self.deliver(self._channels.get(subscription, 0), data[DATA.size :], arrival_ns, publish_ns=time_ns)
 
     async def _release(self) -> None:
         self._connected = False

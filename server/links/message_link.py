@@ -27,6 +27,17 @@ MOST_CHANNELS = 1024
 TOPICS_LISTED = 6
 MOST_TOPICS = 64  # in one source
 
+NO_NUMBERS = frozenset(
+    f"{package}{name}"
+    for package, names in (
+        ("sensor_msgs/msg/", ("Image", "CompressedImage", "PointCloud2", "LaserScan", "CameraInfo")),
+        ("foxglove.", ("RawImage", "CompressedImage", "CompressedVideo", "PointCloud", "SceneUpdate", "Log", "Grid")),
+        ("", ("rcl_interfaces/msg/Log", "nav_msgs/msg/OccupancyGrid", "visualization_msgs/msg/MarkerArray")),
+    )
+    for name in names
+)
+"""Types left out of a source without topics: much data, and hardly a number to plot."""
+
 
 @dataclass(frozen=True, slots=True)
 class TopicSource:
@@ -117,9 +128,8 @@ class MessageLink(ThreadedLink):
             self._described_ns = 0
         return number
 
-    def deliver(self, channel: int, data: bytes, *, sequence: int = 0, publish_ns: int = 0) -> None:
+    def deliver(self, channel: int, data: bytes, arrival_ns: int, *, sequence: int = 0, publish_ns: int = 0) -> None:
         """Take a message that has just arrived; from any thread."""
-        arrival_ns = self.settings.now_ns()
         queue, flusher = self._queue, self._flusher
         if queue is None or flusher is None or not channel or len(data) >= LONGEST - 64:
             return

@@ -101,6 +101,12 @@ class Watched:
         return {one.info.title for one in self.telemetry.store.all}
 
     @property
+    def status(self) -> str:
+        """Status after the checks that a server makes ten times a second."""
+        self.session.tick(self.telemetry.bus.now())
+        return self.session.info.status
+
+    @property
     def notices(self) -> str:
         self.session.tick(self.telemetry.bus.now())
         return " ".join(self.session.info.notices)

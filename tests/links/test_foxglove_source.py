@@ -65,7 +65,7 @@ def test_messages_of_a_ros_2_driver_are_quantities_with_units_frames_and_their_s
                 assert (place[2][0], place[3][0], place[4][0]) == (pytest.approx(48.0, abs=0.1), 11.5, 520.0)
                 *_, bx, _, bz = made.rows("magnetic_field", "/imu/mag")
                 assert (bx[0], bz[0]) == (pytest.approx(20.0), pytest.approx(-43.0))  # µT
-                assert made.session.info.status == "live"
+                assert made.status == "live"
                 assert made.session.info.protocol == "messages"
                 health = made.session.health(made.telemetry.bus.now())
                 assert (health.rejects, health.lost) == (0, 0)
@@ -136,7 +136,7 @@ def test_an_absent_server_is_one_sentence_and_its_return_is_noticed() -> None:
                     made.session.retry()
                     before = made.count("angular_velocity", "/imu/data")
                     await has(made, before + 10, "angular_velocity", "/imu/data")
-                await until(lambda: made.session.info.status == "lost", f"the end of server {number} is noticed")
+                await until(lambda: made.status == "lost", f"the end of server {number} is noticed")
 
     run(play)
 
