@@ -1,26 +1,6 @@
 """HTTP API of the Configure page: the shapes of the HTTP API under /api/devices/{id}.
 
-    GET    …/forms                         Forms: every setting and command of this device, as forms
-    POST   …/preview      PreviewRequest   PreviewResult: frames, annotated; problems; load. Sends nothing
-    POST   …/read         ReadRequest      Job: read settings (null: all of them) into a snapshot
-    POST   …/apply        ApplyRequest     Job: snapshot, write, read back; temporary until confirmed where the
-                                           link could be lost
-    POST   …/run          RunRequest       Job: one command
-    POST   …/raw          RawRequest       Job: bytes sent unchanged, hex
-    POST   …/confirm      {}               the pending change stays
-    POST   …/roll-back    {}               the pending change is undone now
-    POST   …/restore      {}               Job: the guided restore-communication procedure
-    DELETE …/jobs/{job}                    removes a job from the queue, or stops it if that is safe
-    GET    …/jobs                          DeviceJobs
-    GET    …/values                        SnapshotBody: values of the device, as last read; `taken` 0: never read
-    GET    …/traffic?before=&limit=        the traffic log, newest last: list[TrafficEntry]
-    GET    …/snapshots                     list[SnapshotInfo], newest first, by serial number
-    GET    …/snapshots/{name}              the snapshot as YAML (application/yaml); ?format=json for SnapshotBody
-    POST   …/snapshots    SaveRequest      stores a text (a file of the user) or the present values under a name
-    DELETE …/snapshots/{name}
-    POST   …/compare      CompareRequest   Difference: two sides, field by field
-    POST   …/fit-rates    FitRatesRequest  FitRatesResult: the same outputs with rates that fit
-    GET, PUT, DELETE …/corrections         Corrections: a stream of RTCM, forwarded
+docs/http-api.md lists the routes, with their bodies and answers.
 
 `preview`, `fit-rates` and `compare` send nothing to a device, and a view token is sufficient for them. A request that
 could do harm is answered with 409, kind "confirm" and the consequence as its message, until it is sent with

@@ -1,33 +1,6 @@
 """HTTP API of the Recordings page: the shapes of the HTTP API under /api/recordings (…).
 
-    GET    …?q=                                   list[RecordingInfo], newest first
-    POST   …/start              StartRequest      RecorderState: record these devices
-    POST   …/stop               {}                RecorderState
-    POST   …/mark               MarkerRequest     adds a marker or a note to the running recording
-    PUT    …/upload?name=…                        application/octet-stream, any readable format: RecordingInfo
-    GET    …/{id}?partial=0|1                     RecordingDetail; opens it: until then 202 with an OpeningState,
-                                                  with partial=1 a RecordingDetail of the part decoded so far
-    GET    …/{id}/health?device&t0&t1             HealthHistory (recordings/health_history.py): figures of a device,
-                                                  per second
-    GET    …/{id}/settings?device                 RecordedSettings: the settings of a device as text
-    PATCH  …/{id}               EditRequest       title, tags, notes, pinned, file (changes the id): RecordingInfo
-    DELETE …/{id}                                 to the bin: RecordingInfo
-    POST   …/{id}/undelete      {}                restores it, within 7 days
-    POST   …/{id}/markers       MarkerRequest     adds a marker or note to a finished recording
-    GET    …/{id}/window?t0&t1&width&base&channels&partial
-                                                  application/octet-stream: sample frames of the wire (server/wire/);
-                                                  a bucket of summarised rows is two rows: min, then max (of flags: any,
-                                                  then all), and the answer has X-Exact: 0
-    GET    …/{id}/query?channel&t0&t1&width&columns&base&format=arrow|json
-    GET    /api/devices/{id}/query?…              the same for a live device
-    GET    …/{id}/download                        one file with everything in it (application/x-mcap)
-    GET    …/{id}/original?device                 the received bytes of one device
-    POST   …/{id}/exports       ExportJobRequest  ExportJob, run in the background
-    POST   …/{id}/export-sizes  ExportSelection   ExportSizes, estimated by writing samples
-    GET    …/exports                              list[ExportJob]
-    GET    …/exports/{job}/file                   the result (several files as a zip)
-    DELETE …/exports/{job}                        cancels or deletes it
-    POST   …/{id}/play          PlayRequest       a replay as a source: DeviceInfo of each device that appears
+docs/http-api.md lists the routes, with their bodies and answers.
 
 Times are unix seconds. The ops `recorder`, `library` and `exports` of the WebSocket report changes.
 """

@@ -3,11 +3,11 @@
  * else the whole recording; the frame's own address is a link that opens the same.
  */
 import type { Signal } from "@preact/signals";
-import { useRef } from "preact/hooks";
 import type { ReplayController } from "../recordings/replay-controller";
 import { Icon } from "../ui/icons";
 import { theme } from "../ui/theme";
 import { viewerHref } from "./viewer-href";
+import { ViewerPanel } from "./viewer-panel";
 import { TEXT } from "../texts/viewers";
 import "./rerun.css";
 
@@ -32,43 +32,18 @@ export function RerunButton({ replay, shown }: Props & { readonly replay: Replay
 
 /** The frame, over everything else of the page. */
 export function RerunPanel({ shown }: Props) {
-  const whole = useRef<HTMLElement>(null);
   const address = shown.value;
   if (address === undefined) return null;
-  const enlarge = (): void => {
-    if (document.fullscreenElement) void document.exitFullscreen();
-    else void whole.current?.requestFullscreen?.().catch(() => undefined);
-  };
   return (
-    <section class="rerun" ref={whole} aria-label={TEXT.rerunViewer}>
-      <div class="head">
-        <h2>{TEXT.rerun}</h2>
-        <span class="grow" />
-        <a class="btn small" href={address} target="_blank" rel="noopener" title={TEXT.newTabHint}>
-          {TEXT.newTab}
-        </a>
-        {document.fullscreenEnabled && (
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.fullScreen}
-            title={TEXT.fullScreenHint}
-            onClick={enlarge}
-          >
-            <Icon name="fit" />
-          </button>
-        )}
-        <button
-          type="button"
-          class="btn icon"
-          aria-label={TEXT.closeRerun}
-          title={TEXT.closeRerun}
-          onClick={() => (shown.value = undefined)}
-        >
-          <Icon name="close" />
-        </button>
-      </div>
+    <ViewerPanel
+      class="rerun"
+      label={TEXT.rerunViewer}
+      heading={TEXT.rerun}
+      closeHint={TEXT.closeRerun}
+      onClose={() => (shown.value = undefined)}
+      address={address}
+    >
       <iframe src={address} title={TEXT.rerunViewer} allow="fullscreen" />
-    </section>
+    </ViewerPanel>
   );
 }

@@ -6,7 +6,7 @@
  * it changes otherwise than by playback, and once a second, so that both stay in step.
  */
 import { type Signal, signal } from "@preact/signals";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { onFrame } from "../data/render-loop";
 import type { ReplayController } from "../recordings/replay-controller";
 import { type App, perApp } from "../pages/app-state";
@@ -17,6 +17,7 @@ import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
 import { headNews, type SentHead } from "./viewer-sync";
 import { liveHref } from "./viewer-href";
+import { ViewerPanel } from "./viewer-panel";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/viewers";
 import "./viser.css";
@@ -154,52 +155,18 @@ interface PanelProps {
   readonly children: preact.ComponentChildren;
 }
 
-function Panel({ isOpen, title, extra, address, children }: PanelProps) {
-  const whole = useRef<HTMLElement>(null);
-  const enlarge = (): void => {
-    if (document.fullscreenElement) void document.exitFullscreen();
-    else void whole.current?.requestFullscreen?.().catch(() => undefined);
-  };
+function Panel({ isOpen, title, ...props }: PanelProps) {
+  const linkClass = document.fullscreenEnabled ? "btn small desk" : "btn small";
+  const onClose = (): void => void (isOpen.value = false);
   return (
-    <section class="scene" ref={whole} aria-label={title}>
-      <div class="head">
-        <h2>{title}</h2>
-        <span class="grow" />
-        {extra}
-        {address && (
-          <a
-            class={document.fullscreenEnabled ? "btn small desk" : "btn small"}
-            href={address}
-            target="_blank"
-            rel="noopener"
-            title={TEXT.newTabHint}
-          >
-            {TEXT.newTab}
-          </a>
-        )}
-        {document.fullscreenEnabled && (
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.fullScreen}
-            title={TEXT.fullScreenHint}
-            onClick={enlarge}
-          >
-            <Icon name="fit" />
-          </button>
-        )}
-        <button
-          type="button"
-          class="btn icon"
-          aria-label={TEXT.closeScene}
-          title={TEXT.closeScene}
-          onClick={() => (isOpen.value = false)}
-        >
-          <Icon name="close" />
-        </button>
-      </div>
-      {children}
-    </section>
+    <ViewerPanel
+      class="scene"
+      label={title}
+      closeHint={TEXT.closeScene}
+      onClose={onClose}
+      linkClass={linkClass}
+      {...props}
+    />
   );
 }
 
