@@ -101,6 +101,37 @@ def test_pages_that_draw_sixty_times_a_second_have_it_decoded_as_often() -> None
     assert 50 <= drains(1, 1 / 60)[0] <= 61
 
 
+class SilentLink(ReadyLink):
+    """A link that never wakes the loop."""
+
+    async def read(self) -> list[Chunk]:
+        await asyncio.Event().wait()
+        raise AssertionError
+
+
+def test_while_bytes_arrive_a_session_looks_for_them_by_itself() -> None:
+    async def run() -> None:
+        clock = FakeClock()
+        link = SilentLink("/dev/ttyFAKE", LinkSettings(now_ns=clock.now_ns))
+        scheduler = DecodeScheduler(lambda: FLUSH_S)
+        session = Session("1", link, Telemetry.create(clock).bus, SPEECH, DecodeOptions("fake"), scheduler=scheduler)
+        session.start()
+        await asyncio.sleep(0.1)
+        link.send(sample(0))
+        scheduler.request()  # as the first bytes do
+        for k in range(1, 50):
+            await asyncio.sleep(FLUSH_S / 2)
+            assert link.flow.polled_ns == round(FLUSH_S * 1e9)
+            link.send(sample(k))
+        await asyncio.sleep(2 * FLUSH_S)
+        assert session._pipeline.samples == 50
+        assert link.flow.polled_ns == 0
+        assert scheduler._timer is None, "without bytes it does not look"
+        await session.close()
+
+    virtual_time.run(run())
+
+
 def test_an_answer_is_decoded_at_once() -> None:
     async def run() -> None:
         clock = FakeClock()

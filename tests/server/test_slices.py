@@ -16,7 +16,7 @@ from server.devices.link_stats import MAX_MESSAGES
 from server.devices.slices import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, Slices, Turns
 from server.links import open_link
 from server.links.base import CHUNK_COST, Chunk, LinkSettings
-from server.links.reader_thread import ChunkQueue
+from server.links.reader_thread import ANSWER_NS, WAKE_NS, ChunkQueue
 from server.links.tcp import TcpLink
 from server.links.udp import UdpLink
 from server.metrics import Metrics, Sources
@@ -127,6 +127,29 @@ def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.MonkeyPa
         assert kept == heard[-len(kept) :], "the oldest go"
         assert link.flow.dropped == sum(len(chunk.data) for chunk in heard) - sum(len(chunk.data) for chunk in kept)
         assert inbox.backlog == 0
+
+    asyncio.run(check())
+
+
+def test_a_reader_that_looks_by_itself_is_not_woken() -> None:
+    async def check() -> None:
+        link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
+        inbox = ChunkQueue(link)
+        put(inbox, 1, 10)
+        assert inbox.flush() is None, "the first chunk wakes it"
+        assert await inbox.take()
+        waits = []
+        for polled_ns in (0, 500_000_000):
+            link.flow.polled_ns = polled_ns
+            put(inbox, 1, 10)
+            assert inbox.take_now()
+            put(inbox, 1, 10)
+            waits.append(inbox.flush() or 0)
+        assert waits[0] <= WAKE_NS / 1e9 < 0.4 < waits[1]
+        assert inbox.gather_until_ns() > 0
+        inbox.expect_reply()
+        assert (inbox.flush() or 0) <= ANSWER_NS / 1e9
+        assert inbox.gather_until_ns() == 0, "an answer must not wait for other bytes"
 
     asyncio.run(check())
 
