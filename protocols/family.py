@@ -249,6 +249,7 @@ class ProtocolInfo:
         panels: initial arrangement of the page for a device.
         sensors: axes and noise of a product's sensors, for programs that need them in messages (ROS).
         abbreviations: parts of its names of flags and choices that stay in capitals: "GPX".
+        host_drivers: beginnings of the names of programs for its devices → where the port is set in them.
         supported: tables of products, firmware and data for the documentation.
     """
 
@@ -295,6 +296,7 @@ class ProtocolInfo:
     panels: PanelDefaults = PanelDefaults()
     sensors: Callable[[str], SensorProperties] = lambda product: SensorProperties()
     abbreviations: tuple[str, ...] = ()
+    host_drivers: Mapping[str, str] = field(default_factory=dict)
     supported: Callable[[], Iterable[SupportTable]] = lambda: ()
 
     @property

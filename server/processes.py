@@ -9,6 +9,8 @@ from pathlib import Path
 
 OWN = "imuscope"
 ROOT = Path("/")
+MOST_COMM = 15  # characters of a program's name that the kernel keeps
+SHARED_PATH = "/run/imuscope/imu0"  # an example
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,25 @@ def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str,
     return found
 
 
+def way_on(place: str, name: str) -> tuple[str, ...]:
+    """Steps for who wants to see a port that another program has: the program keeps it, through a share.
+
+    Args:
+        name: of the program.
+    """
+    from protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+
+    path = SHARED_PATH
+    known = [(head, words) for one in PROTOCOLS.values() for head, words in one.host_drivers.items()]
+    setting = next((words for head, words in known if name.startswith(head[:MOST_COMM])), "its setting of the port")
+    return (
+        f"Stop {name}.",
+        f"Start imuscope first, with the port shared: imuscope serve {place} --share {path}",
+        f"Give {name} {path} in place of {place} ({setting}) and start it again: both work then.",
+    )
+
+
 def programs_with(path: str, root: Path = ROOT) -> list[Program]:
-    """The programs that have a file open, this one left out."""
+    """The programs that have a file open."""
     place = os.path.realpath(path)
-    return [one for one in open_files(place.__eq__, root).get(place, ()) if one.pid != os.getpid()]
+    return open_files(lambda one: one == place, root).get(place, [])

@@ -125,6 +125,10 @@ FAMILY = ProtocolInfo(
     short="ISB",
     frame_size="protocols.isb.frame_size",
     configuration_frames="protocols.isb.configuration_frames",
+    host_drivers={
+        "inertial_sense_": "`port` in its parameter file (YAML)",
+        "cltool": "`-c` of cltool",
+    },
     identity=identity,
     identify_request=get_data(1, period=0),  # device information, once; streams are not affected
     bauds=(921_600,),

@@ -257,6 +257,11 @@ FAMILY = ProtocolInfo(
     short="Xbus",
     frame_size="protocols.xbus.frame_size",
     configuration_frames="protocols.xbus.configuration_frames",
+    host_drivers={
+        "xsens_mti_node": "`port` and `scan_for_devices: false` in xsens_mti_node.yaml",
+        "mtnode": "`_device:=` of mtnode.py",
+        "mtdevice": "`--device=` of mtdevice.py",
+    },
     is_certain=_is_certain,
     identity=identity,
     bauds=(115_200,),

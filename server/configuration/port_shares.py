@@ -10,6 +10,7 @@ A device whose port is not shared yet keeps its session: only its link is replac
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -120,7 +121,7 @@ class PortShares:
         """Report a client by the name of its program, if that can be found."""
         if client.get("terminal"):
             found = await asyncio.to_thread(programs_with, client["terminal"])
-            others = [str(one) for one in found if one.pid != link.holder_pid]
+            others = [str(one) for one in found if one.pid not in (link.holder_pid, os.getpid())]
             if others:
                 link.names[client["number"]] = ", ".join(others)
         rights = "may write" if client["may_write"] else "only reads"

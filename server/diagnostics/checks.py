@@ -30,6 +30,8 @@ from pathlib import Path
 from statistics import median
 from typing import Literal
 
+from server.processes import OWN, Program, open_files, process_folders, program_of, way_on
+
 Status = Literal["ok", "warning", "problem"]
 
 PORTS = re.compile(r"tty(USB|ACM|AMA|THS|mxc|O|SC|HS|PS|LP|S)\d+\Z")  # as server/links/ports.py
@@ -117,7 +119,7 @@ def ports(machine: Machine) -> Iterator[Finding]:
         if machine.path("/.dockerenv").exists():
             todo = ("Pass it to the container: --device /dev/ttyUSB0 (see the top of the Dockerfile).",)
         yield Finding("warning", "serial ports", "None found.", todo)
-    holders = _holders(machine) if names else {}
+    holders = open_files(lambda place: place.startswith("/dev/tty"), machine.root) if names else {}
     for name in names:
         yield from _port(machine, name, holders)
 
@@ -127,7 +129,7 @@ def _is_empty(machine: Machine, name: str) -> bool:
     return machine.text(f"/sys/class/tty/{name}/type") == "0"
 
 
-def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Finding]:
+def _port(machine: Machine, name: str, holders: dict[str, list[Program]]) -> Iterator[Finding]:
     place = f"/dev/{name}"
     try:
         about = machine.path(place).stat()
@@ -147,10 +149,7 @@ def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Find
     else:
         yield Finding("problem", place, f"Only its owner may open it; its group is {group}.", (UDEV, RELOAD))
     if place in holders:
-        who = holders[place]
-        status: Status = "ok" if who.startswith("imuscope") else "problem"
-        todo = () if status == "ok" else (f"Close it: {who}.",)
-        yield Finding(status, place, f"It is open in {who}.", todo)
+        yield _in_use(place, holders[place])
     timer = machine.text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
     if timer.isdecimal() and int(timer) > 1:
         now = f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"
@@ -160,38 +159,13 @@ def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Find
         yield Finding("ok", place, f"Its adapter's latency timer is {timer} ms.")
 
 
-def _holders(machine: Machine) -> dict[str, str]:
-    """Programs that have ports open, as far as visible to this user."""
-    found = {}
-    for folder in _processes(machine):
-        try:
-            links = list((folder / "fd").iterdir())
-        except OSError:
-            continue
-        for link in links:
-            try:
-                place = os.readlink(link)
-            except OSError:
-                continue
-            if place.startswith("/dev/tty"):
-                found[place] = f"{_command(folder)} (process {folder.name})"
-    return found
-
-
-def _command(folder: Path) -> str:
-    try:
-        line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-        name = (folder / "comm").read_text(errors="replace").strip()
-    except OSError:
-        return "another program"
-    return "imuscope" if "imuscope" in line or "server.cli" in line else name
-
-
-def _processes(machine: Machine) -> list[Path]:
-    try:
-        return [one for one in machine.path("/proc").iterdir() if one.name.isdecimal()]
-    except OSError:
-        return []
+def _in_use(place: str, programs: list[Program]) -> Finding:
+    """The programs that have a port, and how to use it beside them."""
+    words = f"It is open in {', '.join(map(str, programs))}."
+    others = [one for one in programs if one.name != OWN]
+    if not others:
+        return Finding("ok", place, words)
+    return Finding("problem", place, words, way_on(place, others[0].name))
 
 
 def _group(machine: Machine, number: int) -> str:
@@ -205,7 +179,7 @@ def _group(machine: Machine, number: int) -> str:
 def programs(machine: Machine) -> Iterator[Finding]:
     """Programs that open ports of other programs."""
     running = set()
-    for folder in _processes(machine):
+    for folder in process_folders(machine.root):
         try:
             running.add((folder / "comm").read_text(errors="replace").strip())
         except OSError:
@@ -398,10 +372,10 @@ def _listener(machine: Machine) -> str:
                 inodes.add(f"socket:[{parts[9]}]")
     if not inodes:
         return ""
-    for folder in _processes(machine):
+    for folder in process_folders(machine.root):
         try:
             if any(os.readlink(link) in inodes for link in (folder / "fd").iterdir()):
-                return _command(folder)
+                return program_of(folder).name
         except OSError:
             continue
     return "Another program"

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import asyncio
 import errno
-import glob
 import os
 import termios
 from dataclasses import dataclass, replace
@@ -40,6 +39,7 @@ from server.links.reader_thread import DISCONNECTED_ERRNOS, READ_BYTES, Threaded
 from server.links.registry import LinkDefinition, register_link
 from server.links.source_url import SourceUrl
 from server.links.usb_adapters import adapter_at, moved, port_now
+from server.processes import OWN, programs_with, way_on
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")
@@ -174,6 +174,9 @@ class SerialLink(ThreadedLink):
             await asyncio.to_thread(port.close)  # waits until the last bytes are out
 
 
+SHARE_FIRST = "To use the port beside it, start imuscope first, with --share PATH, and give that path to the program."
+
+
 def open_port(place: str, line: SerialSettings) -> Any:
     """Open and configure a port for exclusive use.
 
@@ -225,10 +228,7 @@ def cannot_open(place: str, line: SerialSettings, error: Exception) -> LinkError
     if number in (errno.EACCES, errno.EPERM):
         return denied(place)
     if number in (errno.EBUSY, errno.EAGAIN):
-        who = holder(place)
-        hint = f"Close {who}" if who else "Close the program that has it (minicom, ModemManager, another imuscope?)"
-        hint += ", or share the port: start imuscope first, with --share PATH, and give that path to the program."
-        return LinkError("busy", f"{place} is in use by {who or 'another program'}.", hint)
+        return busy(place)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return LinkError("not-found", f"There is no port {place}.", present_ports())
     if number == errno.ENOTTY or (number is None and "onfigure" in str(error)):
@@ -271,23 +271,24 @@ def lock_of(place: str) -> tuple[str, str, str]:
     return f"it belongs to the group {group}", join, group
 
 
+def busy(place: str) -> LinkError:
+    """Error for a port that another program has, and how both can use it."""
+    found = programs_with(place)
+    other = next((one for one in found if one.name != OWN and one.pid != os.getpid()), None)
+    if other is not None:
+        return LinkError("busy", f"{place} is in use by {other}.", " ".join(way_on(place, other.name)))
+    if any(one.pid == os.getpid() for one in found):
+        hint = "A port can have only one source: remove the other, or choose another port."
+        return LinkError("busy", f"{place} is in use by this server.", hint)
+    if found:
+        return LinkError("busy", f"{place} is in use by {found[0]}.", "Open the page of that one, or stop it.")
+    hint = f"Close the program that has it (minicom, ModemManager?). As root, `fuser {place}` shows it."
+    return LinkError("busy", f"{place} is in use by another program.", f"{hint} {SHARE_FIRST}")
+
+
 def holder(place: str) -> str:
     """The program that has `place` open, as "minicom (process 1234)"; "" if it is not visible."""
-    try:
-        target = os.path.realpath(place)
-        for link in glob.iglob("/proc/[0-9]*/fd/*"):
-            try:
-                if os.readlink(link) != target:
-                    continue
-                pid = link.split("/")[2]
-                if int(pid) == os.getpid():
-                    return "this server"
-                return f"{Path('/proc', pid, 'comm').read_text().strip()} (process {pid})"
-            except OSError:
-                continue
-    except OSError:
-        pass
-    return ""
+    return next(("this server" if one.pid == os.getpid() else str(one) for one in programs_with(place)), "")
 
 
 def present_ports() -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -171,6 +173,31 @@ def test_a_port_in_use_names_its_owner() -> None:
                 error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
                 assert error.kind == "busy"
                 assert "this server" in error.message
+
+    run(check())
+
+
+HAVING = """
+import fcntl, sys
+port = open(sys.argv[1], "rb+", buffering=0)
+fcntl.flock(port, fcntl.LOCK_EX)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_port_of_another_program_says_how_both_can_use_it() -> None:
+    async def check() -> None:
+        with pty() as port:
+            words = [sys.executable, "-c", HAVING, port.path]
+            with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+                assert program.stdout is not None
+                assert program.stdout.readline() == b"ready\n"
+                error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
+                program.communicate()
+            assert error.kind == "busy"
+            assert f"(process {program.pid})" in error.message
+            assert f"imuscope serve {port.path} --share /run/imuscope/imu0" in error.hint
 
     run(check())
 

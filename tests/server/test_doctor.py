@@ -131,6 +131,18 @@ def test_a_port_that_another_program_holds(machine: Machine) -> None:
     process(machine.root, 77, "minicom", "/dev/null", "/dev/ttyUSB0")
     one = only(machine, "problem", "/dev/ttyUSB0")
     assert "minicom (process 77)" in one.found
+    assert any("imuscope serve /dev/ttyUSB0 --share /run/imuscope/imu0" in step for step in one.todo)
+    assert "minicom" in one.todo[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "setting"), [("xsens_mti_node", "scan_for_devices"), ("inertial_sense_", "parameter")]
+)
+def test_a_port_that_a_known_driver_holds(machine: Machine, name: str, setting: str) -> None:
+    """The kernel keeps 15 characters of a name."""
+    process(machine.root, 78, name, "/dev/ttyUSB0", command=f"/opt/ros/lib/{name}")
+    one = only(machine, "problem", "/dev/ttyUSB0")
+    assert setting in one.todo[-1]
 
 
 def test_a_port_that_imuscope_itself_holds(machine: Machine) -> None:
