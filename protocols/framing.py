@@ -72,7 +72,7 @@ Stops at the end of the data or of the table.
 
 _TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in the second-level cache
 _SMALL = 1 << 11
-_TINY = 1 << 8  # of a single frame, as in most drains of a live stream
+TINY = 1 << 8  # of a single frame, as in most drains of a live stream
 _KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; memory is committed only to columns that are written
 
 
@@ -188,7 +188,7 @@ class ScanCapacity:
 
     def __init__(self) -> None:
         self._kept: dict[int, Ints] = {}
-        self.tiny: Ints = np.empty((QUANTITIES, _TINY), np.int64)
+        self.tiny: Ints = np.empty((QUANTITIES, TINY), np.int64)  # for fewer bytes than it has columns
 
     def table(self, rows: int, columns: int) -> Ints:
         """An array of (rows, at least columns), with leftover contents; small ones are newly allocated."""
@@ -227,7 +227,7 @@ def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: ScanCapacit
     """Run `scan` from `at` to the end of `data`; with a `room`, the table is valid until its next use."""
     columns = len(data) - at + 1
     if columns < _SMALL:  # a column for each byte is always enough
-        table = room.tiny if room is not None and columns <= _TINY else np.empty((QUANTITIES, columns), np.int64)
+        table = np.empty((QUANTITIES, columns), np.int64)
         found, at, failed, framed = scan(data, at, final, table)
         return ScanResult(table[:, :found], at, failed, framed)
     columns = min(_TABLE_COLUMNS, columns)

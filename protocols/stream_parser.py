@@ -24,12 +24,12 @@ from protocols.framing import (
     REASONS,
     SIZE,
     STATUS,
+    TINY,
     UINT8,
     Bytes,
     Ints,
     Scan,
     ScanCapacity,
-    ScanResult,
     StreamBuffer,
     compact_rejected,
     one_number,
@@ -113,7 +113,11 @@ class StreamParser:
             load_for(self._buffer.start + len(data))
         array = np.frombuffer(data, UINT8)
         at = self._scan_at - self._buffer.start
-        return self._cut(data, array, scan_all(self._scan, array, at, final=stalled, room=self._room), stalled)
+        if len(data) - at < TINY:  # the usual case of a live stream: a frame or two
+            found, at, failed, framed = self._scan(array, at, stalled, self._room.tiny)
+            return self._cut(data, array, self._room.tiny[:, :found], at, failed, framed, stalled)
+        scanned = scan_all(self._scan, array, at, final=stalled, room=self._room)
+        return self._cut(data, array, scanned.table, scanned.at, scanned.failed, scanned.framed, stalled)
 
     def drain_full(self, chunks: Sequence[tuple[bytes, int]]) -> ParseResult | None:
         """Return everything in chunks that are each full: consecutive frames, the last of which ends with the chunk.
@@ -138,15 +142,16 @@ class StreamParser:
         ):
             return None
         self.feed_chunks(data, np.array(ends, np.int64), np.array([arrival_ns for _, arrival_ns in chunks], np.int64))
-        return self._cut(data, array, scanned, True)
+        return self._cut(data, array, table, scanned.at, scanned.failed, scanned.framed, True)
 
-    def _cut(self, data: bytes, array: Bytes, scanned: ScanResult, stalled: bool) -> ParseResult:
-        """Decide the scanned frames; `data` is the whole buffer."""
+    def _cut(
+        self, data: bytes, array: Bytes, table: Ints, at: int, failed: int, framed: int, stalled: bool
+    ) -> ParseResult:
+        """Decide the scanned frames; `data` is the whole buffer, the others are those of a ScanResult."""
         buffer = self._buffer
         start = buffer.start
-        table = scanned.table
         rejects: list[RejectedFrame] = []
-        if scanned.failed:
+        if failed:
             rejects = self._rejects(table, start)
             table = table[:, : compact_rejected(table)]
         if table.shape[1] == 1:  # the usual case of a live stream
@@ -155,10 +160,10 @@ class StreamParser:
             arrivals = buffer.same_arrivals(table.shape[1])
         else:
             arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
-        self._scan_at = start + scanned.at
-        self._known += scanned.framed
+        self._scan_at = start + at
+        self._known += framed
         texts: list[Text] = []
-        if scanned.framed != self._scan_at - self._find_at:
+        if framed != self._scan_at - self._find_at:
             self._spans(data, start, table, texts, rejects, stalled)
             rejects.sort(key=lambda reject: reject.offset)
         else:
