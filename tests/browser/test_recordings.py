@@ -305,7 +305,7 @@ def test_the_bar_has_room_while_it_records(server: ServerProcess, open_page: Cal
     for state in ("true", "false"):
         page.keyboard.press("Shift+R")
         until(page, recording + state)
-        for width in (1440, 1280, 1120, 900, 721, 390, 360):
+        for width in (1440, 1280, 1120, 1061, 1001, 961, 921, 900, 768, 721, 390, 360):
             page.set_viewport_size({"width": width, "height": 844})
             until(page, fits)
         page.set_viewport_size({"width": 1440, "height": 844})

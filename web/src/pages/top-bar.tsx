@@ -232,7 +232,7 @@ function TimeBase({ app }: Props) {
     if (wanted !== device) actions.toggleTimeBase();
   };
   return (
-    <div class="segmented desk" role="group" aria-label={COMMON.timeAxis}>
+    <div class="segmented desk time-axis-choice" role="group" aria-label={COMMON.timeAxis}>
       <button type="button" aria-pressed={device} title={TEXT.deviceTimeHint} onClick={choose(true)}>
         {COMMON.deviceTime}
       </button>
