@@ -31,6 +31,9 @@ SETTINGS: dict[str, Any] = {
     "scouting/gossip/autoconnect": {"router": [], "peer": ["router", "peer"]},
     "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
     "timestamping/enabled": {"router": True, "peer": True, "client": True},
+    # Ours: 1 MB instead of 128 kB for a subscriber that does not read for a moment, before messages are dropped.
+    "transport/link/tx/queue/size/data": 16,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 20_000,  # µs, instead of 1 ms
 }
 _ADDRESS = re.compile(r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9a-fA-F:.]+\]|[^\s/:\[\]#?]+):(\d{1,5})(?:[?#]\S*)?")
 

@@ -69,13 +69,14 @@ def topics(server: ServerProcess) -> list[dict[str, Any]]:
 async def _both(listen: list[str], url: str) -> tuple[dict[str, Any], dict[str, dict[int, list[float]]]]:
     """What hiroz printed, and the page's samples of its last seconds: by quantity, values by time in ns."""
     process = await asyncio.create_subprocess_exec(*listen, stdout=asyncio.subprocess.PIPE, stderr=sys.stderr)
+    printed = asyncio.create_task(process.communicate(), name="hiroz_host: output")
     samples: dict[str, dict[int, list[float]]] = {}
     names: dict[int, str] = {}
     dtypes: dict[int, list[str]] = {}
     end = time.monotonic() + SECONDS - 5
     async with connecting(url.replace("http", "ws", 1) + "/ws", subprotocols=[wire.SUBPROTOCOL], max_size=None) as page:
         await page.send(json.dumps({"op": "subscribe", "history": 0}))
-        while process.returncode is None:
+        while not printed.done():
             try:
                 async with asyncio.timeout(1.0):
                     message = await page.recv()
@@ -90,11 +91,10 @@ async def _both(listen: list[str], url: str) -> tuple[dict[str, Any], dict[str, 
                     rows = np.column_stack(frame.columns[1:])
                     found = samples.setdefault(names[frame.channel], {})
                     found.update({round(row[0] * 1e9): row[1:] for row in rows.tolist() if math.isfinite(row[0])})
-    assert process.stdout is not None
-    printed = await process.stdout.read()
+    text, _ = await printed
     if process.returncode:
         raise DiffersError(f"hiroz_host ended with {process.returncode}")
-    return json.loads(printed), samples
+    return json.loads(text), samples
 
 
 def _compare(messages: list[dict[str, Any]], samples: dict[str, dict[int, list[float]]]) -> int:

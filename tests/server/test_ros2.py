@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
+import subprocess
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
@@ -20,7 +23,7 @@ from server.ros2 import type_support
 from server.ros2.attachment import Attachment, gid_of
 from server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
 from tests.free_ports import free_port
-from tests.server_process import ServerProcess, imuscope
+from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
 from tests.zenoh_router import announced, running_router
@@ -205,6 +208,41 @@ def test_a_removed_device_leaves_the_graph(tmp_path: Path) -> None:
         assert any("imx_5" in token for token in announced(hub))
 
 
+def test_what_is_no_router_is_told_from_none(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        address = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        with ServerProcess("sim:idtp", data=tmp_path, arguments=("--ros2", "--ros2-router", address)) as server:
+            block_until(lambda: state_of(server)["problem"], "it is reported")
+            state = state_of(server)
+    assert state["problem"].startswith(f"ROS 2: what listens at {address} is no Zenoh router of version 1")
+    assert "Zenoh 1.x" in state["hint"]
+
+
+def test_namespace_frames_axes_and_transforms_are_settings(tmp_path: Path) -> None:
+    port, config = free_port(), tmp_path / "imuscope.toml"
+    config.write_text(
+        f'ros2 = true\nros2_router = "tcp/127.0.0.1:{port}"\nros2_namespace = "/robot"\nros2_tf = true\n'
+        'ros2_axes = "device"\nros2_reliability = "best_effort"\nros2_depth = 5\n'
+        'ros2_frames = { "IMX-5" = "imu_link" }\nros2_map_frame = "odom"\n'
+    )
+    with running_router(port) as hub, ServerProcess("sim:isb", data=tmp_path, arguments=("--config", str(config))):
+        block_until(lambda: any("%tf/" in token for token in announced(hub)), "the device is announced")
+        assert all(token.endswith("/2::,5:,:,:,,") for token in announced(hub) if "/MP/" in token)
+        with received(hub, "0/**") as found:
+            block_until(lambda: found["/tf"] and found["/robot/imx_5/imu/data_raw"], "messages come")
+    (transform,) = found["/tf"][-1][0].transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "imu_link")
+    message = found["/robot/imx_5/imu/data_raw"][-1][0]
+    assert message.header.frame_id == "imu_link"
+    assert message.linear_acceleration.z < -7  # as the device sends it: z is down
+
+
+def test_a_server_without_it_does_not_load_its_libraries() -> None:
+    code = "import sys, server.app; print(sorted({'rosbags', 'zenoh', 'xxhash'} & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
 def test_without_the_option_nothing_is_published(server: ServerProcess) -> None:
     state = state_of(server)
     assert (state["enabled"], state["topics"]) == (False, [])
@@ -216,6 +254,7 @@ def test_without_the_option_nothing_is_published(server: ServerProcess) -> None:
     ("arguments", "words"),
     [
         (("--ros2-router", "localhost:7447"), "ros2_router 'localhost:7447' is not an address"),
+        (("--ros2-router", "tcp/localhost:70000"), "ros2_router 'tcp/localhost:70000' is not an address"),
         (("--ros2-domain", "500"), "ros2_domain 500 is outside 0 … 232"),
     ],
 )
