@@ -24,8 +24,11 @@ async def until(condition: Callable[[], object], what: str) -> None:
         await asyncio.sleep(CHECK_INTERVAL_S)
 
 
-def block_until(condition: Callable[[], Any], what: str) -> Any:
+def block_until(condition: Callable[[], Any], what: str | Callable[[], object], *, seconds: float = PATIENCE_S) -> Any:
     """Wait without an event loop.
+
+    Args:
+        what: is waited for, or a function that gives what there is instead.
 
     Returns:
         the last value of the condition.
@@ -33,8 +36,8 @@ def block_until(condition: Callable[[], Any], what: str) -> Any:
     Raises:
         AssertionError: it did not become true.
     """
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + seconds
     while not (found := condition()):
-        assert time.monotonic() < end, f"after {PATIENCE_S:g} s still not: {what}"
+        assert time.monotonic() < end, f"after {seconds:g} s still not: {what if isinstance(what, str) else what()}"
         time.sleep(CHECK_INTERVAL_S)
     return found

@@ -21,7 +21,6 @@ import resource
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -75,11 +74,8 @@ def files_of_at_most(size: int) -> Iterator[None]:
 
 def ended(running: InProcessServer) -> dict[str, Any]:
     """The recorder's state when it does not run any more."""
-    end = time.monotonic() + PATIENCE_S
-    while (state := running.client.get("/api/recorder").json())["running"]:
-        assert time.monotonic() < end, state
-        time.sleep(0.02)
-    return dict(state)
+    block_until(lambda: not running.client.get("/api/recorder").json()["running"], "the recorder has stopped")
+    return dict(running.client.get("/api/recorder").json())
 
 
 FULL = """

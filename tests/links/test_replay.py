@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from tests.links.link_fixtures import fails, joined, left_behind, opened, settin
 from tests.links.replayed import START, device_bytes, of, recording
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 
 def run(coroutine: Any) -> Any:
@@ -169,13 +169,11 @@ def test_playing_a_recording_makes_its_devices_appear(running: InProcessServer) 
     assert appeared.status_code == 201, appeared.text
     assert [device["protocol"] for device in appeared.json()] == ["xbus", "xbus"]
     ids = {device["id"] for device in appeared.json()}
-    end = time.monotonic() + PATIENCE_S
-    while True:
-        live = {device["id"] for device in client.get("/api/devices").json() if device["status"] == "live"}
-        if ids <= live:
-            break
-        assert time.monotonic() < end
-        time.sleep(0.05)
+
+    def live() -> set[str]:
+        return {device["id"] for device in client.get("/api/devices").json() if device["status"] == "live"}
+
+    block_until(lambda: ids <= live(), "both are live")
     assert client.post("/api/recordings/drive/play", json={"loop": True}).json()["kind"] == "busy"
     stretch = client.post("/api/recordings/drive/play", json={"t0": START / 1e9 + 0.2, "t1": START / 1e9 + 0.4})
     assert "from=0.2" in stretch.json()[0]["source"]

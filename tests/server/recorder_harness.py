@@ -21,7 +21,8 @@ from tests.server.fakes import FakeLinks
 from tests.server.in_process_server import InProcessServer
 from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, http_client
+from tests.timeouts import http_client
+from tests.waiting import block_until
 
 
 def chunks(path: Path, topic: str) -> bytes:
@@ -51,13 +52,13 @@ def send(running: InProcessServer, links: FakeLinks, source: str, data: bytes) -
 
 def settled(running: InProcessServer) -> RecorderState:
     """The state when all that waited has been written."""
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
+
+    def found() -> RecorderState | None:
         state: RecorderState = running.call(lambda: running.services.recorder.state)
-        if state.behind_s == 0 or not state.running:
-            return state
-        time.sleep(0.01)
-    raise AssertionError("the recorder does not come to an end")
+        return state if state.behind_s == 0 or not state.running else None
+
+    state: RecorderState = block_until(found, "the recorder has written everything")
+    return state
 
 
 @asynccontextmanager
@@ -81,14 +82,13 @@ def recorded(data: Path) -> Path:
 
 def flowing(server: ServerProcess, line: TcpDevice) -> None:
     """Wait until a second of what the line sends has been recorded."""
-    end = time.monotonic() + 60
     with http_client(base_url=server.url) as client:
-        while time.monotonic() < end:
+
+        def is_flowing() -> bool:
             state = client.get("/api/recorder").json()
-            if state["running"] and state["bytes"] > 150_000:
-                return
-            time.sleep(0.05)
-    raise AssertionError(f"nothing is recorded:\n{server.log}")
+            return bool(state["running"] and state["bytes"] > 150_000)
+
+        block_until(is_flowing, lambda: f"recording:\n{server.log}", seconds=60)
 
 
 def lost_by_kill(data: Path) -> float:

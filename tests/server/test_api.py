@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import socket
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
 from tests.timeouts import PATIENCE_S, connect
+from tests.waiting import block_until
 
 
 def open_link(source: str, settings: LinkSettings) -> Link:
@@ -355,10 +355,7 @@ def test_the_websocket_tells_everything_and_answers(running: InProcessServer) ->
         assert ask(b"binary", "error")["kind"] == "bad-request"
         assert ask('{"op":"subscribe","history":5,"channels":null}', "history_end") == {"op": "history_end"}
         assert running.client.get("/healthz").json()["browsers"] == 1
-    deadline = time.monotonic() + PATIENCE_S
-    while running.client.get("/healthz").json()["browsers"] > 0:
-        assert time.monotonic() < deadline, "a browser that has gone is still counted"
-        time.sleep(0.02)
+    block_until(lambda: not running.client.get("/healthz").json()["browsers"], "a browser that left is not counted")
 
 
 def test_a_wrong_subprotocol_is_reported(running: InProcessServer) -> None:

@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.frames import get_data, stop
 from tests.server_process import ROOT, ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S, http_client
+from tests.waiting import block_until
 
 
 def test_version_and_help_are_answered() -> None:
@@ -74,14 +74,13 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
 
 def test_without_a_source_simulators_of_three_families_stream(tmp_path: Path) -> None:
     with ServerProcess(data=tmp_path, fresh=True) as server, http_client(base_url=server.url) as client:
-        found: dict[str, dict[str, Any]] = {}
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
-            found = {one["protocol"]: one for one in client.get("/api/devices").json()}
-            if all(one["status"] == "live" and one["serial_number"] for one in found.values()) and len(found) == 3:
-                break
-            time.sleep(0.1)
-        assert {one["status"] for one in found.values()} == {"live"}
+
+        def live() -> dict[str, dict[str, Any]]:
+            devices = client.get("/api/devices").json()
+            return {one["protocol"]: one for one in devices if one["status"] == "live" and one["serial_number"]}
+
+        block_until(lambda: len(live()) == 3, lambda: server.log)
+        found = live()
         names = {protocol: one["name"] for protocol, one in found.items()}
         assert names == {"xbus": "MTi-630", "isb": "IMX-5", "idtp": "IDTP device 102"}
         assert found["idtp"]["protection"] == "Safety, CRC-32"
@@ -96,13 +95,8 @@ def test_a_key_on_the_command_line_verifies_and_is_printed_nowhere(tmp_path: Pat
         ServerProcess("sim:idtp?mode=secure", data=tmp_path, arguments=arguments) as server,
         http_client(base_url=server.url) as client,
     ):
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
-            (device,) = client.get("/api/devices").json()
-            if device["protection"]:
-                break
-            time.sleep(0.1)
-        assert device["protection"] == "Secure, verified"
+        protection = block_until(lambda: client.get("/api/devices").json()[0]["protection"], "its frames are verified")
+        assert protection == "Secure, verified"
         assert key not in client.get("/api/devices").text + server.log
 
 

@@ -10,7 +10,6 @@ import re
 import subprocess
 import sys
 import threading
-import time
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +24,7 @@ from server.commands.completion import script
 from server.config import Config
 from server.devices.decode_options import source_options
 from tests.server_process import ROOT, ServerProcess, imuscope
-from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 KEY = bytes(range(16))
 
@@ -287,15 +286,12 @@ def test_serve_reads_a_pipe(tmp_path: Path) -> None:
 
 
 def await_device(url: str, wanted: Callable[[dict[str, Any]], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    one: dict[str, Any] = {}
-    while time.monotonic() < deadline:
+    def device() -> dict[str, Any]:
         with urllib.request.urlopen(f"{url}/api/devices") as answer:
             (one,) = json.load(answer)
-        if wanted(one):
-            return
-        time.sleep(0.05)
-    raise AssertionError(one)
+        return dict(one)
+
+    block_until(lambda: wanted(device()), lambda: str(device()))
 
 
 def test_a_recording_comes_through_a_pipe_for_inspect(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from server.wire import SUBPROTOCOL
 from tests.server.control_harness import at_rate, outputs
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, http_client
+from tests.waiting import block_until
 
 VIEW, CONTROL = "only-looking", "may-command"
 
@@ -38,11 +39,8 @@ def http(server: ServerProcess) -> Iterator[Client]:
         yield client
 
 
-def until(condition: Callable[[], object], http: Client) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, http.get("/api/devices/1/jobs").text
-        time.sleep(0.02)
+def until(condition: Callable[[], object], http: Client) -> Any:
+    return block_until(condition, lambda: http.get("/api/devices/1/jobs").text)
 
 
 def done(http: Client, answer: Any, device: int = 1) -> Any:
@@ -54,8 +52,7 @@ def done(http: Client, answer: Any, device: int = 1) -> Any:
         control = http.get(f"/api/devices/{device}/jobs").json()
         return next((job for job in control["done"] if job["id"] == number), None)
 
-    until(found, http)
-    return found()
+    return until(found, http)
 
 
 def post(http: Client, path: str, body: Any, device: int = 1) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from recordings.sources import McapSource
 from tests.server.correction_messages import NUMBERS, STREAM
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
+from tests.waiting import block_until
 
 
 @pytest.fixture
@@ -26,13 +26,12 @@ def client(serve: Callable[..., ServerProcess]) -> Iterator[Client]:
 
 
 def until(client: Client, path: str, true: Any, seconds: float = PATIENCE_S) -> dict[str, Any]:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    def found() -> dict[str, Any] | None:
         body: dict[str, Any] = client.get(path).json()
-        if true(body):
-            return body
-        time.sleep(0.05)
-    raise AssertionError(f"it never came: {body}")
+        return body if true(body) else None
+
+    body: dict[str, Any] = block_until(found, lambda: client.get(path).text, seconds=seconds)
+    return body
 
 
 @pytest.fixture

@@ -28,6 +28,7 @@ from recordings.topics import Encoder, fields_of, schema_of, topic_of
 from tests.server.foxglove_client import attached, channel, protobuf
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, get
+from tests.waiting import block_until
 
 
 @pytest.fixture(scope="module")
@@ -174,10 +175,7 @@ def test_without_the_option_it_is_refused_with_a_reason(server: ServerProcess) -
 def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
     [pid] = children(bridged.process.pid)
     os.kill(pid, signal.SIGKILL)
-    deadline = time.monotonic() + 60
-    while children(bridged.process.pid) in ([], [pid]):
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    block_until(lambda: children(bridged.process.pid) not in ([], [pid]), "another process", seconds=60)
 
     async def play() -> None:
         async with attached(bridged) as client:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +23,7 @@ from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
+from tests.waiting import block_until
 
 FILE = {"content-type": "application/octet-stream"}
 URL = "/api/recordings"
@@ -48,13 +48,18 @@ def listed(running: InProcessServer, search: str = "") -> list[dict[str, Any]]:
 
 
 def finished(running: InProcessServer, job: int) -> dict[str, Any]:
-    ends = time.monotonic() + 120
-    while time.monotonic() < ends:
-        told: dict[str, Any] = next(one for one in running.client.get(f"{URL}/exports").json() if one["id"] == job)
-        if told["state"] not in ("waiting", "running"):
-            return told
-        time.sleep(0.1)
-    raise AssertionError(told)
+    def found() -> dict[str, Any] | None:
+        jobs = (one for one in running.client.get(f"{URL}/exports").json() if one["id"] == job)
+        return next((one for one in jobs if one["state"] not in ("waiting", "running")), None)
+
+    return dict(block_until(found, f"export {job} is finished", seconds=120))
+
+
+def opened(running: InProcessServer, recording: str) -> dict[str, Any]:
+    """Details of a recording, when it is decoded."""
+    path = f"{URL}/{recording}"
+    block_until(lambda: running.client.get(path).status_code != 202, f"{recording} is open", seconds=60)
+    return dict(running.client.get(path).json())
 
 
 def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: InProcessServer, folder: Path) -> None:
@@ -81,11 +86,7 @@ def test_a_marker_set_later_is_among_those_of_the_recording(running: InProcessSe
     client = running.client
     drive(folder / "a.mcap", seconds=0.2)
     marker = client.post(f"{URL}/a/markers", json={"text": "later", "time": 1.76e9 + 0.1, "kind": "marker"}).json()
-    deadline = time.monotonic() + 60
-    while (found := client.get(f"{URL}/a")).status_code == 202:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    assert marker in found.json()["markers"]
+    assert marker in opened(running, "a")["markers"]
 
 
 def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcessServer, folder: Path) -> None:
@@ -93,10 +94,7 @@ def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcess
     drive(folder / "a.mcap", seconds=0.5)
     drive(folder / "b.mcap", seconds=0.2)
     client.patch(f"{URL}/a", json={"notes": "3 laps"})
-    deadline = time.monotonic() + 60
-    while client.get(f"{URL}/a").status_code == 202:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    opened(running, "a")
     found = next(one["devices"] for one in listed(running) if one["id"] == "a")  # as it was opened
     told = client.patch(f"{URL}/a", json={"file": " ../yard loop.mcap "}).json()
     assert (told["id"], told["file"], told["notes"]) == ("yard loop", "yard loop.mcap", "3 laps")
@@ -307,9 +305,8 @@ def test_what_was_recorded_here_shows_its_motion_without_being_opened(folder: Pa
     drive(folder / "a.mcap", seconds=2.0)
     with InProcessServer(Config(data=folder.parent, sources=("/dev/one",)), FakeLink) as running:
         running.client.timeout = 60
-        ends = time.monotonic() + 120
-        while not (info := listed(running)[0])["thumbnail"] and time.monotonic() < ends:
-            time.sleep(0.2)
+        block_until(lambda: listed(running)[0]["thumbnail"], "it is packed and read", seconds=120)
+        info = listed(running)[0]
     assert info["opened"]
     assert len(info["thumbnail"]) == 64
     assert info["devices"][0]["product"].startswith("MTi")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import logging
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, get
+from tests.waiting import block_until
 
 CONTROL = "c" * 12 + '"\\'
 links = FakeLinks()
@@ -41,10 +41,7 @@ class Log:
         return [json.loads(line) for line in self.text.splitlines()]
 
     def until(self, done: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        deadline = time.monotonic() + PATIENCE_S
-        while not (found := [line for line in self.lines if done(line)]):
-            assert time.monotonic() < deadline, self.text
-            time.sleep(0.02)
+        found: list[dict[str, Any]] = block_until(lambda: [one for one in self.lines if done(one)], lambda: self.text)
         return found[0]
 
 
@@ -118,10 +115,7 @@ def test_the_command_line_writes_one_object_a_line(tmp_path: Path) -> None:
     with ServerProcess("sim:idtp", data=tmp_path / "data", arguments=("--config", str(config))) as server:
         answer = get(f"{server.url}/api/devices", headers={"host": "evil.example", "cookie": "t=look-look-look"})
         assert answer.status_code == 403
-        deadline = time.monotonic() + PATIENCE_S
-        while '"refused"' not in server.log or '"live"' not in server.log:
-            assert time.monotonic() < deadline, server.log
-            time.sleep(0.05)
+        block_until(lambda: '"refused"' in server.log and '"live"' in server.log, lambda: server.log)
     told = [json.loads(line) for line in server.lines if not line.startswith("http://")]
     assert {"start", "device", "link", "refused"} <= {line["event"] for line in told}
     assert all({"time", "level", "event", "device", "message"} <= line.keys() for line in told)

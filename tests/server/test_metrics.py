@@ -20,6 +20,7 @@ from server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S, connect
+from tests.waiting import block_until
 
 links = FakeLinks()
 
@@ -58,11 +59,8 @@ def until(running: InProcessServer, name: str, expected: float, **labels: str) -
 
 
 def until_true(running: InProcessServer, done: Callable[[dict[str, Metric]], bool], what: str) -> dict[str, Metric]:
-    deadline = time.monotonic() + PATIENCE_S
-    while not done(families := read(running)):
-        assert time.monotonic() < deadline, f"{what} did not come: {families}"
-        time.sleep(0.02)
-    return families
+    block_until(lambda: done(read(running)), lambda: f"{what}: {read(running)}")
+    return read(running)
 
 
 def test_link_metrics_follow_the_received_bytes(running: InProcessServer) -> None:
