@@ -89,6 +89,7 @@ class LinkCapability:
     title: str  # as displayed: "TCP"
     examples: list[SourceExample] = field(default_factory=list)
     shareable: bool = False  # its port can be shared with other programs
+    counts_messages: bool = False  # messages of its sources are numbered, so that lost ones are known
 
 
 @dataclass(slots=True)

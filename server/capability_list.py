@@ -37,7 +37,11 @@ def list_capabilities() -> Capabilities:
         ],
         links=[
             LinkCapability(
-                one.name, one.title, [SourceExample(source, words) for source, words in one.examples()], one.shareable
+                one.name,
+                one.title,
+                [SourceExample(source, words) for source, words in one.examples()],
+                one.shareable,
+                one.counts_messages,
             )
             for one in link_kinds()
         ],

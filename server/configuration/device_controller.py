@@ -26,6 +26,7 @@ from typing import Any, TypeVar
 
 from protocols.events import Batch, Event, Reply
 from protocols.layouts import EncodeError
+from protocols.messages.family import NAME as MESSAGES
 from protocols.schema import Setting
 from protocols.transactions import (
     AT_REST,
@@ -152,6 +153,8 @@ class DeviceController:
         driver = self._driver_of(protocol) if protocol else None
         if driver is None:
             what = "Its protocol is not known yet." if not protocol else "Devices of this protocol have no settings."
+            if protocol == MESSAGES:
+                what = "It is known by its messages only: configure it with the program that publishes them."
             raise ControlError("no-driver", f"{self.session.info.name} cannot be configured.", what)
         return driver
 

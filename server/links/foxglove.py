@@ -58,6 +58,7 @@ PATHS = ("/", OWN_PATH)
 TOKEN = "IMUSCOPE_FOXGLOVE_TOKEN"
 LARGEST = 64 << 20  # bytes of a message; images and clouds are not subscribed to
 PING_S = 5.0
+PORT_HINT = "Check the port: foxglove_bridge has 8765 by default, another imuscope the port of its page."
 LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
 DATA = struct.Struct("<BIQ")
 MESSAGE_DATA = 1
@@ -195,8 +196,7 @@ class FoxgloveLink(MessageLink):
 
         host = f"[{self.where.host}]" if ":" in self.where.host else self.where.host
         token = os.environ.get(TOKEN, "")
-        hint = "Check the port: foxglove_bridge has 8765 by default, another imuscope the port of its page."
-        refusal = LinkError("refused", f"No Foxglove server answers at {self.where.place}.", hint)
+        refusal = self._no_server()
         for path in PATHS:
             try:
                 connection = await connect(
@@ -212,26 +212,38 @@ class FoxgloveLink(MessageLink):
                 )
             except InvalidStatus as error:
                 if error.response.status_code in (401, 403):
-                    words = f"{self.where.place} asks for a token."
-                    refusal = LinkError("denied", words, f"Set {TOKEN} to a view token of that server.")
+                    refusal = self._no_token()
                 continue
             except InvalidHandshake:
                 continue
             except socket.gaierror as error:
-                words = f"Host {self.where.host!r} not found ({error.strerror})."
-                raise LinkError("not-found", words, "Check the spelling, or give the address as numbers.") from None
+                raise self._no_host(error) from None
             except ConnectionRefusedError:
-                raise LinkError("refused", f"Nothing listens at {self.where.place}.", hint) from None
+                raise LinkError("refused", f"Nothing listens at {self.where.place}.", PORT_HINT) from None
             except (OSError, EOFError) as error:
                 reason = getattr(error, "strerror", None) or "the connection broke"
-                raise LinkError("refused", f"{self.where.place} cannot be reached: {reason}.", hint) from None
+                raise LinkError("refused", f"{self.where.place} cannot be reached: {reason}.", PORT_HINT) from None
             if connection.subprotocol is not None and not (path == OWN_PATH and self._is_own()):
                 return connection
             await connection.close()
             if connection.subprotocol is not None:  # its devices would be its own source, again and again
-                words = f"{self.where.place} is this server itself."
-                raise LinkError("bad-source", words, "Its devices are shown already. Give the address of another one.")
+                raise self._own_server()
         raise refusal
+
+    def _no_server(self) -> LinkError:
+        return LinkError("refused", f"No Foxglove server answers at {self.where.place}.", PORT_HINT)
+
+    def _no_token(self) -> LinkError:
+        words = f"{self.where.place} asks for a token."
+        return LinkError("denied", words, f"Set {TOKEN} to a view token of that server.")
+
+    def _no_host(self, error: socket.gaierror) -> LinkError:
+        hint = "Check the spelling, or give the address as numbers."
+        return LinkError("not-found", f"Host {self.where.host!r} not found ({error.strerror}).", hint)
+
+    def _own_server(self) -> LinkError:
+        hint = "Its devices are shown already. Give the address of another one."
+        return LinkError("bad-source", f"{self.where.place} is this server itself.", hint)
 
     def _is_own(self) -> bool:
         return self.where.host in LOCAL_HOSTS and is_ours(self.where.port)

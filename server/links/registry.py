@@ -41,6 +41,7 @@ class LinkDefinition:
         examples: for the page.
         order: position in lists, ascending.
         shareable: its port can be held by another process and shared (server/links/held.py).
+        counts_messages: of a link that receives messages: they are numbered, so that lost ones are known.
         network: bytes arrive over a network, which has varying delays and is reachable by others.
     """
 
@@ -55,6 +56,7 @@ class LinkDefinition:
     order: int = 100
     network: bool = False
     shareable: bool = False
+    counts_messages: bool = False
 
 
 _registered: dict[str, LinkDefinition] = {}

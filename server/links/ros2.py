@@ -299,5 +299,6 @@ register_link(
         examples=lambda: [("ros2://robot.local:7447/imu/data", "a topic of ROS 2 (rmw_zenoh)")],
         order=35,
         network=True,
+        counts_messages=True,
     )
 )

@@ -18,6 +18,7 @@ function open(begin?: Begin): unknown[] {
         name: "post",
         title: "Post",
         shareable: false,
+        counts_messages: false,
         examples: [{ source: "post://pigeon", words: "bytes by pigeon" }],
       },
     ],

@@ -12,7 +12,7 @@ import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
 import { PanelHost } from "../ui/panel-host";
 import { markOf, shortSource } from "../ui/page-state";
-import { linkNamed, protocolOf } from "../wire/capabilities";
+import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
 import { COMMON } from "../texts/common";
@@ -169,6 +169,7 @@ function TrustTag({ device, health }: { readonly device: DeviceInfo; readonly he
 function productWords(device: DeviceInfo): string {
   const { name, product, protocol, firmware } = device;
   if (protocol === "") return TEXT.protocolUnknown;
+  if (protocol === MESSAGES) return TEXT.messages;
   const said =
     product === name ? "" : product || (unreadHint(device) ? TEXT.productUnknownUntilRead : TEXT.productUnknown);
   return [said, protocolOf(protocol)?.short ?? protocol, firmware && COMMON.firmware(firmware)]

@@ -5,6 +5,7 @@
 import { type Surface, surface } from "../ui/canvas";
 import { el, throttle, LiveText, LiveMessage, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
+import { countsLosses, MESSAGES } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./panel-context";
 import { type Figure, type Figures, figuresOf, timeWords, totals, verdict } from "./health-text";
@@ -20,6 +21,9 @@ import { TEXT } from "../texts/panels";
 const SLOTS = 31;
 
 type Key = Exclude<keyof Figures, "share">;
+
+/** Rows about the link and the clock of a device, which messages of its driver do not tell. */
+const OF_DEVICES: readonly Key[] = ["shareText", "jitter", "drift", "uncertainty"];
 
 const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
   { key: "samples", name: TEXT.samples, help: TEXT.samplesHelp, spark: true },
@@ -84,6 +88,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const list = el("dl", { class: "health-list" });
   const cells = new Map<Key, Cell>();
   const sparks = new Map<Key, Surface>();
+  const rows = new Map<Key, HTMLElement>();
   const fill = el("i");
   for (const { key, name, help, spark } of ROWS) {
     const cell = new Cell();
@@ -97,7 +102,9 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       );
     }
     if (key === "shareText") mini.append(el("span", { class: "meter" }, fill));
-    list.append(el("div", { title: help }, el("dt", {}, name), mini, cell.node));
+    const row = el("div", { title: help }, el("dt", {}, name), mini, cell.node);
+    list.append(row);
+    rows.set(key, row);
     cells.set(key, cell);
   }
   const messages = mountMessages(list, deps);
@@ -116,9 +123,10 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const recent = recently(deps, id);
       const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
       const expected = device?.status !== "ended" && device?.status !== "idle";
-      const figures = figuresOf(health, recent, ageOf(deps, id), dropped, expected);
+      const figures = figuresOf(health, recent, ageOf(deps, id), dropped, expected, countsLosses(device));
       cells.get("age")?.set(figures.age);
       if (!all) return;
+      for (const [key, row] of rows) row.hidden = device?.protocol === MESSAGES && OF_DEVICES.includes(key);
       for (const [key, cell] of cells) cell.set(figures[key]);
       fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
       messages.update(health);
@@ -274,10 +282,13 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
       if (host.offsetParent === null || !due(now)) return;
       const id = deps.viewState.view.value.device ?? "";
       const recent = recently(deps, id);
-      const expected = selected(deps)?.status !== "ended";
+      const device = selected(deps);
+      const expected = device?.status !== "ended";
       const health = deps.store.health.value.get(id);
-      const figures = figuresOf(health, recent, ageOf(deps, id), deps.store.dropped(), expected);
+      const counted = countsLosses(device);
+      const figures = figuresOf(health, recent, ageOf(deps, id), deps.store.dropped(), expected, counted);
       for (const { key, value, unit, box } of items) {
+        if (box.parentElement) box.parentElement.hidden = device?.protocol === MESSAGES && OF_DEVICES.includes(key);
         const figure = figures[key];
         value.set(key === "age" ? `${figure.value} ${figure.unit.replace(TEXT.agoSuffix, "")}` : figure.value);
         unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));

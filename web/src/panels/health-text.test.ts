@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import { capabilities, countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { figuresOf, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
 
@@ -75,6 +76,28 @@ describe("figuresOf", () => {
     expect(figures.samples.value).toBe("—");
     expect(figures.share).toBeUndefined();
     expect(figures.drift.value).toBe("—");
+  });
+});
+
+describe("a device that is known by messages", () => {
+  const link = (name: string, counts_messages: boolean) => ({
+    name,
+    title: "",
+    examples: [],
+    shareable: false,
+    counts_messages,
+  });
+  const of = (link: string): DeviceInfo => ({ ...device, protocol: "messages", link });
+  const clean = { ...health, gaps: 0, lost: 0, rejects: 0 };
+
+  it("claims no loss only where its publishers number their messages", () => {
+    capabilities.value = { protocols: [], exports: [], links: [link("foxglove", false), link("ros2", true)] };
+    expect(countsLosses(of("ros2"))).toBe(true);
+    expect(verdict(of("ros2"), [], clean, 0)).toMatch(/^No loss/);
+    expect(countsLosses(of("foxglove"))).toBe(false);
+    expect(verdict(of("foxglove"), [], clean, 0)).toMatch(/cannot be counted/);
+    expect(figuresOf(clean, quiet, 0, 0, true, false).gaps.value).toBe("—");
+    capabilities.value = { protocols: [], exports: [], links: [] };
   });
 });
 

@@ -1,5 +1,6 @@
 /** Words and numbers of the health figures. Pure; shared by the health panel and the phone's strip. */
 import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format";
+import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
 import { TEXT } from "../texts/panels";
 
@@ -78,6 +79,7 @@ export function totals(health: DeviceHealth | undefined): string {
  *
  * @param recent problems in the last minute, for gaps and rejects; older ones are in `totals`.
  * @param old seconds since the last sample arrived.
+ * @param counted whether lost samples are counted at all.
  * @param expected whether samples should be coming: false for a file that has ended, whose age is not a fault.
  */
 export function figuresOf(
@@ -86,6 +88,7 @@ export function figuresOf(
   old: number | undefined,
   dropped: number,
   expected = true,
+  counted = true,
 ): Figures {
   const share = health?.capacity ? health.bytes_per_s / health.capacity : undefined;
   const jitter = health?.jitter_ms ?? undefined;
@@ -94,7 +97,7 @@ export function figuresOf(
     gaps:
       recent.gaps > 0
         ? { value: gapWords(recent), unit: "", tone: "warn" }
-        : plain({ value: number(health && 0, 0), unit: TEXT.samplesUnit }),
+        : plain({ value: number(health && counted ? 0 : undefined, 0), unit: TEXT.samplesUnit }),
     rejects: {
       value: number(health && recent.rejects, 0),
       unit: TEXT.framesUnit(recent.rejects),
@@ -157,6 +160,7 @@ export function verdict(
   if (health && health.rejects > 0) return TEXT.rejectsVerdict(health.rejects);
   if (later !== undefined && later > 0) return TEXT.lostLaterVerdict(later);
   if (!health) return "";
+  if (!countsLosses(device)) return TEXT.lossesUnknown;
   return later === undefined ? TEXT.noLossInSession : TEXT.noLossInRecording;
 }
 

@@ -17,6 +17,7 @@ export const TEXT = {
   protocolUnknown: "protocol not detected yet",
   productUnknownUntilRead: "product unknown until settings are read",
   productUnknown: "product unknown",
+  messages: "messages of its driver",
   gapCount: (gaps: number) => count(gaps, "gap"),
   inTheLastMinute: "in the last minute",
   timeAgo: (value: Value, unit: Value) => `${value} ${unit} ago`,

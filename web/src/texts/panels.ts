@@ -94,6 +94,7 @@ export const TEXT = {
     `No loss up to here; ${count(samples, "sample is", "samples are")} missing later.`,
   noLossInSession: "No loss since this session began.",
   noLossInRecording: "No loss in this recording.",
+  lossesUnknown: "The publisher does not number its messages: lost ones cannot be counted.",
 
   // satellite data
   satellites: "Satellites",

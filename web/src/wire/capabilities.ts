@@ -21,6 +21,14 @@ export function linkNamed(name: string): LinkCapability | undefined {
   return capabilities.value.links.find((one) => one.name === name);
 }
 
+/** The protocol of a device that is known by the messages of its driver only: nothing but their numbers. */
+export const MESSAGES = "messages";
+
+/** Whether samples that a device lost are counted; undefined device: yes. */
+export function countsLosses(device: DeviceInfo | undefined): boolean {
+  return device?.protocol !== MESSAGES || (linkNamed(device.link)?.counts_messages ?? false);
+}
+
 /** Parts of constants that the protocols leave in capitals. */
 export const abbreviations = computed<ReadonlySet<string>>(
   () => new Set(capabilities.value.protocols.flatMap((one) => one.abbreviations)),

@@ -100,6 +100,8 @@ export interface LinkCapability {
   readonly examples: readonly SourceExample[];
   /** its port can be shared with other programs */
   readonly shareable: boolean;
+  /** messages of its sources are numbered, so that lost ones are known */
+  readonly counts_messages: boolean;
 }
 
 /** Everything that can be added without changing the page. */
