@@ -5,7 +5,7 @@ carries out a transaction (`lock`), and a client while it configures the device 
 they send is not read from them, so their own buffers hold it.
 
     client:   configures ── its frames ── configured, or nothing for CONFIGURING_QUIET_S ──> the voice is free
-    flooding: as much as the line carries for MOST_TURN_S while somebody waits ──> `take_turn`: the others are next
+    talking without a pause for MOST_TURN_S while somebody waits ──> `take_turn`, between two frames: others are next
 """
 
 from __future__ import annotations
@@ -70,6 +70,10 @@ class Arbiter:
         if self._speaker == who:
             self._configuring, self._quiet_s = None, QUIET_S
             self._until = now + QUIET_S
+
+    def pause_s(self, now: float) -> float:
+        """Seconds for which the speaker has sent nothing."""
+        return now - (self._until - self._quiet_s) if now < self._until else now
 
     def take_turn(self, who: int, now: float) -> bool:
         """Free the voice, which `who` has had for MOST_TURN_S, for those who wait; False: it has not had it so long."""

@@ -63,6 +63,11 @@ class ClientFrames:
     def __init__(self) -> None:
         self._partial = b""
 
+    @property
+    def is_between(self) -> bool:
+        """Whether the last frame was complete."""
+        return not self._partial
+
     def feed(self, data: bytes, rules: FrameRules) -> Iterator[Effect]:
         """The effects of the frames that end in `data`."""
         size_of, effect_of = rules.size, rules.effect

@@ -25,6 +25,7 @@ from server.holder.shares import ShareAddress, ShareError
 MOST_WAIT_S = 10.0  # of a client for the voice
 SETTLE_S = 0.02  # from a new rate of a client to that of the port: what it sent before goes out at the former one
 MOST_SETTLE_S = 1.0
+PAUSE_S = 0.1  # of a client whose frames are not known, after which a dialogue of it is probably over
 LIMITED_S = 1.0  # for which a client counts as held back, since it was the last time
 LEAST_READ = 64  # bytes that a client may send before it is read again, so that a flood does not cost wake-ups
 
@@ -124,8 +125,22 @@ class Sharing:
                 self._left(left)
             if came is not None:
                 self._came(share, came)
+        self._take_turn(now)
         for fd in list(self._held_back):
             self._try_again(self.clients[fd], now)
+
+    def _take_turn(self, now: float) -> None:
+        """Let others have the voice of a client that never pauses (polling, odometry), at a place between two frames.
+
+        One that configures the device keeps it until it is done.
+        """
+        speaker = self._arbiter.speaker(now)
+        client = next((one for one in self.clients.values() if one.number == speaker), None)
+        if client is None or self._arbiter.configuring(now) is not None or not self._is_awaited(client):
+            return
+        is_between = self._arbiter.pause_s(now) >= PAUSE_S or (self.rules.size is not None and client.frames.is_between)
+        if is_between and self._arbiter.take_turn(client.number, now):
+            self.changed = True
 
     def _accept(self, share: Share) -> None:
         client = share.accept()

@@ -159,6 +159,36 @@ def test_a_client_that_floods_is_held_to_the_line_and_takes_turns(port: DevicePo
     asyncio.run(check())
 
 
+def test_the_server_has_its_turn_beside_a_client_that_never_pauses(port: DevicePort, tmp_path: Path) -> None:
+    """A driver that sends odometry, or polls, is not quiet for as long as the end of a dialogue takes."""
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            driver = opened(tmp_path / "imu0")
+            await eventually(lambda: clients(link), link)
+            stop = threading.Event()
+
+            def talk() -> None:
+                while not stop.wait(QUIET_S / 3):
+                    os.write(driver, b"odometry")
+
+            thread = threading.Thread(target=talk)
+            thread.start()
+            try:
+                await eventually(lambda: link.state["speaker"] not in (None, 0), link)
+                await link.write(b"SERVER")
+            finally:
+                stop.set()
+                thread.join()
+            found = b""
+            while b"SERVER" not in found:
+                found += await asyncio.to_thread(port.receive, 1)
+            assert found.removesuffix(b"SERVER").replace(b"odometry", b"") == b""
+            os.close(driver)
+
+    asyncio.run(check())
+
+
 def test_a_rate_that_a_client_sets_while_it_waits_is_followed_after_what_it_sent(
     port: DevicePort, tmp_path: Path
 ) -> None:
