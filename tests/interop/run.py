@@ -11,6 +11,7 @@
     python -m tests.interop.run pygnssutils       pygnssutils 1.3.1 (pip) as the NTRIP caster of a device
     python -m tests.interop.run hiroz             hiroz 0.2.1 (crates.io), a ROS 2 over Zenoh, by hiroz_host, which must
                                                   be on PATH: cargo build --release in tests/interop/hiroz_host
+    python -m tests.interop.run hiroz-source      the same as a publisher, whose messages imuscope shows
     python -m tests.interop.run                   all of them
 
 Each starts what of ours it is for, runs the program unchanged, and compares what it printed with what must come out.
@@ -28,7 +29,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tests.interop import files, hosts, ros2
+from tests.interop import files, hosts, ros2, ros2_source
 from tests.interop.running import ROOT, DiffersError
 
 PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
@@ -37,6 +38,7 @@ PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
     "cltool": hosts.cltool,
     "xsens-go": hosts.xsens_go,
     "hiroz": ros2.hiroz,
+    "hiroz-source": ros2_source.hiroz_source,
     "mcap": files.mcap,
     "rerun": files.rerun,
     "pygnssutils": files.pygnssutils,
