@@ -27,6 +27,7 @@ from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 MOST_KEPT = 5
 MOST_WORDS = 6  # changes that a sentence lists
 MOST_PENDING = 50
+WRITTEN = "written"  # in place of a value of a setting that was not known before
 LOOK_S, MOST_DECODING_S = 0.05, 3.0  # a device that nobody looks at is decoded once in a while
 
 
@@ -188,7 +189,8 @@ class ClientChanges:
         self._tell(now, f"{now.client} changed the settings: {'; '.join(words)}.", is_change=True)
         name = await self._save(now, [titles[one] for one in (*changed, *unread)])
         unread_titles = [titles[one] for one in unread]
-        self.latest.appendleft(ClientChange(now.client, controller.bus.now(), tuple(found.rows), unread_titles, name))
+        shown = (*found.rows, *(DifferenceRow(one, "", titles[one], "", "", WRITTEN) for one in new))
+        self.latest.appendleft(ClientChange(now.client, controller.bus.now(), shown, unread_titles, name))
 
     def _tell(self, now: _Configuration, text: str, *, is_change: bool = False) -> None:
         controller = self._controller

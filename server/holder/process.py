@@ -165,6 +165,8 @@ class Holder:
                 self.port.write(b"")
                 if not self.port.backlog:
                     self._loop.expect(self.port.fd, READ)
+                if not event & ~WRITE:  # an empty read would count as a sign that the port is gone
+                    return
             data = self.port.read()
         except PortError as error:
             self._lost_port(error)

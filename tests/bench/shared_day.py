@@ -134,8 +134,12 @@ class WellBehaved:
                 expected, data = number + 1, data[FRAME.size :]
                 self.frames += 1
             if self.is_asking and time.monotonic() > next_request:
-                with contextlib.suppress(BlockingIOError):
+                try:
                     self.requests += os.write(self.fd, REQUEST.pack(b"\x00ASK", self.requests)) // REQUEST.size
+                except BlockingIOError:
+                    pass
+                except OSError as error:
+                    self.fault = f"its port was gone: {error}"
                 next_request = time.monotonic() + 0.2
 
     def stop(self) -> None:

@@ -159,6 +159,22 @@ def test_a_client_that_floods_is_held_to_the_line_and_takes_turns(port: DevicePo
     asyncio.run(check())
 
 
+def test_a_quiet_device_that_takes_slowly_what_is_written_is_not_taken_for_gone(
+    port: DevicePort, tmp_path: Path
+) -> None:
+    """Room for more to write is no sign that there is something to read."""
+
+    async def check() -> None:
+        async with shared(port, str(tmp_path / "imu0")) as link:
+            data = bytes(range(256)) * 512
+            found = asyncio.create_task(asyncio.to_thread(port.receive, len(data)))
+            await link.write(data)
+            assert await found == data
+            assert link.state["open"]
+
+    asyncio.run(check())
+
+
 def test_the_server_has_its_turn_beside_a_client_that_never_pauses(port: DevicePort, tmp_path: Path) -> None:
     """A driver that sends odometry, or polls, is not quiet for as long as the end of a dialogue takes."""
 
