@@ -18,6 +18,7 @@ import numpy as np
 
 from protocols.family import LogFormat, ProtocolInfo
 from protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
+from protocols.messages.family import NAME as MESSAGES
 from recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from recordings.importers import open_file
 from recordings.sources import ChunkBlock
@@ -67,6 +68,10 @@ def _chosen(request: ExportRequest, family: ProtocolInfo | None) -> str:
         one["id"].partition(".")[0]: one for one in devices.values() if family is None or one["protocol"] == family.name
     }
     device = request.device.partition(".")[0]
+    if fits and all(one["protocol"] == MESSAGES for one in fits.values()):
+        hint = "Download the recording: its MCAP file has them as they came, for other programs too."
+        raise ExportError("This recording holds messages, not the bytes of a device.", hint)
+    fits = {name: one for name, one in fits.items() if one["protocol"] != MESSAGES}
     if request.source is None or request.columns.manifest.get("format") in ("csv", "table"):
         raise ExportError("This recording holds numbers, not the bytes of a device.", "Export it as CSV or Parquet.")
     if device:

@@ -58,7 +58,9 @@ PATHS = ("/", OWN_PATH)
 TOKEN = "IMUSCOPE_FOXGLOVE_TOKEN"
 LARGEST = 64 << 20  # bytes of a message; images and clouds are not subscribed to
 PING_S = 5.0
+CLOSING_TURNS = 8  # of the event loop, in which a connection that was broken off releases its socket
 PORT_HINT = "Check the port: foxglove_bridge has 8765 by default, another imuscope the port of its page."
+TOKEN_KINDS = ("no-token", "bad-token")
 LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
 DATA = struct.Struct("<BIQ")
 MESSAGE_DATA = 1
@@ -139,7 +141,15 @@ class FoxgloveLink(MessageLink):
     # -- the thread ----------------------------------------------------------------------------------------------------
 
     async def _run(self, opened: Future[str]) -> None:
-        """Body of the thread: connect, then receive until the connection ends."""
+        """Body of the thread."""
+        try:
+            await self._receive(opened)
+        finally:
+            for _ in range(CLOSING_TURNS):
+                await asyncio.sleep(0)
+
+    async def _receive(self, opened: Future[str]) -> None:
+        """Connect, then receive until the connection ends."""
         from websockets.exceptions import ConnectionClosed
 
         self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
@@ -211,8 +221,8 @@ class FoxgloveLink(MessageLink):
                     additional_headers={"Authorization": f"Bearer {token}"} if token else None,
                 )
             except InvalidStatus as error:
-                if error.response.status_code in (401, 403):
-                    refusal = self._no_token()
+                if (words := _words_of(error.response.body)) is not None:
+                    refusal = self._no_token() if words[0] in TOKEN_KINDS else self._refused(words[1], words[2])
                 continue
             except InvalidHandshake:
                 continue
@@ -232,6 +242,9 @@ class FoxgloveLink(MessageLink):
 
     def _no_server(self) -> LinkError:
         return LinkError("refused", f"No Foxglove server answers at {self.where.place}.", PORT_HINT)
+
+    def _refused(self, message: str, hint: str) -> LinkError:
+        return LinkError("refused", f"{self.where.place} answers: {message}", hint or PORT_HINT)
 
     def _no_token(self) -> LinkError:
         words = f"{self.where.place} asks for a token."
@@ -309,6 +322,15 @@ class FoxgloveLink(MessageLink):
                 with contextlib.suppress(RuntimeError):  # its loop has ended meanwhile
                     self._loop.call_soon_threadsafe(self._task.cancel)
             await asyncio.to_thread(thread.join, 0.2)
+
+
+def _words_of(body: bytes | bytearray | None) -> tuple[str, str, str] | None:
+    """Kind, message and hint of an error of another imuscope; None for any other answer."""
+    try:
+        said = json.loads(body or b"")
+        return str(said["kind"]), str(said["message"])[:200], str(said["hint"])[:200]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
 
 
 def _schema(encoding: str, text: Any) -> bytes:

@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from mcap.reader import make_reader
 
 from recordings.compaction import compact
+from recordings.exporters import export
+from recordings.exporters.request import ExportError, ExportRequest
 from recordings.importers import open_file
 from recordings.probe import probe
 from server.devices.protocol_set import all_protocols
@@ -97,6 +100,9 @@ async def test_a_recording_holds_the_messages_as_they_came_and_gives_the_same_nu
             np.testing.assert_array_equal(again.time, rows[1][part])
             for a, b in zip(again.columns, rows[2:], strict=True):
                 np.testing.assert_array_equal(a, b[part])
+    with pytest.raises(ExportError, match="holds messages, not the bytes"):
+        export("bytes", ExportRequest(columns, path), tmp_path / "run.bin")
+    assert export("csv", ExportRequest(columns, path), tmp_path / "run.csv")
     about = probe(path)
     assert about is not None
     assert [device.protocol for device in about.devices] == ["messages"]
