@@ -58,6 +58,7 @@ PATHS = ("/", OWN_PATH)
 TOKEN = "IMUSCOPE_FOXGLOVE_TOKEN"
 LARGEST = 64 << 20  # bytes of a message; images and clouds are not subscribed to
 PING_S = 5.0
+CLOSE_S = 1.0  # for the server to answer the closing of the connection
 CLOSING_TURNS = 8  # of the event loop, in which a connection that was broken off releases its socket
 PORT_HINT = "Check the port: foxglove_bridge has 8765 by default, another imuscope the port of its page."
 TOKEN_KINDS = ("no-token", "bad-token")
@@ -182,6 +183,8 @@ class FoxgloveLink(MessageLink):
             self._end(opened, error)
         except asyncio.CancelledError:
             pass
+        finally:
+            connection.transport.abort()  # also if the server did not answer the closing of the connection
 
     def _end(self, opened: Future[str], error: LinkError) -> None:
         if not opened.done():
@@ -217,6 +220,7 @@ class FoxgloveLink(MessageLink):
                     proxy=None,
                     ping_interval=PING_S,
                     ping_timeout=PING_S,
+                    close_timeout=CLOSE_S,
                     user_agent_header="imuscope",
                     additional_headers={"Authorization": f"Bearer {token}"} if token else None,
                 )
@@ -317,11 +321,14 @@ class FoxgloveLink(MessageLink):
         thread, self._thread = self._thread, None
         if thread is None:
             return
+        is_cancelled = False
         while thread.is_alive():
-            if self._loop is not None and self._task is not None:
+            if not is_cancelled and self._loop is not None and self._task is not None:
+                is_cancelled = True  # once: it must be able to close its connection
                 with contextlib.suppress(RuntimeError):  # its loop has ended meanwhile
                     self._loop.call_soon_threadsafe(self._task.cancel)
             await asyncio.to_thread(thread.join, 0.2)
+        self._loop = self._task = None
 
 
 def _words_of(body: bytes | bytearray | None) -> tuple[str, str, str] | None:
