@@ -256,23 +256,28 @@ def test_the_next_terminal_of_a_number_is_not_taken_for_the_port(port: DevicePor
     rate was replaced by that of the holder that still waited for its own.
     """
 
-    async def check() -> None:
+    async def check() -> bool:
         other = DevicePort()
         former, number = link_to(other), other.path
         await former.open()
-        async with shared(port, str(tmp_path / "imu0")) as link:
-            other.unplug()
-            await eventually(lambda: not former.state["open"], link)
-            next_one = DevicePort()
-            assert next_one.path == number, "no terminal was closed meanwhile"
-            await eventually(lambda: time.monotonic() > began + 3.0, link)
-            assert not [one for one in programs_with(number) if one.pid == former.holder_pid]
-            next_one.unplug()
-        await former.close()
-        os.kill(former.holder_pid, signal.SIGTERM)
+        try:
+            async with shared(port, str(tmp_path / "imu0")) as link:
+                other.unplug()
+                await eventually(lambda: not former.state["open"], link)
+                next_one = DevicePort()
+                was_taken = next_one.path == number
+                if was_taken:
+                    until = time.monotonic() + 3.0
+                    await eventually(lambda: time.monotonic() > until, link)
+                    assert not [one for one in programs_with(number) if one.pid == former.holder_pid]
+                next_one.unplug()
+                return was_taken
+        finally:
+            await former.close()
+            os.kill(former.holder_pid, signal.SIGTERM)
 
-    began = time.monotonic()
-    asyncio.run(check())
+    # Another test beside this one may get the number first; then there is nothing to see.
+    assert any(asyncio.run(check()) for _ in range(20))
 
 
 FAILING = """
