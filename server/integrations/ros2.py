@@ -170,6 +170,8 @@ class Ros2:
             self.state.dropped = int(words["dropped"])
         elif words["op"] == "router":
             self._on_router(str(words["state"]))
+        elif words["op"] == "reopen":
+            self._has_ended.set()
         elif words["op"] == "failed":
             self._problem(str(words["why"]), "Give another address with --ros2-router tcp/HOST:PORT.", "error")
             self._has_ended.set()

@@ -5,6 +5,7 @@
              {"op": "switch", "topic": …, "enabled": …}    announce or withdraw a topic
     output:  {"op": "state", "routers": […], "peers": …, "topics": […]}     once a second
              {"op": "router", "state": "reached" | "lost" | "absent" | "foreign"}
+             {"op": "reopen"}: start this process anew
              {"op": "failed", "why": …}
 
 What a device sends becomes messages in server/ros2/messages.py, its figures in server/ros2/diagnostics.py. A channel is
@@ -28,7 +29,7 @@ from server.ros2.graph import RosGraph, TopicPublisher
 from server.ros2.key_expressions import QosProfile, RosNode, name_of
 from server.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
 from server.ros2.quantities import DeviceQuantities, quantities_of
-from server.ros2.session import ZenohSessionError, open_session, router_host
+from server.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
 from server.wire_codec import SampleFrame
 
 TICK_S = 1.0
@@ -96,16 +97,21 @@ class Ros2Bridge:
         """Open the session."""
         self._settings = Ros2Settings(**settings)
         self._disabled = set(self._settings.disabled)
+        self._opened = time.monotonic()
+        threading.Thread(target=self._open, daemon=True).start()
+
+    def _open(self) -> None:
+        """Open the session, in a thread, because it may take a while; announce the devices."""
         try:
-            self._session = open_session(self._settings.router)
+            self._session = open_session(self._settings.router, patient=True)
         except ZenohSessionError as error:
             self._client.send(op="failed", why=str(error))
             return
         # "reliable" and "best_effort" are checked with the settings
         qos = QosProfile("best_effort" if self._settings.reliability == "best_effort" else "reliable")
         qos = QosProfile(qos.reliability, depth=self._settings.depth)
-        self._graph = RosGraph(self._session, self._settings.domain, qos, self._has_changed.set)
-        self._opened = time.monotonic()
+        with self._lock:
+            self._graph = RosGraph(self._session, self._settings.domain, qos, self._has_changed.set)
         threading.Thread(target=self._watch_subscribers, daemon=True).start()
         self.configure()
 
@@ -121,7 +127,8 @@ class Ros2Bridge:
         else:
             self._disabled.add(topic)
         self.configure()
-        self._report()
+        with self._lock:
+            self._report()
 
     def configure(self) -> None:
         """Bring nodes and topics up to date with devices and channels."""
@@ -144,24 +151,27 @@ class Ros2Bridge:
                 samples.setdefault(frame.channel, []).append(frame)
         if not samples:
             return
-        for node in self._nodes.values():
-            used = node.quantities.channels
-            node.dropped += sum(frame.dropped for frame in frames if frame.channel in used)
-            for topic, builder in node.builders.items():
-                publisher = node.publishers.get(topic)
-                if publisher is not None and publisher.has_subscribers and not builder.channels.isdisjoint(samples):
-                    publisher.publish(builder.build(samples))
+        with self._lock:
+            for node in self._nodes.values():
+                used = node.quantities.channels
+                node.dropped += sum(frame.dropped for frame in frames if frame.channel in used)
+                for topic, builder in node.builders.items():
+                    publisher = node.publishers.get(topic)
+                    if publisher is not None and publisher.has_subscribers and not builder.channels.isdisjoint(samples):
+                        publisher.publish(builder.build(samples))
 
     def tick(self) -> None:
         """Once a second: diagnostics, state, and a look at the router."""
         self._next_tick = time.monotonic() + TICK_S
         if self._graph is None:
+            self._watch_router(())
             return
         if any(device["id"] not in self._nodes for device in self._client.devices):
             self.configure()
-        self._diagnose()
+        with self._lock:
+            self._diagnose()
+            self._report()
         self._watch_router(self._graph.routers)
-        self._report()
 
     def close(self) -> None:
         """Leave the graph."""
@@ -275,6 +285,8 @@ class Ros2Bridge:
         if state != self._router_state:
             self._router_state = state
             self._client.send(op="router", state=state)
+            if state == "lost" and is_elsewhere(self._settings.router):
+                self._client.send(op="reopen")  # a client does not always find a router again
 
     def _is_listening(self) -> bool:
         """Whether something that is no router of ours accepts connections at its address."""

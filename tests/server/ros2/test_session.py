@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import pytest
 
-from server.ros2.session import ZenohSessionError, is_router_address, open_session
+from server.ros2.session import (
+    IMPATIENT,
+    RouterAbsentError,
+    ZenohSessionError,
+    is_router_address,
+    open_session,
+    router_host,
+)
 from tests.free_ports import free_port
 from tests.waiting import block_until
 from tests.zenoh_router import announced, running_router
@@ -25,6 +34,40 @@ def test_a_router_may_come_late_and_come_again() -> None:
         session.close()
 
 
+def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A session that accepts no connections, as seen from nodes of the router's host."""
+    monkeypatch.setattr("server.ros2.session._is_here", lambda host: False)
+    monkeypatch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
+    port = free_port()
+    with pytest.raises(RouterAbsentError, match=f"There is no Zenoh router at tcp/127.0.0.1:{port}."):
+        open_session(f"tcp/127.0.0.1:{port}")
+    with running_router(port) as router:
+        session = open_session(f"tcp/127.0.0.1:{port}")
+        token = session.liveliness().declare_token("@ros2_lv/0/test")
+        block_until(lambda: announced(router) == ["@ros2_lv/0/test"], "the token is known to the router")
+    block_until(lambda: not list(session.info.routers_zid()), "the end of the router is noticed")
+    try:
+        with running_router(port) as router:
+            block_until(lambda: announced(router) == ["@ros2_lv/0/test"], "the token is known to the next router")
+    finally:
+        token.undeclare()
+        session.close()
+
+
+def test_messages_of_a_client_reach_a_peer_of_the_router(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = free_port()
+    with running_router(port), closing(open_session(f"tcp/127.0.0.1:{port}")) as peer:
+        monkeypatch.setattr("server.ros2.session._is_here", lambda host: False)
+        with closing(open_session(f"tcp/127.0.0.1:{port}")) as client:
+            received: list[bytes] = []
+            peer.declare_subscriber("0/**", lambda sample: received.append(bytes(sample.payload)))
+            publisher = client.declare_publisher("0/imu")
+            block_until(lambda: publisher.matching_status.matching, "the subscriber is found")
+            publisher.put(b"1")
+            block_until(lambda: received == [b"1"], "the message arrives")
+            assert not list(client.info.peers_zid())
+
+
 def test_an_address_that_zenoh_cannot_use_is_an_error_of_ours() -> None:
     with pytest.raises(ZenohSessionError, match="cannot be opened"):
         open_session("carrier-pigeon")
@@ -38,3 +81,11 @@ def test_addresses(text: str) -> None:
 @pytest.mark.parametrize("text", ["", "localhost:7447", "tcp/localhost", "tcp://localhost:7447", "tcp/a:0", "tcp/a:7x"])
 def test_other_texts_are_no_address(text: str) -> None:
     assert not is_router_address(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "host"),
+    [("tcp/localhost:7447", ("localhost", 7447)), ("tcp/[::1]:1", ("::1", 1)), ("tls/a.b:2?x=1#y", ("a.b", 2))],
+)
+def test_host_and_port_of_an_address(text: str, host: tuple[str, int]) -> None:
+    assert router_host(text) == host
