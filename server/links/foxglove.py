@@ -96,9 +96,7 @@ class FoxgloveLink(MessageLink):
         self._advertised, self._channels, self._connected = {}, {}, False
         self.begin()
         opened: Future[str] = Future()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._run(opened)), name=f"link {self.source}", daemon=True
-        )
+        self._thread = threading.Thread(target=self._main, args=(opened,), name=f"link {self.source}", daemon=True)
         self._thread.start()
         try:
             server = await self._opened(opened)
@@ -141,8 +139,13 @@ class FoxgloveLink(MessageLink):
 
     # -- the thread ----------------------------------------------------------------------------------------------------
 
-    async def _run(self, opened: Future[str]) -> None:
+    def _main(self, opened: Future[str]) -> None:
         """Body of the thread."""
+        with contextlib.suppress(asyncio.CancelledError):  # closed while it ended by itself
+            asyncio.run(self._run(opened))
+
+    async def _run(self, opened: Future[str]) -> None:
+        """Receive, and let the connection release its socket."""
         try:
             await self._receive(opened)
         finally:
