@@ -150,7 +150,8 @@ class FoxgloveLink(MessageLink):
             await self._receive(opened)
         finally:
             for _ in range(CLOSING_TURNS):
-                await asyncio.sleep(0)
+                with contextlib.suppress(asyncio.CancelledError):  # closed while it was ending by itself
+                    await asyncio.sleep(0)
 
     async def _receive(self, opened: Future[str]) -> None:
         """Connect, then receive until the connection ends."""
