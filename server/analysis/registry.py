@@ -12,15 +12,18 @@ import pkgutil
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from importlib import import_module
 from typing import Any
 
 from protocols.plugins import import_plugins
 from server.analysis import methods
 from server.analysis.signals import Signal
+from server.analysis.units import Unit
 from server.errors import DomainError
 
 GROUP = "imuscope.analyses"
+OWN = "unit_of_the_signal"  # a symbol while units are multiplied
 Figure = Any
 """A number, a text, a list of figures, or an object of figures by name; NaN where there is no number."""
 Result = Mapping[str, Figure]
@@ -118,12 +121,21 @@ class Analysis:
     def units_for(self, signal: Signal, settings: Settings) -> dict[str, str]:
         """Unit of each figure of this signal; figures without a unit are left out."""
         declared = self.units(settings) if callable(self.units) else self.units
-        plain, squared = signal.unit, f"({signal.unit})²" if re.search("[/·²³]", signal.unit) else f"{signal.unit}²"
-        units = {
-            name: unit.replace("{unit}²", squared if plain else "1").replace("{unit}", plain).removeprefix("·")
-            for name, unit in declared.items()
-        }
-        return {name: f"1{unit}" if unit.startswith("/") else unit for name, unit in units.items() if unit}
+        units = {name: _unit_of(unit, signal.unit) for name, unit in declared.items()}
+        return {name: unit for name, unit in units.items() if unit}
+
+
+def _unit_of(declared: str, own: str) -> str:
+    """The unit of a figure: s/s is left out, and the square of a quotient keeps its parentheses."""
+    if "{unit}²" in declared:
+        squared = f"({own})²" if re.search("[/·²³]", own) else f"{own}²" if own else "1"
+        return declared.replace("{unit}²", squared)
+    if declared == "{unit}":
+        return own
+    unit = Unit.parse(declared.replace("{unit}", OWN))
+    power = dict(unit.powers).get(OWN, Fraction(0))
+    rest = Unit(tuple((name, one) for name, one in unit.powers if name != OWN))
+    return str(Unit.parse(own) ** power * rest)
 
 
 _registered: dict[str, Analysis] = {}

@@ -89,7 +89,7 @@ def test_one_sample_has_no_slope_and_no_rate() -> None:
     assert (found["slope"], found["rate"], found["duration"]) == (None, None, 0.0)
     assert units == {
         **dict.fromkeys(("mean", "sigma", "rms", "min", "max", "peak_to_peak"), "m/s²"),
-        **{"slope": "m/s²/s", "integral": "m/s²·s", "duration": "s", "rate": "Hz"},
+        **{"slope": "m/s³", "integral": "m/s", "duration": "s", "rate": "Hz"},
     }
 
 
