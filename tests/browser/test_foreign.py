@@ -20,6 +20,7 @@ from tests import browser_engine, chromium
 from tests.conftest import chromium_path
 from tests.server_process import ServerProcess
 from tests.timeouts import get
+from tests.waiting import block_until
 
 NAME = "rebound.example"
 
@@ -106,6 +107,7 @@ def state(server: ServerProcess) -> tuple[Any, ...]:
 
 
 def test_a_page_of_another_origin_can_neither_read_nor_act(server: ServerProcess, stranger: str, visitor: Page) -> None:
+    block_until(lambda: get(f"{server.url}/api/devices").json()[0]["status"] == "live", "the device streams")
     [device] = get(f"{server.url}/api/devices").json()
     before = state(server)
 
