@@ -3,9 +3,6 @@
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
                         └── server: every SERVER_S           its samples carry the stamp
 
-While the device sends more often than every GATHER_NS, the loop sleeps after each read until that time is over, so that
-one wake-up serves several frames: the delay is bounded by it, and waking up is what costs most.
-
 A port that is gone is opened again, as a link is. Meanwhile its terminals and TCP ports are closed: a client sees what
 an unplugged adapter would show. Started by a server, the holder ends when neither a server nor a client has been there
 for GRACE_S; with `stay`, only by a signal.
@@ -14,7 +11,6 @@ for GRACE_S; with `stay`, only by a signal.
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable
 from typing import Any
@@ -25,7 +21,7 @@ from server.holder.client_frames import FrameRules
 from server.holder.clients import Client
 from server.holder.event_loop import READ, WRITE, EventLoop
 from server.holder.messages import MessageKind
-from server.holder.port import READ_BYTES, Port, PortError
+from server.holder.port import Port, PortError
 from server.holder.requests import carry_out
 from server.holder.server_side import ServerSide
 from server.holder.settings import HolderSettings
@@ -34,8 +30,6 @@ from server.holder.sharing import Sharing
 
 TICK_S = 0.02
 STATE_S = 1.0
-GATHER_NS = 850_000  # within the 1 ms that a share may add
-GATHERED = 4  # so that what clients send waits no longer than 3.4 ms
 GRACE_S = 10.0
 FIRST_RETRY_S, LAST_RETRY_S = 0.5, 10.0
 
@@ -61,8 +55,6 @@ class Holder:
         self._error: PortError | None = None
         self._retry_at = 0.0
         self._state_at = 0.0
-        self._read_ns = 0  # when the port was read last
-        self._gathers = False  # the device sends more often than every GATHER_NS
         self._speaker: int | None = None  # in the last state
         self._last_company = time.monotonic()
         self._ended = False
@@ -99,19 +91,17 @@ class Holder:
         run_once, clock = self._loop.run_once, time.monotonic
         next_tick = clock() + TICK_S
         while not self._ended:
-            if self._gathers:
-                self._gather()
             now = clock()
             if now >= next_tick:
                 self._tick(now)
                 next_tick = now + TICK_S
             server = self.server.connection
             if server is None or not server.due_at:
-                run_once(0.0 if self._gathers else max(0.0, next_tick - now))
+                run_once(max(0.0, next_tick - now))
             elif server.due_at <= now:
                 self.server.pass_on()
             else:
-                run_once(0.0 if self._gathers else max(0.0, min(next_tick, server.due_at) - now))
+                run_once(max(0.0, min(next_tick, server.due_at) - now))
 
     def end(self, *_: Any) -> None:
         """End the loop; a signal handler."""
@@ -174,27 +164,8 @@ class Holder:
         if not data:
             return
         stamp = time.monotonic_ns()
-        self._gathers = stamp - self._read_ns < GATHER_NS
-        self._read_ns = stamp
         self.sharing.distribute(data)
         self.server.on_device_data(stamp, data)
-
-    def _gather(self) -> None:
-        """Read the port every GATHER_NS while it has something, GATHERED times: then the others are looked at."""
-        read, clock, sleep, fd = os.read, time.monotonic_ns, time.sleep, self.port.fd
-        distribute, on_device_data = self.sharing.distribute, self.server.on_device_data
-        for _ in range(GATHERED):
-            sleep(GATHER_NS / 1e9)
-            try:
-                data = read(fd, READ_BYTES)
-            except OSError:  # nothing, or the port is gone: epoll knows
-                data = b""
-            if not data:
-                self._gathers = False
-                return
-            self._read_ns = stamp = clock()
-            distribute(data)
-            on_device_data(stamp, data)
 
     def _write(self, data: bytes) -> None:
         """Send to the device."""
