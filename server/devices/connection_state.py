@@ -63,7 +63,7 @@ TRANSITIONS: Mapping[ConnectionState, Mapping[ConnectionEvent, ConnectionState]]
         _S.OPENING: {_E.OPENED: _S.WAITING, **_LEAVING},
         _S.WAITING: {_E.DECODED: _S.LIVE, _E.SILENCE: _S.SILENT, **_LEAVING},
         _S.LIVE: {_E.SILENCE: _S.SILENT, **_LEAVING},
-        _S.SILENT: {_E.DECODED: _S.LIVE, **_LEAVING},
+        _S.SILENT: {_E.DECODED: _S.LIVE, _E.SILENCE: _S.SILENT, **_LEAVING},  # no data, then none that decodes
         _S.RETRYING: {_E.RETRY: _S.OPENING, _E.REOPEN: _S.OPENING, _E.CLOSE: _S.CLOSED},
         _S.STOPPED: {_E.RETRY: _S.OPENING, _E.REOPEN: _S.OPENING, _E.CLOSE: _S.CLOSED},
     }

@@ -22,9 +22,10 @@ class DecodeWatchdog:
         self._frames = -1  # frames so far
         self._since = 0.0  # when there was one last
         self._bytes = 0  # so far, then
+        self._reported = False  # since then
 
     def update(self, now: float, figures: Sequence[LinkStatistics], configuring: bool) -> bool:
-        """Whether the link is undecodable now. Call it a few times a second.
+        """Whether the link has become undecodable, once until it decodes again. Call it a few times a second.
 
         Args:
             figures: of each device of the link; while one of them decodes, the link is decodable.
@@ -33,9 +34,12 @@ class DecodeWatchdog:
         frames = sum(meter.total for one in figures for meter in one.messages.values())
         received_bytes = figures[0].bytes.total  # the link's
         if frames != self._frames or configuring:
-            self._frames, self._since, self._bytes = frames, now, received_bytes
+            self._frames, self._since, self._bytes, self._reported = frames, now, received_bytes, False
             return False
-        return now - self._since > UNDECODABLE_S and received_bytes - self._bytes > MIN_BYTES
+        if self._reported or now - self._since <= UNDECODABLE_S or received_bytes - self._bytes <= MIN_BYTES:
+            return False
+        self._reported = True
+        return True
 
 
 def undecodable_text(link: Link) -> tuple[str, str]:

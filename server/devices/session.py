@@ -472,7 +472,7 @@ class Session(Audience):
         if self.info.status == "live" and looked and quiet > self._silence.limit and not self._link.backlog:
             hint = self.devices.own.silence_hint or LINK_SILENT_HINT
             self._fell_silent(f"No data from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)
-        elif self.info.status == "live" and self._decode_watchdog.update(
+        elif self.info.status in ("live", "lost") and self._decode_watchdog.update(
             now, self.devices.stats, self._silence.suppressed
         ):
             self._fell_silent(*(self._diagnostics.refusal(self._stats) or undecodable_text(self._link)))

@@ -31,7 +31,7 @@ LEGAL = {
     "opening": ".O..fn.rC",
     "waiting": "..DQfn.rC",
     "live": "...Qfn.rC",
-    "silent": "..D.fn.rC",
+    "silent": "..DQfn.rC",
     "retrying": "......RrC",
     "stopped": "......RrC",
 }
