@@ -8,7 +8,7 @@ in the server waits for a session.
 
 The protocol is named by the user or detected from the first bytes (server/devices/decode_pipeline.py). Bytes are
 decoded in turns with other sessions (server/devices/decode_scheduler.py); while the device is being configured, at
-once.
+once. What configuration and port sharing do with the link is in server/devices/link_access.py.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from dataclasses import replace
 from protocols.events import Doubt, Event
 from server import wire
 from server.backoff import Backoff
-from server.devices.audience import Audience
 from server.devices.connection_state import Connection, ConnectionEvent
 from server.devices.decode_options import DecodeOptions
 from server.devices.decode_pipeline import DecodePipeline
@@ -32,11 +31,12 @@ from server.devices.device_demux import LinkDevices
 from server.devices.device_state import DeviceState, short_source
 from server.devices.identify import IdentifyRequest
 from server.devices.left_out import LeftOut
+from server.devices.link_access import LinkAccess
 from server.devices.outage import Outage
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.restarts import Restarts
 from server.devices.sequence_store import SequenceStore
-from server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S, SilenceWatchdog
+from server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
 from server.devices.stream_diagnostics import StreamDiagnostics
 from server.links.base import Chunk, Link, LinkError
 from server.streaming.sink import TelemetrySink
@@ -45,12 +45,11 @@ log = logging.getLogger("imuscope.session")
 
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
-IDLE_POLL_S = 0.05
 STALL_S = 0.25  # without bytes, after which an incomplete frame is dropped; a frame at 9600 Bd takes 0.1 s
 STALL_TICKS = 3  # ticks without new bytes, also required, in case this process itself was delayed
 
 
-class Session(Audience):
+class Session(LinkAccess):
     """One device.
 
     Args:
@@ -72,7 +71,7 @@ class Session(Audience):
         sequences: SequenceStore | None = None,
         scheduler: DecodeScheduler | None = None,
     ) -> None:
-        super().__init__(link.flow)
+        super().__init__(link, sink)
         info = wire.DeviceInfo(
             id=device,
             name=short_source(link.source),
@@ -84,8 +83,7 @@ class Session(Audience):
         )
         self._state = DeviceState(sink, info, protocol_set.title)
         self._set = self._state.set
-        self._link = link
-        self._sink, self._protocols = sink, protocol_set
+        self._protocols = protocol_set
         self._identification = IdentifyRequest(self.send, link.source)
         self.devices = LinkDevices(sink, self._state, protocol_set.title)
         self._stats = self.devices.own.stats
@@ -106,7 +104,7 @@ class Session(Audience):
         self._connection = Connection()
         self._opened_at = 0.0  # unix s, while it is open
         self._outage = Outage()
-        self._silence, self._decode_watchdog = SilenceWatchdog(), DecodeWatchdog()
+        self._decode_watchdog = DecodeWatchdog()
         self._left_out = LeftOut(self._reporter, self._stats, link.source)
         self._stalled = False
         self._ticks_since_bytes = 0  # since bytes came last
@@ -115,7 +113,6 @@ class Session(Audience):
         self._task: asyncio.Task[None] | None = None
         self._scheduler = scheduler or DecodeScheduler()
         self._off_turns = self._scheduler.add(self._drain)
-        self._sending = asyncio.Lock()
 
     @property
     def info(self) -> wire.DeviceInfo:
@@ -226,6 +223,7 @@ class Session(Audience):
         self._connection.apply(ConnectionEvent.OPENED)
         self._opened_at = self._sink.now()
         self._pipeline.disconnect()
+        self._link.flow.polled_ns = 0  # the first bytes wake the loop
         self._link.flow.keep_datagrams = True  # until it is known whether ends of datagrams matter
         self._identification.restart()
         if protocol := self._pipeline.known_protocol or (self.info.protocol if same and self.devices.others else ""):
@@ -263,82 +261,6 @@ class Session(Audience):
     async def _pause(self, seconds: float | None) -> None:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._retry_now.wait(), seconds)
-
-    # ── for other parts of the server ────────────────────────────────────────────────────────────────────────────────
-
-    async def send(self, data: bytes) -> None:
-        """Write to the device, one caller at a time, and pass the sent data to the listeners.
-
-        Raises:
-            LinkError: it could not be sent completely, or the link is read-only (a file).
-        """
-        async with self._sending:
-            began_ns = self._link.settings.now_ns()  # before: an answer must not seem older than its request
-            self._link.expect_reply()
-            await self._link.write(data)
-            self._sent.call(data, began_ns)
-
-    async def reopen(self, baud: int | None = None) -> None:
-        """Close the link and open it again, at another rate if given, with a new decoder.
-
-        Raises:
-            LinkError: it could not be opened; retries continue as after any loss.
-        """
-        await self._interrupt(f"Opening {self._link.source}{f' at {baud} Bd' if baud else ''}.")
-        try:
-            await self._link.reopen(baud)
-        except BaseException:
-            self._start()
-            raise
-        self._start(opened=True)
-        await asyncio.sleep(0)  # it has begun to read when this returns
-
-    async def check_rate(self, baud: int) -> None:
-        """Check that this end of the link supports a rate. As Link.check_rate."""
-        await self._link.check_rate(baud)
-
-    @property
-    def link(self) -> Link:
-        """The present link."""
-        return self._link
-
-    async def use_link(self, link: Link) -> None:
-        """Continue on another link to the same device: id, channels, history and listeners stay."""
-        await self._interrupt(f"Opening {link.source}.")
-        await self._link.close()
-        link.flow = self._link.flow
-        self._link = link
-        self._pipeline.use_link(link)
-        self._start()
-
-    @property
-    def capacity(self) -> float | None:
-        """Bytes/s that the link can carry, None if unknown."""
-        return self._link.capacity
-
-    @property
-    def baud(self) -> int | None:
-        """The present baud rate of the link."""
-        return self._link.baud
-
-    def suppress_timeout(self, on: bool, device: str = "") -> None:
-        """Ignore silence while `on` (a device that is being configured does not measure)."""
-        self._link.hold_clients(on)
-        self._silence.suppress(on, self._sink.now())
-        self.devices.suppress_timeout(device, on)
-
-    async def wait_idle(self) -> None:
-        """Wait until the device is not being configured: data must not get between a request and its answer."""
-        while self._silence.suppressed:
-            await asyncio.sleep(IDLE_POLL_S)
-
-    def decode(self) -> None:
-        """Decode the received bytes now instead of in the next turn."""
-        self._drain()
-
-    def bytes_at(self, offset: int, size: int) -> bytes:
-        """Bytes of this connection from an offset of the decoder; b"" if they are no longer stored."""
-        return self._pipeline.bytes_at(offset, size)
 
     def _on_events(self, events: Sequence[Event]) -> None:
         self.restarts.on_events(events)

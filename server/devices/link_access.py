@@ -1,0 +1,126 @@
+"""Access to the link of a session, for configuration and port sharing.
+
+    device_controller.py, rollback.py …  ──send, reopen, check_rate, suppress_timeout──>  LinkAccess  ──>  Link
+    port_shares.py                       ──use_link──────────────────────────────────>  (Session)
+
+A caller that talks to the device holds `turn` (audience.py), so that no other one does meanwhile; `wait_idle` waits for
+those that do.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from abc import abstractmethod
+
+from server.devices.audience import Audience
+from server.devices.decode_pipeline import DecodePipeline
+from server.devices.device_demux import LinkDevices
+from server.devices.silence_watchdog import SilenceWatchdog
+from server.links.base import Link
+from server.streaming.sink import TelemetrySink
+
+IDLE_POLL_S = 0.05
+
+
+class LinkAccess(Audience):
+    """Link of one session; the session itself reads from it, opens it again after a loss, and decodes.
+
+    Args:
+        link: closed.
+        sink: has the clock.
+    """
+
+    devices: LinkDevices
+    _pipeline: DecodePipeline
+
+    def __init__(self, link: Link, sink: TelemetrySink) -> None:
+        super().__init__(link.flow)
+        self._link, self._sink = link, sink
+        self._silence = SilenceWatchdog()
+        self._sending = asyncio.Lock()
+
+    @abstractmethod
+    def _start(self, *, opened: bool = False) -> None:
+        """Begin to read; `opened`: the link is open already."""
+
+    @abstractmethod
+    async def _interrupt(self, message: str) -> None:
+        """Stop reading and decode what was received; the link is opened again next."""
+
+    @abstractmethod
+    def _drain(self, *, final: bool = False) -> bool:
+        """Decode a slice of received bytes; true if more is waiting."""
+
+    async def send(self, data: bytes) -> None:
+        """Write to the device, one caller at a time, and pass the sent data to the listeners.
+
+        Raises:
+            LinkError: it could not be sent completely, or the link is read-only (a file).
+        """
+        async with self._sending:
+            began_ns = self._link.settings.now_ns()  # before: an answer must not seem older than its request
+            self._link.expect_reply()
+            await self._link.write(data)
+            self._sent.call(data, began_ns)
+
+    async def reopen(self, baud: int | None = None) -> None:
+        """Close the link and open it again, at another rate if given, with a new decoder.
+
+        Raises:
+            LinkError: it could not be opened; retries continue as after any loss.
+        """
+        await self._interrupt(f"Opening {self._link.source}{f' at {baud} Bd' if baud else ''}.")
+        try:
+            await self._link.reopen(baud)
+        except BaseException:
+            self._start()
+            raise
+        self._start(opened=True)
+        await asyncio.sleep(0)  # it has begun to read when this returns
+
+    async def check_rate(self, baud: int) -> None:
+        """Check that this end of the link supports a rate. As Link.check_rate."""
+        await self._link.check_rate(baud)
+
+    @property
+    def link(self) -> Link:
+        """The present link."""
+        return self._link
+
+    async def use_link(self, link: Link) -> None:
+        """Continue on another link to the same device: id, channels, history and listeners stay."""
+        await self._interrupt(f"Opening {link.source}.")
+        await self._link.close()
+        link.flow = self._link.flow
+        self._link = link
+        self._pipeline.use_link(link)
+        self._start()
+
+    @property
+    def capacity(self) -> float | None:
+        """Bytes/s that the link can carry, None if unknown."""
+        return self._link.capacity
+
+    @property
+    def baud(self) -> int | None:
+        """The present baud rate of the link."""
+        return self._link.baud
+
+    def suppress_timeout(self, on: bool, device: str = "") -> None:
+        """Ignore silence while `on` (a device that is being configured does not measure)."""
+        self._link.hold_clients(on)
+        self._silence.suppress(on, self._sink.now())
+        self.devices.suppress_timeout(device, on)
+
+    async def wait_idle(self) -> None:
+        """Wait until the device is not being configured: data must not get between a request and its answer."""
+        while self._silence.suppressed:
+            await asyncio.sleep(IDLE_POLL_S)
+
+    def decode(self) -> None:
+        """Decode the received bytes now instead of in the next turn."""
+        self._drain()
+
+    def bytes_at(self, offset: int, size: int) -> bytes:
+        """Bytes of this connection from an offset of the decoder; b"" if they are no longer stored."""
+        return self._pipeline.bytes_at(offset, size)
