@@ -5,6 +5,7 @@ import { copyText } from "../ui/copy";
 import { Dialog } from "../ui/dialog";
 import { type Problem, request } from "../ui/http";
 import { Message } from "../ui/message";
+import { ProblemNote } from "../ui/problem-note";
 import type { SignalFigures } from "../wire/routes";
 import { figure } from "./axes";
 import { Chart } from "./chart";
@@ -108,14 +109,7 @@ export function AnalysisDialog({ deps, source, title, prefix, isLive, onClose }:
     <Dialog title={TEXT.analysisOf(title)} wide onClose={onClose}>
       <div class="analysis">
         <Controls choice={choice} names={names.value} hasCursors={hasCursors(viewState)} />
-        {problem.value && (
-          <div class="problem" role="alert">
-            <b>
-              <Message text={problem.value.message} />
-            </b>{" "}
-            <Message text={problem.value.hint} />
-          </div>
-        )}
+        {problem.value && <ProblemNote problem={problem.value} />}
         {answered.value ? <Result choice={choice} {...answered.value} /> : busy.value && <p>{TEXT.computing}</p>}
       </div>
     </Dialog>
@@ -343,47 +337,55 @@ function Peaks({ figures }: Figures) {
 }
 
 function Parameters({ figures }: Figures) {
-  const names = Object.keys(figures[0] ? parametersOf(figures[0]) : {});
   return (
-    <Scroll label={TEXT.parameters}>
-      <thead>
-        <tr>
-          <th />
-          {figures.map(({ signal }) => (
-            <th key={signal}>{shortName(signal)}</th>
-          ))}
-        </tr>
-      </thead>
-      <tbody>
-        {names.map((name) => (
-          <tr key={name}>
-            <th scope="row">{TEXT.parameter[name] ?? name}</th>
-            {figures.map((one) => {
-              const { value, low, high } = parametersOf(one)[name] ?? { value: 0, low: 0, high: 0 };
-              const unit = one.units[`parameters.${name}.value`] ?? "";
-              return (
-                <td key={one.signal}>
-                  {value > 0 ? `${figure(value)} ${unit}` : TEXT.atMost(`${figure(high, 2)} ${unit}`)}
-                  {value > 0 && (
-                    <small class="dim" title={TEXT.interval}>
-                      {" "}
-                      {figure(low, 2)} … {figure(high, 2)}
-                    </small>
-                  )}
-                </td>
-              );
-            })}
-          </tr>
-        ))}
-      </tbody>
-    </Scroll>
+    <BySignal
+      label={TEXT.parameters}
+      figures={figures}
+      rows={Object.keys(figures[0] ? parametersOf(figures[0]) : {})}
+      title={(name) => TEXT.parameter[name] ?? name}
+      cell={(one, name) => {
+        const { value, low, high } = parametersOf(one)[name] ?? { value: 0, low: 0, high: 0 };
+        const unit = one.units[`parameters.${name}.value`] ?? "";
+        if (value <= 0) return TEXT.atMost(`${figure(high, 2)} ${unit}`);
+        return (
+          <>
+            {figure(value)} {unit}
+            <small class="dim" title={TEXT.interval}>
+              {" "}
+              {figure(low, 2)} … {figure(high, 2)}
+            </small>
+          </>
+        );
+      }}
+    />
   );
 }
 
 function Statistics({ figures }: Figures) {
-  const names = Object.keys(figures[0]?.figures ?? {}).filter((name) => name !== "notes");
   return (
-    <Scroll label={TEXT.statistics}>
+    <BySignal
+      label={TEXT.statistics}
+      figures={figures}
+      rows={Object.keys(figures[0]?.figures ?? {}).filter((name) => name !== "notes")}
+      title={(name) => TEXT.statistic[name] ?? name}
+      cell={({ figures: of, units }, name) =>
+        `${figure(of[name] as number | null, name === "n" ? 9 : 5)} ${units[name] ?? ""}`
+      }
+    />
+  );
+}
+
+interface BySignalProps extends Figures {
+  readonly label: string;
+  readonly rows: readonly string[];
+  readonly title: (row: string) => string;
+  readonly cell: (of: SignalFigures, row: string) => preact.ComponentChildren;
+}
+
+/** A table with a column for each signal. */
+function BySignal({ label, figures, rows, title, cell }: BySignalProps) {
+  return (
+    <Scroll label={label}>
       <thead>
         <tr>
           <th />
@@ -393,13 +395,11 @@ function Statistics({ figures }: Figures) {
         </tr>
       </thead>
       <tbody>
-        {names.map((name) => (
-          <tr key={name}>
-            <th scope="row">{TEXT.statistic[name] ?? name}</th>
+        {rows.map((row) => (
+          <tr key={row}>
+            <th scope="row">{title(row)}</th>
             {figures.map((one) => (
-              <td key={one.signal}>
-                {figure(one.figures[name] as number | null, name === "n" ? 9 : 5)} {one.units[name] ?? ""}
-              </td>
+              <td key={one.signal}>{cell(one, row)}</td>
             ))}
           </tr>
         ))}

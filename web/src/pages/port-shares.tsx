@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { bytes } from "../recordings/library-filter";
 import { Dialog } from "../ui/dialog";
 import { type Outcome, type Problem, request } from "../ui/http";
-import { Message } from "../ui/message";
+import { ProblemNote } from "../ui/problem-note";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
 import type { App } from "./app-state";
@@ -63,14 +63,7 @@ export function SharePort({ device, onClose }: Props) {
         ))}
         {port.value && port.value.changes.length > 0 && <Changes changes={port.value.changes} />}
         {port.value && port.value.why_not === "" && <AddShare state={state} />}
-        {problem.value && (
-          <div class="problem" role="alert">
-            <b>
-              <Message text={problem.value.message} />
-            </b>{" "}
-            <Message text={problem.value.hint} />
-          </div>
-        )}
+        {problem.value && <ProblemNote problem={problem.value} />}
       </div>
     </Dialog>
   );

@@ -6,6 +6,7 @@ import { Dialog } from "../ui/dialog";
 import { rate } from "../ui/format";
 import { type Outcome, type Problem, request } from "../ui/http";
 import { Message } from "../ui/message";
+import { ProblemNote } from "../ui/problem-note";
 import type { MissingTopic, RosState, RosTopic } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
 import { TEXT } from "../texts/ros";
@@ -38,14 +39,7 @@ export function RosTopics({ device, onClose }: Props) {
     <Dialog title={TEXT.topicsOf(device.name)} onClose={onClose}>
       <div class="ros-topics">
         {state.value && <State state={state.value} device={device.id} flip={(topic) => void flip(topic)} />}
-        {problem.value && (
-          <div class="problem" role="alert">
-            <b>
-              <Message text={problem.value.message} />
-            </b>{" "}
-            <Message text={problem.value.hint} />
-          </div>
-        )}
+        {problem.value && <ProblemNote problem={problem.value} />}
       </div>
     </Dialog>
   );
