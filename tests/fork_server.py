@@ -86,8 +86,10 @@ class Child:
         return said[0], said[1]
 
     def send_signal(self, number: int) -> None:
+        """Send a signal, unless it has ended. Its end may be on its way here, when there is nothing left to signal."""
         if self.poll() is None:
-            os.kill(self.pid, number)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.pid, number)
 
     def terminate(self) -> None:
         self.send_signal(signal.SIGTERM)
