@@ -25,6 +25,7 @@ LISTED: dict[str, tuple[set[str], str]] = {
     "recordings/visible-range.ts": ({"#lastPixels"}, "a first guess, until its plots have a width"),
     "ui/canvas.ts": ({"cache", "cachedTheme"}, "colours of the theme, read once"),
     "ui/theme.ts": ({"theme"}, "a document has one theme"),
+    "workspace/parts.ts": ({"parts"}, "filled while modules are loaded"),
     "wire/capabilities.ts": ({"capabilities", "byName", "abbreviations"}, "all pages of a document have one server"),
 }
 WORKER = "wire/socket-worker.ts"  # runs once for each store, and shares nothing with the page

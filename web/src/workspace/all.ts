@@ -1,0 +1,2 @@
+/** Every part of a workspace: loading a file registers its parts. */
+import "./view-parts";
