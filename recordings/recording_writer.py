@@ -123,8 +123,14 @@ class RecordingWriter:
         """Queue bytes received or sent. Never waits."""
         self.chunks(device, direction, ((data, arrival_ns),))
 
-    def chunks(self, device: str, direction: Direction, chunks: Sequence[tuple[bytes, int]]) -> None:
-        """Queue chunks, at least one: (bytes, arrival in ns) each. Never waits."""
+    def chunks(
+        self, device: str, direction: Direction, chunks: Sequence[tuple[bytes, int]], *, late: bool = False
+    ) -> None:
+        """Queue chunks, at least one: (bytes, arrival in ns) each. Never waits.
+
+        Args:
+            late: they arrived before the recording began, so their age is not a delay of the disk.
+        """
         if self.error is not None:
             return
         size = 0
@@ -135,18 +141,20 @@ class RecordingWriter:
         shift_ns = self.shift_ns
         if shift_ns:
             chunks = [(data, arrival_ns + shift_ns) for data, arrival_ns in chunks]
-        self._queue.append(("chunks", chunks[0][1], device, direction, chunks, size))
+        queued_ns = self._now_ns() + shift_ns if late else chunks[0][1]
+        self._queue.append(("chunks", queued_ns, device, direction, chunks, size))
         if not self._wake_event.is_set():
             self._wake_event.set()
 
-    def messages(self, device: str, chunks: Sequence[tuple[bytes, int]]) -> None:
-        """Queue messages received from a device; see McapWriter.messages. Never waits."""
+    def messages(self, device: str, chunks: Sequence[tuple[bytes, int]], *, late: bool = False) -> None:
+        """Queue messages received from a device; see McapWriter.messages, and `chunks`. Never waits."""
         if self.error is not None:
             return
         size = sum(len(data) for data, _ in chunks)
         with self._counting:
             self._queued_bytes += size
-        self._put("messages", chunks[0][1], device, [(data, time + self.shift_ns) for data, time in chunks], size)
+        queued_ns = self._now_ns() if late else chunks[0][1]
+        self._put("messages", queued_ns, device, [(data, time + self.shift_ns) for data, time in chunks], size)
 
     def room(self) -> None:
         """Delay the caller briefly while too much is queued; not for a thread that others wait for.

@@ -114,6 +114,7 @@ class Config:
             declares (protocols/decode_options.py); secrets may be @FILE, files are named.
         rollback_s: time to confirm settings that could have cut the link, before they are rolled back.
         history_s, memory_mb: limits of the sample history, whichever is reached first.
+        bytes_mb: of memory_mb, for the bytes of live links (server/devices/byte_memory.py); at most a quarter of it.
         view_token, control_token: "" to generate one when it is needed.
         tls: serve https with a self-signed certificate; tls_cert, tls_key: PEM files of another certificate.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
@@ -150,6 +151,7 @@ class Config:
     rollback_s: float = 20.0
     history_s: float = 600.0
     memory_mb: int = 256
+    bytes_mb: int = 64
     view_token: str = field(default="", repr=False)
     control_token: str = field(default="", repr=False)
     tls: bool = False
@@ -190,6 +192,11 @@ class Config:
         declared = declared_options() if self.decode_options else {}
         given = ((name, value) for name, value in self.decode_options.items() if value)
         return checked_options(self.protocol, {name: option_text(declared[name], value) for name, value in given})
+
+    @property
+    def bytes_limit_mb(self) -> float:
+        """Memory for the bytes of live links."""
+        return min(self.bytes_mb, self.memory_mb / 4)
 
     @property
     def scheme(self) -> str:
@@ -255,6 +262,7 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
     "split_mb": (lambda size: size == 0 or 0.1 <= size <= 1e6, "is neither 0 (no limit) nor 0.1 … 1 000 000 MB"),
     "split_min": (lambda age: age == 0 or 0.01 <= age <= 1e6, "is neither 0 (no limit) nor 0.01 … 1 000 000 min"),
     "memory_mb": (lambda size: 1 <= size <= MAX_MEMORY_MB, f"is outside 1 … {MAX_MEMORY_MB} MB"),
+    "bytes_mb": (lambda size: 0 <= size <= MAX_MEMORY_MB, f"is outside 0 … {MAX_MEMORY_MB} MB"),
     "upload_gb": (lambda size: 0 < size <= 1e6, "is outside 0 … 1 000 000"),
     "view_token": (_is_token, _TOKEN),
     "control_token": (_is_token, _TOKEN),

@@ -22,6 +22,7 @@ from server.configuration.controllers import ControllerRegistry
 from server.configuration.correction_manager import CorrectionManager
 from server.configuration.port_shares import PortShares
 from server.configuration.timings import ConfigurationTimings
+from server.devices.byte_memory import ByteMemory
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.protocol_set import all_protocols, sensors_of
@@ -65,6 +66,7 @@ class Services:
     telemetry: Telemetry
     metrics: Metrics
     event_logger: EventLogger
+    byte_memory: ByteMemory
     sessions: Sessions
     controllers: ControllerRegistry
     corrections: CorrectionManager
@@ -148,10 +150,12 @@ def build_services(
     now_ns = now_ns or steady_clock()
     reading = config.reading()
     capabilities = list_capabilities()
+    byte_memory = ByteMemory(round(config.bytes_limit_mb * 1024 * 1024), config.history_s)
     telemetry = Telemetry.create(
         lambda: now_ns() / 1e9,
         history_s=config.history_s,
         budget=config.memory_mb * 1024 * 1024,
+        reserved=lambda: byte_memory.nbytes,
         capabilities=capabilities,
     )
     bus = telemetry.bus
@@ -162,6 +166,7 @@ def build_services(
         LinkSettings(now_ns=now_ns),
         sequences=SequenceStore(config.data),
         sample_interval=lambda: telemetry.clients.sample_interval,
+        byte_memory=byte_memory,
     )
     controllers = ControllerRegistry(bus, sessions, config.data, ConfigurationTimings(rollback_s=config.rollback_s))
     shares = PortShares(bus, sessions, controllers, config.shares)
@@ -176,13 +181,14 @@ def build_services(
         telemetry=telemetry,
         metrics=Metrics(bus),
         event_logger=EventLogger(bus),
+        byte_memory=byte_memory,
         sessions=sessions,
         controllers=controllers,
         corrections=CorrectionManager(sessions),
         shares=shares,
         catalogue=catalogue,
         columns=columns,
-        recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns),
+        recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory),
         exports=ExportJobs(bus, catalogue, columns, config.data),
         viser=Viser(telemetry, timings.scene_idle_s),
         rerun=Rerun(telemetry, config.rerun_connect),

@@ -9,12 +9,13 @@ from server import wire
 from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.errors import DomainError
-from server.library.api_models import MarkerRequest, StartRequest
+from server.library.api_models import HeldBytes, MarkerRequest, SavedMemory, SaveMemoryRequest, StartRequest
 
 router = APIRouter(tags=["recorder"])
 
 MAX_TEXT = 2000
 MAX_TITLE = 200
+MAX_SECONDS = 86_400
 
 
 def _bounded(text: str, most: int, what: str) -> None:
@@ -22,6 +23,11 @@ def _bounded(text: str, most: int, what: str) -> None:
         raise DomainError(
             "bad-request", f"{what} has {len(text)} characters; the maximum is {most}.", "Make it shorter."
         )
+
+
+def _seconds(value: float, what: str) -> None:
+    if not 0 <= value <= MAX_SECONDS:
+        raise DomainError("bad-request", f"{what} is {value:g} s; allowed: 0 … {MAX_SECONDS} s.", "Choose fewer.")
 
 
 @router.get("/api/recorder")
@@ -34,8 +40,33 @@ async def get_recorder(services: TheServices) -> wire.RecorderState:
 async def start(body: StartRequest, services: TheServices) -> wire.RecorderState:
     """Record these devices, or all of them, into a new file."""
     _bounded(body.title, MAX_TITLE, "The title")
+    _seconds(body.before_s, "before_s")
     try:
-        return await services.recorder.start(body.devices, body.title)
+        return await services.recorder.start(body.devices, body.title, before_s=body.before_s)
+    except RecordingError as error:
+        raise DomainError("disk", error.message, error.hint) from None
+
+
+@router.get("/api/recorder/memory")
+async def get_memory(services: TheServices) -> list[HeldBytes]:
+    """The bytes of each live link that are in memory, and so can be saved."""
+    found = []
+    for session in services.sessions.all:
+        device = session.info.id
+        link = services.byte_memory.of(device)
+        if link is not None and (span := link.span) is not None:
+            found.append(HeldBytes(device, span[0] / 1e9, span[1] / 1e9, link.nbytes))
+    return found
+
+
+@router.post("/api/recordings/save-memory", responses=responses(404, 422, 507))
+async def save_memory(body: SaveMemoryRequest, services: TheServices) -> SavedMemory:
+    """Save the last bytes of these devices, or of all, from memory as a recording; answers when it is complete."""
+    _bounded(body.title, MAX_TITLE, "The title")
+    if body.seconds is not None:
+        _seconds(body.seconds, "seconds")
+    try:
+        return await services.recorder.save(body.devices, body.seconds, body.title)
     except RecordingError as error:
         raise DomainError("disk", error.message, error.hint) from None
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from server import wire
+from server.devices.byte_memory import ByteMemory
 from server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
 from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
 from server.devices.protocol_detection import ProtocolSet
@@ -42,6 +43,7 @@ class Sessions:
         wall_ns: the wall clock, which may step; a step is reported as an event and does not move samples.
         sequences: store of the last numbers of Secure devices; None: in this process only.
         sample_interval: present interval at which samples are needed, s.
+        byte_memory: keeps the last bytes of every session; None: they are not kept.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class Sessions:
         wall_ns: Callable[[], int] = time.time_ns,
         sequences: SequenceStore | None = None,
         sample_interval: Callable[[], float] = lambda: UNWATCHED_S,
+        byte_memory: ByteMemory | None = None,
     ) -> None:
         self._bus = bus
         self._scheduler = DecodeScheduler(sample_interval)
@@ -61,6 +64,7 @@ class Sessions:
         self._protocols = protocol_set
         self._settings = settings
         self._wall_ns = wall_ns
+        self._byte_memory = byte_memory
         self._sequences = sequences or SequenceStore(None)
         self._saving: asyncio.Task[None] | None = None
         self._sessions: dict[str, Session] = {}
@@ -111,6 +115,8 @@ class Sessions:
         session = self._sessions[device] = Session(
             device, link, self._bus, self._protocols, reading, self._sequences, self._scheduler
         )
+        if self._byte_memory is not None:
+            self._byte_memory.watch(session)
         self._added.call(session)
         session.start()
         return session

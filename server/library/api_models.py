@@ -111,6 +111,35 @@ class RecordedSettings:
 class StartRequest:
     devices: list[str] | None = None  # null: all
     title: str = ""
+    before_s: float = 0.0  # begin with the bytes of the last seconds, as far as they are in memory
+
+
+@dataclass(slots=True)
+class SaveMemoryRequest:
+    devices: list[str] | None = None  # null: all
+    seconds: float | None = None  # the last ones only; null: everything in memory
+    title: str = ""
+
+
+@dataclass(slots=True)
+class SavedMemory:
+    """A recording made of what was in memory."""
+
+    id: str
+    devices: list[str]
+    t0: float  # time of its first bytes
+    t1: float  # time of its last bytes
+    bytes: int  # received and sent
+
+
+@dataclass(slots=True)
+class HeldBytes:
+    """Bytes of a link that are in memory."""
+
+    device: str
+    t0: float
+    t1: float
+    size: int  # of memory
 
 
 @dataclass(slots=True)

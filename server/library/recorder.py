@@ -8,6 +8,9 @@ Devices that appear later join a recording of all devices. The Configuration of 
 the vendor's program needs it at the head of a log; the device pauses for that once per recording, through the queue of
 its controller (server/configuration/device_controller.py). A refusal is reported and harmless.
 
+`start(before_s=…)` begins with the bytes that are in memory already (server/devices/byte_memory.py), and `save` writes
+those alone to a recording of their own, also while another one runs.
+
 A recording continues if a browser or a device disconnects, or a page is busy. A disk error ends it, and `message`
 contains the cause.
 """
@@ -33,11 +36,12 @@ from recordings.recording_writer import Limits, RecordingWriter
 from server import wire
 from server.config import Config
 from server.configuration.controllers import ControllerRegistry
+from server.devices.byte_memory import ByteMemory
 from server.devices.device_state import short_source
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.errors import DomainError
-from server.library.api_models import MarkerRequest
+from server.library.api_models import MarkerRequest, SavedMemory
 from server.library.compaction_worker import CompactionWorker
 from server.library.recording_session import RecordingSession
 from server.streaming.bus import TelemetryBus
@@ -84,6 +88,7 @@ class Recorder:
         packer: None: files are not compacted.
         wall_ns: the wall clock. Recordings use its time, because the bus clock never steps and would stay wrong if the
             host's clock was set after the server started.
+        memory: of the bytes of live links; None for none.
     """
 
     def __init__(
@@ -94,6 +99,7 @@ class Recorder:
         plan: RecordingOptions,
         packer: CompactionWorker | None,
         wall_ns: Callable[[], int] | None = None,
+        memory: ByteMemory | None = None,
     ) -> None:
         self.plan = plan
         self._wall_ns = wall_ns
@@ -101,6 +107,7 @@ class Recorder:
         self._sessions = sessions
         self._controllers = controllers
         self._packer = packer
+        self._memory = memory
         self._now: RecordingSession | None = None
         self._last = wire.RecorderState(running=False)
         self._watcher: asyncio.Task[None] | None = None
@@ -111,7 +118,13 @@ class Recorder:
     # ── start and stop ───────────────────────────────────────────────────────────────────────────────────────────────
 
     async def start(
-        self, devices: Sequence[str] | None = None, title: str = "", *, path: Path | None = None, words: str = ""
+        self,
+        devices: Sequence[str] | None = None,
+        title: str = "",
+        *,
+        path: Path | None = None,
+        words: str = "",
+        before_s: float = 0.0,
     ) -> wire.RecorderState:
         """Start a recording.
 
@@ -120,6 +133,8 @@ class Recorder:
             title: title given by the user; may be empty.
             path: path of the file, instead of a generated name in the folder.
             words: text for the file name; by default the title or the names of the received devices.
+            before_s: begin with the bytes of the last seconds, as far as they are in memory; no byte is lost or
+                doubled between them and those that follow.
 
         Raises:
             DomainError: a recording is running, or a device is unknown.
@@ -128,22 +143,59 @@ class Recorder:
         async with self._starting:
             if self._now is not None:
                 raise DomainError("busy", "A recording is already running.", "Stop it first.")
-            chosen = self._chosen(devices)
-            received = [session for session in chosen if session.info.last_arrival is not None] or chosen
-            words = words or title or _words([session.info.name for session in received])
-            self._loop = asyncio.get_running_loop()
-            writer = await asyncio.to_thread(self._new_writer, words, title, path)
-            every = devices is None
-            now = RecordingSession(
-                self._bus, self._controllers, writer, title, every=every, ask_head=self.plan.ask_head
-            )
+            chosen, every = self._chosen(devices), devices is None
+            since = self._bus.now() - before_s if before_s else None
+            now = await self._new_session(chosen, title, path, words, since, every=every, ask_head=self.plan.ask_head)
             self._now = now
             for session in self._sessions.all if every else chosen:
                 now.join(session)
+            if since is not None:
+                now.note_past(await asyncio.to_thread(now.write_past))
             self._watcher = asyncio.get_running_loop().create_task(self._watch(now), name="recorder")
             self._publish()
             self._bus.library_changed()
             return self.state
+
+    async def save(
+        self, devices: Sequence[str] | None = None, seconds: float | None = None, title: str = ""
+    ) -> SavedMemory:
+        """Save the bytes in memory as a recording, with what a recording of that time would also have.
+
+        Args:
+            devices: ids; None for all.
+            seconds: of the last ones only; None for everything.
+            title: title given by the user; may be empty.
+
+        Raises:
+            DomainError: a device is unknown, or no bytes are in memory.
+            RecordingError: the file cannot be written.
+        """
+        chosen = self._chosen(devices)
+        since = 0.0 if seconds is None else self._bus.now() - seconds
+        held = self._held(chosen, since)
+        if not held:
+            raise DomainError(
+                "not-found",
+                "No bytes of these devices are in memory.",
+                "Only bytes received while the server runs are kept, unless bytes_mb is 0 in its configuration.",
+            )
+        since = max(since, min(held))
+        now = await self._new_session(chosen, title, None, "", since, every=False, ask_head=False)
+        for session in chosen:
+            now.join(session)
+        now.detach()  # what follows is not part of it
+        written = await asyncio.to_thread(now.write_past)
+        await asyncio.to_thread(now.writer.stop)
+        if now.writer.error is not None:
+            raise now.writer.error
+        self._bus.library_changed()
+        t0, t1, size = written or (0, 0, 0)
+        return SavedMemory(now.writer.path.stem, now.recorded, t0 / 1e9, t1 / 1e9, size)
+
+    def _held(self, sessions: Sequence[Session], since: float) -> list[float]:
+        """Times of the first stored chunk of each link that has any since a time, unix s."""
+        spans = [link.span for one in sessions if self._memory and (link := self._memory.of(one.info.id)) is not None]
+        return [span[0] / 1e9 for span in spans if span is not None and span[1] / 1e9 >= since]
 
     async def begin(self, sources: Sequence[str]) -> None:
         """Record all devices from the start of the server, before its sources are opened; errors are reported."""
@@ -162,10 +214,11 @@ class Recorder:
         Raises:
             DomainError: no recording is running.
         """
-        now = self._now
-        if now is None:
-            raise DomainError("not-now", "No recording is running.", "Start a recording first.")
-        await self._end(now)
+        async with self._starting:  # the bytes from before its start are written first
+            now = self._now
+            if now is None:
+                raise DomainError("not-now", "No recording is running.", "Start a recording first.")
+            await self._end(now)
         return self.state
 
     def mark(self, mark: MarkerRequest) -> wire.RecorderState:
@@ -218,8 +271,9 @@ class Recorder:
         """Stop the recording at the end of the server; compaction is left to the next start."""
         if self._packer is not None:
             await self._packer.close()
-        if self._now is not None:
-            await self._end(self._now)
+        async with self._starting:
+            if self._now is not None:
+                await self._end(self._now)
 
     # ── start and end of a recording ─────────────────────────────────────────────────────────────────────────────────
 
@@ -241,7 +295,35 @@ class Recorder:
             raise DomainError("not-found", "No device was chosen.", "Leave `devices` out to record all.")
         return list(found.values())
 
-    def _new_writer(self, words: str, title: str, path: Path | None) -> RecordingWriter:
+    async def _new_session(
+        self,
+        chosen: Sequence[Session],
+        title: str,
+        path: Path | None,
+        words: str,
+        since: float | None,
+        *,
+        every: bool,
+        ask_head: bool,
+    ) -> RecordingSession:
+        """Create the writer and what feeds it. Arguments as for `start`; `since`: its first bytes, unix s."""
+        received = [session for session in chosen if session.info.last_arrival is not None] or chosen
+        words = words or title or _words([session.info.name for session in received])
+        self._loop = asyncio.get_running_loop()
+        before_s = self._bus.now() - since if since is not None else 0.0
+        writer = await asyncio.to_thread(self._new_writer, words, title, path, before_s)
+        return RecordingSession(
+            self._bus,
+            self._controllers,
+            writer,
+            title,
+            every=every,
+            ask_head=ask_head,
+            memory=self._memory,
+            since=since,
+        )
+
+    def _new_writer(self, words: str, title: str, path: Path | None, before_s: float) -> RecordingWriter:
         """Create the writer and its file; runs in a thread."""
         folder = path.parent if path is not None else self.plan.folder
         if path is None:
@@ -250,12 +332,13 @@ class Recorder:
             except OSError as error:
                 words = f"The folder {folder} cannot be created: {error.strerror}."
                 raise RecordingError(words, "Choose another with --data.") from None
-            self._delete_oldest(())
+            self._delete_oldest([self.path] if self.path is not None else [])
 
         def name(part: int) -> Path:
             if path is not None and part == 1:
                 return path
-            return free_path(folder, time.time(), path.stem if path is not None else words)
+            begun = time.time() - (before_s if part == 1 else 0)
+            return free_path(folder, begun, path.stem if path is not None else words)
 
         about = {
             "title": title,

@@ -9,6 +9,9 @@
     controller: settings      as read, when they change                    snapshot/<device>
     log header                Configuration of an Xsens device             metadata, and among the bytes
 
+A recording may begin before it was started: with the bytes that are in memory (server/devices/byte_memory.py), and the
+events of that time. What arrives meanwhile follows them, in order; each byte is written once.
+
 A device that shares a link with others (id "1.102") is recorded with the link's first ("1"), which has all received
 bytes; its settings are stored separately, with its address, as another device may be the first when the recording is
 opened.
@@ -16,8 +19,9 @@ opened.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+import heapq
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal
 
 from protocols.messages.family import NAME as MESSAGES
 from recordings.mcap_writer import Direction
@@ -25,6 +29,7 @@ from recordings.recording_writer import RecordingWriter
 from server import wire, wire_codec
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController
+from server.devices.byte_memory import ByteMemory, Follower, Take
 from server.devices.member import address_of
 from server.devices.session import Session
 from server.library.api_models import MarkerRequest
@@ -32,6 +37,9 @@ from server.library.log_header import LogHeaderRequest
 from server.links.base import Chunk
 from server.streaming.bus import TelemetryBus
 
+Piece = list[tuple[bytes, int]]
+WAYS: tuple[Direction, ...] = ("rx", "tx")
+MARKER = "Marker"  # text of a marker without one
 RATE_S = 10.0  # averaging time of the rate for `seconds_left`
 METADATA_FIELDS = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
 
@@ -43,6 +51,8 @@ class RecordingSession:
         writer: writer of the file.
         controllers: for known settings, and for requests to an Xsens device; None without configuration.
         ask_head: whether to request the header.
+        memory: of the bytes of links; None for none.
+        since: begin with what is in memory from this time on, unix s; None: with what arrives.
     """
 
     def __init__(
@@ -54,11 +64,17 @@ class RecordingSession:
         *,
         every: bool,
         ask_head: bool,
+        memory: ByteMemory | None = None,
+        since: float | None = None,
     ) -> None:
         self.writer = writer
         self.title = title
         self.every = every  # devices that appear later join
         self.started = bus.now()
+        self._memory = memory if since is not None else None
+        self._since = since or 0.0
+        self._pasts: list[tuple[Follower, Take]] = []
+        self._past_events = bus.events_since(since) if since is not None else []
         self._bus = bus
         self._controllers = controllers
         self._ask_head = ask_head
@@ -79,6 +95,11 @@ class RecordingSession:
         """Devices being recorded."""
         return list(self._unsubscribe_traffic)
 
+    @property
+    def recorded(self) -> list[str]:
+        """Devices that have been recorded."""
+        return list(self._sessions)
+
     def join(self, session: Session) -> None:
         """Also record this session."""
         device, writer = session.info.id, self.writer
@@ -87,20 +108,28 @@ class RecordingSession:
 
         described = False
 
-        def take(chunks: Sequence[Chunk], way: Direction) -> None:
+        def write(received: Sequence[tuple[bytes, int]], way: Direction, *, late: bool = False) -> None:
             nonlocal described
-            received = [(chunk.data, chunk.arrival_ns) for chunk in chunks]
             if way == "rx" and session.link.protocol == MESSAGES:
                 if not described:  # what was received before says what these messages are
-                    received.insert(0, (session.link.preamble, received[0][1]))
+                    received = [(session.link.preamble, received[0][1]), *received]
                     described = True
-                writer.messages(device, received)
+                writer.messages(device, received, late=late)
             else:
-                writer.chunks(device, way, received)
+                writer.chunks(device, way, received, late=late)
             if way == "rx":  # in the thread that reads the link
                 writer.room()
 
-        self._unsubscribe_traffic[device] = session.chunk_batches(take)
+        def take(chunks: Sequence[Chunk], way: Direction) -> None:
+            write([(chunk.data, chunk.arrival_ns) for chunk in chunks], way)
+
+        link = self._memory.of(device) if self._memory is not None else None
+        if link is None:
+            self._unsubscribe_traffic[device] = session.chunk_batches(take)
+        else:
+            follower = link.follow(write, round(self._since * 1e9))
+            self._pasts.append((follower, lambda received, way: write(received, way, late=True)))
+            self._unsubscribe_traffic[device] = follower.stop
 
         async def removed() -> None:
             self._unsubscribe_traffic.pop(device, lambda: None)()
@@ -113,6 +142,29 @@ class RecordingSession:
             self._heads[device] = LogHeaderRequest(controller, lambda header: writer.device(device, header))
             self._request_header(session.info)
 
+    def write_past(self) -> tuple[int, int, int] | None:
+        """Write what was in memory, then let what has arrived since follow. Call it in a thread, after `join`.
+
+        Returns:
+            Times of the first and the last chunk in memory, ns, and their bytes; None if there were none.
+        """
+        pasts, self._pasts = self._pasts, []
+        for event in self._past_events:
+            self._past_event(event)
+        first = last = size = 0
+        for time_ns, chunks, way, take in _merged(pasts):
+            first, last = first or time_ns, max(last, chunks[-1][1])
+            size += sum(len(data) for data, _ in chunks)
+            take(chunks, way)
+        for follower, _ in pasts:
+            follower.begin()
+        return (first, last, size) if size else None
+
+    def note_past(self, past: tuple[int, int, int] | None) -> None:
+        """Begin at the first chunk that was in memory."""
+        if past is not None:
+            self.started = min(self.started, past[0] / 1e9)
+
     def detach(self) -> None:
         """Stop recording all sessions."""
         for off in (*self._unsubscribe, *self._unsubscribe_traffic.values()):
@@ -124,7 +176,7 @@ class RecordingSession:
         """Write a marker or a note, now or at its time."""
         when = self._bus.now() if mark.time is None else mark.time
         self.writer.note(mark.kind, mark.text, round(when * 1e9), mark.device)
-        self._bus.event(mark.device, "marker", "info", mark.text or "Marker", time=when, data={"kind": mark.kind})
+        self._bus.event(mark.device, "marker", "info", mark.text or MARKER, time=when, data={"kind": mark.kind})
 
     def update(self) -> None:
         """Update the growth rate of the file; call it regularly."""
@@ -174,6 +226,15 @@ class RecordingSession:
         if not event.device or event.device.partition(".")[0] in self._unsubscribe_traffic:
             self.writer.event(wire_codec.to_json_safe(event), round(event.time * 1e9))
 
+    def _past_event(self, event: wire.EventInfo) -> None:
+        """Write an event from before the recording; a marker was set in another one."""
+        if event.kind != "marker":
+            self._event(event)
+        elif not event.device or event.device.partition(".")[0] in self._unsubscribe_traffic:
+            kind: Literal["marker", "note"] = "note" if event.data.get("kind") == "note" else "marker"
+            text = "" if event.text == MARKER else event.text
+            self.writer.note(kind, text, round(event.time * 1e9), event.device)
+
     def _device(self, info: wire.DeviceInfo) -> None:
         if info.id in self._unsubscribe_traffic:
             self.writer.device(info.id, {**about(info), **self._sessions[info.id].reading.recorded})
@@ -192,6 +253,18 @@ class RecordingSession:
         if entry.direction == "note" and entry.device in self._unsubscribe_traffic:
             event = {"device": entry.device, "kind": "command", "level": entry.level, "text": entry.text, "data": {}}
             self.writer.event(event, round(entry.time * 1e9))
+
+
+def _merged(pasts: Sequence[tuple[Follower, Take]]) -> Iterator[tuple[int, Piece, Direction, Take]]:
+    """The stored chunks of all links and directions, by time: (time of the first, chunks, direction, their taker)."""
+
+    def stored(follower: Follower, take: Take, way: Direction) -> Iterator[tuple[int, Piece, Direction, Take]]:
+        for run in follower.past:
+            if run.direction == way:
+                yield from ((piece[0][1], piece, way, take) for piece in run.pieces())
+
+    streams = [stored(*past, way) for past in pasts for way in WAYS]
+    return heapq.merge(*streams, key=lambda one: one[0])
 
 
 def about(info: wire.DeviceInfo) -> dict[str, Any]:

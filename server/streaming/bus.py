@@ -160,6 +160,10 @@ class TelemetryBus:
         self.events.publish(event)
         return event
 
+    def events_since(self, time: float) -> list[wire.EventInfo]:
+        """Stored events from a time on, unix s, in order of publication."""
+        return [event for event in self._log if event.time >= time]
+
     def set_device(self, info: wire.DeviceInfo) -> None:
         """Publish the changed state of a device."""
         self.devices.publish(info)

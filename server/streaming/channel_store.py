@@ -36,12 +36,20 @@ class ChannelStore:
         now: unix seconds that never step.
         history_s: how long samples are kept.
         budget: bytes of all rings together.
+        reserved: part of the budget that something else uses at present, bytes.
     """
 
-    def __init__(self, now: Callable[[], float], history_s: float = HISTORY_S, budget: int = BUDGET) -> None:
+    def __init__(
+        self,
+        now: Callable[[], float],
+        history_s: float = HISTORY_S,
+        budget: int = BUDGET,
+        reserved: Callable[[], int] = lambda: 0,
+    ) -> None:
         self.history_s = history_s
         self._now = now
         self._budget = budget
+        self._reserved = reserved
         self._channels: dict[int, StoredChannel] = {}
         self._next = 1
         self._next_trim = 0.0
@@ -97,7 +105,7 @@ class ChannelStore:
         rings = [channel.ring for channel in self._channels.values()]
         for ring in rings:
             ring.drop_before(now - self.history_s)
-        excess = self.nbytes - self._budget
+        excess = self.nbytes + self._reserved() - self._budget
         while excess > 0:
             droppable = [ring for ring in rings if ring.blocks > 1]
             if not droppable:

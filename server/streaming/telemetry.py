@@ -28,16 +28,17 @@ class Telemetry:
         *,
         history_s: float = HISTORY_S,
         budget: int = BUDGET,
+        reserved: Callable[[], int] = lambda: 0,
         capabilities: Capabilities | None = None,
     ) -> Telemetry:
         """Create all parts, empty.
 
         Args:
             now: unix seconds that never step (server/links/base.py `steady_clock`).
-            history_s, budget: see ChannelStore.
+            history_s, budget, reserved: see ChannelStore.
             capabilities: capabilities of this server, sent to clients.
         """
-        store = ChannelStore(now, history_s, budget)
+        store = ChannelStore(now, history_s, budget, reserved)
         log = EventLog(history_s)
         bus = TelemetryBus(now, store, log)
         return cls(store, log, bus, ClientFanout(bus, store, log, capabilities or Capabilities()))

@@ -70,7 +70,7 @@ export function endedOf(
 export const isRecording = (app: App): boolean => app.store.recorder.value?.running === true;
 
 export async function toggleRecord(app: App): Promise<void> {
-  await run(app, isRecording(app) ? server.stop() : server.start({ devices: null, title: "" }));
+  await run(app, isRecording(app) ? server.stop() : server.start({ devices: null, title: "", before_s: 0 }));
 }
 
 /** The first press only shows the second key: it lies beside keys that are pressed often. */

@@ -107,6 +107,37 @@ export interface StartRequest {
   /** null: all */
   readonly devices: readonly string[] | null;
   readonly title: string;
+  /** begin with the bytes of the last seconds, as far as they are in memory */
+  readonly before_s: number;
+}
+
+export interface SaveMemoryRequest {
+  /** null: all */
+  readonly devices: readonly string[] | null;
+  /** the last ones only; null: everything in memory */
+  readonly seconds: number | null;
+  readonly title: string;
+}
+
+/** A recording made of what was in memory. */
+export interface SavedMemory {
+  readonly id: string;
+  readonly devices: readonly string[];
+  /** time of its first bytes */
+  readonly t0: number;
+  /** time of its last bytes */
+  readonly t1: number;
+  /** received and sent */
+  readonly bytes: number;
+}
+
+/** Bytes of a link that are in memory. */
+export interface HeldBytes {
+  readonly device: string;
+  readonly t0: number;
+  readonly t1: number;
+  /** of memory */
+  readonly size: number;
 }
 
 export interface MarkerRequest {

@@ -3,7 +3,7 @@
 import type { Attempt, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
 import type { ApplyRequest, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo } from "../forms/types";
-import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, StartRequest } from "../recordings/types";
+import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, HeldBytes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, SaveMemoryRequest, SavedMemory, StartRequest } from "../recordings/types";
 
 /** Of `T`, the fields that the server has defaults for may be left out. */
 export type Defaulted<T, K extends keyof T> = Omit<T, K> & { readonly [P in K]?: T[P] };
@@ -519,8 +519,15 @@ export interface Routes {
   "GET /api/recorder": { readonly answer: RecorderState; };
   /** Record these devices, or all of them, into a new file. */
   "POST /api/recordings/start": {
-    readonly body: Defaulted<StartRequest, "devices" | "title">;
+    readonly body: Defaulted<StartRequest, "devices" | "title" | "before_s">;
     readonly answer: RecorderState;
+  };
+  /** The bytes of each live link that are in memory, and so can be saved. */
+  "GET /api/recorder/memory": { readonly answer: readonly HeldBytes[]; };
+  /** Save the last bytes of these devices, or of all, from memory as a recording; answers when it is complete. */
+  "POST /api/recordings/save-memory": {
+    readonly body: Defaulted<SaveMemoryRequest, "devices" | "seconds" | "title">;
+    readonly answer: SavedMemory;
   };
   /** Stop recording; the file is complete when this answers. */
   "POST /api/recordings/stop": { readonly answer: RecorderState; };
