@@ -18,6 +18,8 @@ class SensorProperties:
         acceleration: noise density of the accelerometers, m/s²/√Hz.
         field: noise density of the magnetometers, T/√Hz.
         tilt, heading: of its attitude, rad, one standard deviation.
+        turn_bias: in-run bias stability of the gyroscopes, rad/s.
+        acceleration_bias: in-run bias stability of the accelerometers, m/s².
     """
 
     axes: BodyAxes = "FLU"
@@ -26,3 +28,5 @@ class SensorProperties:
     field: float = 0.0
     tilt: float = 0.0
     heading: float = 0.0
+    turn_bias: float = 0.0
+    acceleration_bias: float = 0.0

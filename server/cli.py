@@ -232,13 +232,16 @@ def _analyse(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
     decode_options = decode_options_of(options)
     prepare_decoders(options.data, size_of(file))
-    from server.commands.analyse import AnalyseError, AnalyseRequest, analyse_file, print_json, print_table
+    from server.commands.analyse import AnalyseError, AnalyseRequest, analyse_file, print_json, print_table, print_text
 
     decode_options = checked_protocol(decode_options)
     request = AnalyseRequest(options.analysis, options.signal, options.begin, options.end, options.option or ())
     try:
         with seekable(file) as path:
             reports = analyse_file(path, decode_options, request, sys.stderr)
+        if options.format not in ("table", "json"):
+            print_text(request.analysis, options.format, reports, sys.stdout)
+            return
     except AnalyseError as error:
         raise UsageError(str(error)) from None
     (print_json if options.format == "json" else print_table)(reports, sys.stdout)

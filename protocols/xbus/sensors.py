@@ -1,32 +1,46 @@
 """Noise of the sensors of MTi products, and the accuracy of their attitude.
 
-    series      gyroscopes            accelerometers       roll and pitch, heading
-    100         0.01 °/s/√Hz          60 µg/√Hz            0.2°, 1° (MTi-300)
-    600         0.007 °/s/√Hz         60 µg/√Hz
+    series      gyroscopes                accelerometers           roll and pitch, heading
+    10          0.03 °/s/√Hz, 18 °/h      60 µg/√Hz, 15 µg
+    100         0.01 °/s/√Hz, 10 °/h      60 µg/√Hz, 15 µg         0.2°, 1° (MTi-300)
+    600         0.007 °/s/√Hz, 8 °/h      60 µg/√Hz, 15 µg
 
-The body's axes are x forward, y left, z up, as printed on the housing.
+The second figure of a sensor is its in-run bias stability. The body's axes are x forward, y left, z up, as printed on
+the housing.
 
-Source: product sheet of the MTi-300 (Movella, May 2023); MTi 600-series Datasheet, MT1603P 2020.A.
+Source: MTi 10-series and MTi 100-series User Manual, MT0605P, sensor specifications; product sheet of the MTi-300
+(Movella, May 2023); MTi 600-series Datasheet, MT1603P 2020.A.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import radians
 
 from protocols.sensor_properties import SensorProperties
 from protocols.xbus.products import model_of
 
 MICRO_G = 9.80665e-6
-_SERIES_100 = SensorProperties(turn=radians(0.01), acceleration=60 * MICRO_G)
-_MTI_300 = SensorProperties(turn=radians(0.01), acceleration=60 * MICRO_G, tilt=radians(0.2), heading=radians(1))
-_SERIES_600 = SensorProperties(turn=radians(0.007), acceleration=60 * MICRO_G)
+
+
+def _series(turn: float, turn_bias: float) -> SensorProperties:
+    """Properties of a series: °/s/√Hz and °/h of its gyroscopes; the accelerometers are the same in all."""
+    return SensorProperties(
+        turn=radians(turn),
+        acceleration=60 * MICRO_G,
+        turn_bias=radians(turn_bias / 3600),
+        acceleration_bias=15 * MICRO_G,
+    )
+
+
+_SERIES_100 = _series(0.01, 10)
+_MTI_300 = replace(_SERIES_100, tilt=radians(0.2), heading=radians(1))
+_BY_SERIES = {10: _series(0.03, 18), 100: _SERIES_100, 600: _series(0.007, 8)}
 
 
 def sensors_of(product: str) -> SensorProperties:
     """Properties of a product, by its code."""
     model = model_of(product)
-    if model is None or model.series not in (100, 600):
-        return SensorProperties()
-    if model.series == 600:
-        return _SERIES_600
-    return _MTI_300 if model.number == 300 else _SERIES_100
+    if model is not None and model.number == 300:
+        return _MTI_300
+    return _BY_SERIES.get(model.series, SensorProperties()) if model is not None else SensorProperties()

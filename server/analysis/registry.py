@@ -10,11 +10,11 @@ import functools
 import math
 import pkgutil
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 from protocols.plugins import import_plugins
 from server.analysis import methods
@@ -80,6 +80,17 @@ def choice(name: str, choices: tuple[str, ...], doc: str) -> AnalysisOption:
     return AnalysisOption(name, 0.0, 0.0, len(choices) - 1.0, doc=doc, choices=choices)
 
 
+class FiguresOfSignal(NamedTuple):
+    """Figures of one signal, for a text that is made of them."""
+
+    name: str
+    unit: str
+    figures: Mapping[str, Any]
+
+
+TextFormat = Callable[[Sequence[FiguresOfSignal]], str]
+
+
 @dataclass(frozen=True, slots=True)
 class Analysis:
     """One analysis.
@@ -93,6 +104,8 @@ class Analysis:
             function where the units depend on the options.
         options: what a request may set.
         order: analyses are listed in ascending order.
+        formats: texts made of the figures of all signals of a request, by name ("kalibr"); further ways to give the
+            result beside json.
     """
 
     name: str
@@ -102,6 +115,7 @@ class Analysis:
     units: Mapping[str, str] | Callable[[Settings], Mapping[str, str]]
     options: tuple[AnalysisOption, ...] = ()
     order: int = 100
+    formats: Mapping[str, TextFormat] = field(default_factory=dict)
 
     def settings(self, given: Mapping[str, object]) -> dict[str, float]:
         """All options: those given, checked, and the defaults of the others.
@@ -117,6 +131,18 @@ class Analysis:
         return {
             name: option.checked(given[name]) if name in given else option.default for name, option in known.items()
         }
+
+    def text(self, name: str, signals: Sequence[FiguresOfSignal]) -> str:
+        """The figures of all signals in the format of that name.
+
+        Raises:
+            DomainError: "bad-value": there is no such format, or it cannot be made of these signals.
+        """
+        if name not in self.formats:
+            own = ", ".join(self.formats)
+            hint = f"{self.title} also has: {own}." if own else f"{self.title} has no format of its own."
+            raise DomainError("bad-value", f"Format {name:.40} not found.", hint)
+        return self.formats[name](signals)
 
     def units_for(self, signal: Signal, settings: Settings) -> dict[str, str]:
         """Unit of each figure of this signal; figures without a unit are left out."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from server.analysis.data_sheet import Product, data_sheet_of, unknown_product
 from server.analysis.expression_functions import Context
 from server.analysis.expression_syntax import ExpressionError, Name, Node, parse
 from server.analysis.expressions import evaluate, names_in, notes_of
@@ -80,12 +81,13 @@ class ExpressionSignal:
 
 
 def requested_signals(
-    infos: Iterable[ChannelInfo], words: Sequence[str], *, zero_phase: bool
+    infos: Iterable[ChannelInfo], words: Sequence[str], *, zero_phase: bool, product: Product = unknown_product
 ) -> list[SignalColumn | ExpressionSignal]:
     """Signals that the words name: a column, a channel with all its columns, or an expression over them.
 
     Args:
         zero_phase: filters and moving windows of expressions may look ahead.
+        product: of a device.
 
     Raises:
         DomainError: "not-found", "which-device" or "bad-expression".
@@ -94,7 +96,8 @@ def requested_signals(
     found: list[SignalColumn | ExpressionSignal] = []
     for word in words:
         try:
-            found += columns_named(known, [word])
+            columns = columns_named(known, [word])
+            found += [replace(one, data_sheet=data_sheet_of(one.info, one.at, product)) for one in columns]
         except DomainError:
             if not SIGNS.intersection(word) and not any(one in word for one in WORDS):
                 raise

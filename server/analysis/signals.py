@@ -9,7 +9,7 @@ Names of channels may contain a point, so the longest name of a channel that fit
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,21 @@ MAX_VALUES = 50_000_000  # of one signal: 800 MB; an hour at 2 kHz has 7.2 milli
 
 
 @dataclass(frozen=True, slots=True)
+class DataSheetNoise:
+    """Noise of a sensor from its data sheet, in the unit of its signal; 0 for what that does not tell.
+
+    Attributes:
+        product: name of the product.
+        random_walk: unit/√Hz.
+        bias_instability: unit; in-run bias stability.
+    """
+
+    product: str
+    random_walk: float
+    bias_instability: float
+
+
+@dataclass(frozen=True, slots=True)
 class Signal:
     """Samples of one column, without those that are not finite.
 
@@ -36,6 +51,7 @@ class Signal:
         time: (n,) unix s, non-decreasing: the device's clock mapped to host time, or arrival.
         values: (n,).
         notes: sentences on how it was computed.
+        data_sheet: of the sensor it comes from; None if unknown.
     """
 
     name: str
@@ -44,14 +60,16 @@ class Signal:
     time: Floats
     values: Floats
     notes: tuple[str, ...] = ()
+    data_sheet: DataSheetNoise | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class SignalColumn:
-    """A column of a channel, as named in a request."""
+    """A column of a channel, as named in a request, and the data sheet of its sensor if that is known."""
 
     info: ChannelInfo
     at: int
+    data_sheet: DataSheetNoise | None = None
 
     @property
     def name(self) -> str:
@@ -70,7 +88,8 @@ class SignalColumn:
     def signals(self, read: ReadSamples) -> list[Signal]:
         """Its samples."""
         column = self.info.columns[self.at]
-        return [finite_signal(self.name, column.unit, column.period, *read(self))]
+        found = finite_signal(self.name, column.unit, column.period, *read(self))
+        return [replace(found, data_sheet=self.data_sheet)]
 
 
 ReadSamples = Callable[[SignalColumn], tuple[Floats, Floats]]

@@ -5,28 +5,32 @@ from __future__ import annotations
 import asyncio
 import math
 from itertools import chain
-from typing import Any, Literal
+from typing import Any
 
 from fastapi import APIRouter
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
+from protocols.sensor_properties import SensorProperties
 from recordings.column_store import Base, ColumnStore
 from recordings.mcap_writer import RecordingError
-from server.analysis.registry import AnalysisOption, analyses, analysis_named
+from server.analysis.data_sheet import Product
+from server.analysis.registry import AnalysisOption, FiguresOfSignal, analyses, analysis_named
 from server.analysis.report import arrow_of, figures_of, in_parallel
 from server.analysis.signal_request import ExpressionSignal, requested_signals
 from server.analysis.signals import ReadSamples, SignalColumn, live_samples, recorded_samples
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses
+from server.devices.protocol_set import sensors_of
 from server.errors import DomainError
-from server.library.recording_detail import channels_of
+from server.library.recording_detail import channels_of, products_of
 from server.services import Services
 
 router = APIRouter(prefix="/api/analysis", tags=["analysis"])
 
 MAX_SIGNALS = 64
 MAX_TIME = 9e9  # unix s
+TEXT = "text/plain; charset=utf-8"
 ARROW = "application/vnd.apache.arrow.stream"
 AHEAD_S = 60.0  # the device's clock may be ahead of this host's
 
@@ -50,6 +54,7 @@ class AnalysisInfo(BaseModel):
     title: str
     words: str
     options: list[OptionInfo]
+    formats: list[str] = Field(description="texts for other programs that a request can have in place of JSON")
 
 
 class AnalysisRequest(BaseModel):
@@ -65,7 +70,11 @@ class AnalysisRequest(BaseModel):
     t1: float | None = Field(None, description="unix seconds; null for the end")
     base: Base = "device"
     options: dict[str, Any] = Field(default_factory=dict, description="of the analysis; see `GET /api/analysis`")
-    format: Literal["json", "arrow"] = Field("json", description="arrow: a table with one row per signal")
+    format: str = Field(
+        "json",
+        max_length=40,
+        description="`json`; `arrow`: a table with one row per signal; or one of the analysis",
+    )
 
 
 class SignalFigures(BaseModel):
@@ -88,6 +97,7 @@ async def list_analyses() -> list[AnalysisInfo]:
             title=one.title,
             words=one.words,
             options=[_option(option) for option in one.options],
+            formats=list(one.formats),
         )
         for one in analyses()
     ]
@@ -114,6 +124,9 @@ def _option(option: AnalysisOption) -> OptionInfo:
 async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Response | list[SignalFigures]:
     """Analyse signals of a recording, or of a live device as far as memory holds them."""
     analysis = analysis_named(name)
+    if body.format not in ("json", "arrow", *analysis.formats):
+        known = ", ".join(("json", "arrow", *analysis.formats))
+        raise DomainError("bad-value", f"format {body.format!r} is not allowed.", f"Give one of: {known}.")
     settings = analysis.settings(body.options)
     requested, read = await _signals(body, services)
 
@@ -122,11 +135,17 @@ async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Re
         for signal in one.signals(read):
             figures, units = figures_of(analysis, signal, settings)
             found.append(SignalFigures(signal=signal.name, device=one.device, units=units, figures=figures))
+            own_units[signal.name] = signal.unit
         return found
+
+    own_units: dict[str, str] = {}
 
     found = list(chain(*await asyncio.to_thread(in_parallel, work, requested)))
     if body.format == "json":
         return found
+    if body.format != "arrow":
+        signals = [FiguresOfSignal(one.signal, own_units[one.signal], one.figures) for one in found]
+        return Response(analysis.text(body.format, signals), media_type=TEXT)
     table = await asyncio.to_thread(arrow_of, [one.model_dump() for one in found])
     return Response(table, media_type=ARROW, headers={"cache-control": "no-store"})
 
@@ -139,13 +158,26 @@ async def _signals(
     own = telemetry.store.of_device(body.source)
     if own:
         t0, t1 = _range(body, telemetry.bus.now() + AHEAD_S)
-        requested = requested_signals(own.values(), body.signals, zero_phase=False)
+        requested = requested_signals(own.values(), body.signals, zero_phase=False, product=_products(services))
         columns = [column for one in requested for column in one.columns]
         return requested, live_samples(telemetry.store, columns, t0, t1, body.base)
     store = await _recording(body.source, services)
     t0, t1 = _range(body, MAX_TIME)
-    requested = requested_signals(channels_of(store).values(), body.signals, zero_phase=True)
+    requested = requested_signals(
+        channels_of(store).values(), body.signals, zero_phase=True, product=products_of(store)
+    )
     return requested, lambda column: recorded_samples(store, column, t0, t1, body.base)
+
+
+def _products(services: Services) -> Product:
+    """Name of a live device's product, and the properties of its sensors, by its id."""
+    devices = services.telemetry.bus.devices.latest
+
+    def product(device: str) -> tuple[str, SensorProperties]:
+        info = devices.get(device)
+        return ("", SensorProperties()) if info is None else (info.product, sensors_of(info.protocol, info.product))
+
+    return product
 
 
 async def _recording(source: str, services: Services) -> ColumnStore:

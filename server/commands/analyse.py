@@ -15,7 +15,7 @@ from protocols.plural import counted
 from recordings.column_store import ColumnStore
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
-from server.analysis.registry import analysis_named
+from server.analysis.registry import FiguresOfSignal, analysis_named
 from server.analysis.report import Figures, figures_of, in_parallel
 from server.analysis.signal_request import ExpressionSignal, requested_signals
 from server.analysis.signals import SignalColumn, recorded_samples
@@ -24,7 +24,7 @@ from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.errors import DomainError
 from server.library.decode import decode
-from server.library.recording_detail import channels_of
+from server.library.recording_detail import channels_of, products_of
 
 NOTES = "notes"
 
@@ -56,6 +56,7 @@ class SignalReport:
     """Figures of one signal, and the units of those that have one."""
 
     name: str
+    unit: str
     figures: Figures
     units: Mapping[str, str]
 
@@ -101,10 +102,25 @@ def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[Sig
 
     def reports(one: SignalColumn | ExpressionSignal) -> list[SignalReport]:
         found = one.signals(lambda column: recorded_samples(store, column, t0, t1))
-        return [SignalReport(signal.name, *figures_of(analysis, signal, settings)) for signal in found]
+        return [SignalReport(signal.name, signal.unit, *figures_of(analysis, signal, settings)) for signal in found]
 
-    requested = requested_signals(channels_of(store).values(), request.signals, zero_phase=True)
+    requested = requested_signals(
+        channels_of(store).values(), request.signals, zero_phase=True, product=products_of(store)
+    )
     return list(chain(*in_parallel(reports, requested)))
+
+
+def print_text(analysis: str, name: str, reports: Sequence[SignalReport], out: TextIO) -> None:
+    """A format that the analysis has.
+
+    Raises:
+        AnalyseError: it has no such format, or it cannot be made of these signals.
+    """
+    try:
+        signals = [FiguresOfSignal(one.name, one.unit, one.figures) for one in reports]
+        out.write(analysis_named(analysis).text(name, signals))
+    except DomainError as error:
+        raise AnalyseError(f"{error.message} {error.hint}".strip()) from None
 
 
 def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:

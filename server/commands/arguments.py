@@ -420,7 +420,13 @@ def _add_analyse(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument(
         "--option", action="append", metavar="NAME=VALUE", help="option of the analysis; may be repeated"
     )
-    _add_format(command, ("table", "json"), "table for people (the default), json for programs")
+    command.add_argument(
+        "--format",
+        default="table",
+        metavar="FORMAT",
+        help="table for people (the default), json for programs, or a format of the analysis; see below",
+    )
+    command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
     _add_data(command)
 
 

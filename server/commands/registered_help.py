@@ -65,4 +65,5 @@ def analysis_list() -> str:
                 form = f"{option.name}={option.default:g}"
                 limits = f"{option.low:.12g} to {option.high:.12g} {option.unit}".strip()
             lines.append(f"    {form:<{_COLUMN - 4}}{option.doc} {limits}.")
+        lines += [f"    --format {name}" for name in one.formats]
     return "\n".join(lines) + "\n"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 from weakref import WeakKeyDictionary
 
+from protocols.sensor_properties import SensorProperties
 from recordings.column_store import ColumnStore
 from server import wire_codec
+from server.devices.protocol_set import sensors_of
 from server.library.api_models import MarkerInfo, RecordedDevice, RecordingDetail, RecordingInfo
 from server.library.decode import usual_interval
 from server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
@@ -51,6 +53,17 @@ def devices_of(store: ColumnStore) -> list[RecordedDevice]:
             )
         )
     return out
+
+
+def products_of(store: ColumnStore) -> Callable[[str], tuple[str, SensorProperties]]:
+    """Name of a device's product, and the properties of its sensors, by its id."""
+    known = {device["id"]: device for device in store.manifest["devices"]}
+
+    def product(device: str) -> tuple[str, SensorProperties]:
+        found = known.get(device, {"product": "", "protocol": ""})
+        return found["product"], sensors_of(found["protocol"], found["product"])
+
+    return product
 
 
 def detail(info: RecordingInfo, store: ColumnStore, markers: list[MarkerInfo] | None = None) -> RecordingDetail:

@@ -16,6 +16,7 @@ from protocols.sensor_properties import SensorProperties
         ("MTi-630-8A1G6", 0.007, 60, 0),
         ("MTi-300-2A8G4", 0.01, 60, 1),
         ("MTi-100-2A8G4", 0.01, 60, 0),
+        ("MTi-10-2A5G4", 0.03, 60, 0),
         ("MTi-3-8A7G6", 0, 0, 0),
         ("", 0, 0, 0),
     ],

@@ -12,7 +12,9 @@ import numpy as np
 
 from server.analysis import noise_model
 from server.analysis.allan_deviation import allan_curve, averaging_lengths, intervals
+from server.analysis.data_sheet import sheet_curve, verdicts
 from server.analysis.noise_model import NoiseModel, fit_noise
+from server.analysis.noise_yaml import FORMATS
 from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
 from server.analysis.rest import resting_runs
 from server.analysis.sampling import sampling_of, unwrapped
@@ -45,6 +47,12 @@ def run(signal: Signal, options: Settings) -> Result:
     model = fit_noise(curve)
     low, high = intervals(curve.adev, model.freedom)
     ramp = _ramp_note(model, signal.unit)
+    compared: Result = {}
+    if signal.data_sheet is not None:
+        compared = {
+            "data_sheet": sheet_curve(signal.data_sheet, curve.tau).tolist(),
+            "verdicts": verdicts(signal.data_sheet, signal.unit, curve, low, model, drifts=bool(ramp)),
+        }
     return {
         "tau": curve.tau.tolist(),
         "adev": curve.adev.tolist(),
@@ -55,6 +63,7 @@ def run(signal: Signal, options: Settings) -> Result:
         "parameters": {
             name: {"value": one.value, "low": one.low, "high": one.high} for name, one in model.parameters.items()
         },
+        **compared,
         "rate": sampling.rate,
         "n": sum(part.stop - part.start for part in runs),
         "gaps": sampling.gaps,
@@ -85,7 +94,7 @@ def _units() -> dict[str, Any]:
     names = noise_model.UNITS.items()
     return {
         "tau": "s",
-        **dict.fromkeys(("adev", "low", "high", "model"), "{unit}"),
+        **dict.fromkeys(("adev", "low", "high", "model", "data_sheet"), "{unit}"),
         **{f"parameters.{name}.{end}": unit for name, unit in names for end in ("value", "low", "high")},
         **{"rate": "Hz", "left_out": "s", "jitter": "s"},
     }
@@ -103,5 +112,6 @@ register_analysis(
             choice("motion", MOTION, "Whether stretches with motion are left out."),
         ),
         order=30,
+        formats=FORMATS,
     )
 )

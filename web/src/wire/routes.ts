@@ -40,6 +40,8 @@ export interface AnalysisInfo {
   readonly title: string;
   readonly words: string;
   readonly options: readonly OptionInfo[];
+  /** texts for other programs that a request can have in place of JSON */
+  readonly formats: readonly string[];
 }
 
 /** A request for an analysis. */
@@ -55,8 +57,8 @@ export interface AnalysisRequest {
   readonly base?: "device" | "arrival";
   /** of the analysis; see `GET /api/analysis` */
   readonly options?: Readonly<Record<string, unknown>>;
-  /** arrow: a table with one row per signal */
-  readonly format?: "json" | "arrow";
+  /** `json`; `arrow`: a table with one row per signal; or one of the analysis */
+  readonly format?: string;
 }
 
 /** Version and build of this imuscope. */
