@@ -30,6 +30,20 @@ export type Cursor =
   | { readonly kind: "pinned"; readonly time: number }
   | undefined;
 
+/** One column of a channel of a device, by their names. */
+export interface SignalRef {
+  readonly device: string;
+  readonly channel: string;
+  readonly column: string;
+}
+
+/** Signals that a person put on a plot of their own or, with `on`, on a plot of a device (signals/custom-plots.ts). */
+export interface CustomPlot {
+  readonly id: string;
+  readonly on?: { readonly device: string; readonly plot: string };
+  readonly signals: readonly SignalRef[];
+}
+
 export interface ViewSignals {
   readonly view: Signal<View>;
   readonly cursor: Signal<Cursor>;
@@ -41,6 +55,8 @@ export interface ViewSignals {
   readonly knownNorms: Set<string>;
   /** Further quantities added by the user, by plot key. Outlives a remount of the plots. */
   readonly extraPlots: Signal<ReadonlySet<string>>;
+  /** Plots put together by the user, and what was added to others. */
+  readonly customPlots: Signal<readonly CustomPlot[]>;
   /** Frame in which attitude is shown; undefined: as the device sends it. Views of one store share it: the store converts its samples. */
   readonly frame: Signal<WorldFrame | undefined>;
 }
@@ -58,6 +74,7 @@ export function createViewState(like?: ViewSignals): ViewState {
     hiddenSeries: signal(like?.hiddenSeries.peek() ?? new Set<string>()),
     knownNorms: new Set(like?.knownNorms),
     extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),
+    customPlots: signal(like?.customPlots.peek() ?? []),
     frame: like?.frame ?? signal<WorldFrame | undefined>(undefined),
   };
   return { ...signals, actions: new ViewActions(signals) };

@@ -30,6 +30,8 @@ export interface App extends Deps {
   /** The address typed for a new device; it stays while its dialog is closed. */
   readonly newAddress: Signal<string>;
   readonly sheet: Signal<Drawer>;
+  /** Whether the tree of all signals is open beside the plots. */
+  readonly showsSignals: Signal<boolean>;
   /** Whether the side panel is folded on a wide window. */
   readonly folded: Signal<boolean>;
   /** The last request that failed; stays until dismissed. */
@@ -63,6 +65,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const overlay = signal<Overlay>(undefined);
   const openTable: App["openTable"] = signal(undefined);
   const describing: App["describing"] = signal(undefined);
+  const showsSignals = signal(false);
   const { view, frame } = deps.viewState;
   const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
   // a ring does not signal whether it holds anything; the slow clock checks again
@@ -108,6 +111,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   return {
     ...deps,
     open: {
+      signals: () => (showsSignals.value = true),
       track: () => (overlay.value = "track"),
       rows: (name, title) => (openTable.value = { name, title }),
       describe(payload) {
@@ -128,6 +132,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     keyFor: signal(undefined),
     newAddress: signal(""),
     sheet: signal(undefined),
+    showsSignals,
     folded: signal(false),
     problem: signal(undefined),
     refusal: signal(undefined),

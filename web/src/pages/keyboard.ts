@@ -55,8 +55,9 @@ function chords(): (event: KeyboardEvent) => PageName | undefined {
 }
 
 /** Esc: closes the topmost overlay, then the measuring cursor, then the pinned one. */
-function close({ sheet, viewState: { cursor, measure } }: App): void {
+function close({ sheet, showsSignals, viewState: { cursor, measure } }: App): void {
   if (sheet.value) sheet.value = undefined;
+  else if (showsSignals.value) showsSignals.value = false;
   else if (measure.value !== undefined) measure.value = undefined;
   else if (cursor.value?.kind === "pinned") cursor.value = undefined;
 }
@@ -66,6 +67,9 @@ function act(action: KeyAction, app: App): void {
   switch (action.do) {
     case "analysis":
       app.overlay.value = "analysis";
+      return;
+    case "signals":
+      app.showsSignals.value = !app.showsSignals.value;
       return;
     case "playPause":
       return view.value.live ? actions.pause() : actions.live();

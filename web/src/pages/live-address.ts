@@ -14,7 +14,8 @@ import { href, route } from "./route";
 const ADDRESS_MS = 1000;
 
 /** Content of a link to the view. */
-export function livePlace({ view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots }: ViewState): Place {
+export function livePlace(of: ViewState): Place {
+  const { view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots, customPlots } = of;
   const { live, end, span, device, timeBase } = view.peek();
   const at = cursor.peek();
   const second = measure.peek();
@@ -27,12 +28,13 @@ export function livePlace({ view, cursor, measure, frame, hiddenSeries, knownNor
     base: timeBase,
     ...seriesOf(hiddenSeries.peek(), knownNorms),
     panels: [...extraPlots.peek()],
+    ...(customPlots.peek().length > 0 ? { plots: customPlots.peek() } : {}),
   };
 }
 
 /** Show a place; what it lacks stays at Live's default. */
 export function goLive(app: App, place: Place): void {
-  const { view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots } = app.viewState;
+  const { view, cursor, measure, frame, hiddenSeries, knownNorms, extraPlots, customPlots } = app.viewState;
   const { t0, t1 } = place;
   const still = t0 !== undefined && t1 !== undefined;
   const span = still ? t1 - t0 : place.span;
@@ -48,6 +50,7 @@ export function goLive(app: App, place: Place): void {
   frame.value = place.frame;
   hiddenSeries.value = takeSeries(place, knownNorms);
   extraPlots.value = new Set(place.panels);
+  customPlots.value = place.plots ?? [];
   if (place.device !== undefined) select(app, place.device);
 }
 

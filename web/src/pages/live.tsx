@@ -4,6 +4,7 @@ import { mountLargeTrack } from "../attitude/track-dialog";
 import { mountAttitude } from "../attitude/panel";
 import { AddDevice } from "../forms/add-device";
 import { mountStack } from "../plots/plot-stack";
+import { SignalsPanel } from "../signals/panel";
 import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
 import { PanelHost } from "../ui/panel-host";
@@ -67,6 +68,9 @@ export function LivePage({ app }: { readonly app: App }) {
       </main>
       {showsPlots(state) && <Side app={app} deps={app} />}
       {showsPlots(state) && <Dock app={app} />}
+      {showsPlots(state) && app.showsSignals.value && (
+        <SignalsPanel deps={app} tick={app.tick} onClose={() => (app.showsSignals.value = false)} />
+      )}
       <RowsDialog app={app} deps={app} />
       <Overlays app={app} />
     </div>

@@ -12,6 +12,8 @@ import { type Reading, readingAt } from "./cursor-time";
 
 /** Overlays that a panel can open. */
 export interface Openers {
+  /** The tree of all signals. */
+  signals(): void;
   /** The enlarged track. */
   track(): void;
   /** The rows of the table channel of that name. */

@@ -60,7 +60,8 @@ export class Legend {
 
   readonly #toggle: Toggle;
 
-  constructor(spec: PlotSpec, toggle: Toggle) {
+  /** @param remove takes a plot that the user put together away */
+  constructor(spec: PlotSpec, toggle: Toggle, remove?: () => void) {
     this.#toggle = toggle;
     const head = el("b", {}, spec.title);
     // quantities along the sensor's own axes need no frame name; motion does
@@ -79,6 +80,11 @@ export class Legend {
       .join(" ");
     this.#rows = spec.series.map((series) => this.#row(series));
     this.root = el("div", { class: "legend" }, head, ...this.#rows.map(({ button }) => button));
+    if (remove === undefined) return;
+    const label = TEXT.removePlot(spec.title);
+    const button = el("button", { type: "button", class: "remove-plot", "aria-label": label, title: label }, "×");
+    button.addEventListener("click", remove);
+    this.root.append(button);
   }
 
   #row(series: Series): Row {

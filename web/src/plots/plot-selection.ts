@@ -41,6 +41,8 @@ export interface PlotSpec {
   readonly primary: boolean;
   /** The message of the quantity, for display; "" if the quantity is unique. */
   readonly group: string;
+  /** Id of a plot that the user put together (signals/custom-plots.ts). */
+  readonly custom?: string;
 }
 
 interface Family {

@@ -16,7 +16,8 @@
 import { computed, effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
-import type { ViewState } from "../data/view-state";
+import type { CustomPlot, ViewState } from "../data/view-state";
+import { withCustomPlots } from "../signals/custom-plots";
 import { clock } from "../ui/format";
 import { el, throttle, unit } from "../ui/dom";
 import { drawAxis } from "./axis";
@@ -45,6 +46,8 @@ export interface StackDeps {
   readonly bounds?: () => { readonly first: number; readonly last: number };
   /** Markers to draw; default: those among the store's events. */
   readonly markers?: () => readonly MarkLine[];
+  /** Opens the tree of all signals. */
+  readonly open?: { signals(): void };
 }
 
 /** Legends follow live data this often, a moving cursor every frame. */
@@ -91,8 +94,11 @@ class Stack {
   /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
   #still = 0;
 
-  constructor(host: HTMLElement, { store, viewState, reads = (channel) => channel, bounds, markers }: StackDeps) {
+  readonly #openSignals: (() => void) | undefined;
+
+  constructor(host: HTMLElement, { store, viewState, reads = (channel) => channel, bounds, markers, open }: StackDeps) {
     this.#markers = markers ?? markersOf(store, viewState);
+    this.#openSignals = open && (() => open.signals());
     this.#store = store;
     this.#state = viewState;
     this.#reads = reads;
@@ -139,7 +145,10 @@ class Stack {
         strip: () => this.#strip.window,
         selecting: (span) => (this.#selection = span),
       }),
-      effect(() => this.#choose(this.#store.channels.value, device.value, this.#state.extraPlots.value)),
+      effect(() => {
+        const { extraPlots, customPlots } = this.#state;
+        this.#choose(this.#store.channels.value, device.value, extraPlots.value, customPlots.value);
+      }),
       effect(() => {
         for (const plot of this.#plots) plot.legend.show(this.#state.hiddenSeries.value);
       }),
@@ -155,11 +164,17 @@ class Stack {
   }
 
   /** Set the plots for the device's channels; existing ones keep their scale. */
-  #choose(channels: readonly Channel[], device: string | undefined, extra: ReadonlySet<string>): void {
+  #choose(
+    channels: readonly Channel[],
+    device: string | undefined,
+    extra: ReadonlySet<string>,
+    custom: readonly CustomPlot[],
+  ): void {
     this.#channels = channels.filter(({ info }) => info.device === device);
     const protocol = protocolAmong(this.#store.devices.peek(), device);
     this.#specs = plotsOf(this.#channels, protocol?.plots);
-    const wanted = this.#specs.filter(({ primary, key }) => primary !== extra.has(key));
+    const chosen = this.#specs.filter(({ primary, key }) => primary !== extra.has(key));
+    const wanted = withCustomPlots(chosen, custom, channels, device);
     const before = this.#plots;
     this.#plots = wanted.map((spec) => before.find((plot) => sameSeries(plot.spec, spec)) ?? this.#plot(spec));
     for (const plot of before) {
@@ -180,7 +195,13 @@ class Stack {
   }
 
   #plot(spec: PlotSpec): Plot {
-    return new Plot(spec, (key, alone) => this.#state.actions.toggleKey(key, alone));
+    const { customPlots, actions } = this.#state;
+    const remove = (): void => {
+      customPlots.value = customPlots.peek().filter(({ id }) => id !== spec.custom);
+      this.#root.focus({ preventScroll: true }); // the button is gone
+    };
+    const toggle = (key: string, alone: boolean): void => actions.toggleKey(key, alone);
+    return spec.custom === undefined ? new Plot(spec, toggle) : new Plot(spec, toggle, remove);
   }
 
   #hideNorms(): void {
@@ -196,7 +217,7 @@ class Stack {
   /** The row of further quantities; grouped by message if they are many. */
   #offer(extra: ReadonlySet<string>): void {
     const others = this.#specs.filter(({ primary }) => !primary);
-    this.#more.hidden = others.length === 0;
+    this.#more.hidden = others.length === 0 && this.#openSignals === undefined;
     const open = new Set(
       [...this.#more.querySelectorAll("details[open]")].map((details) => details.getAttribute("data-group")),
     );
@@ -207,6 +228,11 @@ class Stack {
     }
     this.#more.classList.toggle("grouped", groups.size > 1);
     this.#more.replaceChildren(TEXT.moreQuantities);
+    if (this.#openSignals) {
+      const all = el("button", { type: "button", title: TEXT.allSignalsHint }, TEXT.allSignals);
+      all.addEventListener("click", this.#openSignals);
+      this.#more.append(all);
+    }
     for (const [group, specs] of groups) {
       const buttons = specs.map((spec) => this.#offerOne(spec, extra.has(spec.key), group));
       if (group === "") {

@@ -64,11 +64,13 @@ export class Plot {
   constructor(
     readonly spec: PlotSpec,
     toggle: Toggle,
+    remove?: () => void,
   ) {
-    this.legend = new Legend(spec, toggle);
+    this.legend = new Legend(spec, toggle, remove);
     const unit = spec.unit === "" ? "" : TEXT.inUnit(spec.unit);
     const canvas = el("canvas", { role: "img", "aria-label": TEXT.plotOverTime(spec.title, unit) });
-    this.root = el("div", { class: spec.weight < 0.7 ? "plot low" : "plot" }, this.legend.root, canvas);
+    const kind = spec.weight < 0.7 ? "plot low" : "plot";
+    this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas);
     this.root.style.setProperty("--weight", String(spec.weight));
     this.root.style.setProperty("--least", `${Math.round(40 + 32 * spec.weight)}px`);
     this.sheet = new CanvasLayer(canvas);

@@ -1,11 +1,13 @@
 /**
  * Content of a link to a recording, or to Live: the range on screen, both cursors, the device, the clock, the frame, the series hidden
- * and shown, and the further plots. Times are unix seconds to 0.1 ms; nothing of it is stored on the server.
+ * and shown, the further plots, and those put together by the user. Times are unix seconds to 0.1 ms; nothing of it is stored on the server.
  *
- *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…
+ *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…&plot=…
  */
 import type { WorldFrame } from "../data/rotations";
+import type { CustomPlot } from "../data/view-state";
 import { href } from "../pages/route";
+import { plotsOfWords, plotWord } from "../signals/custom-plots";
 
 export interface Place {
   readonly t0?: number;
@@ -22,6 +24,8 @@ export interface Place {
   readonly hide: readonly string[];
   readonly show: readonly string[];
   readonly panels: readonly string[];
+  /** Plots put together by the user. */
+  readonly plots?: readonly CustomPlot[];
 }
 
 /** Decimals of a second: finer than any sensor's sampling. */
@@ -46,6 +50,7 @@ export function readPlace(query: string): Place {
   ];
   const span = Number(given.get("span") ?? NaN);
   const frame = FRAMES.find((name) => name === given.get("frame"));
+  const plots = plotsOfWords(given.getAll("plot"));
   const loop = (given.get("loop") ?? "").split(",").map(Number);
   const [a, b] = loop;
   return {
@@ -57,6 +62,7 @@ export function readPlace(query: string): Place {
     ...(device ? { device } : {}),
     ...(base === "device" || base === "arrival" ? { base } : {}),
     ...(frame ? { frame } : {}),
+    ...(plots.length > 0 ? { plots } : {}),
     hide: safely(() => list("hide")),
     show: safely(() => list("show")),
     panels: safely(() => list("panels")),
@@ -90,6 +96,7 @@ export function placeQuery(place: Place): string {
   for (const name of ["hide", "show", "panels"] as const) {
     if (place[name].length > 0) given.set(name, place[name].map((key) => encodeURIComponent(key)).join(","));
   }
+  for (const plot of place.plots ?? []) given.append("plot", plotWord(plot));
   return given.toString();
 }
 

@@ -122,6 +122,7 @@ export class ReplayController {
       base,
       speed: this.playing.peek() && this.follow.peek() ? this.speed.peek() : 0,
       extraPlots: this.viewState.extraPlots.peek(),
+      customPlots: this.viewState.customPlots.peek(),
     };
   }
 
@@ -135,6 +136,7 @@ export class ReplayController {
     if (place.hide.length + place.show.length > 0)
       this.viewState.hiddenSeries.value = takeSeries(place, this.viewState.knownNorms);
     if (place.panels.length > 0) this.viewState.extraPlots.value = new Set(place.panels);
+    if (place.plots) this.viewState.customPlots.value = place.plots;
     if (place.frame) this.viewState.frame.value = place.frame;
     this.viewState.measure.value = place.measure;
     this.viewState.view.value = {
@@ -194,6 +196,7 @@ export class ReplayController {
       base: timeBase,
       ...seriesOf(this.viewState.hiddenSeries.peek(), this.viewState.knownNorms),
       panels: [...this.viewState.extraPlots.peek()],
+      ...(this.viewState.customPlots.peek().length > 0 ? { plots: this.viewState.customPlots.peek() } : {}),
     };
   }
 
@@ -328,8 +331,10 @@ export class ReplayController {
     const { device, timeBase: base } = this.viewState.view.peek();
     const { time } = readingAt(this.viewState.view.peek(), this.viewState.cursor.peek(), this.head);
     const other = this.viewState.measure.peek();
-    this.#read.around({ device, time, base, speed: this.playing.peek() ? this.speed.peek() : 0 }, now);
-    if (other !== undefined) this.#measured.around({ device, time: other, base, speed: 0 }, now);
+    const others = this.viewState.customPlots.peek().flatMap(({ signals }) => signals.map((signal) => signal.device));
+    const devices = [...new Set([...(device === undefined ? [] : [device]), ...others])];
+    this.#read.around({ devices, time, base, speed: this.playing.peek() ? this.speed.peek() : 0 }, now);
+    if (other !== undefined) this.#measured.around({ devices, time: other, base, speed: 0 }, now);
   }
 
   /** Set events and figures as of the head. */

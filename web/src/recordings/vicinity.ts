@@ -22,7 +22,8 @@ const LONGEST_LEAD_S = 0.5;
 
 /** Reading position, its clock, and recorded seconds per second. */
 export interface Moment {
-  readonly device: string | undefined;
+  /** The selected device, and those of other signals on screen. */
+  readonly devices: readonly string[];
   readonly time: number;
   readonly base: TimeBase;
   readonly speed: number;
@@ -39,7 +40,7 @@ interface NearWindow {
 
 export class Vicinity {
   #around: readonly NearWindow[] = [];
-  #device: string | undefined;
+  #devices = "";
 
   constructor(
     readonly detail: RecordingDetail,
@@ -50,8 +51,8 @@ export class Vicinity {
   ) {}
 
   /** Load the samples around a moment; call it every frame, `now` in ms. */
-  around({ device, time, base, speed }: Moment, now: number): void {
-    if (device !== this.#device) this.#choose(device);
+  around({ devices, time, base, speed }: Moment, now: number): void {
+    if (devices.join("\n") !== this.#devices) this.#choose(devices);
     for (const around of this.#around) {
       const { near, fetcher } = around;
       const { held } = fetcher;
@@ -114,10 +115,10 @@ export class Vicinity {
     }
   }
 
-  #choose(device: string | undefined): void {
-    this.#device = device;
+  #choose(devices: readonly string[]): void {
+    this.#devices = devices.join("\n");
     this.dispose();
-    const own = this.detail.channels.filter((info) => info.device === device);
+    const own = this.detail.channels.filter((info) => devices.includes(info.device));
     const onProblem = (problem: Problem | undefined): void => {
       if (problem) this.onProblem(problem);
     };

@@ -8,9 +8,10 @@
  */
 import { signal } from "@preact/signals";
 import type { Channel } from "../data/channels";
-import type { TimeBase } from "../data/view-state";
+import type { CustomPlot, TimeBase } from "../data/view-state";
 import { protocolAmong } from "../wire/capabilities";
 import { plotsOf } from "../plots/plot-selection";
+import { withCustomPlots } from "../signals/custom-plots";
 import type { Problem } from "../ui/http";
 import { WindowFetcher, type Held } from "./window-fetcher";
 import { ReplayStore } from "./replay-store";
@@ -27,6 +28,8 @@ export interface Shown {
   readonly base: TimeBase;
   /** Further plots, by key (view-state.ts). */
   readonly extraPlots: ReadonlySet<string>;
+  /** Plots put together by the user. */
+  readonly customPlots: readonly CustomPlot[];
   /** Recorded seconds per second; 0: it stands still. */
   readonly speed: number;
 }
@@ -45,6 +48,7 @@ export class VisibleRange {
         readonly from: readonly Channel[];
         readonly device: string | undefined;
         readonly extraPlots: ReadonlySet<string>;
+        readonly customPlots: readonly CustomPlot[];
         readonly ids: readonly number[];
       }
     | undefined;
@@ -82,15 +86,17 @@ export class VisibleRange {
       base: "device",
       speed: 0,
       extraPlots,
+      customPlots: [],
     };
   }
 
   /** Whether the samples of this window are loaded at screen resolution. */
-  has({ device, t0, t1, base, speed, extraPlots }: Shown): boolean {
+  has(shown: Shown): boolean {
+    const { t0, t1, base, speed } = shown;
     const { held } = this.#fetcher;
     return (
       held !== undefined &&
-      this.#fetcher.holds(this.#channels(device, extraPlots), base) &&
+      this.#fetcher.holds(this.#channels(shown), base) &&
       isEnough(held.stretch, held.exact, t0, t1, this.pixels, speed, this.bounds)
     );
   }
@@ -98,8 +104,8 @@ export class VisibleRange {
   /** Load them, unless they are loaded. */
   want(shown: Shown): void {
     if (this.has(shown)) return;
-    const { device, t0, t1, base, speed, extraPlots } = shown;
-    const channels = this.#channels(device, extraPlots);
+    const { t0, t1, base, speed } = shown;
+    const channels = this.#channels(shown);
     if (!this.#fetcher.holds(channels, base)) this.store.keepOnly(channels);
     this.#fetcher.ask({ stretch: stretchFor(t0, t1, this.pixels, speed, this.bounds), channels, base });
   }
@@ -114,13 +120,15 @@ export class VisibleRange {
   }
 
   /** Channels of the plots on screen, of the status words under them, and of the position. */
-  #channels(device: string | undefined, extraPlots: ReadonlySet<string>): readonly number[] {
+  #channels({ device, extraPlots, customPlots }: Shown): readonly number[] {
     const from = this.store.channels.peek();
     const known = this.#chosen;
-    if (known && known.from === from && known.device === device && known.extraPlots === extraPlots) return known.ids;
+    const isSame = known?.from === from && known.device === device;
+    if (isSame && known.extraPlots === extraPlots && known.customPlots === customPlots) return known.ids;
     const own = from.filter(({ info }) => info.device === device);
     const protocol = protocolAmong(this.store.devices.peek(), device);
-    const shown = plotsOf(own, protocol?.plots).filter(({ primary, key }) => primary !== extraPlots.has(key));
+    const chosen = plotsOf(own, protocol?.plots).filter(({ primary, key }) => primary !== extraPlots.has(key));
+    const shown = withCustomPlots(chosen, customPlots, from, device);
     const ids = shown.flatMap(({ series }) => series.map(({ channel }) => channel.info.id));
     const status = own.filter(({ info }) => info.kind === "status").map(({ info }) => info.id);
     const track = own
@@ -130,6 +138,7 @@ export class VisibleRange {
       from,
       device,
       extraPlots,
+      customPlots,
       ids: [...new Set([...ids, ...status, ...track].map((id) => (id < 0 ? -1 - id : id)))],
     };
     return this.#chosen.ids;

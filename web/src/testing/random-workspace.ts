@@ -21,10 +21,13 @@ const SERIES = ["Acceleration.x", "Acceleration.y", "Rate of turn.z", "Temperatu
 const NORMS = ["Acceleration.norm", "Rate of turn.norm"];
 const PLOTS = ["Position/ECEF", "Pressure", "Temperature"];
 
+const CUSTOM = ["1/Acceleration/x,2/Acceleration/x", "@1/Pressure,1/Free%20acceleration/z", "1.102/a%2Fb/y"];
+
 export function randomParts(next: Random): Record<string, unknown> {
   const hide = someOf(next, SERIES);
   const show = someOf(next, NORMS);
   const plots = someOf(next, PLOTS);
+  const custom = someOf(next, CUSTOM);
   const t0 = 1_700_000_000 + Math.round(next() * 1e6);
   const time = (): number | null => (next() < 0.5 ? null : t0 + next());
   return {
@@ -32,6 +35,7 @@ export function randomParts(next: Random): Record<string, unknown> {
     cursors: { reading: time(), measuring: time() },
     ...(hide.length + show.length > 0 ? { series: { hide, show } } : {}),
     ...(plots.length > 0 ? { extraPlots: plots } : {}),
+    ...(custom.length > 0 ? { customPlots: custom } : {}),
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),
     ...(next() < 0.5 ? { frame: oneOf(next, ["ENU", "NED", "NWU"]) } : {}),
     ...(next() < 0.5 ? { sideFolded: true } : {}),

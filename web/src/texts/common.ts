@@ -73,6 +73,7 @@ export const COMMON = {
   keyRecord: "Start or end a recording",
   keyMarker: "Add a marker or a note to the recording",
   keyLoop: "Loop the visible range (recordings)",
+  keySignals: "All signals: search, and put any of them on a plot",
   keyAnalysis: "Analysis: spectrum, Allan deviation, statistics",
   keyLink: "Copy a link to this view",
   keyPages: "Live, Configure, Recordings",

@@ -40,6 +40,7 @@ export const TEXT = {
   unverified: "unverified",
   frameOf: (frame: Value) => `Frame: ${frame}.`,
   toggleSeries: (name: Value, label: Value) => `${name} ${label}: click to hide or show, Shift-click to show alone`,
+  removePlot: (title: Value) => `Remove the plot ${title}`,
   change: (difference: Value) => `Δ ${difference}`,
 
   // plot selection
@@ -48,6 +49,8 @@ export const TEXT = {
 
   // plot stack
   moreQuantities: "More quantities",
+  allSignals: "All signals…",
+  allSignalsHint: "Search all signals, and put them on any plot (S)",
   statusLanesLabel: "Losses and status flags over time",
   everythingInMemory: "Everything in memory",
   lastSeconds: (span: Value) => `last ${span} s`,

@@ -22,6 +22,7 @@ export type KeyAction =
         | "timeBase"
         | "help"
         | "analysis"
+        | "signals"
         | "close";
     }
   | { readonly do: "pan"; readonly windows: number }
@@ -64,6 +65,7 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["Shift R"], what: COMMON.keyRecord },
   { keys: ["M", "Shift M"], what: COMMON.keyMarker },
   { keys: ["L"], what: COMMON.keyLoop },
+  { keys: ["S"], what: COMMON.keySignals },
   { keys: ["A"], what: COMMON.keyAnalysis },
   { keys: ["C"], what: COMMON.keyLink },
   { keys: ["G L", "G C", "G R"], what: COMMON.keyPages },
@@ -88,6 +90,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   t: { do: "timeBase" },
   c: { do: "link" },
   a: { do: "analysis" },
+  s: { do: "signals" },
   "?": { do: "help" },
   escape: { do: "close" },
 };

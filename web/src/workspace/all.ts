@@ -1,2 +1,3 @@
 /** Every part of a workspace: loading a file registers its parts. */
 import "./view-parts";
+import "./custom-plots";

@@ -50,6 +50,7 @@ const BROKEN = [
   { series: { hide: ["a"], show: ["a"] } },
   { series: { hide: ["a", "a"], show: [] } },
   { extraPlots: [""] },
+  { customPlots: ["1/Acceleration"] },
   { frame: 3 },
   { sideFolded: "yes" },
 ];

@@ -36,11 +36,14 @@ export function listenForKeys(recording: OpenRecording, root: () => HTMLElement 
 /** False for actions not handled here. */
 function act(recording: OpenRecording, action: KeyAction): boolean {
   const { replay } = recording;
-  const { sheet } = recording.app;
+  const { sheet, showsSignals } = recording.app;
   const { view, cursor, measure, actions } = replay.viewState;
   switch (action.do) {
     case "analysis":
       recording.app.overlay.value = "analysis";
+      return true;
+    case "signals":
+      recording.app.showsSignals.value = !recording.app.showsSignals.peek();
       return true;
     case "playPause":
       replay.toggle();
@@ -82,6 +85,7 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
       return true;
     case "close":
       if (sheet.peek()) sheet.value = undefined;
+      else if (showsSignals.peek()) showsSignals.value = false;
       else if (measure.peek() !== undefined) measure.value = undefined;
       else if (cursor.peek()?.kind !== "pinned") return false;
       return true;

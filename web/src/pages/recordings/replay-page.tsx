@@ -7,7 +7,9 @@ import { onFrame } from "../../data/render-loop";
 import { mountStack } from "../../plots/plot-stack";
 import { placeHref, readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
+import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
+import { SignalsPanel } from "../../signals/panel";
 import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { Icon } from "../../ui/icons";
@@ -84,6 +86,9 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
         </Dialog>
       )}
       {overlay.value === "analysis" && <Analysis recording={recording} />}
+      {app.showsSignals.value && (
+        <SignalsPanel deps={recording.deps} tick={app.tick} onClose={() => (app.showsSignals.value = false)} />
+      )}
       <RowsDialog app={app} deps={recording.deps} />
       <RerunPanel shown={recording.rerun} />
       <SettingsDialog recording={recording} />
@@ -98,7 +103,7 @@ function Panels({ recording: { replay, deps } }: { readonly recording: OpenRecor
     <>
       <PanelHost class="attitude" label={COMMON.attitude} mount={(host) => mountAttitude(host, deps)} />
       <div class="plots" id="plots" tabIndex={-1}>
-        <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountPlots(host, replay)} />
+        <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountPlots(host, replay, deps)} />
       </div>
     </>
   );
@@ -120,13 +125,14 @@ function Analysis({ recording: { replay, app, deps } }: { readonly recording: Op
   );
 }
 
-function mountPlots(host: HTMLElement, replay: ReplayController): Panel {
+function mountPlots(host: HTMLElement, replay: ReplayController, deps: Pick<Deps, "open">): Panel {
   const stack = mountStack(host, {
     store: replay.drawn,
     viewState: replay.viewState,
     reads: (channel, t) => replay.reads(channel, t),
     bounds: () => replay.bounds,
     markers: () => replay.markers.peek(),
+    open: deps.open,
   });
   const resized = new ResizeObserver(() => {
     const style = getComputedStyle(host);

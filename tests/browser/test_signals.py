@@ -1,0 +1,46 @@
+"""The tree of signals in a real browser: plots of one's own, counted in actions; dragging; a phone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from playwright.sync_api import Page
+
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.chromium import until
+from tests.server_process import ServerProcess
+
+PANEL = "document.querySelector('.signals-panel')"
+OWN = "[...document.querySelectorAll('.stack .remove-plot')].length"
+SOURCE = "sim:xbus?product=MTi-630&rate=100&seed=1"
+
+
+def test_a_signal_is_plotted_in_two_actions_dragged_and_kept_by_a_reload(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    page = opened(serve(SOURCE), open_page, DESKTOP)
+    page.keyboard.press("s")  # 1
+    page.get_by_role("button", name="Plot Acceleration on a new plot").click()  # 2
+    until(page, f"{OWN} === 1")
+    assert serious(page, PANEL) == []
+    page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .more-quantities"))
+    until(page, f"{OWN} === 2")
+    page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .plot").first)
+    until(page, f"{PANEL}.querySelector('[role=status]').innerText.includes('Put it on a new plot')")
+    until(page, "location.hash.includes('plot=')")
+    page.reload()
+    until(page, f"{OWN} === 2")
+    until(page, "[...document.querySelectorAll('.stack .series-value')].at(-1).innerText.trim() !== '—'")
+
+
+def test_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    page = opened(serve(SOURCE), open_page, PHONE)
+    page.get_by_role("button", name="All signals…").click()
+    page.get_by_role("treeitem", name="Acceleration").first.click()
+    page.get_by_role("button", name="New plot", exact=True).click()
+    until(page, f"{OWN} === 1")
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
+    small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{PANEL}.querySelectorAll"))
+    assert not small, small
+    page.get_by_role("button", name="Close", exact=True).click()
+    until(page, f"{PANEL} === null")

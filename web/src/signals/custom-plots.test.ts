@@ -1,0 +1,87 @@
+/** Custom plots as plain data: what is drawn of them, how they change, and that a link brings them back. */
+import { expect, test } from "vitest";
+import type { Channel } from "../data/channels";
+import type { CustomPlot } from "../data/view-state";
+import type { PlotSpec } from "../plots/plot-selection";
+import { placeQuery, readPlace } from "../recordings/permalink";
+import { added, heldOf, misfit, removed, withCustomPlots } from "./custom-plots";
+
+function channel(device: string, name: string, unit: string, axes: readonly ("x" | "y" | "z")[] = ["x", "y", "z"]) {
+  const columns = axes.map((axis) => ({ name: axis, label: "", unit, axis, bits: [], dtype: "f4", decimals: -1 }));
+  return {
+    info: { device, name, title: name, unit, frame: "", kind: "vector", columns },
+    ring: {},
+  } as unknown as Channel;
+}
+
+const CHANNELS = [channel("1", "Acc", "m/s²"), channel("2", "Acc", "m/s²"), channel("1", "Free acc", "m/s²")];
+const signal = (device: string, name: string, column: string) => ({ device, channel: name, column });
+const own = (...signals: readonly ReturnType<typeof signal>[]): CustomPlot => ({ id: "p1", signals });
+const only = (plots: readonly PlotSpec[]): PlotSpec => {
+  expect(plots).toHaveLength(1);
+  return plots[0]!;
+};
+
+test("signals of two devices share a plot, each with a colour of its own and the name of its device", () => {
+  const plot = own(signal("1", "Acc", "x"), signal("2", "Acc", "x"), signal("2", "Acc", "y"));
+  const { series, unit, title, custom } = only(withCustomPlots([], [plot], CHANNELS, "1"));
+  expect([unit, title, custom]).toEqual(["m/s²", "Acc", "p1"]);
+  expect(series.map(({ label }) => label)).toEqual(["Acc x (1)", "Acc x (2)", "Acc y (2)"]);
+  expect(new Set(series.map(({ colour, dash }) => `${colour} ${dash}`)).size).toBe(3);
+  expect(series[0]!.colour).toBe("axis-x");
+});
+
+test("twelve signals of one axis look different", () => {
+  const many = Array.from({ length: 12 }, (_, k) => channel(String(k), "Acc", "m/s²"));
+  const plot = own(...many.map(({ info }) => signal(info.device, "Acc", "x")));
+  const { series } = only(withCustomPlots([], [plot], many, "1"));
+  expect(new Set(series.map(({ colour, dash }) => `${colour} ${dash}`)).size).toBe(12);
+});
+
+test("a device that is away leaves its signals out, and the plot when nothing is left", () => {
+  const plot = own(signal("1", "Acc", "x"), signal("9", "Acc", "x"));
+  expect(only(withCustomPlots([], [plot], CHANNELS, "1")).series).toHaveLength(1);
+  expect(withCustomPlots([], [own(signal("9", "Acc", "x"))], CHANNELS, "1")).toEqual([]);
+});
+
+test("what is added to a plot of a device is drawn on that device's plot only", () => {
+  const base = only(withCustomPlots([], [own(signal("1", "Acc", "x"))], CHANNELS, "1"));
+  const { custom: _, ...rest } = base;
+  const plots = [{ ...rest, key: "Acc" }];
+  const custom = added([], { kind: "device", device: "1", plot: "Acc" }, [signal("1", "Free acc", "z")]);
+  expect(only(withCustomPlots(plots, custom, CHANNELS, "1")).series.map(({ label }) => label)).toEqual([
+    "x",
+    "Free acc z",
+  ]);
+  expect(only(withCustomPlots(plots, custom, CHANNELS, "2")).series).toHaveLength(1);
+});
+
+test("a signal is added once, and the last one removed takes the plot away", () => {
+  const [x, y] = [signal("1", "Acc", "x"), signal("1", "Acc", "y")];
+  const first = added([], { kind: "new" }, [x]);
+  const target = { kind: "own", id: first[0]!.id } as const;
+  const both = added(added(first, target, [x, y]), target, [y]);
+  expect(both[0]!.signals).toEqual([x, y]);
+  expect(heldOf(both, target, [x, signal("2", "Acc", "x")])).toEqual([x]);
+  expect(added(both, { kind: "new" }, [x]).map(({ id }) => id)).toEqual(["p1", "p2"]);
+  expect(removed(both, target, [x])[0]!.signals).toEqual([y]);
+  expect(removed(both, target, [y, x])).toEqual([]);
+});
+
+test("a signal of another unit is refused with a sentence that names both", () => {
+  expect(misfit(["m/s²"], "m/s²", "Acc")).toBeUndefined();
+  const words = misfit(["°/s"], "m/s²", "Acc");
+  expect(words).toContain("°/s");
+  expect(words).toContain("m/s²");
+});
+
+test("a link brings the plots back, whatever the names are", () => {
+  const odd = signal("1.102", "Rate/turn, raw @ 1", "x?");
+  const plots: readonly CustomPlot[] = [
+    { id: "p1", signals: [odd, signal("1", "Acc", "x")] },
+    { id: "p2", on: { device: "1", plot: "Acc/é" }, signals: [odd] },
+  ];
+  const query = placeQuery({ hide: [], show: [], panels: [], plots });
+  expect(readPlace(query).plots).toEqual(plots);
+  expect(readPlace("plot=%E0%A4%A&plot=@1&plot=1/Acc&plot=")).toEqual({ hide: [], show: [], panels: [] });
+});

@@ -1,0 +1,30 @@
+/** Texts of the tree of signals, and of plots that the user puts together. */
+import type { Value } from "./plural";
+
+export const TEXT = {
+  // plots
+  ofDevice: (signal: Value, device: Value) => `${signal} (${device})`,
+  noUnit: "no unit",
+  otherUnit: (unit: Value, plot: Value, of: Value) =>
+    `A plot has one unit: this signal is in ${unit}, ${plot} in ${of}. Put it on a new plot.`,
+
+  // tree
+  signals: "Signals",
+  treeLabel: "Signals of all devices",
+  search: "Search signals",
+  searchHint: "Name, unit or frame",
+  nothingFound: (search: Value) => `No signal matches “${search}”.`,
+  noSignals: "No device sends signals.",
+  hertz: (rate: Value) => `${rate} Hz`,
+  unfold: (name: Value) => `Unfold ${name}`,
+  fold: (name: Value) => `Fold ${name}`,
+  plot: (name: Value) => `Plot ${name} on a new plot`,
+  choose: (name: Value) => `Plot ${name} on:`,
+  newPlot: "New plot",
+  nothingChosen: "Select a signal, or drag it onto a plot.",
+  addedNew: (name: Value) => `${name} is on a new plot.`,
+  addedTo: (name: Value, plot: Value) => `${name} is on the plot ${plot}.`,
+  removedFrom: (name: Value, plot: Value) => `${name} is off the plot ${plot}.`,
+  differentUnits: "Its columns differ in their units. Select one of them.",
+  resting: "no samples",
+};
