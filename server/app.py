@@ -9,6 +9,7 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from server.api import (
+    alarms,
     analysis,
     capabilities,
     commands,
@@ -64,6 +65,7 @@ ROUTED = (
     recordings,
     recording_data,
     analysis,
+    alarms,
     ports,
     status,
     capabilities,

@@ -57,7 +57,7 @@ def typescript_type(schema: Schema) -> str:
             return json.dumps(value)
         case {"enum": values}:
             return " | ".join(map(json.dumps, values))
-        case {"anyOf": choices}:
+        case {"anyOf": choices} | {"oneOf": choices}:
             return " | ".join(dict.fromkeys(map(typescript_type, choices)))
         case {"type": "array", "items": items}:
             inner = typescript_type(items)

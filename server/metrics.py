@@ -2,6 +2,7 @@
 
     per link       bytes, frames, rejects by reason, gaps, lost samples, latency; clock: jitter, drift, uncertainty
     per browser    lag, bytes sent, bytes waiting, samples dropped
+    alarms         raised, without data, how often raised
     recording      running, bytes, lag of the disk; free space of the data folder; exports
     process        memory, processor time, open files, start, uptime, version
 
@@ -19,7 +20,7 @@ import platform
 import shutil
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
@@ -47,6 +48,7 @@ class Sources:
     recorder: wire.RecorderState
     exports: Iterable[wire.ExportJob]
     data: Path
+    others: Sequence[Callable[[PrometheusText], None]] = ()  # add the families of other services
 
 
 class Metrics:
@@ -75,6 +77,8 @@ class Metrics:
         _links(page, list(sources.sessions), sources.bus.now())
         _clients(page, sources.clients, sources.bus.now())
         _recording(page, sources)
+        for add in sources.others:
+            add(page)
         page.family("imuscope_events_total", "counter", "Entries of the event log, by kind and level.")
         for (kind, level), count in sorted(self._events.items()):
             page.add(count, kind=kind, level=level)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from recordings.library import Library
 from server import shutdown
+from server.alarms.service import AlarmService
 from server.auth import Access
 from server.capabilities import Capabilities
 from server.capability_list import list_capabilities
@@ -75,6 +76,7 @@ class Services:
     columns: ColumnCache
     recorder: Recorder
     exports: ExportJobs
+    alarms: AlarmService
     viser: Viser
     rerun: Rerun
     foxglove: Foxglove
@@ -114,6 +116,7 @@ class Services:
         if self.folder_lock.is_alone:  # otherwise another server may be carrying them out
             await self.controllers.resume()
         await self.recorder.resume()
+        await self.alarms.start()
         self.catalogue.start()
         self.foxglove.start()
         self.ros2.start()
@@ -125,6 +128,7 @@ class Services:
             {
                 "an export": self.exports.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
+                "the alarms": self.alarms.close(),
                 "viser": self.viser.close(),
                 "Rerun": self.rerun.close(),
                 "Foxglove": self.foxglove.close(),
@@ -190,6 +194,7 @@ def build_services(
         columns=columns,
         recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory),
         exports=ExportJobs(bus, catalogue, columns, config.data),
+        alarms=AlarmService(bus, telemetry.store, config.data),
         viser=Viser(telemetry, timings.scene_idle_s),
         rerun=Rerun(telemetry, config.rerun_connect),
         foxglove=Foxglove(telemetry, config.foxglove, access),

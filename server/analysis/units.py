@@ -2,7 +2,7 @@
 
 A unit is a product of powers of symbols, as the page shows them: `m/s²`, `°/s`, `1/s`. Symbols of one dimension are
 converted into each other (g and m/s², ° and rad); a symbol that is not in the table has a dimension of its own, so it
-equals itself only. Temperatures in °C are such a symbol: they have no common zero with K.
+equals itself only. So does °C, which has no common zero with K.
 """
 
 from __future__ import annotations
@@ -47,6 +47,10 @@ SYMBOLS: Mapping[str, tuple[float, Mapping[str, int]]] = {
     "kPa": (1e3, {"Pa": 1}),
     "mbar": (1e2, {"Pa": 1}),
     "bar": (1e5, {"Pa": 1}),
+    "°C": (1.0, {"°C": 1}),  # so that it can be typed; it fits nothing else
+    "N": (1.0, {"N": 1}),
+    "V": (1.0, {"V": 1}),
+    "A": (1.0, {"A": 1}),
     "%": (1e-2, {}),
     "a.u.": (1.0, {}),
 }

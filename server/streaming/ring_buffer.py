@@ -167,10 +167,12 @@ class RingBuffer:
     def read(self, start: int = 0) -> list[NDArray[Any]]:
         """Copies of all columns from sequence number `start` on, for tests and for readers inside the server."""
         pieces: list[list[NDArray[Any]]] = []
-        for block in self._blocks:
+        for block in reversed(self._blocks):  # the newest rows are read most often
             a = max(start - block.first, 0)
             if a < block.n:
-                pieces.append([row[a : block.n] for array in block.arrays for row in array])
+                pieces.insert(0, [row[a : block.n] for array in block.arrays for row in array])
+            if block.first <= start:
+                break
         dtypes = [dtype for dtype, rows in self._groups for _ in range(rows)]
         if not pieces:
             return [np.zeros(0, dtype) for dtype in dtypes]

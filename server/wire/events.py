@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-EventKind = Literal["gap", "reject", "clock", "link", "reply", "text", "marker", "device", "command"]
+EventKind = Literal["gap", "reject", "clock", "link", "reply", "text", "marker", "device", "command", "alarm"]
 Level = Literal["info", "warning", "error"]
 
 

@@ -10,7 +10,7 @@ import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/panels";
 
 /** Filter of the list. */
-export type Sort = "all" | "loss" | "device" | "commands" | "markers";
+export type Sort = "all" | "loss" | "device" | "commands" | "markers" | "alarms";
 
 export const SORTS: readonly { readonly name: Sort; readonly title: string }[] = [
   { name: "all", title: COMMON.all },
@@ -18,6 +18,7 @@ export const SORTS: readonly { readonly name: Sort; readonly title: string }[] =
   { name: "device", title: TEXT.deviceAndLink },
   { name: "commands", title: TEXT.commandsAndReplies },
   { name: "markers", title: COMMON.markers },
+  { name: "alarms", title: TEXT.alarms },
 ];
 
 const SORT_OF: Readonly<Record<EventKind, Exclude<Sort, "all">>> = {
@@ -30,6 +31,7 @@ const SORT_OF: Readonly<Record<EventKind, Exclude<Sort, "all">>> = {
   reply: "commands",
   command: "commands",
   marker: "markers",
+  alarm: "alarms",
 };
 
 export interface EventGroup {

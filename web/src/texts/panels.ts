@@ -25,6 +25,7 @@ export const TEXT = {
   rejectedByKey: (frames: number) => `${count(frames, "Secure frame")} rejected: the key does not match.`,
 
   // event groups
+  alarms: "Alarms",
   lossAndClock: "Loss and clock",
   deviceAndLink: "Device and link",
   commandsAndReplies: "Commands and replies",

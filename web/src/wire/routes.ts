@@ -8,6 +8,14 @@ import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, HeldB
 /** Of `T`, the fields that the server has defaults for may be left out. */
 export type Defaulted<T, K extends keyof T> = Omit<T, K> & { readonly [P in K]?: T[P] };
 
+/** An acknowledgement. */
+export interface AcknowledgeRequest {
+  /** name of the person */
+  readonly by: string;
+  /** id of the device; empty for all */
+  readonly device?: string;
+}
+
 /** A source to open. */
 export interface AddDeviceRequest {
   /** name of the protocol; empty to detect it */
@@ -32,6 +40,60 @@ export interface AddDeviceRequest {
 export interface AddShareRequest {
   /** `/run/imuscope/imu0`, `tcp://127.0.0.1:4001` or `udp://127.0.0.1:4002`; with `?mode=read` nobody may write through it */
   readonly address: string;
+}
+
+/** Whether a definition is valid; a mistake in the expression has its place: characters begin ≤ i < end. */
+export interface AlarmCheck {
+  readonly valid: boolean;
+  readonly message: string;
+  readonly hint: string;
+  readonly begin: number | null;
+  readonly end: number | null;
+  /** names of the present devices that it was checked with */
+  readonly devices: readonly string[];
+}
+
+/** An alarm as set by a person. */
+export interface AlarmDefinition {
+  readonly name: string;
+  readonly condition: ExpressionCondition | FlagCondition | HealthCondition;
+  readonly devices?: DeviceFilter;
+  readonly level?: "warning" | "error";
+  /** the condition has to hold this long before the alarm is raised */
+  readonly raise_s?: number;
+  /** the signal has to be within the limit to clear this long */
+  readonly clear_s?: number;
+  /** without samples for this long: no data */
+  readonly missing_s?: number;
+  /** stays raised until it is acknowledged */
+  readonly latched?: boolean;
+  readonly enabled?: boolean;
+}
+
+/** An alarm with its states, one for each device that it is for at present. */
+export interface AlarmInfo {
+  readonly id: string;
+  readonly definition: AlarmDefinition;
+  readonly states: readonly AlarmState[];
+}
+
+/** State of an alarm of one device; values are in `unit`. */
+export interface AlarmState {
+  readonly device: string;
+  readonly status: "missing" | "ok" | "pending" | "raised" | "acknowledged";
+  readonly raised: boolean;
+  readonly since: number | null;
+  readonly value: number | null;
+  readonly raised_value: number | null;
+  readonly worst: number | null;
+  readonly limit: number | null;
+  readonly unit: string;
+  readonly count: number;
+  readonly acknowledged_by: string;
+  readonly acknowledged: number | null;
+  readonly problem: string;
+  readonly signals: readonly string[];
+  readonly intervals: readonly RaisedInterval[];
 }
 
 /** An analysis that can be requested. */
@@ -127,6 +189,47 @@ export interface DecodeOptionsBody {
   readonly unverified?: boolean;
 }
 
+/** The devices that an alarm is for; empty fields fit any device. */
+export interface DeviceFilter {
+  /** serial number, source or name of one device */
+  readonly device: string;
+  /** beginning of the product's name */
+  readonly product: string;
+  /** name of the protocol */
+  readonly family: string;
+}
+
+/** A condition on signals: `norm(Acceleration) > 3 g`. */
+export interface ExpressionCondition {
+  readonly kind: "expression";
+  /** a comparison, or several with and, or, not */
+  readonly expression: string;
+  /** limit to clear, for example `2.5 g`; empty: the limit itself */
+  readonly clear: string;
+}
+
+/** A flag or a bit group of a status word. */
+export interface FlagCondition {
+  readonly kind: "flag";
+  /** name of the channel: `StatusWord` */
+  readonly signal: string;
+  /** name of the flag */
+  readonly flag: string;
+  /** raised while the flag is set; false: while it is clear */
+  readonly is_set: boolean;
+}
+
+/** A figure of a link beyond a limit. */
+export interface HealthCondition {
+  readonly kind: "health";
+  /** `rate` below a limit in Hz, `loss` above a limit in % of the samples of 10 s, `silence` longer than a limit in s, `clock` uncertainty above a limit in ms, `link` lost */
+  readonly figure: "rate" | "loss" | "silence" | "clock" | "link";
+  /** not used for `link` */
+  readonly limit: number;
+  /** limit to clear; null: the limit itself */
+  readonly clear: number | null;
+}
+
 /** A range of seconds of one device: a list holds one value a second from `first` on; None: unknown. */
 export interface HealthHistory {
   readonly first: number;
@@ -197,6 +300,13 @@ export interface ProblemBody {
   readonly message: string;
   /** what to do next; may be empty */
   readonly hint: string;
+}
+
+/** An interval in which an alarm was raised, unix s; `t1` None: until now. */
+export interface RaisedInterval {
+  readonly t0: number;
+  readonly t1: number | null;
+  readonly worst: number | null;
 }
 
 /** Device whose sequence may restart. */
@@ -661,6 +771,40 @@ export interface Routes {
     readonly path: { readonly name: string };
     readonly body: AnalysisRequest;
     readonly answer: readonly SignalFigures[] | Blob;
+  };
+  /** All alarms with their states. */
+  "GET /api/alarms": { readonly answer: readonly AlarmInfo[]; };
+  /** Add an alarm. It is checked against the present devices that it is for. */
+  "POST /api/alarms": {
+    readonly body: AlarmDefinition;
+    readonly answer: AlarmInfo;
+  };
+  /** Check a definition without adding it, with the place of a mistake. */
+  "POST /api/alarms/check": {
+    readonly body: AlarmDefinition;
+    readonly answer: AlarmCheck;
+  };
+  /** One alarm with its states. */
+  "GET /api/alarms/{alarm}": {
+    readonly path: { readonly alarm: string };
+    readonly answer: AlarmInfo;
+  };
+  /** Replace the definition of an alarm; its states begin anew. */
+  "PUT /api/alarms/{alarm}": {
+    readonly path: { readonly alarm: string };
+    readonly body: AlarmDefinition;
+    readonly answer: AlarmInfo;
+  };
+  /** Delete an alarm. */
+  "DELETE /api/alarms/{alarm}": {
+    readonly path: { readonly alarm: string };
+    readonly answer: undefined;
+  };
+  /** Acknowledge a raised alarm by name. A latched one that is within its limit again is cleared by it. */
+  "POST /api/alarms/{alarm}/acknowledge": {
+    readonly path: { readonly alarm: string };
+    readonly body: AcknowledgeRequest;
+    readonly answer: AlarmInfo;
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };

@@ -227,7 +227,7 @@ export interface UnknownPayload {
   readonly verified: boolean;
 }
 
-export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device" | "command";
+export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device" | "command" | "alarm";
 
 export type Level = "info" | "warning" | "error";
 

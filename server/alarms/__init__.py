@@ -1,0 +1,13 @@
+"""Alarms: conditions on live devices, evaluated by the server on every sample, with or without a page that looks.
+
+    definitions.py   what a person sets: condition, limits, durations, for which devices
+    conditions.py    a condition compiled for one device: its samples ─> time, code, value
+    figures.py       conditions on figures of a link: rate, loss, silence, clock, connection
+    machine.py       codes ─> ok, pending, raised, cleared, missing; pure
+    service.py       samples of the bus ─> machines ─> events; acknowledgement
+    alarm_file.py    definitions and states in the data folder
+
+A code says for each sample whether the condition holds (BEYOND), it is within its limit to clear (WITHIN), between both
+(BETWEEN), or cannot be told (UNKNOWN). Durations run in the time of the samples, so that the result does not depend on
+how they were divided into batches.
+"""

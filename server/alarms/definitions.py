@@ -1,0 +1,99 @@
+"""Definitions of alarms, as set over HTTP and stored in the data folder."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from server import wire
+
+MAX_NAME = 80
+MAX_TEXT = 400
+MAX_DURATION_S = 3600.0
+
+Figure = Literal["rate", "loss", "silence", "clock", "link"]
+AlarmLevel = Literal["warning", "error"]
+Seconds = Annotated[float, Field(ge=0, le=MAX_DURATION_S, allow_inf_nan=False)]
+Limit = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ExpressionCondition(_Strict):
+    """A condition on signals: `norm(Acceleration) > 3 g`."""
+
+    kind: Literal["expression"] = "expression"
+    expression: str = Field(min_length=1, max_length=MAX_TEXT, description="a comparison, or several with and, or, not")
+    clear: str = Field(
+        default="", max_length=MAX_TEXT, description="limit to clear, for example `2.5 g`; empty: the limit itself"
+    )
+
+
+class FlagCondition(_Strict):
+    """A flag or a bit group of a status word."""
+
+    kind: Literal["flag"]
+    signal: str = Field(min_length=1, max_length=MAX_TEXT, description="name of the channel: `StatusWord`")
+    flag: str = Field(min_length=1, max_length=MAX_TEXT, description="name of the flag")
+    is_set: bool = Field(default=True, description="raised while the flag is set; false: while it is clear")
+
+
+class HealthCondition(_Strict):
+    """A figure of a link beyond a limit."""
+
+    kind: Literal["health"]
+    figure: Figure = Field(
+        description="`rate` below a limit in Hz, `loss` above a limit in % of the samples of 10 s, `silence` longer "
+        "than a limit in s, `clock` uncertainty above a limit in ms, `link` lost"
+    )
+    limit: Limit = Field(default=0, description="not used for `link`")
+    clear: Limit | None = Field(default=None, description="limit to clear; null: the limit itself")
+
+
+AlarmCondition = Annotated[ExpressionCondition | FlagCondition | HealthCondition, Field(discriminator="kind")]
+
+
+class DeviceFilter(_Strict):
+    """The devices that an alarm is for; empty fields fit any device."""
+
+    device: str = Field(default="", max_length=MAX_TEXT, description="serial number, source or name of one device")
+    product: str = Field(default="", max_length=MAX_TEXT, description="beginning of the product's name")
+    family: str = Field(default="", max_length=MAX_TEXT, description="name of the protocol")
+
+    def fits(self, info: wire.DeviceInfo) -> bool:
+        """Whether a device is one of them."""
+        return (
+            self.device in ("", info.serial_number, info.source, info.name)
+            and (info.product or info.name).lower().startswith(self.product.lower())
+            and self.family in ("", info.protocol)
+        )
+
+
+class AlarmDefinition(_Strict):
+    """An alarm as set by a person."""
+
+    name: str = Field(min_length=1, max_length=MAX_NAME)
+    condition: AlarmCondition
+    devices: DeviceFilter = DeviceFilter()
+    level: AlarmLevel = "warning"
+    raise_s: Seconds = Field(default=0.0, description="the condition has to hold this long before the alarm is raised")
+    clear_s: Seconds = Field(default=0.0, description="the signal has to be within the limit to clear this long")
+    missing_s: float = Field(
+        default=3.0,
+        ge=0.1,
+        le=MAX_DURATION_S,
+        allow_inf_nan=False,
+        description="without samples for this long: no data",
+    )
+    latched: bool = Field(default=False, description="stays raised until it is acknowledged")
+    enabled: bool = True
+
+
+class StoredAlarm(_Strict):
+    """An alarm with its id, which never changes."""
+
+    id: str = Field(pattern=r"^[a-z0-9]{1,32}$")
+    definition: AlarmDefinition

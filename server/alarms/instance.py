@@ -1,0 +1,293 @@
+"""One alarm of one device: its condition, its state machine, its events and the intervals in which it was raised."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from server import wire
+from server.alarms.conditions import ExpressionJudge, FlagJudge, Rows, SampleCondition
+from server.alarms.definitions import AlarmDefinition, ExpressionCondition, FlagCondition, HealthCondition, StoredAlarm
+from server.alarms.figures import HealthJudge
+from server.alarms.machine import AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
+from server.errors import DomainError
+from server.streaming.bus import TelemetryBus
+from server.wire import ChannelInfo
+
+MAX_INTERVALS = 200
+EVENTS_PER_PERIOD = 10
+PERIOD_S = 10.0
+LIMITS = {1: "above", -1: "below"}
+
+EventName = Literal["raised", "returned", "cleared", "missing", "data", "acknowledged", "repeated"]
+
+
+@dataclass(frozen=True, slots=True)
+class RaisedInterval:
+    """An interval in which an alarm was raised, unix s; `t1` None: until now."""
+
+    t0: float
+    t1: float | None
+    worst: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmState:
+    """State of an alarm of one device; values are in `unit`."""
+
+    device: str
+    status: AlarmStatus
+    raised: bool  # also while there is no data
+    since: float | None  # unix s: raised or pending since
+    value: float | None  # newest one
+    raised_value: float | None  # the one that raised it
+    worst: float | None  # since it was raised
+    limit: float | None
+    unit: str
+    count: int  # how often it was raised
+    acknowledged_by: str
+    acknowledged: float | None  # unix s
+    problem: str  # why it cannot be evaluated
+    signals: list[str]  # columns that it needs: "Acceleration.x"
+    intervals: list[RaisedInterval]
+
+
+class AlarmInstance:
+    """One alarm of one device.
+
+    Args:
+        infos: channels of the device.
+        name: lasting name of the device.
+    """
+
+    def __init__(
+        self, stored: StoredAlarm, info: wire.DeviceInfo, infos: Sequence[ChannelInfo], bus: TelemetryBus, name: str
+    ) -> None:
+        self.stored = stored
+        self.device = info.id
+        self.name = name
+        self.channels: frozenset[int] = frozenset()
+        self.problem = ""
+        self.fed = bus.now()  # when the last sample was taken, by the server's clock
+        self._bus = bus
+        self._samples: SampleCondition | None = None
+        self._health: HealthJudge | None = None
+        self._known: tuple[int, ...] | None = None
+        self._intervals: deque[RaisedInterval] = deque(maxlen=MAX_INTERVALS)
+        self._period = -math.inf
+        self._reported = 0
+        self._suppressed: list[AlarmTransition] = []
+        self.machine = AlarmMachine(timing_of(stored.definition))
+        self.compile(infos)
+
+    @property
+    def definition(self) -> AlarmDefinition:
+        """The definition of the alarm."""
+        return self.stored.definition
+
+    def compile(self, infos: Sequence[ChannelInfo]) -> None:
+        """Compile the condition for the present channels of the device, unless they are the same as before."""
+        known = tuple(info.id for info in infos)
+        if known == self._known:
+            return
+        self._known = known
+        try:
+            judge = compiled(self.definition, infos)
+        except DomainError as error:
+            self.problem = f"{error.message} {error.hint}".strip()
+            self._samples, self.channels = None, frozenset()
+            return
+        self.problem = ""
+        self.machine.direction = judge.direction
+        if isinstance(judge, HealthJudge):
+            self._health = judge
+        else:
+            if self._samples is None or self._samples.channels != judge.channels:
+                self._samples = judge
+            self.channels = judge.channels
+
+    def feed(self, rows: Rows) -> bool:
+        """Take new samples; returns whether the state changed."""
+        if self._samples is None or self.channels.isdisjoint(rows):
+            return False
+        time, codes, values = self._samples.judge(rows)
+        if not len(time):
+            return False
+        self.fed = self._bus.now()
+        return self._report(self.machine.feed(time, codes, values))
+
+    def feed_health(self, info: wire.DeviceInfo, health: wire.DeviceHealth | None, now: float) -> bool:
+        """Take the present figures; returns whether the state changed."""
+        if self._health is None:
+            return False
+        code, value = self._health.judge(info, health, now)
+        self.fed = now
+        time, codes, values = np.array([now]), np.array([code], np.int8), np.array([value])
+        return self._report(self.machine.feed(time, codes, values))
+
+    def tick(self, now: float) -> bool:
+        """Note missing samples, and sum up suppressed events; returns whether the state changed."""
+        if self._suppressed and now - self._period >= PERIOD_S:
+            self._sum_up(now)
+        if self.machine.is_missing or now - self.fed <= self.machine.timing.missing_s:
+            return False
+        return self._report(self.machine.lose())
+
+    def acknowledge(self, by: str, now: float) -> None:
+        """Note who has seen the alarm.
+
+        Raises:
+            DomainError: it is not raised.
+        """
+        if not self.machine.is_active:
+            message = f"The alarm {self.definition.name!r:.90} is not raised."
+            raise DomainError("not-now", message, "It may have cleared by itself.")
+        cleared = self.machine.acknowledge(by, now)
+        data = {"by": by}
+        self._event("acknowledged", "info", f"Alarm {self._title} was acknowledged by {by}.", now, data)
+        if cleared is not None:
+            self._report([cleared])
+
+    def close(self, now: float) -> None:
+        """End the evaluation: the alarm was changed, disabled or deleted, or its device was removed."""
+        if self._suppressed:
+            self._sum_up(now)
+        if self.machine.is_active:
+            data = {"t0": self.machine.began, "t1": now}
+            text = f"Alarm {self._title} is no longer evaluated; it was raised."
+            self._event("cleared", "info", text, now, data)
+
+    def state(self) -> AlarmState:
+        """The state as shown."""
+        machine, condition = self.machine, self._condition
+        since = machine.began if machine.is_active else machine.pending_since
+        current = [RaisedInterval(machine.began, None, _finite(machine.worst))] if machine.is_active else []
+        acknowledgement = machine.acknowledgement
+        columns = [] if self._samples is None else self._samples.columns
+        return AlarmState(
+            device=self.device,
+            status=machine.status,
+            raised=machine.is_active,
+            since=_finite(since),
+            value=_finite(machine.last_value),
+            raised_value=_finite(machine.raised_value) if machine.is_active else None,
+            worst=_finite(machine.worst) if machine.is_active else None,
+            limit=_finite(math.nan if condition is None else condition.limit),
+            unit="" if condition is None else condition.unit,
+            count=machine.count,
+            acknowledged_by="" if acknowledgement is None else acknowledgement.by,
+            acknowledged=None if acknowledgement is None else acknowledgement.time,
+            problem=self.problem,
+            signals=[column.name for column in columns],
+            intervals=[*self._intervals, *current],
+        )
+
+    # ── events ───────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    @property
+    def _condition(self) -> SampleCondition | HealthJudge | None:
+        return self._samples if self._health is None else self._health
+
+    @property
+    def _title(self) -> str:
+        return f"“{self.definition.name}”"
+
+    def _report(self, transitions: Sequence[AlarmTransition]) -> bool:
+        for one in transitions:
+            if one.kind == "cleared":
+                self._intervals.append(RaisedInterval(one.began, one.time, _finite(one.value)))
+            if one.time - self._period >= PERIOD_S or one.time < self._period:
+                self._sum_up(one.time)
+                self._period, self._reported = one.time, 0
+            if self._reported >= EVENTS_PER_PERIOD:
+                self._suppressed.append(one)
+                continue
+            self._reported += 1
+            self._event(*self._words(one))
+        return bool(transitions)
+
+    def _sum_up(self, now: float) -> None:
+        """Report what was not reported one by one, as one interval."""
+        suppressed, self._suppressed = self._suppressed, []
+        raised = [one for one in suppressed if one.kind == "raised"]
+        if not suppressed:
+            return
+        first = min((one.began for one in suppressed if math.isfinite(one.began)), default=suppressed[0].time)
+        last = suppressed[-1].time
+        text = f"Alarm {self._title} was raised {len(raised)} more times within {last - first:.1f} s."
+        data = {"t0": first, "t1": last, "times": len(raised), "is_raised": self.machine.is_active}
+        self._event("repeated", self.definition.level, text, last, data)
+
+    def _words(self, one: AlarmTransition) -> tuple[EventName, wire.Level, str, float, dict[str, Any]]:
+        """Name, level, text, time and data of the event for a transition."""
+        values = {"value": one.value, "limit": self._condition.limit if self._condition else math.nan, "t0": one.began}
+        data: dict[str, Any] = {name: value for name, value in values.items() if math.isfinite(value)}
+        if one.kind == "raised":
+            data["unit"] = self._condition.unit if self._condition else ""
+            return one.kind, self.definition.level, f"Alarm {self._title}: {self._cause(one.value)}.", one.time, data
+        if one.kind in ("cleared", "returned"):
+            data["t1"] = one.time
+            worst = f"; worst {self._shown(one.value)}" if "value" in data and "limit" in data else ""
+            length = f"after {one.time - one.began:.3g} s" if one.time - one.began < 100 else "again"
+            if one.kind == "cleared":
+                return one.kind, "info", f"Alarm {self._title} cleared {length}{worst}.", one.time, data
+            text = f"Alarm {self._title} is within its limit {length}{worst}. It stays until it is acknowledged."
+            return one.kind, "warning", text, one.time, data
+        if one.kind == "missing":
+            text = f"Alarm {self._title} has no data: it cannot be evaluated."
+            return one.kind, "warning", text, one.time, data
+        return one.kind, "info", f"Alarm {self._title} has data and is evaluated.", one.time, data
+
+    def _cause(self, value: float) -> str:
+        condition, definition = self._condition, self.definition.condition
+        assert condition is not None
+        if isinstance(definition, HealthCondition):
+            if definition.figure == "link":
+                return "the link is lost"
+            return f"{condition.subject} is {self._shown(value)}, {self._limit_words(condition)}"
+        if isinstance(definition, FlagCondition):
+            return f"{definition.flag} is {'set' if definition.is_set else 'clear'}"
+        if math.isnan(condition.limit):
+            return f"{definition.expression} is true"
+        return f"{condition.subject} is {self._shown(value)}, {self._limit_words(condition)}"
+
+    def _limit_words(self, condition: SampleCondition | HealthJudge) -> str:
+        return f"{LIMITS[condition.direction]} {self._shown(condition.limit)}"
+
+    def _shown(self, value: float) -> str:
+        unit = self._condition.unit if self._condition is not None else ""
+        return f"{value:.4g} {unit}".strip() if unit != "°" else f"{value:.4g}°"
+
+    def _event(self, name: EventName, level: wire.Level, text: str, time: float, data: dict[str, Any]) -> None:
+        body = {"alarm": self.stored.id, "name": self.definition.name, "change": name, **data}
+        if name in ("raised", "repeated"):
+            body["level"] = self.definition.level
+        self._bus.event(self.device, "alarm", level, text, time=time, data=body)
+
+
+def timing_of(definition: AlarmDefinition) -> AlarmTiming:
+    """The durations of a definition."""
+    return AlarmTiming(definition.raise_s, definition.clear_s, definition.missing_s, definition.latched)
+
+
+def compiled(definition: AlarmDefinition, infos: Sequence[ChannelInfo]) -> SampleCondition | HealthJudge:
+    """The condition for the channels of a device.
+
+    Raises:
+        DomainError: the device does not have what it names, or units do not fit; ExpressionError says where.
+    """
+    condition = definition.condition
+    if isinstance(condition, ExpressionCondition):
+        return ExpressionJudge(condition, infos, definition.missing_s)
+    if isinstance(condition, FlagCondition):
+        return FlagJudge(condition, infos)
+    return HealthJudge(condition)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,104 @@
+"""Routes of alarms: list, add, change, delete, check, acknowledge."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+
+from server.alarms.definitions import AlarmDefinition, StoredAlarm
+from server.alarms.instance import AlarmState
+from server.alarms.service import AlarmService
+from server.analysis.expression_syntax import ExpressionError
+from server.api.dependencies import TheServices
+from server.api.errors import responses
+from server.errors import DomainError
+
+router = APIRouter(prefix="/api/alarms", tags=["alarms"])
+
+
+async def alarms_of(services: TheServices) -> AlarmService:
+    return services.alarms
+
+
+TheAlarms = Annotated[AlarmService, Depends(alarms_of)]
+
+
+class AlarmInfo(BaseModel):
+    """An alarm with its states, one for each device that it is for at present."""
+
+    id: str
+    definition: AlarmDefinition
+    states: list[AlarmState]
+
+
+class AlarmCheck(BaseModel):
+    """Whether a definition is valid; a mistake in the expression has its place: characters begin ≤ i < end."""
+
+    valid: bool
+    message: str = ""
+    hint: str = ""
+    begin: int | None = None
+    end: int | None = None
+    devices: list[str] = Field(default=[], description="names of the present devices that it was checked with")
+
+
+class AcknowledgeRequest(BaseModel):
+    """An acknowledgement."""
+
+    by: str = Field(max_length=200, description="name of the person")
+    device: str = Field("", max_length=40, description="id of the device; empty for all")
+
+
+def _info(alarms: AlarmService, stored: StoredAlarm) -> AlarmInfo:
+    return AlarmInfo(id=stored.id, definition=stored.definition, states=alarms.states(stored.id))
+
+
+@router.get("")
+async def list_alarms(alarms: TheAlarms) -> list[AlarmInfo]:
+    """All alarms with their states."""
+    return [_info(alarms, stored) for stored in alarms.alarms]
+
+
+@router.post("", status_code=201, responses=responses(409, 422, 507))
+async def add_alarm(body: AlarmDefinition, alarms: TheAlarms) -> AlarmInfo:
+    """Add an alarm. It is checked against the present devices that it is for."""
+    return _info(alarms, await alarms.add(body))
+
+
+@router.post("/check", responses=responses(422))
+async def check_alarm(body: AlarmDefinition, alarms: TheAlarms) -> AlarmCheck:
+    """Check a definition without adding it, with the place of a mistake."""
+    try:
+        return AlarmCheck(valid=True, devices=alarms.validate(body))
+    except ExpressionError as error:
+        return AlarmCheck(valid=False, message=error.message, hint=error.hint, begin=error.begin, end=error.end)
+    except DomainError as error:
+        return AlarmCheck(valid=False, message=error.message, hint=error.hint)
+
+
+@router.get("/{alarm}", responses=responses(404, 422))
+async def get_alarm(alarm: str, alarms: TheAlarms) -> AlarmInfo:
+    """One alarm with its states."""
+    return _info(alarms, alarms.get(alarm))
+
+
+@router.put("/{alarm}", responses=responses(404, 422, 507))
+async def change_alarm(alarm: str, body: AlarmDefinition, alarms: TheAlarms) -> AlarmInfo:
+    """Replace the definition of an alarm; its states begin anew."""
+    return _info(alarms, await alarms.change(alarm, body))
+
+
+@router.delete("/{alarm}", status_code=204, responses=responses(404, 422, 507))
+async def delete_alarm(alarm: str, alarms: TheAlarms) -> Response:
+    """Delete an alarm."""
+    await alarms.delete(alarm)
+    return Response(status_code=204)
+
+
+@router.post("/{alarm}/acknowledge", responses=responses(404, 409, 422))
+async def acknowledge_alarm(alarm: str, body: AcknowledgeRequest, alarms: TheAlarms) -> AlarmInfo:
+    """Acknowledge a raised alarm by name. A latched one that is within its limit again is cleared by it."""
+    return _info(alarms, await alarms.acknowledge(alarm, body.by, body.device))
