@@ -5,15 +5,21 @@ import { createViewState } from "./view-state";
 const { view, cursor, measure, hiddenSeries, actions } = createViewState();
 
 let now = 1000;
+/** The samples up to here are loaded. */
+let known = Infinity;
 const samples = Array.from({ length: 901 }, (_, k) => 100 + k);
 const series = ["Acceleration.x", "Acceleration.y", "RateOfTurn.x"];
 
 beforeEach(() => {
   now = 1000;
+  known = Infinity;
+  actions.setSnap(false);
   actions.attachPlots({
     now: () => now,
     bounds: () => ({ first: 100, last: 1000 }),
     step: (t, steps) => samples[samples.findLastIndex((s) => s <= t) + steps],
+    nearest: (t) => (t > known ? undefined : Math.round(t)),
+    plots: () => [],
     series: () => series,
     beside: (key) => series.filter((one) => one.split(".")[0] === key.split(".")[0]),
   });
@@ -126,10 +132,6 @@ describe("the cursor", () => {
 
   it("is removed when it leaves a live window, and reported when it is outside a paused one", () => {
     actions.pin(995);
-    actions.pinMeasure(990);
-    now = 1012;
-    actions.dropPassed();
-    expect([actions.cursorTime(), measure.value]).toEqual([995, undefined]);
     now = 1016;
     actions.dropPassed();
     expect(cursor.value).toBeUndefined();
@@ -141,6 +143,48 @@ describe("the cursor", () => {
     expect(actions.cursorBeside()).toBe("after");
     actions.centreAt(500);
     expect(actions.cursorBeside()).toBeUndefined();
+  });
+
+  it("stays with a second one until memory no longer has the samples between them", () => {
+    actions.pin(995);
+    actions.pinMeasure(990);
+    now = 1500;
+    actions.dropPassed();
+    expect([actions.cursorTime(), measure.value]).toEqual([995, 990]);
+    actions.pinMeasure(99);
+    actions.dropPassed();
+    expect([actions.cursorTime(), measure.value]).toEqual([995, undefined]);
+    actions.dropPassed();
+    expect(actions.cursorTime()).toBeUndefined();
+  });
+
+  it("begins measuring inside the window with one key, and ends it with the same", () => {
+    actions.toggleMeasure();
+    expect(actions.cursorTime()).toBeCloseTo(980 + 20 / 3, 9);
+    expect(measure.value).toBeCloseTo(980 + 40 / 3, 9);
+    actions.toggleMeasure();
+    expect(measure.value).toBeUndefined();
+    actions.pin(999);
+    actions.toggleMeasure();
+    expect([actions.cursorTime(), measure.value]).toEqual([999, 999 - 20 / 3]);
+    actions.stepMeasure(2);
+    expect(measure.value).toBe(994);
+  });
+
+  it("snaps to samples, and waits for those that are not loaded yet", () => {
+    actions.setSnap(true);
+    actions.pin(990.4);
+    expect(actions.cursorTime()).toBe(990);
+    known = 900;
+    actions.pinMeasure(950.7);
+    actions.settle();
+    expect(measure.value).toBe(950.7);
+    known = Infinity;
+    actions.settle();
+    expect(measure.value).toBe(951);
+    actions.setSnap(false);
+    actions.pin(990.4);
+    expect(actions.cursorTime()).toBe(990.4);
   });
 
   it("steps from sample to sample, pauses, and takes the view along", () => {

@@ -3,6 +3,7 @@
  * signals of their view (view-state.ts) and nothing else. Facts about the data (the server's clock, the range in memory, the samples
  * around a time, the series on screen) come from the `Horizon` that the plots attach.
  */
+import type { PlotSpec } from "../plots/plot-selection";
 import type { View, ViewSignals } from "./view-state";
 
 /** The data that the view moves over. */
@@ -13,6 +14,10 @@ export interface Horizon {
   bounds(): { readonly first: number; readonly last: number } | undefined;
   /** Time of the sample `steps` samples after (before, if negative) time t; undefined at the ends. */
   step(t: number, steps: number): number | undefined;
+  /** Time of the sample nearest to t; undefined while the samples around it are unknown. */
+  nearest(t: number): number | undefined;
+  /** The plots on screen. */
+  plots(): readonly PlotSpec[];
   /** Keys of the series on screen, in digit order. */
   series(): readonly string[];
   /** Keys of the series in the same plot as this one. */
@@ -27,6 +32,8 @@ const NOTHING: Horizon = {
   now: () => Date.now() / 1000,
   bounds: () => undefined,
   step: () => undefined,
+  nearest: () => undefined,
+  plots: () => [],
   series: () => [],
   beside: () => [],
 };
@@ -39,6 +46,8 @@ export class ViewActions {
   #horizon = NOTHING;
   /** Whether all of memory is shown and kept in view while it grows, until the view is changed otherwise. */
   #fitted = false;
+  /** Cursors to be put on a sample as soon as the samples around them are known. */
+  readonly #unsettled = new Set<"a" | "b">();
 
   constructor(state: ViewSignals) {
     this.#state = state;
@@ -190,21 +199,87 @@ export class ViewActions {
     else if (t < end - now.span) this.#change({ end: t + now.span });
   }
 
+  /** Pin the reading cursor, which is A while measuring. */
   pin(time: number): void {
-    this.#state.cursor.value = { kind: "pinned", time };
+    this.#put("a", time);
+    this.#settle("a");
   }
 
-  /** Pin the second cursor, for measuring. */
+  /** Pin cursor B, for measuring. */
   pinMeasure(time: number): void {
-    this.#state.measure.value = time;
+    this.#put("b", time);
+    this.#settle("b");
   }
 
-  /** Live, a pin moves left with the data; remove one that has left the window: nothing reads off-screen samples. */
+  /** Move cursor B by samples; the view stays. */
+  stepMeasure(samples: number): void {
+    const at = this.#state.measure.peek();
+    const t = at === undefined ? undefined : this.#horizon.step(at, samples);
+    if (t !== undefined) this.#put("b", t);
+  }
+
+  /** Begin measuring with both cursors in the window, or end it: B goes. A pinned cursor in the window stays where it is. */
+  toggleMeasure(): void {
+    if (this.#state.measure.peek() !== undefined) {
+      this.#state.measure.value = undefined;
+      return;
+    }
+    const now = this.#state.view.peek();
+    const end = this.rightEdge(now);
+    const bounds = this.#horizon.bounds();
+    const last = Math.min(end, bounds?.last ?? end);
+    const inMemory = last - Math.max(end - now.span, bounds?.first ?? -Infinity);
+    const third = (inMemory > 0 ? inMemory : now.span) / 3;
+    const at = this.#state.cursor.peek();
+    const isInside = at?.kind === "pinned" && at.time >= end - now.span && at.time <= end;
+    const a = isInside ? at.time : last - 2 * third;
+    if (!isInside) this.pin(a);
+    this.pinMeasure(a + third <= last ? a + third : a - third);
+  }
+
+  /** The plots on screen. */
+  plots(): readonly PlotSpec[] {
+    return this.#horizon.plots();
+  }
+
+  setSnap(on: boolean): void {
+    this.#state.snap.value = on;
+    if (!on) return this.#unsettled.clear();
+    if (this.#state.cursor.peek()?.kind === "pinned") this.#settle("a");
+    if (this.#state.measure.peek() !== undefined) this.#settle("b");
+  }
+
+  #put(which: "a" | "b", time: number): void {
+    if (which === "a") this.#state.cursor.value = { kind: "pinned", time };
+    else this.#state.measure.value = time;
+  }
+
+  /** Put a cursor on the nearest sample, now or once that is known, if cursors snap. */
+  #settle(which: "a" | "b"): void {
+    if (!this.#state.snap.peek()) return;
+    const time = which === "a" ? this.cursorTime() : this.#state.measure.peek();
+    const nearest = time === undefined ? undefined : this.#horizon.nearest(time);
+    if (time !== undefined && nearest === undefined) this.#unsettled.add(which);
+    else this.#unsettled.delete(which);
+    if (nearest !== undefined && nearest !== time) this.#put(which, nearest);
+  }
+
+  /** Put waiting cursors on their samples; called every frame. */
+  settle(): void {
+    for (const which of [...this.#unsettled]) this.#settle(which);
+  }
+
+  /**
+   * Live, a pin moves left with the data; remove one that has left the window: nothing reads off-screen samples. Two pins measure,
+   * and stay for as long as memory has all that lies between them.
+   */
   dropPassed(): void {
     const now = this.#state.view.peek();
     if (!now.live) return;
-    const first = this.rightEdge(now) - now.span;
     const at = this.#state.cursor.peek();
+    const isPair = at?.kind === "pinned" && this.#state.measure.peek() !== undefined;
+    const edge = this.rightEdge(now) - now.span;
+    const first = isPair ? Math.min(edge, this.#horizon.bounds()?.first ?? edge) : edge;
     if (at?.kind === "pinned" && at.time < first) this.#state.cursor.value = undefined;
     if ((this.#state.measure.peek() ?? Infinity) < first) this.#state.measure.value = undefined;
   }

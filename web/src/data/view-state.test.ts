@@ -7,6 +7,8 @@ const over = (first: number, last: number): ViewState => {
   state.actions.attachPlots({
     now: () => last,
     bounds: () => ({ first, last }),
+    nearest: () => undefined,
+    plots: () => [],
     step: (t, steps) => t + steps,
     series: () => series,
     beside: () => series,

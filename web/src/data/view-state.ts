@@ -47,8 +47,10 @@ export interface CustomPlot {
 export interface ViewSignals {
   readonly view: Signal<View>;
   readonly cursor: Signal<Cursor>;
-  /** The second cursor, for measuring: unix seconds. */
+  /** Cursor B, for measuring against the pinned reading cursor, which is A: unix seconds. */
   readonly measure: Signal<number | undefined>;
+  /** Whether cursors are put on samples. */
+  readonly snap: Signal<boolean>;
   /** Series hidden by the user, as `${channelName}.${columnName}`. */
   readonly hiddenSeries: Signal<ReadonlySet<string>>;
   /** Norms seen so far, by the same keys: each is hidden once, when first seen, because the legend shows it and it is drawn on request. */
@@ -71,6 +73,7 @@ export function createViewState(like?: ViewSignals): ViewState {
     view: signal<View>({ device: undefined, live: true, end: 0, span: 20, timeBase: "device" }),
     cursor: signal<Cursor>(undefined),
     measure: signal<number | undefined>(undefined),
+    snap: signal(like?.snap.peek() ?? false),
     hiddenSeries: signal(like?.hiddenSeries.peek() ?? new Set<string>()),
     knownNorms: new Set(like?.knownNorms),
     extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),

@@ -77,6 +77,10 @@ function act(action: KeyAction, app: App): void {
       return actions.pan(action.windows);
     case "step":
       return actions.stepSample(action.samples);
+    case "stepMeasure":
+      return actions.stepMeasure(action.samples);
+    case "measure":
+      return actions.toggleMeasure();
     case "span":
       return actions.setSpan(nextSpan(view.value.span, action.longer));
     case "zoom":

@@ -3,6 +3,7 @@ import { AnalysisDialog } from "../analysis/dialog";
 import { mountLargeTrack } from "../attitude/track-dialog";
 import { mountAttitude } from "../attitude/panel";
 import { AddDevice } from "../forms/add-device";
+import { MeasurePanel } from "../measure/measure-panel";
 import { mountStack } from "../plots/plot-stack";
 import { SignalsPanel } from "../signals/panel";
 import { Dialog } from "../ui/dialog";
@@ -95,6 +96,7 @@ function Centre({ app }: { readonly app: App }) {
       <div class="plots" id="plots" tabIndex={-1}>
         <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountStack(host, app)} />
       </div>
+      <MeasurePanel deps={app} />
     </>
   );
 }

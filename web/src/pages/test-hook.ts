@@ -9,7 +9,7 @@ import type { ReplayController } from "../recordings/replay-controller";
 declare global {
   interface Window {
     /** The live store, and the view that is on screen. */
-    imuscope?: Pick<ViewState, "view" | "cursor"> & { readonly store: Store };
+    imuscope?: Pick<ViewState, "view" | "cursor" | "measure" | "actions"> & { readonly store: Store };
     /** The recording that is open. */
     imuscopeReplay?: ReplayController | undefined;
   }
@@ -25,6 +25,12 @@ export function showLive(store: Store, viewState: ViewState): void {
     },
     get cursor() {
       return shown().cursor;
+    },
+    get measure() {
+      return shown().measure;
+    },
+    get actions() {
+      return shown().actions;
     },
   };
 }

@@ -79,8 +79,8 @@ function chips(
   const right = w.left + w.width;
   const wide = (text: string): number => x.measureText(text).width + 14;
   // an off-screen reading is shown at the edge: its values would be mistaken for those on screen
-  const time =
-    cursorAt < w.t0 ? `◂ ${clock(cursorAt, 3)}` : cursorAt > w.t1 ? `${clock(cursorAt, 3)} ▸` : clock(cursorAt, 3);
+  const at = measureAt === undefined ? clock(cursorAt, 3) : TEXT.cursorA(clock(cursorAt, 3));
+  const time = cursorAt < w.t0 ? `◂ ${at}` : cursorAt > w.t1 ? `${at} ▸` : at;
   const half = wide(time) / 2;
   const centre = Math.min(Math.max(xOf(w, cursorAt), least + half), right - half);
   const cursor = { text: time, from: centre - half, to: centre + half, yours: false };

@@ -7,6 +7,7 @@
  *     wheel           zooms about the pointer             two fingers    zoom and pan
  *     click on the time of a cursor beside the window     goes there
  *
+ *     drag on a cursor  moves it: A the pinned one, B the measuring one
  *     a finger that rests pins the measuring cursor
  *
  * One finger moves along time; vertically it scrolls the page, which `touch-action: pan-y` leaves to the browser.
@@ -18,6 +19,9 @@ import { timeAt, xOf, type TimeWindow } from "./time-window";
 const CLICK_PX = 4;
 /** A click this near to the pin removes it, px. */
 const UNPIN_PX = 5;
+/** A drag that begins this near to a cursor moves the cursor, px; and with a finger. */
+const GRIP_PX = 5;
+const FINGER_PX = 16;
 /** Change of the window's length per px of wheel: a notch of 100 px is about 15 %. */
 const WHEEL = 0.0015;
 /** Dragging the box of the strip to within this fraction of its end goes live again. */
@@ -34,7 +38,11 @@ export interface Surface {
   strip(): TimeWindow | undefined;
   /** The span being selected, or undefined. */
   selecting(span: readonly [number, number] | undefined): void;
+  /** A press at this height of the stack, px. */
+  aim(y: number): void;
 }
+
+type Grip = "a" | "b";
 
 interface Press {
   readonly id: number;
@@ -42,11 +50,17 @@ interface Press {
   readonly shift: boolean;
   readonly end: number;
   readonly strip: boolean;
+  /** The cursor that the press took hold of. */
+  readonly grip: Grip | undefined;
   moved: boolean;
 }
 
 /** Listen on the stack; the returned function stops. Canvases only: legends, names and buttons have their own handlers. */
-export function listen(stack: HTMLElement, { view, cursor, actions }: ViewState, surface: Surface): () => void {
+export function listen(
+  stack: HTMLElement,
+  { view, cursor, measure, actions }: ViewState,
+  surface: Surface,
+): () => void {
   const fingers = new Map<number, number>();
   let resting: ReturnType<typeof setTimeout> | undefined;
   let press: Press | undefined;
@@ -68,6 +82,22 @@ export function listen(stack: HTMLElement, { view, cursor, actions }: ViewState,
     const w = surface.window();
     if (w === undefined || cursor.peek()?.kind === "pinned") return;
     cursor.value = inside(w, x) ? { kind: "pointer", fraction: (x - w.left) / w.width } : undefined;
+  };
+  /** The cursor at x, if a press there would take hold of it. */
+  const gripAt = (x: number, reach: number): Grip | undefined => {
+    const w = surface.window();
+    if (w === undefined) return undefined;
+    const at = { a: cursor.peek()?.kind === "pinned" ? actions.cursorTime() : undefined, b: measure.peek() };
+    const away = ({ a, b } = at): readonly (readonly [Grip, number])[] =>
+      (
+        [
+          ["b", b],
+          ["a", a],
+        ] as const
+      ).flatMap(([name, t]) => (t === undefined ? [] : [[name, Math.abs(xOf(w, t) - x)] as const]));
+    return away()
+      .filter(([, distance]) => distance < reach)
+      .sort(([, one], [, other]) => one - other)[0]?.[0];
   };
   const moveStrip = (x: number): void => {
     const strip = surface.strip();
@@ -95,7 +125,11 @@ export function listen(stack: HTMLElement, { view, cursor, actions }: ViewState,
     clearTimeout(resting);
     stack.classList.add("dragging");
     if (held.strip) moveStrip(x);
-    else if (held.shift) surface.selecting([timeAt(w, held.x), timeAt(w, x)]);
+    else if (held.grip !== undefined) {
+      const t = timeAt(w, Math.min(w.left + w.width, Math.max(w.left, x)));
+      if (held.grip === "a") actions.pin(t);
+      else actions.pinMeasure(t);
+    } else if (held.shift) surface.selecting([timeAt(w, held.x), timeAt(w, x)]);
     else actions.panTo(held.end - ((x - held.x) / w.width) * w.span);
   };
   /** With no cursor yet, the first is put there. */
@@ -139,6 +173,7 @@ export function listen(stack: HTMLElement, { view, cursor, actions }: ViewState,
     (event.target as Element).setPointerCapture(event.pointerId);
     fingers.set(event.pointerId, xIn(event));
     clearTimeout(resting);
+    surface.aim(event.clientY - stack.getBoundingClientRect().top + stack.scrollTop);
     if (event.pointerType === "touch" && fingers.size === 1 && !inStrip(event))
       resting = setTimeout(measureHere, REST_MS);
     // A second finger turns the press into a pinch.
@@ -151,13 +186,21 @@ export function listen(stack: HTMLElement, { view, cursor, actions }: ViewState,
             shift: event.shiftKey,
             end: actions.rightEdge(),
             strip: inStrip(event),
+            grip:
+              event.shiftKey || inStrip(event)
+                ? undefined
+                : gripAt(xIn(event), event.pointerType === "touch" ? FINGER_PX : GRIP_PX),
             moved: false,
           };
   });
   on("pointermove", (event) => {
     if (fingers.size > 1 && fingers.has(event.pointerId)) return pinch(event);
     if (press?.id === event.pointerId) drag(event, press);
-    if (event.pointerType === "mouse" && onCanvas(event) && !inStrip(event)) hover(xIn(event));
+    if (event.pointerType === "mouse" && onCanvas(event) && !inStrip(event)) {
+      hover(xIn(event));
+      const isGrip = (press?.grip ?? gripAt(xIn(event), GRIP_PX)) !== undefined;
+      stack.classList.toggle("grip", isGrip && !event.shiftKey);
+    }
   });
   const end = (event: PointerEvent): void => {
     clearTimeout(resting);

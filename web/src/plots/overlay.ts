@@ -5,7 +5,7 @@
 import type { Loss } from "../data/losses";
 import { drawMarkers, type MarkLine } from "./markers";
 import type { Palette, CanvasLayer } from "./canvas-style";
-import { hatch } from "./canvas-style";
+import { hatch, setFont } from "./canvas-style";
 import type { Plot } from "./plot";
 import { type Reads, valueAt } from "./legend";
 import { xOf, type TimeWindow } from "./time-window";
@@ -78,6 +78,12 @@ export function drawGlass(
   if (marks.cursor === undefined) return;
   x.fillStyle = look.colour.ink;
   line(xOf(w, marks.cursor), 1);
+  if (marks.measure !== undefined && first)
+    for (const [name, t, colour] of [
+      ["A", marks.cursor, "ink"],
+      ["B", marks.measure, "yours"],
+    ] as const)
+      drawLetter(x, name, xOf(w, t), first.top, w, look, colour);
   dots(x, plots, w, look, marks.cursor, hidden, marks.reads);
 }
 
@@ -109,6 +115,30 @@ function drawMeasure(
   }
   x.stroke();
   x.setLineDash([]);
+}
+
+/** Side of the box of a cursor's letter, px. */
+const LETTER_PX = 14;
+
+/** The letter of a cursor at its upper end. */
+function drawLetter(
+  x: CanvasRenderingContext2D,
+  letter: string,
+  px: number,
+  top: number,
+  w: TimeWindow,
+  look: Palette,
+  colour: "ink" | "yours",
+): void {
+  if (px < w.left - 1 || px > w.left + w.width + 1) return;
+  const left = Math.min(Math.max(w.left, px - LETTER_PX / 2), w.left + w.width - LETTER_PX);
+  x.fillStyle = look.colour[colour];
+  x.fillRect(left, top, LETTER_PX, LETTER_PX);
+  x.fillStyle = look.colour[colour === "ink" ? "bg" : "yours-ink"];
+  x.textAlign = "center";
+  x.textBaseline = "middle";
+  setFont(x, look, 10.5, 650);
+  x.fillText(letter, left + LETTER_PX / 2, top + LETTER_PX / 2 + 0.5);
 }
 
 /** A dot on each trace at the cursor. */

@@ -33,6 +33,7 @@ import { Plot } from "./plot";
 import { protocolAmong } from "../wire/capabilities";
 import { type PlotSpec, plotsOf } from "./plot-selection";
 import { timeWindow, type TimeWindow } from "./time-window";
+import { nearestSample } from "../measure/nearest-sample";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/plots";
 import "./plots.css";
@@ -89,6 +90,8 @@ class Stack {
   #layoutDue = true;
   #window: TimeWindow | undefined;
   #selection: readonly [number, number] | undefined;
+  /** The plot last pressed: cursors snap to its samples. */
+  #aimed: Plot | undefined;
   #cursorWas = "";
   #panes: readonly Pane[] = [];
   /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
@@ -144,6 +147,7 @@ class Stack {
         window: () => this.#window,
         strip: () => this.#strip.window,
         selecting: (span) => (this.#selection = span),
+        aim: (y) => (this.#aimed = this.#plots.findLast(({ top }) => top <= y)),
       }),
       effect(() => {
         const { extraPlots, customPlots } = this.#state;
@@ -157,6 +161,8 @@ class Stack {
       now: () => this.#now(),
       bounds: () => this.#bounds(),
       step: (t, steps) => this.#step(t, steps),
+      nearest: (t) => this.#nearest(t),
+      plots: () => this.#plots.map(({ spec }) => spec),
       series: () => this.#plots.flatMap(({ spec }) => plain(spec)),
       beside: (key) =>
         this.#plots.filter(({ spec }) => spec.series.some((one) => one.key === key)).flatMap(({ spec }) => plain(spec)),
@@ -282,6 +288,7 @@ class Stack {
     const width = this.#axis.width - this.#look.gutter - this.#look.tail;
     if (width < 20) return;
     this.#state.actions.dropPassed();
+    this.#state.actions.settle();
     const w = (this.#window = timeWindow(
       this.#state.view.peek(),
       this.#now(),
@@ -432,6 +439,14 @@ class Stack {
     const i = ring.indexAt(t + 5e-7, base) + steps;
     if (i < 0 || i >= ring.length) return undefined;
     return base === "device" ? ring.time(i) : ring.arrival(i);
+  }
+
+  /** The sample nearest to t, of the first visible series of the plot last pressed; undefined while its neighbours are not loaded. */
+  #nearest(t: number): number | undefined {
+    const plot = this.#aimed !== undefined && this.#plots.includes(this.#aimed) ? this.#aimed : this.#plots[0];
+    const hidden = this.#state.hiddenSeries.peek();
+    const series = plot?.spec.series.find(({ key }) => !hidden.has(key)) ?? plot?.spec.series[0];
+    return series && nearestSample(this.#reads(series.channel, t).ring, t, this.#state.view.peek().timeBase);
   }
 
   dispose(): void {

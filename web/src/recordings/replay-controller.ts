@@ -291,6 +291,11 @@ export class ReplayController {
     return store.channel(channel.info.device, channel.info.name) ?? channel;
   }
 
+  /** The ring with all of a channel's samples of a range, if the page holds them. */
+  ringOf(channel: Channel, from: number, to: number): Ring | undefined {
+    return this.#every(this.reads(channel, this.head), from, to);
+  }
+
   /** Statistics of the window: from its samples if all are loaded, else from the server. */
   #statisticsOf(channel: Channel, column: number, { from, to }: Reading): Stats | undefined {
     const base = this.viewState.view.peek().timeBase;

@@ -63,6 +63,8 @@ export const COMMON = {
   keyPanTenth: "Back or forward by a tenth of the window",
   keyPanWindow: "Back or forward by a whole window",
   keyStep: "Back or forward one sample",
+  keyMeasure: "Measure between cursors A and B",
+  keyStepMeasure: "Cursor B back or forward one sample",
   keySpan: "Shorter or longer window",
   keyZoom: "Zoom in or out",
   keyFit: "Show everything in memory",

@@ -20,7 +20,8 @@ export const TEXT = {
   arrivalTime: "arrival time",
   utcDay: (day: Value, base: Value) => `UTC ${day}, ${base}`,
   utcBase: (base: Value) => `UTC, ${base}`,
-  measured: (duration: Value) => `Δ ${duration}`,
+  cursorA: (time: Value) => `A ${time}`,
+  measured: (duration: Value) => `B Δ ${duration}`,
 
   // history strip
   inMemory: "In memory",

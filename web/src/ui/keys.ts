@@ -23,10 +23,12 @@ export type KeyAction =
         | "help"
         | "analysis"
         | "signals"
+        | "measure"
         | "close";
     }
   | { readonly do: "pan"; readonly windows: number }
   | { readonly do: "step"; readonly samples: number }
+  | { readonly do: "stepMeasure"; readonly samples: number }
   | { readonly do: "span"; readonly longer: boolean }
   | { readonly do: "zoom"; readonly factor: number }
   | { readonly do: "series"; readonly index: number; readonly alone: boolean };
@@ -55,6 +57,8 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["←", "→"], what: COMMON.keyPanTenth },
   { keys: ["Shift ←", "Shift →"], what: COMMON.keyPanWindow },
   { keys: [",", "."], what: COMMON.keyStep },
+  { keys: ["B"], what: COMMON.keyMeasure },
+  { keys: ["Shift ,", "Shift ."], what: COMMON.keyStepMeasure },
   { keys: ["[", "]"], what: COMMON.keySpan },
   { keys: ["+", "−"], what: COMMON.keyZoom },
   { keys: ["F"], what: COMMON.keyFit },
@@ -91,6 +95,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   c: { do: "link" },
   a: { do: "analysis" },
   s: { do: "signals" },
+  b: { do: "measure" },
   "?": { do: "help" },
   escape: { do: "close" },
 };
@@ -104,6 +109,9 @@ export function actionFor(press: KeyPress): KeyAction | undefined {
   }
   if (key === "r") return { do: press.shiftKey ? "record" : "askRecord" };
   if (key === "m") return { do: press.shiftKey ? "note" : "mark" };
+  // with Shift they type something else on every layout
+  const side = press.code === "Comma" ? -1 : press.code === "Period" ? 1 : 0;
+  if (press.shiftKey && side !== 0) return { do: "stepMeasure", samples: side };
   const digit = /^(?:Digit|Numpad)([1-9])$/.exec(press.code);
   if (digit) return { do: "series", index: Number(digit[1]) - 1, alone: press.shiftKey };
   return SIMPLE[key];

@@ -65,6 +65,13 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
       replay.playing.value = false;
       actions.stepSample(action.samples);
       return true;
+    case "stepMeasure":
+      actions.stepMeasure(action.samples);
+      return true;
+    case "measure":
+      replay.playing.value = false;
+      actions.toggleMeasure();
+      return true;
     case "span":
       actions.setSpan(nextSpan(view.peek().span, action.longer));
       return true;

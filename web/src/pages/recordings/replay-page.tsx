@@ -3,7 +3,9 @@ import { useEffect, useRef } from "preact/hooks";
 import { AnalysisDialog } from "../../analysis/dialog";
 import { mountAttitude } from "../../attitude/panel";
 import { mountLargeTrack } from "../../attitude/track-dialog";
+import type { MeasureDeps } from "../../measure/panel";
 import { onFrame } from "../../data/render-loop";
+import { MeasurePanel } from "../../measure/measure-panel";
 import { mountStack } from "../../plots/plot-stack";
 import { placeHref, readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
@@ -105,6 +107,7 @@ function Panels({ recording: { replay, deps } }: { readonly recording: OpenRecor
       <div class="plots" id="plots" tabIndex={-1}>
         <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountPlots(host, replay, deps)} />
       </div>
+      <MeasurePanel deps={measureDeps(replay)} />
     </>
   );
 }
@@ -123,6 +126,21 @@ function Analysis({ recording: { replay, app, deps } }: { readonly recording: Op
       onClose={() => (app.overlay.value = undefined)}
     />
   );
+}
+
+function measureDeps(replay: ReplayController): MeasureDeps {
+  const { info, devices } = replay.detail;
+  return {
+    viewState: replay.viewState,
+    reads: (channel, t) => replay.reads(channel, t),
+    ringOf: (channel, t0, t1) => replay.ringOf(channel, t0, t1),
+    source: {
+      id: info.id,
+      prefix: (device) => (devices.length > 1 ? `${device}/` : ""),
+      sent: (id) => replay.detail.channels.find((one) => one.id === id),
+      changeOf: (id) => replay.near.changeOf(id),
+    },
+  };
 }
 
 function mountPlots(host: HTMLElement, replay: ReplayController, deps: Pick<Deps, "open">): Panel {

@@ -1,0 +1,144 @@
+"""Measuring in a real browser, counted in actions from a fresh page, and its numbers against those of the server."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
+from tests.browser.test_page import opened as live
+from tests.browser.test_recordings import ask, opened, recorded
+from tests.chromium import until
+from tests.server_process import ServerProcess
+
+__all__ = ["recorded"]  # a fixture
+
+PANEL = "document.querySelector('.measure')"
+COUNTED = f"{PANEL} !== null && {PANEL}.querySelector('.pending') === null && {PANEL}.querySelector('td') !== null"
+SOURCE = "sim:xbus?product=MTi-630&rate=100&seed=1"
+COPIED = "window.copied = undefined; navigator.clipboard.writeText = async text => { window.copied = text; }"
+
+
+def area(page: Page) -> tuple[float, float, float]:
+    """Left and right edge of the plots, and a height within the first one, px."""
+    box = page.locator(".stack .plot > canvas").first.bounding_box()
+    assert box is not None
+    gutter = page.evaluate(
+        "parseFloat(getComputedStyle(document.querySelector('.stack')).getPropertyValue('--gutter-w'))"
+    )
+    tail = page.evaluate("parseFloat(getComputedStyle(document.querySelector('.stack')).getPropertyValue('--tail-w'))")
+    return box["x"] + gutter, box["x"] + box["width"] - tail, box["y"] + box["height"] * 0.6
+
+
+def figures(page: Page) -> list[dict[str, str]]:
+    """The lines of the table as copied."""
+    page.evaluate(COPIED)
+    page.get_by_role("button", name="Copy CSV").click()
+    until(page, "window.copied !== undefined")
+    return list(csv.DictReader(io.StringIO(page.evaluate("window.copied"))))
+
+
+def test_two_clicks_measure_and_cursors_are_dragged(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    page = live(serve(SOURCE), open_page, DESKTOP)
+    until(page, "imuscope.store.channels.value.some(({ring}) => ring.length > 800)")
+    left, right, y = area(page)
+    page.mouse.click(left + 0.8 * (right - left), y)
+    page.keyboard.down("Shift")
+    page.mouse.click(left + 0.9 * (right - left), y)
+    page.keyboard.up("Shift")
+    page.get_by_role("button", name="Pause").click()  # a live window moves on while axe looks
+    until(page, COUNTED)
+    assert serious(page, PANEL) == []
+    span, end, b = page.evaluate("[imuscope.view.value.span, imuscope.view.value.end, imuscope.measure.value]")
+    left, right, y = area(page)
+    x = right - (end - b) / span * (right - left)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x - 60, y, steps=4)
+    page.mouse.up()
+    moved = page.evaluate("imuscope.measure.value")
+    assert moved == pytest.approx(b - 60 * span / (right - left), abs=2 * span / (right - left))
+    page.get_by_role("button", name="Snap to samples").click()
+    until(
+        page,
+        """imuscope.store.channels.value.some(({info, ring}) => info.name === 'Acceleration'
+            && Array.from({length: ring.length}, (_, i) => ring.time(i)).includes(imuscope.measure.value))""",
+    )
+    page.keyboard.press("Escape")
+    until(page, f"{PANEL} === null")
+
+
+def test_one_key_measures_live_and_on_a_phone(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    server = serve(SOURCE)
+    page = live(server, open_page, DESKTOP)
+    page.keyboard.press("b")
+    until(page, COUNTED)
+    page.keyboard.press("b")
+    until(page, f"{PANEL} === null")
+    page = live(server, open_page, PHONE)
+    left, right, y = area(page)
+    page.touchscreen.tap(left + 0.8 * (right - left), y)
+    finger = page.context.new_cdp_session(page)
+    place = {"x": left + 0.9 * (right - left), "y": y}
+    finger.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [place]})
+    until(page, "imuscope.measure.value !== undefined")
+    finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    until(page, COUNTED)
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
+    small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{PANEL}.querySelectorAll"))
+    assert not small, small
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_numbers_of_a_recording_are_those_of_numpy(
+    recorded: ServerProcess, open_page: Callable[..., Page], whole: bool
+) -> None:
+    """The same definitions everywhere: counted on the page, on the server, and here."""
+    page = opened(recorded, open_page)
+    if not whole:
+        page.evaluate(
+            """const {end, span} = imuscope.view.value;
+            imuscope.actions.select(end - 0.7 * span, end - 0.3 * span);"""
+        )
+    page.keyboard.press("b")
+    until(page, COUNTED)
+    rows = {row["signal"]: row for row in figures(page)}
+    [info] = ask(recorded, "GET", "/api/recordings")
+    device = page.evaluate("imuscope.view.value.device")
+    for name in ("Acceleration.x", "RateOfTurn.z"):
+        row = rows[name]
+        body: dict[str, Any] = {
+            "source": info["id"],
+            "signals": [f"{device}/{name}"],
+            "t0": min(float(row["t_a_s"]), float(row["t_b_s"])),
+            "t1": max(float(row["t_a_s"]), float(row["t_b_s"])),
+        }
+        [samples] = ask(recorded, "POST", "/api/analysis/expression", body)
+        time, values = np.array(samples["figures"]["time"]), np.array(samples["figures"]["values"])
+        steps = np.diff(time)
+        expected = {
+            "n": len(values),
+            "mean": values.mean(),
+            "sigma": values.std(ddof=1),
+            "rms": np.sqrt((values**2).mean()),
+            "min": values.min(),
+            "max": values.max(),
+            "peak_to_peak": np.ptp(values),
+            "slope": np.polyfit(time - time[0], values, 1)[0],
+            "integral": np.trapezoid(values, time),
+            "gaps": np.count_nonzero(steps > 1.5 * np.median(steps)),
+        }
+        assert len(values) > 100
+        for key, value in expected.items():
+            assert float(row[key]) == pytest.approx(value, rel=1e-6, abs=1e-9), key
+        assert row["slope_unit"] == samples["units"]["values"].replace("m/s²", "m/s³").replace("°/s", "°/s²")

@@ -1,0 +1,112 @@
+/**
+ * Figures of a column between two moments, from a ring that holds all of its samples there. The definitions are those of
+ * server/analysis/methods/statistics.py, so that both give the same numbers: samples with t0 ≤ t ≤ t1; an angle that wraps has a
+ * circular mean and σ, is unwrapped for slope and peak to peak, and has no integral.
+ */
+import type { Ring } from "./ring-buffer";
+import { statsOf } from "./statistics";
+import type { TimeBase } from "./view-state";
+
+export interface RangeFigures {
+  readonly n: number;
+  readonly mean: number;
+  readonly sigma: number;
+  readonly rms: number;
+  readonly min: number;
+  readonly max: number;
+  readonly peakToPeak: number;
+  /** Of the least-squares line, per second. */
+  readonly slope: number;
+  /** By the trapezoidal rule. */
+  readonly integral: number;
+  /** Steps longer than GAP usual ones. */
+  readonly gaps: number;
+}
+
+export const NO_FIGURES: RangeFigures = {
+  n: 0,
+  mean: NaN,
+  sigma: NaN,
+  rms: NaN,
+  min: NaN,
+  max: NaN,
+  peakToPeak: NaN,
+  slope: NaN,
+  integral: NaN,
+  gaps: 0,
+};
+
+/** A step of more than this many usual ones is a gap. */
+const GAP = 1.5;
+
+export function figuresOf(
+  ring: Ring,
+  column: number,
+  t0: number,
+  t1: number,
+  base: TimeBase,
+  period: number,
+): RangeFigures {
+  const values = ring.columns[column];
+  if (values === undefined) return NO_FIGURES;
+  const { mask } = ring;
+  const [from, to] = [ring.row(t0, base), ring.row(t1, base, true)];
+  const stats = statsOf(values, mask, from, to, period);
+  if (stats.n === 0) return NO_FIGURES;
+  const times = base === "device" ? ring.times : ring.arrivals;
+  const steps = new Float64Array(stats.n - 1);
+  let n = 0;
+  let square = 0;
+  let integral = 0;
+  let meanT = 0;
+  let meanV = 0;
+  let tt = 0;
+  let tv = 0;
+  let low = Infinity;
+  let high = -Infinity;
+  let lastT = NaN;
+  let lastV = NaN;
+  let turned = 0; // whole turns that unwrap an angle
+  for (let row = from; row < to; row++) {
+    const raw = values[row & mask]!;
+    if (raw !== raw) continue;
+    const given = times[row & mask]! - t0; // small numbers: nothing is lost in the products below
+    const t = given < lastT ? lastT : given;
+    if (period > 0 && n > 0) turned += period * Math.round((lastV - (raw + turned)) / period);
+    const v = raw + turned;
+    if (n > 0) {
+      steps[n - 1] = t - lastT;
+      integral += ((v + lastV) / 2) * (t - lastT);
+    }
+    n += 1;
+    const dt = t - meanT;
+    meanT += dt / n;
+    meanV += (v - meanV) / n;
+    tt += dt * (t - meanT);
+    tv += dt * (v - meanV);
+    square += raw * raw;
+    if (v < low) low = v;
+    if (v > high) high = v;
+    lastT = t;
+    lastV = v;
+  }
+  return {
+    ...stats,
+    rms: Math.sqrt(square / n),
+    peakToPeak: high - low,
+    slope: tt > 0 ? tv / tt : NaN,
+    integral: period > 0 ? NaN : integral,
+    gaps: gapsIn(steps),
+  };
+}
+
+/** Number of steps that are gaps: longer than GAP medians. */
+function gapsIn(steps: Float64Array): number {
+  const sorted = steps.slice().sort();
+  const middle = sorted.length >> 1;
+  const usual = sorted.length % 2 === 1 ? sorted[middle]! : ((sorted[middle - 1] ?? NaN) + (sorted[middle] ?? NaN)) / 2;
+  if (!(usual > 0)) return 0;
+  let gaps = sorted.length;
+  while (gaps > 0 && sorted[gaps - 1]! > GAP * usual) gaps -= 1;
+  return sorted.length - gaps;
+}

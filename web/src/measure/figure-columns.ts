@@ -1,0 +1,119 @@
+/** The columns of the measuring table: keys, units and number formats, for the page, for text and for CSV. */
+import { figure } from "../analysis/axes";
+import { number } from "../ui/format";
+import type { RangeFigures } from "../data/range-figures";
+import { timesSeconds } from "./units";
+import { TEXT } from "../texts/measure";
+
+export type FigureKey = "a" | "b" | "delta" | keyof RangeFigures;
+export type Figures = Readonly<Record<FigureKey, number>>;
+
+export const FIGURE_KEYS: readonly FigureKey[] = [
+  "a",
+  "b",
+  "delta",
+  "mean",
+  "sigma",
+  "rms",
+  "min",
+  "max",
+  "peakToPeak",
+  "slope",
+  "integral",
+  "n",
+  "gaps",
+];
+
+/** Figures with significant digits: their size says nothing about the sensor's last digit. */
+const SIGNIFICANT: ReadonlySet<FigureKey> = new Set(["sigma", "rms", "slope", "integral"]);
+
+/** Unit of a figure of a signal. */
+export function unitOf(key: FigureKey, unit: string): string {
+  if (key === "n" || key === "gaps") return "";
+  if (key === "slope") return timesSeconds(unit, -1);
+  return key === "integral" ? timesSeconds(unit, 1) : unit;
+}
+
+export function figureText(key: FigureKey, value: number, decimals: number): string {
+  if (key === "n" || key === "gaps") return number(value, 0);
+  return SIGNIFICANT.has(key) ? figure(value, 4) : number(value, decimals);
+}
+
+/** One measured series, for copying. */
+export interface MeasuredRow {
+  /** "Acceleration.x". */
+  readonly signal: string;
+  readonly unit: string;
+  readonly decimals: number;
+  readonly figures: Figures;
+}
+
+const CSV_NAMES: Readonly<Record<FigureKey, string>> = {
+  a: "value_a",
+  b: "value_b",
+  delta: "delta",
+  mean: "mean",
+  sigma: "sigma",
+  rms: "rms",
+  min: "min",
+  max: "max",
+  peakToPeak: "peak_to_peak",
+  slope: "slope",
+  integral: "integral",
+  n: "n",
+  gaps: "gaps",
+};
+
+/** Digits of a copied number: all that a 64-bit float has to say, without its rounding. */
+const DIGITS = 12;
+/** Decimals of a unix time, s, that give the same 64-bit float again. */
+const TIME_DIGITS = 7;
+
+const quoted = (text: string): string => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+const plain = (value: number): string => (Number.isFinite(value) ? String(Number(value.toPrecision(DIGITS))) : "");
+
+/** The table as CSV: a line for each series, with the times of both cursors, unix s, and the units of the figures. */
+export function csvOf(a: number, b: number, rows: readonly MeasuredRow[]): string {
+  const head = [
+    "signal",
+    "unit",
+    "t_a_s",
+    "t_b_s",
+    ...FIGURE_KEYS.map((key) => CSV_NAMES[key]),
+    "slope_unit",
+    "integral_unit",
+  ];
+  const lines = rows.map(({ signal, unit, figures }) =>
+    [
+      quoted(signal),
+      quoted(unit),
+      a.toFixed(TIME_DIGITS),
+      b.toFixed(TIME_DIGITS),
+      ...FIGURE_KEYS.map((key) => plain(figures[key])),
+      unitOf("slope", unit),
+      unitOf("integral", unit),
+    ].join(","),
+  );
+  return `${[head.join(","), ...lines].join("\n")}\n`;
+}
+
+/** The table as aligned text under the lines in `heading`. */
+export function textOf(heading: readonly string[], rows: readonly MeasuredRow[]): string {
+  const cells = rows.map(({ signal, unit, decimals, figures }) => [
+    signal,
+    ...FIGURE_KEYS.map((key) => {
+      const own = unitOf(key, unit);
+      return figureText(key, figures[key], decimals) + (own === "" ? "" : ` ${own}`);
+    }),
+  ]);
+  const names = [TEXT.signal, ...FIGURE_KEYS.map((key) => TEXT.heads[key])];
+  const table = [names, ...cells];
+  const widths = names.map((_, c) => Math.max(...table.map((row) => row[c]?.length ?? 0)));
+  const lines = table.map((row) =>
+    row
+      .map((cell, c) => (c === 0 ? cell.padEnd(widths[c] ?? 0) : cell.padStart(widths[c] ?? 0)))
+      .join("  ")
+      .trimEnd(),
+  );
+  return `${[...heading, "", ...lines].join("\n")}\n`;
+}

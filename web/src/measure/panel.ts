@@ -1,0 +1,236 @@
+/**
+ * The measuring table: the time between cursors A and B, and figures of every visible series at both and between them. Values
+ * follow ten times a second; figures over the range are computed a little in every frame, once for each range, and are dimmed until
+ * they are those of the range shown.
+ */
+import type { Channel } from "../data/channels";
+import { figuresOf, NO_FIGURES, type RangeFigures } from "../data/range-figures";
+import type { Ring } from "../data/ring-buffer";
+import type { ViewState } from "../data/view-state";
+import { figure } from "../analysis/axes";
+import { duration } from "../plots/axis";
+import { changeOf, type Reads, valueAt } from "../plots/legend";
+import type { PlotSpec, Series } from "../plots/plot-selection";
+import { copyText } from "../ui/copy";
+import { el, LiveText, type Panel, throttle, unit } from "../ui/dom";
+import { NONE } from "../ui/format";
+import { CursorHandle } from "./cursor-handle";
+import {
+  csvOf,
+  FIGURE_KEYS,
+  type FigureKey,
+  type Figures,
+  figureText,
+  type MeasuredRow,
+  textOf,
+  unitOf,
+} from "./figure-columns";
+import { type FigureSource, type MeasuredRange, ServerFigures } from "./server-figures";
+import { TEXT } from "../texts/measure";
+import "./measure.css";
+
+export interface MeasureDeps {
+  readonly viewState: ViewState;
+  /** As the plots' (plot-stack.ts). */
+  readonly reads?: Reads;
+  /** The ring with all samples of a channel in a range; undefined: the server has them. Default: the channel's own. */
+  readonly ringOf?: (channel: Channel, t0: number, t1: number) => Ring | undefined;
+  /** The server's signals, where the page holds only some samples. */
+  readonly source?: FigureSource;
+}
+
+/** Time for figures in one frame's 16 ms, in ms; one series is done in any case. */
+const FIGURES_MS = 3;
+
+interface Line {
+  readonly series: Series;
+  readonly unit: string;
+  readonly tr: HTMLElement;
+  readonly cells: Readonly<Record<FigureKey, LiveText>>;
+  values: Pick<Figures, "a" | "b" | "delta">;
+  /** Over the range that `stamp` names. */
+  figures: RangeFigures;
+  stamp: string;
+}
+
+export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
+  const { viewState, reads, source } = deps;
+  const { actions, view } = viewState;
+  const server = source && new ServerFigures(source);
+  const [delta, frequency] = [new LiveText(), new LiveText()];
+  const handles = [new CursorHandle(viewState, "a"), new CursorHandle(viewState, "b")];
+  const said = el("span", { role: "status", class: "dim" });
+  const problem = el("span", { role: "status", class: "measure-problem" });
+  const snap = el("button", { type: "button", class: "btn toggle" }, TEXT.snap);
+  const showSnap = (): void => snap.setAttribute("aria-pressed", String(viewState.snap.peek()));
+  showSnap();
+  snap.addEventListener("click", () => {
+    actions.setSnap(!viewState.snap.peek());
+    showSnap();
+  });
+  const copy = (text: string, of: () => string): HTMLElement => {
+    const button = el("button", { type: "button", class: "btn edge" }, text);
+    button.addEventListener("click", () => {
+      void copyText(of()).then((done) => (said.textContent = done ? TEXT.copied : TEXT.notCopied));
+    });
+    return button;
+  };
+  const close = el("button", { type: "button", class: "btn icon", "aria-label": TEXT.close, title: TEXT.close }, "✕");
+  close.addEventListener("click", () => (viewState.measure.value = undefined));
+  const head = el(
+    "div",
+    { class: "measure-head" },
+    ...handles.map(({ node }) => node),
+    el("span", { class: "measure-time" }, el("span", { class: "dim" }, `${TEXT.time} `), el("b", {}, delta.node)),
+    el(
+      "span",
+      { class: "measure-time" },
+      el("span", { class: "dim" }, `${TEXT.frequency} `),
+      el("b", {}, frequency.node),
+    ),
+    problem,
+    el("span", { class: "grow" }),
+    said,
+    snap,
+    copy(TEXT.copyText, () => textOf(heading(), rows())),
+    copy(TEXT.copyCsv, () => csvOf(actions.cursorTime() ?? NaN, viewState.measure.peek() ?? NaN, rows())),
+    close,
+  );
+  const columns = el("tr", {}, el("th", { scope: "col" }, el("span", { class: "visually-hidden" }, TEXT.signal)));
+  for (const key of FIGURE_KEYS)
+    columns.append(el("th", { scope: "col", class: "num", title: TEXT.hints[key] }, TEXT.heads[key]));
+  const body = el("tbody");
+  const table = el(
+    "table",
+    {},
+    el("caption", { class: "visually-hidden" }, TEXT.title),
+    el("thead", {}, columns),
+    body,
+  );
+  const scroll = el("div", { class: "measure-table", tabindex: "0", role: "group", "aria-label": TEXT.title }, table);
+  host.append(head, scroll);
+
+  let shown = "";
+  let lines: readonly Line[] = [];
+  let turn = 0;
+  const due = throttle(10);
+
+  const heading = (): string[] => [
+    ...handles.map((handle) => handle.words()),
+    `${TEXT.time} ${delta.node.data}   ${TEXT.frequency} ${frequency.node.data}`,
+  ];
+  const rows = (): MeasuredRow[] =>
+    lines.map(({ series, unit: own, values, figures }) => ({
+      signal: series.key,
+      unit: own,
+      decimals: series.decimals,
+      figures: { ...values, ...figures },
+    }));
+
+  const read = (line: Line, a: number, b: number): void => {
+    const { timeBase: base } = view.peek();
+    const { series } = line;
+    line.values = {
+      a: valueAt(series, a, base, reads),
+      b: valueAt(series, b, base, reads),
+      delta: changeOf(series, a, b, base, reads),
+    };
+    for (const key of ["a", "b", "delta"] as const)
+      line.cells[key].set(figureText(key, line.values[key], series.decimals));
+  };
+
+  /** Compute figures of a line, or take them from the server; false while they are those of another range. */
+  const count = (line: Line, range: MeasuredRange): boolean => {
+    const { series } = line;
+    const { t0, t1, base } = range;
+    const ring = deps.ringOf === undefined ? series.channel.ring : deps.ringOf(series.channel, t0, t1);
+    const place = ring ? `${ring.generation} ${ring.row(t0, base)} ${ring.row(t1, base, true)}` : "server";
+    const stamp = `${t0} ${t1} ${base} ${place}`;
+    if (stamp === line.stamp) return true;
+    const period = series.channel.info.columns[series.column]?.period ?? 0;
+    const found = ring ? figuresOf(ring, series.column, t0, t1, base, period) : server?.of(series, range);
+    if (found === undefined) return false;
+    line.figures = found;
+    line.stamp = stamp;
+    for (const key of Object.keys(NO_FIGURES) as (keyof RangeFigures)[])
+      line.cells[key].set(figureText(key, found[key], series.decimals));
+    return true;
+  };
+
+  return {
+    update(now) {
+      const [a, b] = [actions.cursorTime(), viewState.measure.peek()];
+      if (a === undefined || b === undefined) return;
+      const range = { t0: Math.min(a, b), t1: Math.max(a, b), base: view.peek().timeBase };
+      if (due(now)) {
+        const specs = visible(actions.plots(), viewState.hiddenSeries.peek());
+        const key = keyOf(specs);
+        if (key !== shown) [shown, lines, turn] = [key, build(body, specs), 0];
+        for (const handle of handles) handle.update();
+        delta.set(duration(b - a));
+        frequency.set(a === b ? NONE : `${figure(1 / Math.abs(b - a), 5)} Hz`);
+        for (const line of lines) read(line, a, b);
+        server?.want(
+          lines
+            .map(({ series }) => series)
+            .filter(({ channel }) => deps.ringOf?.(channel, range.t0, range.t1) === undefined),
+          range,
+          now,
+        );
+        const failed = server?.problem?.message ?? "";
+        if (problem.textContent !== failed) problem.textContent = failed;
+      }
+      const until = performance.now() + FIGURES_MS;
+      for (let k = 0; k < lines.length && (k === 0 || performance.now() < until); k++) {
+        const line = lines[turn++ % lines.length];
+        line?.tr.classList.toggle("pending", !count(line, range));
+      }
+    },
+    dispose() {
+      server?.dispose();
+      host.replaceChildren();
+    },
+  };
+}
+
+/** The plots with their series that are drawn. */
+function visible(plots: readonly PlotSpec[], hidden: ReadonlySet<string>): readonly PlotSpec[] {
+  return plots
+    .map((plot) => ({ ...plot, series: plot.series.filter(({ key }) => !hidden.has(key)) }))
+    .filter(({ series }) => series.length > 0);
+}
+
+const keyOf = (plots: readonly PlotSpec[]): string =>
+  plots
+    .map(
+      ({ key, frame, series }) =>
+        `${key} ${frame} ${series.map((one) => `${one.key} ${one.channel.info.id}`).join(" ")}`,
+    )
+    .join("\n");
+
+function build(body: HTMLTableSectionElement, plots: readonly PlotSpec[]): Line[] {
+  body.replaceChildren();
+  return plots.flatMap((plot) => {
+    const title = el("th", { scope: "rowgroup" }, plot.title);
+    const group = el("tr", { class: "group-row" }, title);
+    for (const key of FIGURE_KEYS) group.append(el("td", { class: "num" }, unit(unitOf(key, plot.unit))));
+    body.append(group);
+    return plot.series.map((series) => lineOf(body, plot, series));
+  });
+}
+
+function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): Line {
+  const info = series.channel.info.columns[series.column];
+  const own = info?.unit || plot.unit;
+  const tr = el("tr", {}, el("th", { scope: "row", class: series.colour }, series.label));
+  const cells = Object.fromEntries(FIGURE_KEYS.map((key) => [key, new LiveText()])) as Record<FigureKey, LiveText>;
+  for (const key of FIGURE_KEYS) {
+    const text = unitOf(key, own);
+    const cell = el("td", { class: "num", "data-head": TEXT.heads[key] }, cells[key].node);
+    if (text !== "") cell.append(unit(text));
+    tr.append(cell);
+  }
+  body.append(tr);
+  const none = { a: NaN, b: NaN, delta: NaN };
+  return { series, unit: own, tr, cells, values: none, figures: NO_FIGURES, stamp: "" };
+}
