@@ -16,6 +16,7 @@ router = APIRouter(tags=["recorder"])
 MAX_TEXT = 2000
 MAX_TITLE = 200
 MAX_SECONDS = 86_400
+MAX_TIME = 9e9  # unix s
 
 
 def _bounded(text: str, most: int, what: str) -> None:
@@ -63,10 +64,15 @@ async def get_memory(services: TheServices) -> list[HeldBytes]:
 async def save_memory(body: SaveMemoryRequest, services: TheServices) -> SavedMemory:
     """Save the last bytes of these devices, or of all, from memory as a recording; answers when it is complete."""
     _bounded(body.title, MAX_TITLE, "The title")
+    t0 = body.t0
     if body.seconds is not None:
         _seconds(body.seconds, "seconds")
+        t0 = services.recorder.now() - body.seconds
+    for name, time in (("t0", t0), ("t1", body.t1)):
+        if time is not None and not 0 <= time <= MAX_TIME:
+            raise DomainError("bad-request", f"{name} is {time:g} s; allowed: 0 … {MAX_TIME:g} s.", "Give unix time.")
     try:
-        return await services.recorder.save(body.devices, body.seconds, body.title)
+        return await services.recorder.save(body.devices, t0, body.t1, body.title)
     except RecordingError as error:
         raise DomainError("disk", error.message, error.hint) from None
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import platform
 import shutil
 import time
@@ -157,13 +158,13 @@ class Recorder:
             return self.state
 
     async def save(
-        self, devices: Sequence[str] | None = None, seconds: float | None = None, title: str = ""
+        self, devices: Sequence[str] | None = None, t0: float | None = None, t1: float | None = None, title: str = ""
     ) -> SavedMemory:
         """Save the bytes in memory as a recording, with what a recording of that time would also have.
 
         Args:
             devices: ids; None for all.
-            seconds: of the last ones only; None for everything.
+            t0, t1: only what arrived from t0 on and before t1, unix s; None for no limit.
             title: title given by the user; may be empty.
 
         Raises:
@@ -171,31 +172,31 @@ class Recorder:
             RecordingError: the file cannot be written.
         """
         chosen = self._chosen(devices)
-        since = 0.0 if seconds is None else self._bus.now() - seconds
-        held = self._held(chosen, since)
+        since, until = t0 or 0.0, math.inf if t1 is None else t1
+        held = self._held(chosen, since, until)
         if not held:
             raise DomainError(
                 "not-found",
                 "No bytes of these devices are in memory.",
                 "Only bytes received while the server runs are kept, unless bytes_mb is 0 in its configuration.",
             )
-        since = max(since, min(held))
+        since = max(since, min(held) - 1e-3)  # a float of unix seconds is not exact to the nanosecond
         now = await self._new_session(chosen, title, None, "", since, every=False, ask_head=False)
         for session in chosen:
             now.join(session)
         now.detach()  # what follows is not part of it
-        written = await asyncio.to_thread(now.write_past)
+        written = await asyncio.to_thread(now.write_past, until)
         await asyncio.to_thread(now.writer.stop)
         if now.writer.error is not None:
             raise now.writer.error
         self._bus.library_changed()
-        t0, t1, size = written or (0, 0, 0)
-        return SavedMemory(now.writer.path.stem, now.recorded, t0 / 1e9, t1 / 1e9, size)
+        first, last, size = written or (0, 0, 0)
+        return SavedMemory(now.writer.path.stem, now.recorded, first / 1e9, last / 1e9, size)
 
-    def _held(self, sessions: Sequence[Session], since: float) -> list[float]:
-        """Times of the first stored chunk of each link that has any since a time, unix s."""
+    def _held(self, sessions: Sequence[Session], since: float, until: float) -> list[float]:
+        """Times of the first stored chunk of each link that may have some between two times, unix s."""
         spans = [link.span for one in sessions if self._memory and (link := self._memory.of(one.info.id)) is not None]
-        return [span[0] / 1e9 for span in spans if span is not None and span[1] / 1e9 >= since]
+        return [span[0] / 1e9 for span in spans if span and span[1] / 1e9 >= since and span[0] / 1e9 < until]
 
     async def begin(self, sources: Sequence[str]) -> None:
         """Record all devices from the start of the server, before its sources are opened; errors are reported."""

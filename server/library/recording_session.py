@@ -20,6 +20,7 @@ opened.
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -29,7 +30,7 @@ from recordings.recording_writer import RecordingWriter
 from server import wire, wire_codec
 from server.configuration.controllers import ControllerRegistry
 from server.configuration.device_controller import DeviceController
-from server.devices.byte_memory import ByteMemory, Follower, Take
+from server.devices.byte_memory import LATEST_NS, ByteMemory, Follower, Take
 from server.devices.member import address_of
 from server.devices.session import Session
 from server.library.api_models import MarkerRequest
@@ -142,21 +143,26 @@ class RecordingSession:
             self._heads[device] = LogHeaderRequest(controller, lambda header: writer.device(device, header))
             self._request_header(session.info)
 
-    def write_past(self) -> tuple[int, int, int] | None:
+    def write_past(self, until: float | None = None) -> tuple[int, int, int] | None:
         """Write what was in memory, then let what has arrived since follow. Call it in a thread, after `join`.
+
+        Args:
+            until: write only what was before, unix s, and let nothing follow.
 
         Returns:
             Times of the first and the last chunk in memory, ns, and their bytes; None if there were none.
         """
         pasts, self._pasts = self._pasts, []
         for event in self._past_events:
-            self._past_event(event)
+            if until is None or event.time < until:
+                self._past_event(event)
+        until_ns = LATEST_NS if until is None or math.isinf(until) else round(until * 1e9)
         first = last = size = 0
-        for time_ns, chunks, way, take in _merged(pasts):
+        for time_ns, chunks, way, take in _merged(pasts, until_ns):
             first, last = first or time_ns, max(last, chunks[-1][1])
             size += sum(len(data) for data, _ in chunks)
             take(chunks, way)
-        for follower, _ in pasts:
+        for follower, _ in pasts if until is None else ():
             follower.begin()
         return (first, last, size) if size else None
 
@@ -255,13 +261,13 @@ class RecordingSession:
             self.writer.event(event, round(entry.time * 1e9))
 
 
-def _merged(pasts: Sequence[tuple[Follower, Take]]) -> Iterator[tuple[int, Piece, Direction, Take]]:
+def _merged(pasts: Sequence[tuple[Follower, Take]], until_ns: int) -> Iterator[tuple[int, Piece, Direction, Take]]:
     """The stored chunks of all links and directions, by time: (time of the first, chunks, direction, their taker)."""
 
     def stored(follower: Follower, take: Take, way: Direction) -> Iterator[tuple[int, Piece, Direction, Take]]:
         for run in follower.past:
-            if run.direction == way:
-                yield from ((piece[0][1], piece, way, take) for piece in run.pieces())
+            if run.direction == way and (before := run.between(0, until_ns)) is not None:
+                yield from ((piece[0][1], piece, way, take) for piece in before.pieces())
 
     streams = [stored(*past, way) for past in pasts for way in WAYS]
     return heapq.merge(*streams, key=lambda one: one[0])

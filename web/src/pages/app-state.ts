@@ -13,7 +13,7 @@ import { route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-export type Overlay = "help" | "add" | "track" | "describe" | "share-port" | "analysis" | "ros" | undefined;
+export type Overlay = "help" | "add" | "track" | "describe" | "share-port" | "analysis" | "ros" | "memory" | undefined;
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;
 

@@ -14,6 +14,8 @@ import { LiveScene, LiveViews } from "../views/viser";
 import { type App, select } from "./app-state";
 import { Bar, Dock } from "./top-bar";
 import { Describe } from "./payload-dialog";
+import { MemoryDialog } from "./memory-dialog";
+import { ExportDialog, exportingOf } from "./recordings/export-dialog";
 import { SharePort } from "./port-shares";
 import { RosTopics } from "./ros-topics";
 import { Rail } from "./device-sidebar";
@@ -130,7 +132,9 @@ function Overlays({ app }: { readonly app: App }) {
     const { id, name } = app.device.value;
     return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;
   }
+  if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;
-  return null;
+  const exporting = exportingOf(app).value;
+  return exporting ? <ExportDialog app={app} of={exporting} /> : null;
 }

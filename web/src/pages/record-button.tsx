@@ -10,7 +10,7 @@ import { age, clock } from "../ui/format";
 import { Icon } from "../ui/icons";
 import type { RecorderState } from "../wire/types";
 import { type App, perApp, run } from "./app-state";
-import { href } from "./route";
+import { href, route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -47,6 +47,11 @@ class RecordState {
       this.asking.value = false;
     }, SAID_MS);
   }
+}
+
+/** Shows a recording that was made from memory, with a link to it. */
+export function showSaved(app: App, saved: Saved): void {
+  recordOf(app).saved.value = saved;
 }
 
 const recordOf = perApp(() => new RecordState());
@@ -151,6 +156,7 @@ export function Record({ app }: { readonly app: App }) {
           <i class="record-dot" />
           <span class="desk">{asking.value ? TEXT.shiftR : TEXT.record}</span>
         </button>
+        <FromMemory app={app} />
         <Said words={said.value} />
       </>
     );
@@ -190,9 +196,26 @@ export function Record({ app }: { readonly app: App }) {
       >
         <Icon name="flag" />
       </button>
+      <FromMemory app={app} />
       {noteAt.value !== undefined && <Note app={app} time={noteAt.value} />}
       <Said words={said.value} />
     </>
+  );
+}
+
+/** What was not recorded, from memory: beside the button on Live. */
+function FromMemory({ app }: { readonly app: App }) {
+  if (route.value.page !== "live" || app.store.devices.value.length === 0) return null;
+  return (
+    <button
+      type="button"
+      class="btn icon from-memory"
+      aria-label={TEXT.saveFromMemory}
+      title={TEXT.saveFromMemoryHint}
+      onClick={() => (app.overlay.value = "memory")}
+    >
+      <Icon name="down" />
+    </button>
   );
 }
 

@@ -11,6 +11,7 @@ import type {
   PlayRequest,
   RecordingDetail,
   RecordingInfo,
+  SaveMemoryRequest,
   StartRequest,
 } from "./types";
 import { TEXT } from "../texts/recordings";
@@ -30,6 +31,10 @@ export const server = {
   start: (body: StartRequest) => request("POST /api/recordings/start", { body }),
   /** State of the recorder; changes come over the WebSocket. */
   recorder: () => request("GET /api/recorder"),
+  /** Bytes of live links that are in memory. */
+  memory: () => request("GET /api/recorder/memory"),
+  /** Saves them as a recording. */
+  saveMemory: (body: SaveMemoryRequest) => request("POST /api/recordings/save-memory", { body }),
   stop: () => request("POST /api/recordings/stop"),
   mark: (body: MarkerRequest) => request("POST /api/recordings/mark", { body }),
   /** Opens it: the answer is the progress until part of it is available; `progress` gives the available part. */

@@ -116,6 +116,10 @@ export interface SaveMemoryRequest {
   readonly devices: readonly string[] | null;
   /** the last ones only; null: everything in memory */
   readonly seconds: number | null;
+  /** instead of `seconds`: only what arrived from t0 on … */
+  readonly t0: number | null;
+  /** … and before t1 */
+  readonly t1: number | null;
   readonly title: string;
 }
 

@@ -638,7 +638,7 @@ export interface Routes {
   "GET /api/recorder/memory": { readonly answer: readonly HeldBytes[]; };
   /** Save the last bytes of these devices, or of all, from memory as a recording; answers when it is complete. */
   "POST /api/recordings/save-memory": {
-    readonly body: Defaulted<SaveMemoryRequest, "devices" | "seconds" | "title">;
+    readonly body: Defaulted<SaveMemoryRequest, "devices" | "seconds" | "t0" | "t1" | "title">;
     readonly answer: SavedMemory;
   };
   /** Stop recording; the file is complete when this answers. */

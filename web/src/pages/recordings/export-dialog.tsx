@@ -15,6 +15,7 @@ import type { ExportJob } from "../../wire/types";
 import { type App, perApp, run } from "../app-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
+import "./export.css";
 
 export interface Range {
   readonly name: string;
@@ -30,6 +31,8 @@ export interface Exporting {
   /** Start of the recording, unix s. */
   readonly first: number;
   readonly base: "device" | "arrival";
+  /** The range that is chosen at first; absent: the whole recording. */
+  readonly chosen?: Range;
 }
 
 /** What is being exported, while its dialog is open. */
@@ -39,7 +42,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const { info, detail, ranges, first, base } = of;
   const formats = formatsOf(capabilities.value.exports, info);
   const format = useSignal<ExportCapability | undefined>(formats[0]);
-  const range = useSignal<Range | undefined>(undefined);
+  const range = useSignal<Range | undefined>(of.chosen);
   const left = useSignal<ReadonlySet<number>>(new Set());
   const device = useSignal("");
   const busy = useSignal(false);

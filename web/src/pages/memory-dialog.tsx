@@ -1,0 +1,135 @@
+/** Saves or exports what has just happened: the bytes of live devices that the server has in memory. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { server } from "../recordings/api";
+import { bytes, length } from "../recordings/library-filter";
+import type { HeldBytes, SavedMemory } from "../recordings/types";
+import { Dialog } from "../ui/dialog";
+import { clock } from "../ui/format";
+import type { Problem } from "../ui/http";
+import { Icon } from "../ui/icons";
+import { ProblemNote } from "../ui/problem-note";
+import type { App } from "./app-state";
+import { showSaved } from "./record-button";
+import { exportingOf } from "./recordings/export-dialog";
+import { TEXT } from "../texts/live";
+
+/** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
+const MARGIN_S = 1;
+const LAST_S = 60;
+
+type Part = "view" | "minute" | "all";
+
+interface Props {
+  readonly app: App;
+  readonly onClose: () => void;
+}
+
+export function MemoryDialog({ app, onClose }: Props) {
+  const held = useSignal<readonly HeldBytes[] | undefined>(undefined);
+  const part = useSignal<Part>("view");
+  const busy = useSignal(false);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const { view, actions } = app.viewState;
+  // the view goes on while the dialog is open: what was in view when it was opened is meant
+  const t1 = useSignal(actions.rightEdge()).value;
+  const t0 = useSignal(t1 - view.peek().span).value;
+  useEffect(() => {
+    void server.memory().then((outcome) => {
+      if (outcome.ok) held.value = outcome.value;
+      else problem.value = outcome.problem;
+    });
+  }, [held, problem]);
+  const range = {
+    view: { t0: t0 - MARGIN_S, t1: t1 + MARGIN_S },
+    minute: { t0: t1 - LAST_S, t1: null },
+    all: { t0: null, t1: null },
+  }[part.value];
+  const save = async (): Promise<SavedMemory | undefined> => {
+    busy.value = true;
+    const outcome = await server.saveMemory({ devices: null, seconds: null, title: TEXT.partOfLive, ...range });
+    busy.value = false;
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    return outcome.ok ? outcome.value : undefined;
+  };
+  const keep = async (): Promise<void> => {
+    const saved = await save();
+    if (!saved) return;
+    showSaved(app, {
+      id: saved.id,
+      title: TEXT.partOfLive,
+      duration: saved.t1 - saved.t0,
+      bytes: saved.bytes,
+    });
+    onClose();
+  };
+  const exportIt = async (): Promise<void> => {
+    const saved = await save();
+    const list = saved && (await server.list());
+    if (!saved || !list) return;
+    const info = list.ok ? list.value.find(({ id }) => id === saved.id) : undefined;
+    if (!list.ok || !info) {
+      if (!list.ok) problem.value = list.problem;
+      return;
+    }
+    const shown = { name: TEXT.inView, t0, t1 };
+    const inView = part.value === "view";
+    exportingOf(app).value = {
+      info,
+      detail: undefined,
+      ranges: inView ? [shown] : [],
+      first: saved.t0,
+      base: view.peek().timeBase,
+      ...(inView ? { chosen: shown } : {}),
+    };
+    onClose();
+  };
+  const links = held.value ?? [];
+  const begins = Math.min(...links.map((one) => one.t0));
+  const gone = links.length > 0 && part.value === "view" && links.every((one) => one.t0 > t1 || one.t1 < t0);
+  const late = !gone && part.value === "view" && links.length > 0 && begins > t0 + MARGIN_S;
+  return (
+    <Dialog title={TEXT.saveFromMemory} onClose={onClose}>
+      <div class="from-memory-dialog">
+        <div class="segmented full-width" role="group" aria-label={TEXT.partToSave}>
+          {(["view", "minute", "all"] as const).map((one) => (
+            <button type="button" key={one} aria-pressed={part.value === one} onClick={() => (part.value = one)}>
+              {{ view: TEXT.inView, minute: TEXT.lastMinute, all: TEXT.allInMemory }[one]}
+            </button>
+          ))}
+        </div>
+        {held.value && links.length === 0 && <p role="status">{TEXT.memoryEmpty}</p>}
+        {gone && <p role="status">{TEXT.memoryGone}</p>}
+        {late && <p role="status">{TEXT.memoryBeginsLater(clock(begins))}</p>}
+        <ul class="dim" aria-busy={held.value === undefined}>
+          {links.map((one) => {
+            const size = bytes(one.size);
+            const name = app.store.devices.value.find(({ id }) => id === one.device)?.name ?? one.device;
+            return <li key={one.device}>{TEXT.memoryReaches(name, length(one.t1 - one.t0), size.value, size.unit)}</li>;
+          })}
+        </ul>
+        <p class="dim">{TEXT.memoryHint}</p>
+        {problem.value && <ProblemNote problem={problem.value} />}
+        <div class="ends">
+          <button
+            type="button"
+            class="btn edge"
+            disabled={busy.value || links.length === 0 || gone}
+            onClick={() => void exportIt()}
+          >
+            <Icon name="download" />
+            {TEXT.exportFromMemory}
+          </button>
+          <button
+            type="button"
+            class="btn main"
+            disabled={busy.value || links.length === 0 || gone}
+            onClick={() => void keep()}
+          >
+            {busy.value ? TEXT.savingFromMemory : TEXT.saveAsRecording}
+          </button>
+        </div>
+      </div>
+    </Dialog>
+  );
+}
