@@ -57,14 +57,22 @@ def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
         with entry.path.open("rb") as file:
             _with_edits(file, entry.edits, entry.probe.format, out)
         return
-    source = open_file(entry.path)
+    wrap_capture(open_file(entry.path), entry.title, entry.edits, out)
+
+
+def wrap_capture(source: Source, title: str, edits: sidecar.Edits, out: BinaryIO) -> None:
+    """Write a capture or a log as a recording: its bytes as chunks with the times derived for them.
+
+    Raises:
+        RecordingError, OSError: it cannot be read.
+    """
     topics = {n: McapChannel(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
     metadata = {
-        RECORDING: {"title": entry.title, "source": entry.path.name, **source.header},
+        RECORDING: {"title": title, "source": source.path.name, **source.header},
         **{DEVICE + name: _about(source, name) for name in source.devices},
-        EDIT: entry.edits.as_metadata(),
+        EDIT: edits.as_metadata(),
     }
-    write_recording(topics, _pieces(source, topics), metadata, entry.path.stat().st_size, out)
+    write_recording(topics, _pieces(source, topics), metadata, source.path.stat().st_size, out)
 
 
 def original_bytes(path: Path, device: str, out: BinaryIO) -> None:

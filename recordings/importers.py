@@ -75,6 +75,11 @@ class CaptureSource:
     def _bytes(self) -> BinaryIO:
         return _Joined(self._files)  # type: ignore[return-value]  # only read
 
+    @property
+    def files(self) -> list[Path]:
+        """Its files, in order."""
+        return list(self._files)
+
     def stream(self) -> BinaryIO:
         """Its bytes from the start, to be read and closed by the caller."""
         return self._bytes()

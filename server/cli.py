@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`hold`, `record`, `replay`, `decode`, `analyse`, `simulate`.
+`hold`, `record`, `replay`, `decode`, `analyse`, `upload`, `query`, `simulate`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -247,6 +247,32 @@ def _analyse(options: argparse.Namespace) -> None:
     (print_json if options.format == "json" else print_table)(reports, sys.stdout)
 
 
+def _upload(options: argparse.Namespace) -> None:
+    file = readable(options.file)
+    decode_options = decode_options_of(options)
+    prepare_decoders(options.data, size_of(file))
+    from server.commands.upload import UploadError, UploadRequest, upload_file
+
+    decode_options = checked_protocol(decode_options)
+    try:
+        with seekable(file) as path:
+            request = UploadRequest(options.store, options.robot)
+            print(upload_file(path, options.file, decode_options, request, sys.stderr))
+    except UploadError as error:
+        raise UsageError(str(error)) from None
+
+
+def _query(options: argparse.Namespace) -> None:
+    from server.commands.query import QueryCommandError, QueryRequest, answer
+
+    sql = sys.stdin.read() if options.sql == "-" else options.sql
+    request = QueryRequest(options.store, sql, options.format, options.memory, options.timeout)
+    try:
+        answer(request, sys.stdout, sys.stdout.buffer)
+    except QueryCommandError as error:
+        raise UsageError(str(error)) from None
+
+
 def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
@@ -315,6 +341,8 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "replay": _replay,
     "decode": _decode,
     "analyse": _analyse,
+    "upload": _upload,
+    "query": _query,
     "simulate": _simulate,
     "completion": _completion,
 }

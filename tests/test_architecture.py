@@ -77,6 +77,7 @@ SERVER: dict[str, set[str]] = {
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"library", "streaming"},
     "alarms": {"analysis", "streaming"},
+    "fleet": {"devices", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth", "ros2"},
     "reference": {"configuration", "library"},
     "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
@@ -103,8 +104,8 @@ SERVER: dict[str, set[str]] = {
         "timings",
     },
     "commands": {
-        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "holder", "http_server"),
-        *("jit_cache", "library", "links", "logging_setup", "login_throttle", "ros2", "streaming"),
+        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "fleet", "holder"),
+        *("http_server", "jit_cache", "library", "links", "logging_setup", "login_throttle", "ros2", "streaming"),
     },
     "cli": {"commands", "config", "devices", "diagnostics", "jit_cache", "links", "logging_setup"},
     "generate_docs": {"app", "auth", "config", "reference"},

@@ -33,7 +33,8 @@ def licence(name: str) -> tuple[str, list[str]]:
 def not_permissive(look_up: Callable[[str], tuple[str, list[str]]] = licence) -> list[str]:
     """Distributions that we link, directly or through others, under a licence that is not permissive."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    todo, seen, wrong = [Requirement(line) for line in project["dependencies"]], set[str](), []
+    extras = (line for lines in project["optional-dependencies"].values() for line in lines)
+    todo, seen, wrong = [Requirement(line) for line in (*project["dependencies"], *extras)], set[str](), []
     while todo:
         wanted = todo.pop()
         if wanted.name in seen or (wanted.marker and not wanted.marker.evaluate({"extra": ""})):

@@ -13,6 +13,7 @@ from typing import NoReturn, TypeAlias
 from protocols.decode_options import DecodeOption, Scope
 from protocols.plugins import protocol_names
 from server import logging_setup
+from server.commands.store_arguments import add_query, add_upload
 from server.config import default_data
 from server.devices.decode_options import declared_options
 from server.ros2.session import DEFAULT_ROUTER
@@ -20,7 +21,7 @@ from server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "analyse", "simulate", "completion"),
+    *("decode", "analyse", "upload", "query", "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -52,7 +53,7 @@ ENVIRONMENT_HELP = """environment variables, used if the option is not given:
 ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
 """Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""
 DECODE_SCOPES: Mapping[str, Scope] = {
-    **dict.fromkeys(("serve", "send", "record", "decode", "analyse"), "source"),
+    **dict.fromkeys(("serve", "send", "record", "decode", "analyse", "upload"), "source"),
     **{"inspect": "inspect", "compose": "compose", "commands": "commands"},
 }
 """Commands with decode options, and which of them. None is accepted and then ignored."""
@@ -61,7 +62,7 @@ PROTOCOL_HELP = {
     "inspect": f"{ANY_OF}, or auto (the default)",
     "compose": f"{ANY_OF} (default: found by the name of the message)",
     "commands": f"{ANY_OF} (default: all)",
-    **dict.fromkeys(("decode", "analyse"), "protocol of a capture (default: detected)"),
+    **dict.fromkeys(("decode", "analyse", "upload"), "protocol of a capture (default: detected)"),
 }
 
 
@@ -187,6 +188,8 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_simulate(commands.add_parser)
     _add_decode(commands.add_parser, about)
     _add_analyse(commands.add_parser, about)
+    _add_data(add_upload(commands.add_parser))
+    add_query(commands.add_parser)
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)
     for name in root.commands if not command else [command] if command in root.commands else ():

@@ -68,9 +68,10 @@ def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
     needed = [one for one in given if any(one[0] in a.option_strings and a.required for a in COMMANDS[name]._actions)]
     doors = [one for group in COMMANDS[name]._mutually_exclusive_groups if group.required for one in given
              if one[0] in group._group_actions[0].option_strings]  # fmt: skip
-    rest = [word for one in needed + doors for word in one]
     for option in given:
-        others = [] if option in needed + doors else rest
+        others = [
+            word for one in needed + doors if one != option and (one in needed or option not in doors) for word in one
+        ]
         same_product = {
             repr(sorted(vars(arguments.parse([name, *others, *words[:at], *option, *words[at:]])).items()))
             for at in range(len(words) + 1)

@@ -1,0 +1,37 @@
+"""Argument parsers of the commands on a store of many robots."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+
+def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    """Add `imuscope upload`; returns its parser."""
+    command = add_parser("upload", help="upload a recording, log or capture into a store of many robots")
+    command.add_argument("file", metavar="FILE", help='recording, vendor log or capture; "-" reads standard input')
+    _add_store(command)
+    command.add_argument("--robot", required=True, metavar="NAME", help="name of the robot that recorded it")
+    return command
+
+
+def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add `imuscope query`."""
+    command = add_parser("query", help="ask a store of recordings questions, in SQL")
+    command.add_argument("sql", nargs="?", default="", metavar="SQL", help='"SELECT …"; "-" reads standard input')
+    _add_store(command)
+    formats, words = (
+        ("table", "csv", "json", "arrow"),
+        "table for people (the default); csv, json or arrow for programs",
+    )
+    command.add_argument("--format", choices=formats, default="table", help=words)
+    command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
+    command.add_argument(
+        "--timeout", type=float, default=300.0, metavar="S", help="longest time, s (default 300; 0: none)"
+    )
+    command.add_argument("--memory", type=int, default=1024, metavar="MB", help="most memory, MB (default 1024)")
+
+
+def _add_store(command: argparse.ArgumentParser) -> None:
+    words = "folder, file:///folder, s3://bucket/prefix, az://container/prefix or gs://bucket/prefix"
+    command.add_argument("--store", required=True, metavar="URL", help=words)

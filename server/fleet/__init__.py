@@ -1,0 +1,13 @@
+"""Recordings of many robots in one store, and questions about them. Needs `imuscope[fleet]`.
+
+    store.py       where it is: a folder, S3, Azure or Google Cloud Storage; its errors in words
+    tables.py      the tables and their columns
+    upload.py      a recording into the store: its file, then its rows
+    content.py     what makes two files the same recording
+    metadata.py    the rows of an opened recording
+    delta_tables.py    appending exactly once
+    query.py       SQL over the tables, read-only and limited
+    results.py     answers as a table, CSV, JSON or Arrow
+
+docs/fleet.md describes the layout of a store for other programs.
+"""

@@ -1,0 +1,175 @@
+"""SQL over the tables of a store, by DuckDB: read-only, with limits of memory and time, and cancellable.
+
+Each table is a view over the Parquet files that its Delta log names. DuckDB asks for the columns and rows that a
+question needs; nothing is copied into a database. SQL has no access to files, the network or DuckDB's settings.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import duckdb
+import pyarrow as pa
+import pyarrow.dataset as ds
+
+from server.fleet.delta_tables import open_table
+from server.fleet.store import StoreLocation, told
+from server.fleet.tables import RECORDINGS, TABLES, StoreTable
+
+BATCH_ROWS = 1 << 16
+READING = ("SELECT", "EXPLAIN")
+_WORD = re.compile(r"\w+")
+_CATALOG = {"show", "tables", "information_schema", "describe", "columns"}
+
+
+class QueryError(Exception):
+    """A question that cannot be answered: one sentence, and what to do."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message, self.hint = message, hint
+
+
+@dataclass(frozen=True, slots=True)
+class QueryLimits:
+    """Limits of a question: memory in MB, time in s, and threads; 0: of the machine."""
+
+    memory_mb: int = 1024
+    timeout_s: float = 300.0
+    threads: int = 0
+
+
+@contextmanager
+def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> Iterator[pa.RecordBatchReader]:
+    """The answer to a question, batch by batch; to be read within the `with`.
+
+    Raises:
+        QueryError: the SQL is not valid, not reading, or exceeds its limits.
+        StoreError: the store cannot be read.
+    """
+    connection = duckdb.connect(":memory:")
+    guard = _Guard(connection, limits.timeout_s)
+    try:
+        with _explained(guard, limits), told(store):
+            _check(connection, sql)
+            words = {word.lower() for word in _WORD.findall(sql)}
+            for table in TABLES.values():
+                if table is RECORDINGS or table.name in words or words & _CATALOG:
+                    _view(connection, store, table)
+            _lock(connection, limits)
+            with guard:
+                yield _Answer(connection.sql(sql), guard).reader()
+    finally:
+        connection.close()
+
+
+def _check(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
+    """Raise QueryError unless the text is one statement that reads."""
+    statements = connection.extract_statements(sql)
+    if not statements:
+        raise QueryError("the question is empty", 'Give an SQL statement: "SELECT * FROM recordings".')
+    if len(statements) > 1:
+        raise QueryError("these are several statements", "Ask one at a time.")
+    if statements[0].type.name not in READING:
+        raise QueryError(f"{statements[0].type.name} changes something; a store is read-only", "Start with SELECT.")
+
+
+def _view(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable) -> None:
+    """A view with the name of a table; empty before anything was uploaded."""
+    found = open_table(store, table.name)
+    data = found.to_pyarrow_dataset() if found is not None else ds.dataset(table.schema.empty_table())
+    connection.register(f"stored_{table.name}", data)
+    known = [column.name for column in table.columns]
+    names = [name for name in known if name in data.schema.names]
+    names += [name for name in data.schema.names if name not in known]
+    missing = [f"CAST(NULL AS {_sql_type(one.type)}) AS {one.name}" for one in table.columns if one.name not in names]
+    columns = ", ".join([*(f'"{name}"' for name in names), *missing])
+    whole = "" if not table.joined else " WHERE recording IN (SELECT recording FROM stored_recordings)"
+    connection.execute(f"CREATE VIEW {table.name} AS SELECT {columns} FROM stored_{table.name}{whole}")
+
+
+def _sql_type(type: pa.DataType) -> str:
+    return {pa.string(): "VARCHAR", pa.float64(): "DOUBLE", pa.int64(): "BIGINT", pa.date32(): "DATE"}.get(
+        type, "TIMESTAMPTZ"
+    )
+
+
+def _lock(connection: duckdb.DuckDBPyConnection, limits: QueryLimits) -> None:
+    settings = {
+        "TimeZone": "'UTC'",
+        "memory_limit": f"'{limits.memory_mb}MB'",
+        "python_enable_replacements": "false",
+        "autoinstall_known_extensions": "false",
+        "autoload_known_extensions": "false",
+        "enable_external_access": "false",
+        "lock_configuration": "true",
+    }
+    if limits.threads:
+        connection.execute(f"SET threads = {limits.threads}")
+    for name, value in settings.items():
+        connection.execute(f"SET {name} = {value}")
+
+
+class _Guard:
+    """Interrupts a question when its time is over."""
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection, timeout_s: float) -> None:
+        self.is_over = False
+        self._connection = connection
+        self._timer = threading.Timer(timeout_s, self._stop) if timeout_s > 0 else None
+
+    def __enter__(self) -> None:
+        if self._timer is not None:
+            self._timer.daemon = True
+            self._timer.start()
+
+    def __exit__(self, *_: object) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _stop(self) -> None:
+        self.is_over = True
+        self._connection.interrupt()
+
+
+class _Answer:
+    """The batches of an answer, which end when its time is over, whoever is slow."""
+
+    def __init__(self, relation: Any, guard: _Guard) -> None:
+        self._reader: pa.RecordBatchReader = relation.to_arrow_reader(BATCH_ROWS)
+        self._guard = guard
+
+    def reader(self) -> pa.RecordBatchReader:
+        return pa.RecordBatchReader.from_batches(self._reader.schema, self._batches())
+
+    def _batches(self) -> Iterator[pa.RecordBatch]:
+        for batch in self._reader:
+            if self._guard.is_over:
+                raise duckdb.InterruptException("time is over")
+            yield batch
+
+
+@contextmanager
+def _explained(guard: _Guard, limits: QueryLimits) -> Iterator[None]:
+    try:
+        yield
+    except QueryError:
+        raise
+    except (duckdb.Error, pa.ArrowException, RuntimeError) as error:
+        raise _query_error(error, guard, limits) from None
+
+
+def _query_error(error: Exception, guard: _Guard, limits: QueryLimits) -> QueryError:
+    text = str(error)
+    if guard.is_over:
+        return QueryError(f"the question takes longer than {limits.timeout_s:g} s", "Ask for less, or raise --timeout.")
+    if isinstance(error, duckdb.OutOfMemoryException) or "Out of Memory" in text:
+        words = f"the question takes more memory than {limits.memory_mb} MB"
+        return QueryError(words, "Ask for less at once, or raise --memory.")
+    first = re.sub(r"\s+", " ", text.split("\nLINE ", 1)[0].split("\n\nLINE", 1)[0]).strip()
+    return QueryError(first[:500].rstrip("."))

@@ -1,0 +1,159 @@
+"""Tables of a store: names, columns, units, and a line of documentation each.
+
+A table is a Delta Lake table in `tables/NAME`. The types are Arrow's; all times are UTC in microseconds. A column that
+is added here appears in a store with the next upload; rows that are older than it have no value there (NULL).
+
+    recordings ─── devices ─── settings, losses, events
+
+`recording` joins them, and `device` within a recording. `recordings` is written last: rows of other tables whose
+recording is not in it belong to an upload that was cut off, and the views leave them out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+TIME = pa.timestamp("us", "UTC")
+TEXT, REAL, WHOLE, DAY = pa.string(), pa.float64(), pa.int64(), pa.date32()
+
+
+@dataclass(frozen=True, slots=True)
+class StoreColumn:
+    """A column of a table."""
+
+    name: str
+    type: pa.DataType
+    doc: str
+
+
+@dataclass(frozen=True, slots=True)
+class StoreTable:
+    """A table.
+
+    Args:
+        partitions: columns that its files are grouped by.
+        joined: whether its rows belong to a row of `recordings`.
+    """
+
+    name: str
+    doc: str
+    columns: tuple[StoreColumn, ...]
+    partitions: tuple[str, ...] = ("date",)
+    joined: bool = True
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Its Arrow schema."""
+        return pa.schema([pa.field(one.name, one.type, metadata={"doc": one.doc}) for one in self.columns])
+
+
+def _columns(*rows: tuple[str, pa.DataType, str]) -> tuple[StoreColumn, ...]:
+    return tuple(StoreColumn(*row) for row in rows)
+
+
+_KEYS = _columns(
+    ("date", DAY, "UTC date on which the recording starts; partition"),
+    ("robot", TEXT, "name given to `upload`"),
+    ("recording", TEXT, "identifier of the recording: depends on its content and on the robot only"),
+)
+_DEVICE = _columns(("device", TEXT, "identifier of the device within the recording: 1, 2, 1.102"))
+
+RECORDINGS = StoreTable(
+    "recordings",
+    "one row for each recording",
+    _KEYS
+    + _columns(
+        ("title", TEXT, "title, or the name of the file"),
+        ("started", TIME, "arrival of the first byte"),
+        ("ended", TIME, "arrival of the last byte"),
+        ("duration_s", REAL, "from the first to the last byte, s"),
+        ("devices", WHOLE, "number of devices"),
+        ("messages", WHOLE, "frames that were received whole, of all devices"),
+        ("lost", WHOLE, "samples that the devices counted and that did not arrive"),
+        ("rejects", WHOLE, "frames that failed their check"),
+        ("markers", WHOLE, "number of markers and notes"),
+        ("tags", TEXT, "tags, separated by commas"),
+        ("notes", TEXT, "notes"),
+        ("damaged", TEXT, "what is wrong with the file; empty if nothing is"),
+        ("name", TEXT, "name of the uploaded file"),
+        ("format", TEXT, "its format: mcap, csv, bin, or that of a vendor's log"),
+        ("object", TEXT, "the recording in the store: robots/ROBOT/DATE/RECORDING.mcap"),
+        ("bytes", WHOLE, "size of the object"),
+        ("checksum", TEXT, "SHA-256 of the object, hexadecimal"),
+        ("host", TEXT, "computer that recorded it"),
+        ("version", TEXT, "version of imuscope that uploaded it"),
+        ("uploaded", TIME, "when it was uploaded"),
+    ),
+    joined=False,
+)
+DEVICES = StoreTable(
+    "devices",
+    "one row for each device of each recording",
+    _KEYS
+    + _DEVICE
+    + _columns(
+        ("name", TEXT, "displayed name"),
+        ("product", TEXT, "product, as the device reports it"),
+        ("serial_number", TEXT, "serial number, as the device reports it"),
+        ("firmware", TEXT, "version of its firmware"),
+        ("protocol", TEXT, "protocol family"),
+        ("link", TEXT, "kind of link: serial, tcp, udp, file, simulator, …"),
+        ("adapter", TEXT, "serial adapter, by its identity where the port was named by it, else port or kind of link"),
+        ("source", TEXT, "source as given to imuscope"),
+        ("baud", WHOLE, "baud rate of a serial port"),
+        ("duration_s", REAL, "duration of the recording, s"),
+        ("messages", WHOLE, "frames that were received whole"),
+        ("bytes", WHOLE, "bytes received on its link"),
+        ("lost", WHOLE, "samples that it counted and that did not arrive"),
+        ("gaps", WHOLE, "number of losses"),
+        ("rejects", WHOLE, "frames that failed their check"),
+        ("gyro_noise", REAL, "noise density of the gyroscopes by its data sheet, rad/s/√Hz"),
+        ("accelerometer_noise", REAL, "noise density of the accelerometers by its data sheet, m/s²/√Hz"),
+    ),
+)
+EVENTS = StoreTable(
+    "events",
+    "what happened: losses, rejects, clock steps, answers, user actions, markers and notes",
+    _KEYS
+    + _DEVICE
+    + _columns(
+        ("time", TIME, "when it happened"),
+        ("kind", TEXT, "gap, reject, clock, link, reply, text, marker, note, device or command"),
+        ("level", TEXT, "info, warning or error"),
+        ("text", TEXT, "one sentence"),
+        ("began", TIME, "start of the time it concerns, if it lasts"),
+        ("ended", TIME, "end of that time"),
+        ("samples", WHOLE, "number of samples it concerns"),
+        ("data", TEXT, "further values, JSON"),
+    ),
+)
+LOSSES = StoreTable(
+    "losses",
+    "stretches in which samples are missing",
+    _KEYS
+    + _DEVICE
+    + _columns(
+        ("began", TIME, "last sample before"),
+        ("ended", TIME, "first sample after"),
+        ("duration_s", REAL, "from began to ended, s"),
+        ("samples", WHOLE, "samples that are missing; 0 if it is not known how many"),
+        ("cause", TEXT, "link: the line was away; else what counted them"),
+    ),
+)
+SETTINGS = StoreTable(
+    "settings",
+    "settings of the devices at the time of recording",
+    _KEYS
+    + _DEVICE
+    + _columns(
+        ("setting", TEXT, "name in the protocol's document"),
+        ("title", TEXT, "name on the page"),
+        ("field", TEXT, "field of the setting, with its path: outputs[0].rate"),
+        ("value", TEXT, "value as on the wire; lists and the like as JSON"),
+        ("number", REAL, "the value, if it is a number"),
+    ),
+)
+TABLES: Mapping[str, StoreTable] = {one.name: one for one in (RECORDINGS, DEVICES, EVENTS, LOSSES, SETTINGS)}

@@ -1,0 +1,1 @@
+"""Recordings of many robots in one store."""

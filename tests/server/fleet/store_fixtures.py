@@ -1,0 +1,54 @@
+"""Commands on a store, and the tables as another program reads them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pytest
+from deltalake import DeltaTable
+
+from server.cli import main
+
+
+class Commands:
+    """`imuscope upload` and `imuscope query`, run in this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def run(self, *words: str | Path) -> tuple[int, str, str]:
+        """Exit status, output and errors of a command."""
+        self._capsys.readouterr()
+        status = main([str(word) for word in words])
+        said = self._capsys.readouterr()
+        return status, said.out, said.err
+
+    def upload(self, file: Path, store: Path | str, robot: str = "otter", *more: str) -> str:
+        """Upload a file; the line that was printed."""
+        status, out, err = self.run("upload", file, "--store", store, "--robot", robot, *more)
+        assert (status, err) == (0, "")
+        return out
+
+    def query(self, store: Path | str, sql: str) -> list[dict[str, Any]]:
+        """The answer to a question, from JSON."""
+        status, out, err = self.run("query", "--store", store, sql, "--format", "json")
+        assert (status, err) == (0, "")
+        rows = json.loads(out)
+        assert isinstance(rows, list)
+        return rows
+
+    def refused(self, *words: str | Path) -> str:
+        """The one line of a command that fails."""
+        status, out, err = self.run(*words)
+        assert (status, out) == (1, "")
+        assert err.startswith("imuscope: ")
+        assert err.count("\n") == 1
+        return err
+
+
+def delta(store: Path, table: str) -> pa.Table:
+    """A table as a program reads it that knows Delta Lake but not imuscope."""
+    return DeltaTable(str(store / "tables" / table)).to_pyarrow_table()
