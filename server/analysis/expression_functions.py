@@ -262,6 +262,15 @@ def _extreme(name: str) -> Callable[[Floats, int, int, Floats], Floats]:
     return measure
 
 
+MEASURES: Mapping[str, Callable[[Floats, int, int, Floats], Floats]] = {
+    "mean": _mean_of,
+    "rms": _rms_of,
+    "min": _extreme("minimum_filter1d"),
+    "max": _extreme("maximum_filter1d"),
+}
+"""Figures of moving windows: of values, the window's size, its samples before each one, and times."""
+
+
 def _filter(kind: str) -> Callable[..., Quantity]:
     edges = 2 if kind == "bandpass" else 1
 
@@ -316,8 +325,8 @@ def _resample(arguments: list[Quantity], node: Call, context: Context) -> Quanti
     steps = np.diff(x.time, append=x.time[-1])
     before = np.searchsorted(x.time, axis, "right") - 1
     in_gap = (steps[before] > 1.5 / _rate(x)) & (x.time[before] < axis)
-    moved = at_times(x, axis)
-    return replace(moved, parts=tuple(np.where(in_gap, np.nan, part) for part in moved.parts))
+    moved = at_times(x, np.minimum(axis, x.time[-1]))
+    return replace(moved, time=axis, parts=tuple(np.where(in_gap, np.nan, part) for part in moved.parts))
 
 
 def _shift(arguments: list[Quantity], node: Call, context: Context) -> Quantity:
@@ -349,10 +358,10 @@ FUNCTIONS: Mapping[str, Function] = {
     "integral": Function(
         "integral(x)", "Running integral over time, from 0, by the trapezoidal rule.", 1, 1, _integral
     ),
-    "mean": Function("mean(x, 1 s)", "Moving mean.", 2, 2, _moving(_mean_of)),
-    "rms": Function("rms(x, 1 s)", "Moving root mean square.", 2, 2, _moving(_rms_of)),
-    "min": Function("min(x, 1 s)", "Moving minimum.", 2, 2, _moving(_extreme("minimum_filter1d"))),
-    "max": Function("max(x, 1 s)", "Moving maximum.", 2, 2, _moving(_extreme("maximum_filter1d"))),
+    "mean": Function("mean(x, 1 s)", "Moving mean.", 2, 2, _moving(MEASURES["mean"])),
+    "rms": Function("rms(x, 1 s)", "Moving root mean square.", 2, 2, _moving(MEASURES["rms"])),
+    "min": Function("min(x, 1 s)", "Moving minimum.", 2, 2, _moving(MEASURES["min"])),
+    "max": Function("max(x, 1 s)", "Moving maximum.", 2, 2, _moving(MEASURES["max"])),
     "lowpass": Function("lowpass(x, 10 Hz, order)", "Butterworth low pass, of order 2.", 2, 3, _filter("lowpass")),
     "highpass": Function("highpass(x, 1 Hz, order)", "Butterworth high pass, of order 2.", 2, 3, _filter("highpass")),
     "bandpass": Function(

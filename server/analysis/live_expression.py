@@ -1,0 +1,236 @@
+"""Expressions over live signals, evaluated batch by batch as samples arrive.
+
+    LiveExpression(infos, "norm(Acceleration) > 3 g", rates)
+        .feed({channel: [arrival, time, *columns]})  ─>  Piece of new samples, of the unit and columns of `probe`
+
+All is causal, and what was given is never changed: the samples are those that evaluating everything at once without
+looking ahead would give (expressions.py), however they are cut into batches. A derivative comes one sample later, and a
+combination of channels when the slower one has arrived.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from server.analysis.expression_functions import FUNCTIONS, HERTZ, MEASURES, SECOND, Context
+from server.analysis.expression_operators import OPERATORS, operate
+from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number, parse
+from server.analysis.expressions import evaluate, names_in
+from server.analysis.live_streams import (
+    Derivative,
+    Filtered,
+    Integrated,
+    Moving,
+    Piece,
+    Pointwise,
+    Resampled,
+    Runs,
+    RunState,
+    Shifted,
+    SourceStream,
+    Stream,
+    Unwrapped,
+)
+from server.analysis.quantities import Quantity, number
+from server.analysis.signals import Floats, SignalColumn, columns_named
+from server.analysis.units import Unit
+from server.errors import DomainError
+from server.wire import ChannelInfo
+
+LIVE = Context(zero_phase=False)
+PROBE = 64  # made-up samples that show what a node gives
+MAX_WINDOW = 200_000  # samples of a moving window; each batch needs all of them
+_FILTERS = ("lowpass", "highpass", "bandpass")
+
+
+class LiveExpression:
+    """An expression over live channels.
+
+    Args:
+        infos: channels that may be named.
+        rates: usual rates of these, Hz, by id; see `usual_rate`.
+
+    Attributes:
+        text: the expression.
+        channels: ids of the channels it uses.
+        probe: what it gives, for made-up samples: unit, names of the columns, period.
+        rate: of its samples, Hz.
+        source: the channel whose sample times it has; None if they are its own (`resample`, `shift`).
+
+    Raises:
+        ExpressionError: something does not fit; says where.
+        DomainError: it names no signal, or a rate is unknown.
+    """
+
+    def __init__(self, infos: Iterable[ChannelInfo], text: str, rates: Mapping[int, float]) -> None:
+        self.text = text
+        node, known = parse(text), list(infos)
+        self._columns: dict[str, list[SignalColumn]] = {}
+        for name in names_in(node):
+            if name.name not in self._columns:
+                self._columns[name.name] = _columns(known, name)
+        if not self._columns:
+            raise DomainError("bad-expression", f"{text:.80} names no signal.", "Name a signal in it.")
+        self.channels = frozenset(columns[0].info.id for columns in self._columns.values())
+        self._newest = dict.fromkeys(self.channels, -np.inf)
+        found = _Builder(self._columns, rates).build(node)
+        assert isinstance(found, Stream)  # it names a signal
+        self._stream = found
+        self.probe, self.rate = found.probe, found.rate
+        self.source = found.axis if isinstance(found.axis, int) else None
+
+    @property
+    def unit(self) -> str:
+        """Unit of its samples."""
+        return str(self.probe.unit)
+
+    def feed(self, rows: Mapping[int, Sequence[NDArray[Any]]]) -> Piece:
+        """New samples of the expression.
+
+        Args:
+            rows: new samples of channels: `arrival`, `time` (unix s; NaN: as arrival) and the channel's columns.
+        """
+        return self._step(rows, final=False)
+
+    def finish(self) -> Piece:
+        """The samples that waited for others; nothing is fed afterwards."""
+        return self._step({}, final=True)
+
+    def _step(self, rows: Mapping[int, Sequence[NDArray[Any]]], *, final: bool) -> Piece:
+        times = {
+            channel: self._times(channel, columns) for channel, columns in rows.items() if channel in self.channels
+        }
+        fresh = {
+            name: Piece(times[info.id], tuple(rows[info.id][2 + one.at].astype(np.float64) for one in columns))
+            for name, columns in self._columns.items()
+            if (info := columns[0].info).id in times
+        }
+        with np.errstate(all="ignore"):
+            return self._stream.step(fresh, final=final)
+
+    def _times(self, channel: int, columns: Sequence[NDArray[Any]]) -> Floats:
+        """Times of new samples, never before earlier ones."""
+        arrival, time = columns[0], columns[1]
+        plain = np.where(np.isnan(time), arrival, time)
+        found: Floats = np.maximum(np.maximum.accumulate(plain), self._newest[channel]) if len(plain) else plain
+        if len(found):
+            self._newest[channel] = float(found[-1])
+        return found
+
+
+def usual_rate(times: Floats) -> float:
+    """Rate of samples without gaps, Hz; 0 if they are too few to tell."""
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    if len(steps) < PROBE // 4:
+        return 0.0
+    return 1 / float(steps[steps <= 1.5 * np.median(steps)].mean())
+
+
+def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
+    try:
+        return columns_named(infos, [name.name])
+    except DomainError as error:
+        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
+
+
+class _Builder:
+    """Makes the streams of a tree. Units, arguments and limits are checked by computing some made-up samples."""
+
+    def __init__(self, columns: Mapping[str, Sequence[SignalColumn]], rates: Mapping[int, float]) -> None:
+        self._columns, self._rates = columns, rates
+        self._times: dict[object, Floats] = {}
+
+    def build(self, node: Node) -> Stream | Quantity:
+        """The stream of a node, or its value if it is a number."""
+        if isinstance(node, Number):
+            return number(node.value, node.unit)
+        if isinstance(node, Name):
+            return self._source(node)
+        if node.name not in OPERATORS and node.name not in FUNCTIONS:
+            evaluate(Call(node.name, (), node.begin, node.end), _nothing, LIVE)  # says what it could be
+        arguments = [self.build(one) for one in node.arguments]
+        probe = _apply(node, [one.probe if isinstance(one, Stream) else one for one in arguments])
+        if not any(isinstance(one, Stream) for one in arguments):
+            return probe
+        first = arguments[0]
+        if isinstance(first, Stream) and (along := self._along(node, probe, first, arguments[1:])) is not None:
+            return along
+        return Pointwise(probe, arguments, lambda values: _apply(node, values))
+
+    def _source(self, node: Name) -> SourceStream:
+        columns = self._columns[node.name]
+        info = columns[0].info
+        own = [info.columns[column.at] for column in columns]
+        rate = self._rates.get(info.id, 0.0)
+        if rate <= 0:
+            message = f"The rate of {info.name} is not known yet."
+            raise ExpressionError(message, node.begin, node.end, "Wait until it has sent some samples.")
+        if len({one.unit for one in own}) > 1:
+            hint = f"Name one: {', '.join(column.name for column in columns):.400}."
+            raise ExpressionError(f"The columns of {node.name} differ in their units.", node.begin, node.end, hint)
+        time = self._times.setdefault(info.id, np.arange(PROBE) / rate)
+        names = tuple(one.name for one in own) if len(own) > 1 else ("",)
+        parts = tuple(np.ones(PROBE) for _ in own)
+        probe = Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period)
+        return SourceStream(node.name, probe, rate, info.id)
+
+    def _along(self, node: Call, probe: Quantity, first: Stream, rest: Sequence[Stream | Quantity]) -> Stream | None:
+        """The stream of a function along time; None for one of a moment."""
+        name, columns = node.name, len(first.probe.parts)
+        constants = [one for one in rest if isinstance(one, Quantity)]
+        continued = _continued(first) if first.probe.period else first
+        if name == "derivative":
+            return Derivative(probe, continued)
+        if name == "integral":
+            return Runs(probe, first, [Integrated() for _ in range(columns)], gap=np.inf)
+        if name == "unwrap":
+            period = Unit.parse("°").to(first.probe.unit) * 360
+            return Runs(probe, first, [Unwrapped(period) for _ in range(columns)], gap=np.inf)
+        if name in _FILTERS:
+            sections = _sections(name, first.rate, constants)
+            return Runs(probe, continued, [Filtered(sections) for _ in range(columns)])
+        if name == "shift":
+            return Shifted(probe, first, constants[0].in_unit(SECOND).number)
+        if name == "resample":
+            return Resampled(probe, first, constants[0].in_unit(HERTZ).number)
+        if name not in MEASURES:
+            return None
+        size = max(1, round(constants[0].in_unit(SECOND).number * first.rate))
+        if size > MAX_WINDOW:
+            message = f"A window of {size} samples is too long for live data."
+            place = node.arguments[1]
+            raise ExpressionError(message, place.begin, place.end, f"At most {MAX_WINDOW / first.rate:.0f} s.")
+        states: list[RunState] = [Moving(size, MEASURES[name]) for _ in range(columns)]
+        return Runs(probe, first, states)
+
+
+def _apply(node: Call, arguments: list[Quantity]) -> Quantity:
+    with np.errstate(all="ignore"):
+        if node.name in OPERATORS:
+            return operate(node, arguments)
+        return FUNCTIONS[node.name].apply(arguments, node, LIVE)
+
+
+def _continued(angle: Stream) -> Stream:
+    """An angle without its jumps."""
+    probe = angle.probe
+    states = [Unwrapped(probe.period) for _ in probe.parts]
+    return Runs(probe.with_parts(probe.parts), angle, states, gap=np.inf)
+
+
+def _sections(name: str, rate: float, constants: Sequence[Quantity]) -> Any:
+    from scipy import signal
+
+    edges = 2 if name == "bandpass" else 1
+    cut = [one.in_unit(HERTZ).number for one in constants[:edges]]
+    order = round(constants[edges].number) if len(constants) > edges else 2
+    return signal.butter(max(1, order), cut if edges == 2 else cut[0], name, fs=rate, output="sos")
+
+
+def _nothing(name: str) -> Quantity:
+    raise AssertionError(name)
