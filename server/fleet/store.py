@@ -75,15 +75,16 @@ class StoreLocation:
         Raises:
             StoreError: the URL or the environment is not valid.
         """
-        from obstore.store import LocalStore, from_url
+        from obstore import store
 
         with told(self):
             if self.folder is not None:
-                return LocalStore(self.folder, mkdir=True)
+                return store.LocalStore(self.folder, mkdir=True)
             seconds = {"timeout": timedelta(seconds=REQUEST_S), "connect_timeout": timedelta(seconds=CONNECT_S)}
             retry = {"max_retries": MAX_RETRIES, "retry_timeout": timedelta(seconds=RETRY_S)}
             client = {**seconds, **({"allow_http": True} if _is_plain_http() else {})}
-            return from_url(self.url, client_options=client, retry_config=retry)  # type: ignore[call-overload]
+            open_url: Any = store.from_url  # its overloads want the scheme to be known
+            return open_url(self.url, client_options=client, retry_config=retry)
 
 
 def _is_plain_http() -> bool:
