@@ -81,13 +81,19 @@ class ExpressionSignal:
 
 
 def requested_signals(
-    infos: Iterable[ChannelInfo], words: Sequence[str], *, zero_phase: bool, product: Product = unknown_product
+    infos: Iterable[ChannelInfo],
+    words: Sequence[str],
+    *,
+    zero_phase: bool,
+    product: Product = unknown_product,
+    device: str = "",
 ) -> list[SignalColumn | ExpressionSignal]:
     """Signals that the words name: a column, a channel with all its columns, or an expression over them.
 
     Args:
         zero_phase: filters and moving windows of expressions may look ahead.
         product: of a device.
+        device: whose signals are meant where several devices have a channel of that name.
 
     Raises:
         DomainError: "not-found", "which-device" or "bad-expression".
@@ -96,26 +102,26 @@ def requested_signals(
     found: list[SignalColumn | ExpressionSignal] = []
     for word in words:
         try:
-            columns = columns_named(known, [word])
+            columns = columns_named(known, [word], device)
             found += [replace(one, data_sheet=data_sheet_of(one.info, one.at, product)) for one in columns]
         except DomainError:
             if not SIGNS.intersection(word) and not any(one in word for one in WORDS):
                 raise
-            found.append(_expression(known, word, Context(zero_phase)))
+            found.append(_expression(known, word, Context(zero_phase), device))
     return found
 
 
-def _expression(infos: Sequence[ChannelInfo], text: str, context: Context) -> ExpressionSignal:
+def _expression(infos: Sequence[ChannelInfo], text: str, context: Context, device: str) -> ExpressionSignal:
     node = parse(text)
     named: dict[str, list[SignalColumn]] = {}
     for name in names_in(node):
         if name.name not in named:
-            named[name.name] = _columns(infos, name)
+            named[name.name] = _columns(infos, name, device)
     return ExpressionSignal(text, node, named, context)
 
 
-def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
+def _columns(infos: Sequence[ChannelInfo], name: Name, device: str) -> list[SignalColumn]:
     try:
-        return columns_named(infos, [name.name])
+        return columns_named(infos, [name.name], device)
     except DomainError as error:
         raise ExpressionError(error.message, name.begin, name.end, error.hint) from None

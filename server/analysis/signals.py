@@ -104,17 +104,20 @@ def finite_signal(name: str, unit: str, period: float, time: Floats, values: Flo
     return Signal(name, unit, period, time, values)
 
 
-def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str]) -> list[SignalColumn]:
+def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str], device: str = "") -> list[SignalColumn]:
     """The columns with these names, in this order.
+
+    Args:
+        device: whose columns are meant where several devices have a channel of that name.
 
     Raises:
         DomainError: "not-found": no such channel or column; "which-device": several devices have it.
     """
     known = list(infos)
-    return [column for name in names for column in _columns(known, name)]
+    return [column for name in names for column in _columns(known, name, device)]
 
 
-def _columns(infos: Sequence[ChannelInfo], word: str) -> list[SignalColumn]:
+def _columns(infos: Sequence[ChannelInfo], word: str, preferred: str) -> list[SignalColumn]:
     device, slash, name = word.partition("/")
     own = [info for info in infos if info.device == device] if slash else []
     if not own:
@@ -125,6 +128,7 @@ def _columns(infos: Sequence[ChannelInfo], word: str) -> list[SignalColumn]:
         raise DomainError("not-found", f"Signal {word:.60} not found.", f"Channels: {there:.400}.")
     length = max(len(info.name) for info in fitting)
     fitting = [info for info in fitting if len(info.name) == length]
+    fitting = [info for info in fitting if info.device == preferred] or fitting
     devices = sorted({info.device for info in fitting})
     if len(devices) > 1:
         hint = f"Name one: {', '.join(f'{one}/{word:.60}' for one in devices):.400}."

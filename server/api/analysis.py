@@ -66,6 +66,7 @@ class AnalysisRequest(BaseModel):
         max_length=MAX_SIGNALS,
         description="`CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` if there are several",
     )
+    device: str = Field("", description="whose signals are meant where several devices have a channel of that name")
     t0: float | None = Field(None, description="unix seconds; null for the beginning")
     t1: float | None = Field(None, description="unix seconds; null for the end")
     base: Base = "device"
@@ -164,7 +165,7 @@ async def _signals(
     store = await _recording(body.source, services)
     t0, t1 = _range(body, MAX_TIME)
     requested = requested_signals(
-        channels_of(store).values(), body.signals, zero_phase=True, product=products_of(store)
+        channels_of(store).values(), body.signals, zero_phase=True, product=products_of(store), device=body.device
     )
     return requested, lambda column: recorded_samples(store, column, t0, t1, body.base)
 

@@ -112,6 +112,8 @@ export interface AnalysisRequest {
   readonly source: string;
   /** `CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` if there are several */
   readonly signals: readonly string[];
+  /** whose signals are meant where several devices have a channel of that name */
+  readonly device?: string;
   /** unix seconds; null for the beginning */
   readonly t0?: number | null;
   /** unix seconds; null for the end */
