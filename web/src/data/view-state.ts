@@ -4,6 +4,7 @@
  */
 import { type Signal, signal } from "@preact/signals";
 import type { WorldFrame } from "./rotations";
+import { DEFAULT_LAYOUT, type Layout } from "../workspace/layout";
 import { ViewActions } from "./view-actions";
 
 /** Which clock the x axis shows. */
@@ -61,13 +62,15 @@ export interface ViewSignals {
   readonly customPlots: Signal<readonly CustomPlot[]>;
   /** Frame in which attitude is shown; undefined: as the device sends it. Views of one store share it: the store converts its samples. */
   readonly frame: Signal<WorldFrame | undefined>;
+  /** Where the panels are. */
+  readonly layout: Signal<Layout>;
 }
 
 export interface ViewState extends ViewSignals {
   readonly actions: ViewActions;
 }
 
-/** @param like another view: the new one shows the same series and plots at first, and shares its frame */
+/** @param like another view: the new one shows the same series, plots and panels at first, and shares its frame */
 export function createViewState(like?: ViewSignals): ViewState {
   const signals: ViewSignals = {
     view: signal<View>({ device: undefined, live: true, end: 0, span: 20, timeBase: "device" }),
@@ -79,6 +82,7 @@ export function createViewState(like?: ViewSignals): ViewState {
     extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),
     customPlots: signal(like?.customPlots.peek() ?? []),
     frame: like?.frame ?? signal<WorldFrame | undefined>(undefined),
+    layout: signal(like?.layout.peek() ?? DEFAULT_LAYOUT),
   };
   return { ...signals, actions: new ViewActions(signals) };
 }

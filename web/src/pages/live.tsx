@@ -1,7 +1,6 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
 import { AnalysisDialog } from "../analysis/dialog";
 import { mountLargeTrack } from "../attitude/track-dialog";
-import { mountAttitude } from "../attitude/panel";
 import { AddDevice } from "../forms/add-device";
 import { MeasurePanel } from "../measure/measure-panel";
 import { mountStack } from "../plots/plot-stack";
@@ -10,6 +9,10 @@ import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
 import { PanelHost } from "../ui/panel-host";
 import { showsPlots } from "../ui/page-state";
+import { MainColumn } from "../workspace/main-column";
+import { ArrangeTools } from "../workspace/arrange";
+import { useWorkspace } from "../workspace/use-workspace";
+import { sideWidthOf } from "../workspace/side-width";
 import { LiveScene, LiveViews } from "../views/viser";
 import { type App, select } from "./app-state";
 import { Bar, Dock } from "./top-bar";
@@ -38,6 +41,7 @@ import { TEXT } from "../texts/live";
 
 export function LivePage({ app }: { readonly app: App }) {
   const state = app.state.value;
+  const root = useWorkspace(app, app.viewState);
   const offline = app.store.isCut && state !== "starting";
   const classes = [
     "app",
@@ -49,7 +53,7 @@ export function LivePage({ app }: { readonly app: App }) {
     .filter(Boolean)
     .join(" ");
   return (
-    <div class={classes} data-state={state}>
+    <div ref={root} class={classes} data-state={state} style={sideWidthOf(app.viewState)}>
       {showsPlots(state) && (
         <a class="btn edge skip" href="#plots">
           {COMMON.skipToThePlots}
@@ -74,6 +78,7 @@ export function LivePage({ app }: { readonly app: App }) {
       {showsPlots(state) && app.showsSignals.value && (
         <SignalsPanel deps={app} tick={app.tick} onClose={() => (app.showsSignals.value = false)} />
       )}
+      {showsPlots(state) && <ArrangeTools app={app} deps={app} />}
       <RowsDialog app={app} deps={app} />
       <Overlays app={app} />
     </div>
@@ -90,16 +95,11 @@ function Centre({ app }: { readonly app: App }) {
   if (state === "unreached") return <Unreached app={app} device={device} />;
   if (state === "silent") return <Silent app={app} device={device} />;
   return (
-    <>
-      <PanelHost class="attitude" label={COMMON.attitude} mount={(host) => mountAttitude(host, app)} />
+    <MainColumn app={app} deps={app} mountPlots={(host) => mountStack(host, app)} under={<MeasurePanel deps={app} />}>
       {state !== "live" && <HeldBand app={app} device={device} />}
       <LiveViews app={app} />
       <LiveScene app={app} device={device} />
-      <div class="plots" id="plots" tabIndex={-1}>
-        <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountStack(host, app)} />
-      </div>
-      <MeasurePanel deps={app} />
-    </>
+    </MainColumn>
   );
 }
 

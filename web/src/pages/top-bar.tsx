@@ -1,12 +1,13 @@
 /** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
 import type { ViewActions } from "../data/view-actions";
-import { recently } from "../panels/panel-context";
+import { type Deps, recently } from "../panels/panel-context";
 import { number, rate, span } from "../ui/format";
 import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/page-state";
 import { theme, toggleTheme } from "../ui/theme";
 import { SceneButton } from "../views/viser";
+import { ArrangeButton } from "../workspace/arrange";
 import type { App } from "./app-state";
 import { Record } from "./record-button";
 import { href, PAGES, route } from "./route";
@@ -26,7 +27,8 @@ interface Props {
   readonly app: App;
 }
 
-export function Bar({ app }: Props) {
+/** @param deps of the panels that can be arranged: those of Live by default */
+export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
   const { page } = route.value;
   const isLive = page === "live";
   return (
@@ -59,6 +61,11 @@ export function Bar({ app }: Props) {
         >
           <Icon name="wave" />
         </button>
+      )}
+      {isLive && showsPlots(app.state.value) ? (
+        <ArrangeButton app={app} deps={app} />
+      ) : (
+        deps && <ArrangeButton app={app} deps={deps} />
       )}
       <Record app={app} />
       {isLive && showsPlots(app.state.value) && <Share app={app} />}

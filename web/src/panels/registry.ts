@@ -7,8 +7,8 @@ import type { Panel } from "../ui/dom";
 import { protocolAmong } from "../wire/capabilities";
 import type { Deps } from "./panel-context";
 
-/** Place of a panel: the strip over the plots of a phone, the side column, or its scrolling part. */
-export type PanelPlace = "strip" | "side" | "below";
+/** Place of a panel at first: the strip over the plots of a phone, the middle, the side column, or its scrolling part. */
+export type PanelPlace = "strip" | "main" | "side" | "below";
 
 export interface PanelDefinition {
   /** Unique. */
@@ -19,6 +19,10 @@ export interface PanelDefinition {
   readonly where: PanelPlace;
   /** Panels of one place are in ascending order. */
   readonly order: number;
+  /** Not shown until a person asks for it. */
+  readonly optional?: boolean;
+  /** It needs the width of the middle and cannot be moved to the side column. */
+  readonly isWide?: boolean;
   /** Class of the element that the panel is mounted into. */
   readonly class?: string;
   /** False if there is nothing to show; called again when a signal that it reads has changed. Default: always. */
@@ -34,6 +38,11 @@ const panels = new Map<string, PanelDefinition>();
 export function registerPanel(definition: PanelDefinition): void {
   if (panels.has(definition.id)) throw new Error(`two panels have the id ${definition.id}`);
   panels.set(definition.id, definition);
+}
+
+/** The panels that a workspace arranges, in their default order. Reads signals: call it while a component is rendered. */
+export function arrangedPanels(deps: Deps): readonly PanelDefinition[] {
+  return (["main", "side", "below"] as const).flatMap((where) => panelsAt(where, deps));
 }
 
 /**

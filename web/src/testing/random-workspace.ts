@@ -22,6 +22,27 @@ const NORMS = ["Acceleration.norm", "Rate of turn.norm"];
 const PLOTS = ["Position/ECEF", "Pressure", "Temperature"];
 
 const CUSTOM = ["1/Acceleration/x,2/Acceleration/x", "@1/Pressure,1/Free%20acceleration/z", "1.102/a%2Fb/y"];
+const PANELS = ["attitude", "events", "health", "values"];
+const AREAS = ["main", "side", "below"];
+
+function randomLayout(next: Random): Record<string, unknown> {
+  const chosen = someOf(next, PANELS).map((id) => [
+    id,
+    {
+      ...(next() < 0.5 ? { area: oneOf(next, AREAS) } : {}),
+      ...(next() < 0.5 ? { shown: next() < 0.5 } : {}),
+      height: 60 + Math.floor(next() * 500),
+    },
+  ]);
+  const order = someOf(next, AREAS).map((area) => [area, someOf(next, PANELS)]);
+  return {
+    ...(chosen.length > 0 ? { panels: Object.fromEntries(chosen) } : {}),
+    ...(order.length > 0 ? { order: Object.fromEntries(order) } : {}),
+    ...(next() < 0.5 ? { maximised: oneOf(next, PANELS) } : {}),
+    belowHeight: 60 + Math.floor(next() * 500),
+    sideWidth: 240 + Math.floor(next() * 400),
+  };
+}
 
 export function randomParts(next: Random): Record<string, unknown> {
   const hide = someOf(next, SERIES);
@@ -39,5 +60,6 @@ export function randomParts(next: Random): Record<string, unknown> {
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),
     ...(next() < 0.5 ? { frame: oneOf(next, ["ENU", "NED", "NWU"]) } : {}),
     ...(next() < 0.5 ? { sideFolded: true } : {}),
+    ...(next() < 0.7 ? { layout: randomLayout(next) } : {}),
   };
 }

@@ -8,6 +8,9 @@ interface Props {
   readonly class?: string;
   readonly label?: string;
   readonly role?: "region" | "group";
+  /** Id of a panel that can be arranged, if there is nothing around its host. */
+  readonly panel?: string;
+  readonly style?: Readonly<Record<string, string>>;
   /** Scrolls by itself, so it must be reachable by keyboard. */
   readonly scrolls?: boolean;
 }
@@ -32,6 +35,8 @@ export function PanelHost(props: Props) {
       ref={host}
       {...(props.class === undefined ? {} : { class: props.class })}
       {...named}
+      {...(props.panel === undefined ? {} : { "data-panel": props.panel })}
+      {...(props.style === undefined ? {} : { style: props.style })}
       {...(props.scrolls ? { tabIndex: 0 } : {})}
     />
   );

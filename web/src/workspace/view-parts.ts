@@ -2,7 +2,8 @@
 import type { WorldFrame } from "../data/rotations";
 import { LONGEST, SHORTEST } from "../data/view-actions";
 import { seriesOf, takeSeries } from "../recordings/permalink";
-import { isKeys, isNumber, isObject, type Json, registerPart } from "./parts";
+import { DEFAULT_LAYOUT, layoutJson, layoutOf } from "./layout";
+import { isKeys, isNumber, isObject, type Json, type JsonObject, registerPart } from "./parts";
 
 /** Times within a workspace: from 1970 to the year 5138, unix s. */
 const [FIRST, LAST] = [0, 1e11];
@@ -112,4 +113,14 @@ registerPart<true>({
   read: ({ folded }) => (folded.peek() ? true : undefined),
   check: (json) => (json === true ? json : undefined),
   write: ({ folded }, isFolded) => void (folded.value = isFolded === true),
+});
+
+registerPart<JsonObject>({
+  key: "layout",
+  read: ({ viewState: { layout } }) => layoutJson(layout.peek()),
+  check: (json) => {
+    const layout = layoutOf(json);
+    return layout && (layoutJson(layout) ?? {});
+  },
+  write: ({ viewState }, json) => void (viewState.layout.value = (json && layoutOf(json)) ?? DEFAULT_LAYOUT),
 });

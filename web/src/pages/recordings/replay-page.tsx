@@ -1,7 +1,6 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import { AnalysisDialog } from "../../analysis/dialog";
-import { mountAttitude } from "../../attitude/panel";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import type { MeasureDeps } from "../../measure/panel";
 import { onFrame } from "../../data/render-loop";
@@ -18,6 +17,10 @@ import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { RerunButton, RerunPanel } from "../../views/rerun";
+import { ArrangeTools } from "../../workspace/arrange";
+import { MainColumn } from "../../workspace/main-column";
+import { sideWidthOf } from "../../workspace/side-width";
+import { useWorkspace } from "../../workspace/use-workspace";
 import { ReplayScene, SceneLine } from "../../views/viser";
 import { Bar } from "../top-bar";
 import { Side } from "../side-panels";
@@ -42,7 +45,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
   const { replay, app } = recording;
   const { info } = replay.detail;
   const { folded, overlay } = app;
-  const root = useRef<HTMLDivElement>(null);
+  const root = useWorkspace(app, replay.viewState, replay.bounds);
   // biome-ignore lint/correctness/useExhaustiveDependencies: another recording has another key, and mounts another page
   useEffect(() => {
     document.title = `${titleOf(info)} · imuscope`;
@@ -55,11 +58,15 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
   }, []);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
   return (
-    <div ref={root} class={`app replay ${offline ? "offline" : ""} ${folded.value ? "folded" : ""}`}>
+    <div
+      ref={root}
+      class={`app replay ${offline ? "offline" : ""} ${folded.value ? "folded" : ""}`}
+      style={sideWidthOf(replay.viewState)}
+    >
       <a class="btn edge skip" href="#plots">
         {COMMON.skipToThePlots}
       </a>
-      <Bar app={app} />
+      <Bar app={app} deps={recording.deps} />
       {offline && <OfflineBand app={app} />}
       <About recording={recording} />
       <main class="centre">
@@ -91,6 +98,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
       {app.showsSignals.value && (
         <SignalsPanel deps={recording.deps} tick={app.tick} onClose={() => (app.showsSignals.value = false)} />
       )}
+      <ArrangeTools app={app} deps={recording.deps} />
       <RowsDialog app={app} deps={recording.deps} />
       <RerunPanel shown={recording.rerun} />
       <SettingsDialog recording={recording} />
@@ -100,15 +108,14 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
 }
 
 /** The instruments and the plots, as on Live: the plots draw the window, everything else reads at the cursor. */
-function Panels({ recording: { replay, deps } }: { readonly recording: OpenRecording }) {
+function Panels({ recording: { replay, app, deps } }: { readonly recording: OpenRecording }) {
   return (
-    <>
-      <PanelHost class="attitude" label={COMMON.attitude} mount={(host) => mountAttitude(host, deps)} />
-      <div class="plots" id="plots" tabIndex={-1}>
-        <PanelHost class="plot-host" label={COMMON.plots} mount={(host) => mountPlots(host, replay, deps)} />
-      </div>
-      <MeasurePanel deps={measureDeps(replay)} />
-    </>
+    <MainColumn
+      app={app}
+      deps={deps}
+      mountPlots={(host) => mountPlots(host, replay, deps)}
+      under={<MeasurePanel deps={measureDeps(replay)} />}
+    />
   );
 }
 

@@ -1,0 +1,91 @@
+// @vitest-environment happy-dom
+/** Panels of the whole page, arranged as a person does it: by keys, by the list, by dividers; undone and redone. */
+import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { expect, it } from "vitest";
+import { recorded } from "../testing/recorded";
+import { openPage } from "../testing/live-page";
+import { TEXT } from "../texts/workspace";
+
+const press = (key: string, more: KeyboardEventInit = {}) => fireEvent.keyDown(document.body, { key, ...more });
+const panels = () => [...document.querySelectorAll("[data-panel]")].map((one) => one.getAttribute("data-panel"));
+const DEFAULT = ["attitude", "plots", "values", "health", "events"];
+
+async function arranging() {
+  const page = await openPage(recorded("xbus"));
+  await waitFor(() => expect(panels()).toEqual(DEFAULT));
+  press("w");
+  await screen.findByRole("dialog", { name: TEXT.arrange });
+  return page;
+}
+
+it("the default page has no tools of arranging", async () => {
+  await openPage(recorded("xbus"));
+  await waitFor(() => expect(panels()).toEqual(DEFAULT));
+  expect(screen.queryAllByRole("separator")).toEqual([]);
+  expect(screen.queryByRole("dialog")).toBeNull();
+});
+
+it("panels are hidden, moved to another place and shown again, and all of it is undone and redone", async () => {
+  const { app } = await arranging();
+  fireEvent.change(screen.getByLabelText(TEXT.placeOf("Events")), { target: { value: "main" } });
+  await waitFor(() => expect(panels()).toEqual(["attitude", "plots", "events", "values", "health"]));
+  fireEvent.click(screen.getByLabelText(TEXT.moveUp("Events")));
+  await waitFor(() => expect(panels().slice(0, 3)).toEqual(["attitude", "events", "plots"]));
+  fireEvent.change(screen.getByLabelText(TEXT.placeOf("Values")), { target: { value: "hidden" } });
+  await waitFor(() => expect(panels()).not.toContain("values"));
+  const hidden = document.querySelector<HTMLElement>("[data-area=hidden]");
+  if (hidden) fireEvent.click(within(hidden).getByText(TEXT.show));
+  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health"]));
+  fireEvent.click(screen.getByText(TEXT.defaultLayout));
+  await waitFor(() => expect(panels()).toEqual(DEFAULT));
+  press("z", { ctrlKey: true });
+  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health"]));
+  for (let k = 0; k < 4; k += 1) press("z", { ctrlKey: true });
+  await waitFor(() => expect(panels()).toEqual(DEFAULT));
+  for (let k = 0; k < 4; k += 1) press("z", { ctrlKey: true, shiftKey: true });
+  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health"]));
+  app.viewState.extraPlots.value = new Set(["Temperature"]);
+  press("z", { ctrlKey: true });
+  expect(app.viewState.extraPlots.value.size).toBe(0);
+});
+
+it("dividers are moved by the arrow keys within their limits, and Enter gives the default back", async () => {
+  const { app } = await arranging();
+  const divider = screen.getByRole("separator", { name: TEXT.sideWidth });
+  expect(divider.getAttribute("aria-orientation")).toBe("vertical");
+  fireEvent.keyDown(divider, { key: "Home" });
+  await waitFor(() => expect(divider.getAttribute("aria-valuenow")).toBe("240"));
+  expect(app.viewState.layout.value.sideWidth).toBe(240);
+  fireEvent.keyDown(divider, { key: "Enter" });
+  expect(app.viewState.layout.value.sideWidth).toBeUndefined();
+  const height = screen.getByRole("separator", { name: TEXT.heightOf("Attitude") });
+  fireEvent.keyDown(height, { key: "ArrowDown" });
+  expect(app.viewState.layout.value.panels["attitude"]).toEqual({ height: 160 }); // every element is 150 px high here
+  press("z", { ctrlKey: true });
+  expect(app.viewState.layout.value.panels["attitude"]).toBeUndefined();
+});
+
+it("X maximises the panel with the focus, a double click that of the heading, and Esc gives the place back", async () => {
+  await openPage(recorded("xbus"));
+  await waitFor(() => expect(panels()).toEqual(DEFAULT));
+  const maximised = () => document.querySelector(".maximised")?.getAttribute("data-panel");
+  document.querySelector<HTMLElement>("#plots")?.focus();
+  press("x");
+  await waitFor(() => expect(maximised()).toBe("plots"));
+  press("Escape");
+  await waitFor(() => expect(maximised()).toBeUndefined());
+  const heading = screen.getByRole("heading", { name: "Health" });
+  fireEvent.dblClick(heading);
+  await waitFor(() => expect(maximised()).toBe("health"));
+  fireEvent.click(screen.getByText(TEXT.restore));
+  await waitFor(() => expect(maximised()).toBeUndefined());
+});
+
+it("typing in a field is not a key of the workspace", async () => {
+  await arranging();
+  const field = document.createElement("input");
+  document.body.append(field);
+  fireEvent.keyDown(field, { key: "w" });
+  expect(screen.queryByRole("dialog", { name: TEXT.arrange })).not.toBeNull();
+  field.remove();
+});

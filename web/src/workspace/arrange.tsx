@@ -1,0 +1,268 @@
+/**
+ * Arranging: a list of the panels, by area, beside the page that changes with it. Rows are dragged, moved by buttons, sent to another
+ * area, hidden and maximised. A maximised panel has a button that gives it its place back.
+ */
+import { useEffect, useRef } from "preact/hooks";
+import type { App } from "../pages/app-state";
+import type { Deps } from "../panels/panel-context";
+import type { PanelDefinition } from "../panels/registry";
+import { Icon, type IconName } from "../ui/icons";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/workspace";
+import { type Area, AREAS, DEFAULT_LAYOUT, inArea, isShown, maximise, moveBy, moveTo, show } from "./layout";
+import { panelsOf } from "./panels";
+import { sessionOf, type WorkspaceSession } from "./session";
+
+interface Props {
+  readonly app: App;
+  readonly deps: Deps;
+}
+
+export function ArrangeTools({ app, deps }: Props) {
+  const session = sessionOf(app, deps.viewState);
+  const { maximised } = deps.viewState.layout.value;
+  return (
+    <>
+      {maximised !== undefined && (
+        <button
+          type="button"
+          class="btn edge restore-panel"
+          onClick={() => session.change((layout) => maximise(layout, undefined))}
+        >
+          <Icon name="close" />
+          {TEXT.restore}
+        </button>
+      )}
+      {session.arranging.value && <ArrangeSheet session={session} deps={deps} />}
+    </>
+  );
+}
+
+function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; readonly deps: Deps }) {
+  const ref = useRef<HTMLElement>(null);
+  useEffect(() => ref.current?.focus(), []);
+  void session.steps.value;
+  const all = panelsOf(deps);
+  const layout = deps.viewState.layout.value;
+  const hidden = all.filter((panel) => !isShown(layout, panel));
+  const tool = (icon: IconName, label: string, act: () => void, disabled = false) => (
+    <button type="button" class="btn icon" aria-label={label} title={label} disabled={disabled} onClick={act}>
+      <Icon name={icon} />
+    </button>
+  );
+  return (
+    <section class="arrange" ref={ref} tabIndex={-1} role="dialog" aria-modal="false" aria-label={TEXT.arrange}>
+      <div class="head">
+        <h2>{TEXT.arrange}</h2>
+        <span class="grow" />
+        {tool("undo", TEXT.undo, session.undo, !session.history.canUndo)}
+        {tool("redo", TEXT.redo, session.redo, !session.history.canRedo)}
+        {tool("close", TEXT.done, () => (session.arranging.value = false))}
+      </div>
+      <div class="arrange-lists">
+        {AREAS.map((area) => (
+          <AreaList key={area} session={session} area={area} all={all} panels={inArea(layout, area, all)} />
+        ))}
+        {hidden.length > 0 && <AreaList session={session} area="hidden" all={all} panels={hidden} />}
+      </div>
+      <div class="arrange-foot">
+        <button
+          type="button"
+          class="btn edge"
+          disabled={layout === DEFAULT_LAYOUT}
+          onClick={() => session.change(() => DEFAULT_LAYOUT)}
+        >
+          {TEXT.defaultLayout}
+        </button>
+        <span class="grow" />
+        <button type="button" class="btn main" onClick={() => (session.arranging.value = false)}>
+          {TEXT.done}
+        </button>
+      </div>
+    </section>
+  );
+}
+
+type Place = Area | "hidden";
+
+interface ListProps {
+  readonly session: WorkspaceSession;
+  readonly area: Place;
+  readonly all: readonly PanelDefinition[];
+  readonly panels: readonly PanelDefinition[];
+}
+
+function AreaList({ session, area, all, panels }: ListProps) {
+  return (
+    <>
+      <h3>{TEXT.areas[area]}</h3>
+      <ul data-area={area}>
+        {panels.length === 0 && <li class="none">{COMMON.none}</li>}
+        {panels.map((panel, k) => (
+          <Row
+            key={panel.id}
+            session={session}
+            panel={panel}
+            area={area}
+            all={all}
+            isFirst={k === 0}
+            isLast={k === panels.length - 1}
+          />
+        ))}
+      </ul>
+    </>
+  );
+}
+
+interface RowProps extends Omit<ListProps, "panels"> {
+  readonly panel: PanelDefinition;
+  readonly isFirst: boolean;
+  readonly isLast: boolean;
+}
+
+function placed(session: WorkspaceSession, panel: PanelDefinition, all: RowProps["all"], to: Place, at?: number): void {
+  session.change((layout) =>
+    to === "hidden" ? show(layout, panel, false) : moveTo(show(layout, panel, true), panel, to, all, at),
+  );
+}
+
+const placesOf = ({ id, isWide }: PanelDefinition): readonly Place[] =>
+  id === "plots" ? ["main"] : isWide ? ["main", "hidden"] : [...AREAS, "hidden"];
+
+function Row({ session, panel, area, all, isFirst, isLast }: RowProps) {
+  const places = placesOf(panel);
+  const step = (steps: number) => () => session.change((layout) => moveBy(layout, panel, steps, all));
+  return (
+    <li data-row={panel.id}>
+      <span class="grip" aria-hidden="true" onPointerDown={(event) => drag(event, session, panel, all)}>
+        <Icon name="grip" />
+      </span>
+      <b class="ellipsis">{panel.title}</b>
+      {area !== "hidden" && (
+        <>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.moveUp(panel.title)}
+            title={TEXT.moveUp(panel.title)}
+            disabled={isFirst}
+            onClick={step(-1)}
+          >
+            <Icon name="up" />
+          </button>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.moveDown(panel.title)}
+            title={TEXT.moveDown(panel.title)}
+            disabled={isLast}
+            onClick={step(1)}
+          >
+            <Icon name="down" />
+          </button>
+          <button
+            type="button"
+            class="btn icon"
+            aria-label={TEXT.maximise(panel.title)}
+            title={TEXT.maximise(panel.title)}
+            onClick={() => {
+              session.arranging.value = false;
+              session.change((layout) => maximise(layout, panel.id));
+            }}
+          >
+            <Icon name="fit" />
+          </button>
+        </>
+      )}
+      {area === "hidden" ? (
+        <button type="button" class="btn edge" onClick={() => placed(session, panel, all, homeOf(session, panel))}>
+          {TEXT.show}
+        </button>
+      ) : (
+        <label class="select">
+          <select
+            aria-label={TEXT.placeOf(panel.title)}
+            value={area}
+            disabled={places.length === 1}
+            onChange={(event) => placed(session, panel, all, event.currentTarget.value as Place)}
+          >
+            {places.map((place) => (
+              <option key={place} value={place}>
+                {TEXT.places[place]}
+              </option>
+            ))}
+          </select>
+          <Icon name="down" />
+        </label>
+      )}
+    </li>
+  );
+}
+
+const homeOf = (session: WorkspaceSession, { id, where }: PanelDefinition): Area =>
+  session.view.viewState.layout.peek().panels[id]?.area ?? (where as Area);
+
+/** Drag a row to another place of the list. */
+function drag(event: PointerEvent, session: WorkspaceSession, panel: PanelDefinition, all: RowProps["all"]): void {
+  const grip = event.currentTarget;
+  if (!(grip instanceof HTMLElement) || event.button !== 0) return;
+  event.preventDefault();
+  grip.setPointerCapture(event.pointerId);
+  const row = grip.closest("li");
+  row?.classList.add("dragged");
+  let over: { readonly place: Place; readonly at: number } | undefined;
+  let marked: Element | null = null;
+  const mark = (element: Element | null): void => {
+    marked?.classList.remove("drop-before");
+    marked = element;
+    marked?.classList.add("drop-before");
+  };
+  const move = (to: PointerEvent): void => {
+    const below = document.elementFromPoint(to.clientX, to.clientY);
+    const list = below?.closest("ul[data-area]");
+    const place = list?.getAttribute("data-area") as Place | null | undefined;
+    if (!list || !place || !placesOf(panel).includes(place)) {
+      over = undefined;
+      return mark(null);
+    }
+    const rows = [...list.querySelectorAll("li[data-row]")].filter((one) => one !== row);
+    const next = rows.findIndex((one) => {
+      const { top, height } = one.getBoundingClientRect();
+      return to.clientY < top + height / 2;
+    });
+    over = { place, at: next < 0 ? rows.length : next };
+    mark(next < 0 ? list : (rows[next] ?? null));
+  };
+  const end = (last: PointerEvent): void => {
+    for (const [name, act] of [
+      ["pointermove", move],
+      ["pointerup", end],
+      ["pointercancel", end],
+    ] as const)
+      grip.removeEventListener(name, act);
+    row?.classList.remove("dragged");
+    mark(null);
+    if (over && last.type === "pointerup") placed(session, panel, all, over.place, over.at);
+  };
+  grip.addEventListener("pointermove", move);
+  grip.addEventListener("pointerup", end);
+  grip.addEventListener("pointercancel", end);
+}
+
+/** The button in the bar, and at the end of the page on a phone. */
+export function ArrangeButton({ app, deps, words = false }: Props & { readonly words?: boolean }) {
+  const { arranging } = sessionOf(app, deps.viewState);
+  return (
+    <button
+      type="button"
+      class={words ? "btn edge phone arrange-phone" : "btn icon desk arrange-button"}
+      aria-pressed={arranging.value}
+      {...(words ? {} : { "aria-label": TEXT.arrange })}
+      title={TEXT.arrangeHint}
+      onClick={() => (arranging.value = !arranging.value)}
+    >
+      <Icon name="grid" />
+      {words && TEXT.arrange}
+    </button>
+  );
+}
