@@ -37,6 +37,7 @@ from server.api import (
     unicode_guard,
     viser,
     websocket,
+    workspaces,
 )
 from server.auth import Access, Guard
 from server.config import Config
@@ -66,6 +67,7 @@ ROUTED = (
     recording_data,
     analysis,
     alarms,
+    workspaces,
     ports,
     status,
     capabilities,

@@ -50,6 +50,7 @@ from server.reference.pages import ReferencePages
 from server.streaming.event_logging import EventLogger
 from server.streaming.telemetry import Telemetry
 from server.timings import ViewerTimings
+from server.workspaces import WorkspaceStore
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +88,7 @@ class Services:
     capabilities: Capabilities
     timings: ViewerTimings
     folder_lock: DataFolderLock
+    workspaces: WorkspaceStore
     protocols: Callable[[], dict[str, str]] = installed_protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     history_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -205,4 +207,5 @@ def build_services(
         capabilities=capabilities,
         timings=timings,
         folder_lock=DataFolderLock(config.data),
+        workspaces=WorkspaceStore(config.data),
     )

@@ -191,6 +191,12 @@ export interface DecodeOptionsBody {
   readonly unverified?: boolean;
 }
 
+/** The workspace of a family. */
+export interface DefaultWorkspaceRequest {
+  /** null: the page's own layout */
+  readonly name: string | null;
+}
+
 /** The devices that an alarm is for; empty fields fit any device. */
 export interface DeviceFilter {
   /** serial number, source or name of one device */
@@ -363,6 +369,12 @@ export interface RosTopic {
   readonly problem: string;
 }
 
+/** A workspace to be stored. */
+export interface SaveWorkspaceRequest {
+  /** format, version and parts, as the page exports it */
+  readonly workspace: Readonly<Record<string, unknown>>;
+}
+
 /** Ports to scan. */
 export interface ScanPortsRequest {
   /** paths; null for every port that is present */
@@ -452,6 +464,33 @@ export interface ViewerQuery {
   readonly most: number;
   readonly every: number;
   readonly whole_s: number;
+}
+
+/** A stored workspace with its content. */
+export interface WorkspaceBody {
+  readonly name: string;
+  /** unix seconds */
+  readonly modified: number;
+  /** changes with every change; also the ETag */
+  readonly revision: string;
+  /** format, version and parts, as the page exports it */
+  readonly workspace: Readonly<Record<string, unknown>>;
+}
+
+/** A stored workspace. */
+export interface WorkspaceInfo {
+  readonly name: string;
+  /** unix seconds */
+  readonly modified: number;
+  /** changes with every change; also the ETag */
+  readonly revision: string;
+}
+
+/** All workspaces, and the one that devices of a family open with. */
+export interface WorkspaceList {
+  readonly workspaces: readonly WorkspaceInfo[];
+  /** name of a workspace by protocol family */
+  readonly defaults: Readonly<Record<string, string>>;
 }
 
 export interface Routes {
@@ -807,6 +846,30 @@ export interface Routes {
     readonly path: { readonly alarm: string };
     readonly body: AcknowledgeRequest;
     readonly answer: AlarmInfo;
+  };
+  /** Workspaces by name, and the default of each family. */
+  "GET /api/workspaces": { readonly answer: WorkspaceList; };
+  /** A workspace with its content. */
+  "GET /api/workspaces/{name}": {
+    readonly path: { readonly name: string };
+    readonly answer: WorkspaceBody;
+  };
+  /** Store a workspace. With `If-Match` it replaces that revision; without, there must be none of that name. */
+  "PUT /api/workspaces/{name}": {
+    readonly path: { readonly name: string };
+    readonly body: SaveWorkspaceRequest;
+    readonly answer: WorkspaceBody;
+  };
+  /** Delete a workspace; with `If-Match` only that revision. */
+  "DELETE /api/workspaces/{name}": {
+    readonly path: { readonly name: string };
+    readonly answer: undefined;
+  };
+  /** Set the workspace that devices of a protocol family open with. Answers with those of all families. */
+  "PUT /api/workspace-defaults/{family}": {
+    readonly path: { readonly family: string };
+    readonly body: DefaultWorkspaceRequest;
+    readonly answer: Readonly<Record<string, string>>;
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };
