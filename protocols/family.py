@@ -19,6 +19,7 @@ from protocols.decode_options import DecodeOption, settings_of
 from protocols.editor_choices import RateTable
 from protocols.events import Batch, Decoder, Reply
 from protocols.framing import Bytes, Ints, Scan
+from protocols.schema import Message
 from protocols.sensor_properties import SensorProperties
 from protocols.simulator.family import SimulatorInfo
 from protocols.support import SupportTable
@@ -218,6 +219,7 @@ class ProtocolInfo:
         configuration_frames: name of a module with a function `effect_of(frame)` (server/holder/client_frames.py,
             Effect), which imports nothing heavy: with it imuscope waits while a client of a shared port configures the
             device, and shows what it changed. "" for none.
+        rows: rows of its messages, named as its listing prints them: title, text and section of the document.
         identity: identity in an answer of the device: any of "product", "serial_number", "firmware".
         identify_request: harmless request to any device of the protocol for its identity; b"" for none.
         stamped: its device time is that of a host's clock, UTC: samples have this time, which is not mapped.
@@ -269,6 +271,7 @@ class ProtocolInfo:
     frame_size: str = ""
     stamped: bool = False
     configuration_frames: str = ""
+    rows: Callable[[], Iterable[Message]] = lambda: ()
     identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
     identify_request: bytes = b""
     bauds: tuple[int, ...] = ()

@@ -17,6 +17,7 @@ from protocols.idtp.inspect import IdtpFrameLister
 from protocols.idtp.options import LISTED, MODES, OPTIONS, REMEDIES, UNPROTECTED
 from protocols.idtp.security import protection
 from protocols.idtp.supported import supported
+from protocols.schema import Message
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 
 CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
@@ -83,6 +84,13 @@ SIMULATOR = SimulatorInfo(
     device="an IDTP device",
 )
 
+
+def _rows() -> tuple[Message, ...]:
+    from protocols.idtp.messages import MESSAGES
+
+    return MESSAGES
+
+
 FAMILY = ProtocolInfo(
     "idtp",
     "IDTP 2.1",
@@ -99,6 +107,7 @@ FAMILY = ProtocolInfo(
     datagrams=True,
     protection=protection,
     sender="IDTP device",
+    rows=_rows,
     driver=IdtpDriver(),
     composer=_composer,
     simulator=SIMULATOR,

@@ -21,6 +21,7 @@ from protocols.isb.inspect import IsbFrameLister
 from protocols.isb.sensors import sensors_of
 from protocols.isb.streams import OF_GPX, STREAMS
 from protocols.isb.supported import supported
+from protocols.schema import Message
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from protocols.transactions import DeviceContext, Values
 
@@ -114,6 +115,13 @@ SIMULATOR = SimulatorInfo(
     device="an IMX-5",
 )
 
+
+def _rows() -> list[Message]:
+    from protocols.isb.messages import COMMANDS, ROWS
+
+    return [*ROWS.values(), *COMMANDS.values()]
+
+
 FAMILY = ProtocolInfo(
     "isb",
     "Inertial Sense IMX, GPX (ISB 2.x)",
@@ -132,6 +140,7 @@ FAMILY = ProtocolInfo(
     identity=identity,
     identify_request=get_data(1, period=0),  # device information, once; streams are not affected
     bauds=(921_600,),
+    rows=_rows,
     driver=DRIVER,
     composer=_composer,
     tables=tables,

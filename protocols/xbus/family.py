@@ -15,6 +15,7 @@ from protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoi
 from protocols.events import Batch, Reply
 from protocols.family import CorrectionInput, FamilyHints, LogFormat, LogHeader, PositionFix, ProtocolInfo
 from protocols.framing import ID, OFFSET, Bytes, Ints
+from protocols.schema import Message
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from protocols.transactions import DeviceContext, Values
 from protocols.xbus.data_identifiers import COORDINATES
@@ -246,6 +247,13 @@ SIMULATOR = SimulatorInfo(
     device="an MTi",
 )
 
+
+def _rows() -> tuple[Message, ...]:
+    from protocols.xbus.messages import MESSAGES
+
+    return MESSAGES
+
+
 FAMILY = ProtocolInfo(
     "xbus",
     "Xsens MTi (Xbus)",
@@ -265,6 +273,7 @@ FAMILY = ProtocolInfo(
     is_certain=_is_certain,
     identity=identity,
     bauds=(115_200,),
+    rows=_rows,
     driver=DRIVER,
     composer=_composer,
     tables=tables,

@@ -22,26 +22,11 @@ from protocols.schema import Field
 from server.commands.compose import composers
 from server.configuration.value_format import entry_title
 from server.devices.decode_options import DecodeOptions
+from server.library.reject_words import explained_rejects
 from server.printable import printable
 
 LONGEST_WORD = 64  # characters of a text or of bytes; jsonl has all of them
 WIDTH = 26  # of the message name
-
-EXPLAINED: Mapping[str, str] = {
-    "bad_checksum": "the checksum does not match",
-    "bad_size": "invalid length",
-    "bad_type": "unknown packet type",
-    "bad_item": "an item is longer than the remaining bytes, or has an invalid size for its kind",
-    "bad_id": "bus identifier and message are both 0",
-    "bad_crc8": "the header is damaged, or is not a header",
-    "bad_version": "unsupported version",
-    "bad_mode": "unknown mode",
-    "bad_crc32": "the payload is damaged",
-    "far_ahead": "intact, but its sequence number is far ahead, and no second frame confirms it",
-    "truncated": "the data ends within the frame",
-    "successor": "the preamble of the protocol's successor",
-}
-"""Explanation of reject reasons, for display; families have more (ProtocolInfo.remedies, listed_rejects)."""
 
 NOTES: Mapping[str, str] = {
     "undecodable_short": "shorter than its type: not decoded",
@@ -54,11 +39,6 @@ NOTES: Mapping[str, str] = {
 
 Line = Mapping[str, Any]
 _NOTHING = Field("")
-
-
-def explained_rejects(family: ProtocolInfo) -> dict[str, str]:
-    """Explanations of the reject reasons of a family's frames."""
-    return {**EXPLAINED, **{reason: one.listed for reason, one in family.remedies.items()}, **family.listed_rejects}
 
 
 class InspectTable:

@@ -58,7 +58,7 @@ class ByteRun:
 
     direction: Direction
     data: bytes
-    ends: NDArray[np.int32]
+    ends: NDArray[np.int32] | Ints
     arrival_ns: Ints
 
     @property

@@ -17,7 +17,7 @@ from recordings.sources import McapSource
 from server.config import Config
 from server.devices import byte_memory
 from server.devices.byte_memory import ByteMemory, Direction, LinkMemory
-from server.links.base import Chunk
+from server.links.base import CHUNK_COST, Chunk
 from server.streaming.channel_store import ChannelStore
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
@@ -173,7 +173,7 @@ def test_what_it_uses_is_counted_exactly() -> None:
     while memory.drop_oldest():
         pass
     assert 0 <= memory.nbytes < byte_memory.BLOCK_BYTES
-    assert memory.nbytes == sum(len(run.data) + byte_memory.CHUNK_COST * len(run.ends) for run in memory.runs())
+    assert memory.nbytes == sum(len(run.data) + CHUNK_COST * len(run.ends) for run in memory.runs())
 
 
 def test_it_takes_its_memory_from_that_of_samples() -> None:

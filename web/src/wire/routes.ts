@@ -2,7 +2,7 @@
 
 import type { Attempt, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
-import type { ApplyRequest, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo } from "../forms/types";
+import type { ApplyRequest, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo, SpanInfo } from "../forms/types";
 import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, HeldBytes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, SaveMemoryRequest, SavedMemory, StartRequest } from "../recordings/types";
 
 /** Of `T`, the fields that the server has defaults for may be left out. */
@@ -280,6 +280,35 @@ export interface OptionInfo {
   readonly doc: string;
   /** words of which a request gives one; empty if the option is a number */
   readonly choices: readonly string[];
+}
+
+/** A frame, a rejected one, bytes between frames, or bytes sent to the device. */
+export interface PacketInfo {
+  readonly kind: "frame" | "reject" | "foreign" | "sent";
+  readonly arrival: number;
+  readonly gap_ms: number | null;
+  readonly rank: number;
+  readonly size: number;
+  readonly hex: string;
+  readonly name: string;
+  readonly title: string;
+  readonly protocol: string;
+  readonly verdict: string;
+  readonly reason: string;
+  readonly doc: string;
+  readonly source: string;
+  readonly spans: readonly SpanInfo[];
+  readonly fields: Readonly<Record<string, unknown>>;
+  readonly flags: Readonly<Record<string, unknown>>;
+}
+
+/** A frame and its neighbours. */
+export interface PacketView {
+  readonly device: string;
+  readonly protocol: string;
+  readonly at: number;
+  readonly time: number | null;
+  readonly packets: readonly PacketInfo[];
 }
 
 /** One serial port. */
@@ -667,6 +696,18 @@ export interface Routes {
   "DELETE /api/devices/{device}/shares/clients/{number}": {
     readonly path: { readonly number: number; readonly device: string };
     readonly answer: SharedPort;
+  };
+  /** The frame that made a sample of a live device, and its neighbours, as far as its bytes are in memory: each frame as `imuscope inspect` lists it, with the meaning of each byte. */
+  "GET /api/devices/{device}/frames": {
+    readonly path: { readonly device: string };
+    readonly query: { readonly time: number; readonly base?: "device" | "arrival" | undefined; readonly channel?: number | null | undefined; readonly rank?: number | undefined; readonly kind?: "" | "frame" | "reject" | "foreign" | "sent" | undefined; readonly beside?: number | undefined };
+    readonly answer: PacketView;
+  };
+  /** The frame that made a sample of a recording, and its neighbours, as for a live device. */
+  "GET /api/recordings/{recording}/frames": {
+    readonly path: { readonly recording: string };
+    readonly query: { readonly time: number; readonly device?: string | undefined; readonly base?: "device" | "arrival" | undefined; readonly channel?: number | null | undefined; readonly rank?: number | undefined; readonly kind?: "" | "frame" | "reject" | "foreign" | "sent" | undefined; readonly beside?: number | undefined };
+    readonly answer: PacketView;
   };
   /** State of the recorder. */
   "GET /api/recorder": { readonly answer: RecorderState; };

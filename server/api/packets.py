@@ -1,0 +1,163 @@
+"""Routes of the packet view: the frame that made a sample, byte by byte, and its neighbours."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+
+from protocols.family import ProtocolInfo
+from recordings.column_store import Base
+from recordings.importers import open_file
+from recordings.mcap_writer import RecordingError
+from server.api.dependencies import TheServices
+from server.api.devices import OneSession
+from server.api.errors import responses, unknown_recording
+from server.api.recording_data import columns_of
+from server.devices.decode_options import DecodeOptions, recorded
+from server.errors import DomainError
+from server.library.packets import (
+    PacketView,
+    SampleArrival,
+    live_bytes,
+    live_moment,
+    packets_around,
+    recorded_bytes,
+    recorded_moment,
+)
+from server.wire import ChannelInfo
+
+router = APIRouter(tags=["packets"])
+
+NO_NAMES: tuple[str, ...] = ()
+
+Time = Annotated[float, Query(ge=0, le=9e9, description="unix seconds")]
+TheBase = Annotated[Base, Query(description="clock of `time`: the device's, or that of arrival")]
+OfChannel = Annotated[int | None, Query(description="channel of the sample at that time; without it, any frame")]
+Rank = Annotated[int, Query(ge=0, le=1 << 20, description="without a channel: which of those that arrived together")]
+OfKind = Annotated[
+    Literal["", "frame", "reject", "foreign", "sent"], Query(description="without a channel: only such a one")
+]
+Beside = Annotated[int, Query(ge=0, le=100, description="neighbours on each side")]
+
+
+@router.get("/api/devices/{device}/frames", responses=responses(404, 422))
+async def live_frames(
+    session: OneSession,
+    services: TheServices,
+    time: Time,
+    base: TheBase = "arrival",
+    channel: OfChannel = None,
+    rank: Rank = 0,
+    kind: OfKind = "",
+    beside: Beside = 8,
+) -> PacketView:
+    """The frame that made a sample of a live device, and its neighbours, as far as its bytes are in memory: each frame
+    as `imuscope inspect` lists it, with the meaning of each byte.
+    """
+    device = session.info.id
+    link = services.byte_memory.of(device)
+    span = link.span if link is not None else None
+    if link is None or span is None:
+        raise DomainError(
+            "not-found", f"No bytes of device {device} are in memory.", "They are kept unless bytes_mb is 0."
+        )
+    moment, names = SampleArrival(round(time * 1e9), rank), NO_NAMES
+    if channel is not None:
+        stored = services.telemetry.store.get(channel)
+        found = live_moment(stored, time, base) if stored is not None else None
+        moment, names = _sample(found, channel), _names(stored.info) if stored is not None else ()
+    if not span[0] - 1_000_000_000 <= moment.arrival_ns <= span[1] + 1_000_000_000:
+        words = f"The bytes from then are no longer in memory, which reaches back {(span[1] - span[0]) / 1e9:.0f} s."
+        raise DomainError("not-found", words, "bytes_mb in the configuration makes it longer; a recording has all.")
+    family = _family(session.info.protocol)
+    settings = session.reading.settings(family.name)
+    read = live_bytes(link, session.link.preamble)
+    view = await asyncio.to_thread(
+        packets_around, device, family, settings, read, moment, names=names, kind=kind or None, beside=beside
+    )
+    return _found(view)
+
+
+@router.get("/api/recordings/{recording}/frames", responses=responses(404, 422))
+async def recorded_frames(
+    recording: str,
+    services: TheServices,
+    time: Time,
+    device: Annotated[str, Query(description="needed without a channel, if the recording has several")] = "",
+    base: TheBase = "arrival",
+    channel: OfChannel = None,
+    rank: Rank = 0,
+    kind: OfKind = "",
+    beside: Beside = 8,
+) -> PacketView:
+    """The frame that made a sample of a recording, and its neighbours, as for a live device."""
+    moment, names = SampleArrival(round(time * 1e9), rank), NO_NAMES
+    if channel is not None:
+        store = await columns_of(recording, services)
+        info = next((one for one in store.manifest["channels"] if one["id"] == channel), None)
+        found = await asyncio.to_thread(recorded_moment, store, channel, time, base) if info is not None else None
+        moment = _sample(found, channel)
+        if info is not None:
+            device, names = str(info["device"]), (str(info["message"]), str(info["name"]))
+    return await asyncio.to_thread(_recorded, services, recording, device, moment, names, kind, beside)
+
+
+def _recorded(
+    services: TheServices,
+    recording: str,
+    device: str,
+    moment: SampleArrival,
+    names: tuple[str, ...],
+    kind: Literal["", "frame", "reject", "foreign", "sent"],
+    beside: int,
+) -> PacketView:
+    try:
+        source = open_file(services.catalogue.library.known_path(recording))
+    except (KeyError, FileNotFoundError):
+        raise unknown_recording(recording) from None
+    except RecordingError as error:
+        raise DomainError("cannot-open", error.message, error.hint) from None
+    if not source.timed:
+        words = "The bytes of this file have no arrival times, so a sample does not lead to its frame."
+        raise DomainError("not-found", words, "imuscope inspect FILE lists its frames.")
+    device = device.partition(".")[0] or next(iter(source.devices), "")
+    known = source.devices.get(device)
+    if known is None:
+        raise DomainError(
+            "not-found", f"The recording has no bytes of device {device:.40}.", "Choose one of its devices."
+        )
+    family = _family(known.protocol)
+    settings = recorded(DecodeOptions(), known.identity, services.reading).settings(family.name)
+    read = recorded_bytes(source, device)
+    return _found(packets_around(device, family, settings, read, moment, names=names, kind=kind or None, beside=beside))
+
+
+def _family(protocol: str) -> ProtocolInfo:
+    from protocols.registry import family_of  # imported on first use, because it loads compiled code
+
+    family = family_of(protocol)
+    if family is None:
+        raise DomainError(
+            "not-found", "The protocol of this device is not known.", "Its bytes cannot be divided into frames."
+        )
+    return family
+
+
+def _sample(found: SampleArrival | None, channel: int) -> SampleArrival:
+    if found is None:
+        raise DomainError(
+            "not-found", f"Channel {channel} has no sample at that time.", "Choose a time within its plot."
+        )
+    return found
+
+
+def _names(info: ChannelInfo) -> tuple[str, ...]:
+    return info.message, info.name
+
+
+def _found(view: PacketView | None) -> PacketView:
+    if view is None:
+        raise DomainError("not-found", "No bytes were received around that time.", "Choose a time within a plot.")
+    return view
