@@ -142,3 +142,28 @@ def test_numbers_of_a_recording_are_those_of_numpy(
         for key, value in expected.items():
             assert float(row[key]) == pytest.approx(value, rel=1e-6, abs=1e-9), key
         assert row["slope_unit"] == samples["units"]["values"].replace("m/s²", "m/s³").replace("°/s", "°/s²")
+
+
+def test_to_the_next_place_of_a_condition_in_three_actions(
+    recorded: ServerProcess, open_page: Callable[..., Page]
+) -> None:
+    """Opened by a key, typed, and gone to; the key N goes on."""
+    page = opened(recorded, open_page)
+    page.keyboard.press("j")
+    page.keyboard.type("norm(Acceleration) > 9.9 m/s²")
+    page.keyboard.press("Enter")
+    until(page, "document.querySelector('.go-to-said')?.innerText.includes('true for')")
+    first = page.evaluate("imuscopeReplay.head")
+    [info] = ask(recorded, "GET", "/api/recordings")
+    body = {
+        "source": info["id"],
+        "device": page.evaluate("imuscope.view.value.device"),
+        "signals": ["norm(Acceleration) > 9.9 m/s²"],
+    }
+    [found] = ask(recorded, "POST", "/api/analysis/intervals", body)
+    assert found["figures"]["begin"][0] == pytest.approx(first, abs=1e-6)
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("n")
+    until(page, f"imuscopeReplay.head > {first}")
+    assert page.evaluate("imuscopeReplay.head") == pytest.approx(found["figures"]["begin"][1], abs=1e-6)
+    assert serious(page, "document.querySelector('.go-to')") == []

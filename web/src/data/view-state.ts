@@ -45,6 +45,17 @@ export interface CustomPlot {
   readonly signals: readonly SignalRef[];
 }
 
+/** What "next" and "previous" go to. */
+export type Destination = "sample" | "event" | "marker" | "gap" | "condition";
+
+/** The bar that goes to a moment (measure/go-to.tsx). */
+export interface GoToBar {
+  readonly isOpen: boolean;
+  /** As typed: a time or a condition. */
+  readonly text: string;
+  readonly kind: Destination;
+}
+
 export interface ViewSignals {
   readonly view: Signal<View>;
   readonly cursor: Signal<Cursor>;
@@ -52,6 +63,7 @@ export interface ViewSignals {
   readonly measure: Signal<number | undefined>;
   /** Whether cursors are put on samples. */
   readonly snap: Signal<boolean>;
+  readonly goTo: Signal<GoToBar>;
   /** Series hidden by the user, as `${channelName}.${columnName}`. */
   readonly hiddenSeries: Signal<ReadonlySet<string>>;
   /** Norms seen so far, by the same keys: each is hidden once, when first seen, because the legend shows it and it is drawn on request. */
@@ -77,6 +89,7 @@ export function createViewState(like?: ViewSignals): ViewState {
     cursor: signal<Cursor>(undefined),
     measure: signal<number | undefined>(undefined),
     snap: signal(like?.snap.peek() ?? false),
+    goTo: signal<GoToBar>({ isOpen: false, text: "", kind: "event" }),
     hiddenSeries: signal(like?.hiddenSeries.peek() ?? new Set<string>()),
     knownNorms: new Set(like?.knownNorms),
     extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),

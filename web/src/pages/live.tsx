@@ -2,7 +2,9 @@
 import { AnalysisDialog } from "../analysis/dialog";
 import { mountLargeTrack } from "../attitude/track-dialog";
 import { AddDevice } from "../forms/add-device";
+import { GoTo, type GoToDeps } from "../measure/go-to";
 import { MeasurePanel } from "../measure/measure-panel";
+import { placesOf } from "../plots/markers";
 import { mountStack } from "../plots/plot-stack";
 import { SignalsPanel } from "../signals/panel";
 import { Dialog } from "../ui/dialog";
@@ -95,12 +97,34 @@ function Centre({ app }: { readonly app: App }) {
   if (state === "unreached") return <Unreached app={app} device={device} />;
   if (state === "silent") return <Silent app={app} device={device} />;
   return (
-    <MainColumn app={app} deps={app} mountPlots={(host) => mountStack(host, app)} under={<MeasurePanel deps={app} />}>
+    <MainColumn
+      app={app}
+      deps={app}
+      mountPlots={(host) => mountStack(host, app)}
+      under={
+        <>
+          <GoTo key={device.id} deps={goToDeps(app)} />
+          <MeasurePanel deps={app} />
+        </>
+      }
+    >
       {state !== "live" && <HeldBand app={app} device={device} />}
       <LiveViews app={app} />
       <LiveScene app={app} device={device} />
     </MainColumn>
   );
+}
+
+function goToDeps({ store, viewState }: App): GoToDeps {
+  const device = (): string => viewState.view.peek().device ?? "";
+  return {
+    viewState,
+    source: device,
+    places(kind) {
+      if (kind === "gap") return store.losses(device()).map(({ t0 }) => t0);
+      return placesOf(store.events.peek(), kind, device());
+    },
+  };
 }
 
 function Overlays({ app }: { readonly app: App }) {

@@ -26,6 +26,16 @@ export function markersIn(events: readonly EventInfo[], device: string | undefin
     .map(({ time, text }) => ({ time, text: text === NO_WORDS ? "" : text }));
 }
 
+/** Times of events, or of the markers among them, of a device or of all. */
+export function placesOf(
+  events: readonly EventInfo[],
+  kind: "event" | "marker",
+  device: string | undefined,
+): readonly number[] {
+  const own = events.filter((event) => event.device === "" || event.device === device);
+  return own.filter((event) => kind === "event" || event.kind === "marker").map(({ time }) => time);
+}
+
 /** The markers in a window, in order, each with its position and the room for its words, px. */
 export function placed(
   markers: readonly MarkLine[],

@@ -24,11 +24,13 @@ export type KeyAction =
         | "analysis"
         | "signals"
         | "measure"
+        | "goTo"
         | "close";
     }
   | { readonly do: "pan"; readonly windows: number }
   | { readonly do: "step"; readonly samples: number }
   | { readonly do: "stepMeasure"; readonly samples: number }
+  | { readonly do: "place"; readonly forward: boolean }
   | { readonly do: "span"; readonly longer: boolean }
   | { readonly do: "zoom"; readonly factor: number }
   | { readonly do: "series"; readonly index: number; readonly alone: boolean };
@@ -59,6 +61,8 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: [",", "."], what: COMMON.keyStep },
   { keys: ["B"], what: COMMON.keyMeasure },
   { keys: ["Shift ,", "Shift ."], what: COMMON.keyStepMeasure },
+  { keys: ["J"], what: COMMON.keyGoTo },
+  { keys: ["N", "Shift N"], what: COMMON.keyPlace },
   { keys: ["[", "]"], what: COMMON.keySpan },
   { keys: ["+", "−"], what: COMMON.keyZoom },
   { keys: ["F"], what: COMMON.keyFit },
@@ -99,6 +103,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   a: { do: "analysis" },
   s: { do: "signals" },
   b: { do: "measure" },
+  j: { do: "goTo" },
   "?": { do: "help" },
   escape: { do: "close" },
 };
@@ -111,6 +116,7 @@ export function actionFor(press: KeyPress): KeyAction | undefined {
     return { do: "pan", windows: (key === "arrowleft" ? -1 : 1) * (press.shiftKey ? 1 : 0.1) };
   }
   if (key === "r") return { do: press.shiftKey ? "record" : "askRecord" };
+  if (key === "n") return { do: "place", forward: !press.shiftKey };
   if (key === "m") return { do: press.shiftKey ? "note" : "mark" };
   // with Shift they type something else on every layout
   const side = press.code === "Comma" ? -1 : press.code === "Period" ? 1 : 0;

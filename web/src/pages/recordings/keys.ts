@@ -68,6 +68,12 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
     case "stepMeasure":
       actions.stepMeasure(action.samples);
       return true;
+    case "goTo":
+      actions.openGoTo();
+      return true;
+    case "place":
+      actions.stepPlace(action.forward);
+      return true;
     case "measure":
       replay.playing.value = false;
       actions.toggleMeasure();

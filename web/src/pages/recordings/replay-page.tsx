@@ -4,7 +4,9 @@ import { AnalysisDialog } from "../../analysis/dialog";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import type { MeasureDeps } from "../../measure/panel";
 import { onFrame } from "../../data/render-loop";
+import { GoTo, type GoToDeps } from "../../measure/go-to";
 import { MeasurePanel } from "../../measure/measure-panel";
+import { placesOf } from "../../plots/markers";
 import { mountStack } from "../../plots/plot-stack";
 import { placeHref, readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
@@ -114,7 +116,12 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
       app={app}
       deps={deps}
       mountPlots={(host) => mountPlots(host, replay, deps)}
-      under={<MeasurePanel deps={measureDeps(replay)} />}
+      under={
+        <>
+          <GoTo deps={goToDeps(replay)} />
+          <MeasurePanel deps={measureDeps(replay)} />
+        </>
+      }
     />
   );
 }
@@ -133,6 +140,20 @@ function Analysis({ recording: { replay, app, deps } }: { readonly recording: Op
       onClose={() => (app.overlay.value = undefined)}
     />
   );
+}
+
+function goToDeps(replay: ReplayController): GoToDeps {
+  const device = (): string => replay.viewState.view.peek().device ?? "";
+  return {
+    viewState: replay.viewState,
+    source: () => replay.detail.info.id,
+    places(kind) {
+      if (kind === "marker") return replay.markers.peek().map(({ time }) => time);
+      if (kind === "gap") return replay.drawn.losses(device()).map(({ t0 }) => t0);
+      return placesOf(replay.detail.events, kind, device());
+    },
+    halt: () => (replay.playing.value = false),
+  };
 }
 
 function measureDeps(replay: ReplayController): MeasureDeps {

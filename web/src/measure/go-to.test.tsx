@@ -1,0 +1,106 @@
+// @vitest-environment happy-dom
+/** The bar that goes to a moment: times, places of each kind, and conditions with their mistakes. */
+import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { createViewState, type ViewState } from "../data/view-state";
+import { answering, type Answers, type Asked } from "../testing/recorded";
+import { GoTo } from "./go-to";
+
+const START = Date.UTC(2025, 9, 9, 8, 53, 20) / 1000;
+const ROUTE = "POST /api/analysis/intervals";
+let state: ViewState;
+let halted = 0;
+
+beforeEach(() => {
+  state = createViewState();
+  halted = 0;
+  state.actions.attachPlots({
+    now: () => START + 100,
+    bounds: () => ({ first: START, last: START + 100 }),
+    step: (t, steps) => t + steps,
+    nearest: () => undefined,
+    plots: () => [],
+    series: () => [],
+    beside: () => [],
+  });
+  state.view.value = { ...state.view.peek(), device: "2", live: false, end: START + 20, span: 20 };
+});
+afterEach(() => {
+  cleanup();
+  vi.restoreAllMocks();
+});
+
+function open(answers: Answers = {}): readonly Asked[] {
+  const asked = answering(answers);
+  const places = { event: [START + 5, START + 50], marker: [START + 7], gap: [] };
+  const deps = { viewState: state, source: () => "yard", places: (kind: keyof typeof places) => places[kind] };
+  render(<GoTo deps={{ ...deps, halt: () => void (halted += 1) }} />);
+  state.actions.openGoTo();
+  return asked;
+}
+const input = () => screen.findByRole<HTMLInputElement>("textbox");
+const type = async (text: string, more = {}): Promise<void> => {
+  fireEvent.input(await input(), { target: { value: text } });
+  if ("shiftKey" in more) fireEvent.keyDown(await input(), { key: "Enter", ...more });
+  else fireEvent.submit((await input()).form as HTMLFormElement);
+};
+const at = (): number => (state.actions.cursorTime() ?? NaN) - START;
+const said = (): string => screen.getByRole("status").textContent ?? "";
+
+it("goes to a time, and from there on", async () => {
+  open();
+  await type("08:54:00");
+  expect([at(), halted]).toEqual([40, 1]);
+  expect(state.view.peek()).toMatchObject({ live: false, span: 20 });
+  expect(state.view.peek().end).toBeCloseTo(START + 50, 6);
+  await type("-2.5 s");
+  expect(at()).toBe(37.5);
+  await type("12:00");
+  expect(at()).toBe(37.5);
+  await vi.waitFor(() => expect(said()).toBe("The data are from 08:53:20 to 08:55:00 UTC."));
+});
+
+it("goes to the next and previous place of a kind", async () => {
+  open();
+  state.actions.pin(START + 6);
+  await input();
+  state.actions.stepPlace(true);
+  expect(at()).toBe(50);
+  state.actions.stepPlace(true);
+  await vi.waitFor(() => expect(said()).toBe("No event after this."));
+  fireEvent.change(screen.getByRole("combobox"), { target: { value: "marker" } });
+  state.actions.stepPlace(false);
+  expect(at()).toBe(7);
+  fireEvent.change(screen.getByRole("combobox"), { target: { value: "sample" } });
+  fireEvent.click(screen.getByRole("button", { name: "Next (N)" }));
+  expect(at()).toBe(8);
+  fireEvent.keyDown(await input(), { key: "Escape" });
+  await vi.waitFor(() => expect(screen.queryByRole("textbox")).toBeNull());
+});
+
+it("goes to where a condition is true, after and before the cursor", async () => {
+  const figures = { total: 3, begin: [START + 30], end: [START + 30.25], samples: 9 };
+  const asked = open({ [ROUTE]: [{ signal: "", device: "2", units: {}, figures }] });
+  state.actions.pin(START + 6);
+  await type("norm(acc) > 3 g");
+  await vi.waitFor(() => expect(at()).toBe(30));
+  expect(said()).toContain("08:53:50.000 UTC, true for 250.0 ms; 2 others beyond");
+  const body = { source: "yard", device: "2", signals: ["norm(acc) > 3 g"], t0: null, t1: null };
+  expect(asked[0]?.body).toMatchObject({ ...body, options: { after: START + 6, order: "ascending", limit: 1 } });
+  await type("norm(acc) > 3 g", { shiftKey: true });
+  await vi.waitFor(() => expect(asked.length).toBe(2));
+  expect(asked[1]?.body).toMatchObject({ options: { before: START + 30, order: "descending" } });
+  expect(state.goTo.peek().kind).toBe("condition");
+});
+
+it("marks a mistake where it is", async () => {
+  const problem = { kind: "bad-expression", message: "Signal accc not found. (character 6)", hint: "Channels: acc." };
+  open({
+    [ROUTE]: new Response(JSON.stringify(problem), { status: 422, headers: { "content-type": "application/json" } }),
+  });
+  await type("norm(accc) > 3 g");
+  await vi.waitFor(() => expect(said()).toContain("Signal accc not found."));
+  const field = await input();
+  expect([field.selectionStart, field.selectionEnd, field.getAttribute("aria-invalid")]).toEqual([5, 9, "true"]);
+  expect(state.cursor.peek()).toBeUndefined();
+});

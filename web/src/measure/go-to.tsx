@@ -1,0 +1,217 @@
+/**
+ * The bar that goes to a moment: a time, or the next and previous sample, event, marker, gap, or place where a condition is true.
+ * The server looks for conditions: over a whole recording, or over what it has of a live device in memory.
+ */
+import { useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import type { Destination, ViewState } from "../data/view-state";
+import { day, duration } from "../plots/axis";
+import { clock } from "../ui/format";
+import { type Problem, request } from "../ui/http";
+import { Icon } from "../ui/icons";
+import { Message } from "../ui/message";
+import type { SignalFigures } from "../wire/routes";
+import { mistakeIn, momentOf, neighbour } from "./moment";
+import { TEXT } from "../texts/go-to";
+import "./measure.css";
+
+export interface GoToDeps {
+  readonly viewState: ViewState;
+  /** Id of the recording, or of the live device. */
+  readonly source: () => string;
+  /** Times of the places of a kind, unix s, for the selected device. */
+  readonly places: (kind: "event" | "marker" | "gap") => readonly number[];
+  /** Called before the view goes somewhere. */
+  readonly halt?: () => void;
+}
+
+const KINDS: readonly Destination[] = ["sample", "event", "marker", "gap", "condition"];
+
+/** The answer to the last move: words, or a problem. */
+type Said = { readonly words: string } | { readonly problem: Problem } | undefined;
+
+export function GoTo({ deps }: { readonly deps: GoToDeps }) {
+  const { goTo, actions } = deps.viewState;
+  const said = useSignal<Said>(undefined);
+  const asked = useRef(0);
+  const input = useRef<HTMLInputElement>(null);
+  const step = (forward: boolean): void => {
+    const { kind } = goTo.peek();
+    if (!goTo.peek().isOpen) goTo.value = { ...goTo.peek(), isOpen: true };
+    asked.current += 1;
+    deps.halt?.();
+    if (kind === "sample") {
+      actions.stepSample(forward ? 1 : -1);
+      said.value = undefined;
+    } else if (kind === "condition") void search(forward, asked.current);
+    else {
+      const found = neighbour(deps.places(kind), reference(deps), forward);
+      if (found !== undefined) actions.goTo(found);
+      said.value = { words: found === undefined ? TEXT.none(TEXT.kinds[kind], forward) : TEXT.at(clock(found, 3)) };
+    }
+  };
+  const search = async (forward: boolean, turn: number): Promise<void> => {
+    const text = goTo.peek().text.trim();
+    if (text === "" || momentOf(text, 0) !== undefined) {
+      said.value = { words: TEXT.needsCondition };
+      input.current?.focus();
+      return;
+    }
+    said.value = { words: TEXT.searching };
+    const found = await placeOf(text, reference(deps), forward, deps);
+    if (turn !== asked.current) return;
+    if ("problem" in found) {
+      said.value = found;
+      const place = mistakeIn(text, found.problem.message);
+      if (place) input.current?.focus();
+      if (place) input.current?.setSelectionRange(...place);
+      return;
+    }
+    if (found.begin !== undefined) actions.goTo(found.begin);
+    said.value = { words: wordsOfPlace(found, forward) };
+  };
+  const submit = (forward: boolean): void => {
+    const text = goTo.peek().text.trim();
+    const at = momentOf(text, reference(deps));
+    if (at === undefined) {
+      if (text !== "") goTo.value = { ...goTo.peek(), kind: "condition" };
+      return step(forward);
+    }
+    const bounds = actions.bounds();
+    if (bounds !== undefined && (at < bounds.first || at > bounds.last)) {
+      said.value = { words: TEXT.outside(...wordsOf(bounds)) };
+      return;
+    }
+    deps.halt?.();
+    actions.goTo(at);
+    said.value = { words: TEXT.at(clock(at, 3)) };
+  };
+  // biome-ignore lint/correctness/useExhaustiveDependencies: a view has one bar
+  useEffect(() => actions.attachSteps(step), []);
+  const { isOpen, text, kind } = goTo.value;
+  useEffect(() => {
+    if (isOpen) input.current?.select();
+  }, [isOpen]);
+  if (!isOpen) return null;
+  const close = (): void => {
+    goTo.value = { ...goTo.peek(), isOpen: false };
+    said.value = undefined;
+  };
+  const problem = said.value !== undefined && "problem" in said.value ? said.value.problem : undefined;
+  return (
+    <form
+      class="go-to"
+      aria-label={TEXT.title}
+      onSubmit={(event) => {
+        event.preventDefault();
+        submit(true);
+      }}
+      onKeyDown={(event) => {
+        if (event.key === "Escape") close();
+        else if (event.key === "Enter" && event.shiftKey) submit(false);
+        else return;
+        event.preventDefault();
+        event.stopPropagation();
+      }}
+    >
+      <span class="field">
+        <input
+          ref={input}
+          type="text"
+          aria-label={TEXT.label}
+          title={TEXT.hint}
+          placeholder={TEXT.placeholder}
+          value={text}
+          spellcheck={false}
+          autocomplete="off"
+          aria-invalid={problem !== undefined}
+          onInput={(event) => (goTo.value = { ...goTo.peek(), text: event.currentTarget.value })}
+        />
+      </span>
+      <button type="submit" class="btn edge">
+        {TEXT.go}
+      </button>
+      <button
+        type="button"
+        class="btn icon"
+        aria-label={TEXT.previous}
+        title={TEXT.previous}
+        onClick={() => step(false)}
+      >
+        <Icon name="back" />
+      </button>
+      <span class="select">
+        <select
+          aria-label={TEXT.kind}
+          value={kind}
+          onChange={(event) => (goTo.value = { ...goTo.peek(), kind: event.currentTarget.value as Destination })}
+        >
+          {KINDS.map((one) => (
+            <option key={one} value={one}>
+              {TEXT.kinds[one]}
+            </option>
+          ))}
+        </select>
+        <Icon name="down" />
+      </span>
+      <button type="button" class="btn icon" aria-label={TEXT.next} title={TEXT.next} onClick={() => step(true)}>
+        <Icon name="forward" />
+      </button>
+      <span class={problem ? "go-to-said bad" : "go-to-said"} role="status">
+        {problem ? (
+          <>
+            <Message text={problem.message} /> <Message text={problem.hint} />
+          </>
+        ) : (
+          said.value !== undefined && "words" in said.value && said.value.words
+        )}
+      </span>
+      <button type="button" class="btn icon" aria-label={TEXT.close} title={TEXT.close} onClick={close}>
+        <Icon name="close" />
+      </button>
+    </form>
+  );
+}
+
+/** Where the next and the previous place are counted from. */
+function reference({ viewState: { actions } }: GoToDeps): number {
+  return actions.cursorTime() ?? actions.rightEdge();
+}
+
+function wordsOf({ first, last }: { readonly first: number; readonly last: number }): readonly [string, string] {
+  const isOneDay = day(first) === day(last);
+  const words = (t: number): string => (isOneDay ? clock(t) : `${day(t)} ${clock(t)}`);
+  return [words(first), words(last)];
+}
+
+type Place = { readonly begin: number | undefined; readonly end: number; readonly more: number };
+
+function wordsOfPlace({ begin, end, more }: Place, forward: boolean): string {
+  if (begin === undefined) return TEXT.neverTrue(forward);
+  const time = clock(begin, 3);
+  return begin === end ? TEXT.trueOnce(time, more) : TEXT.trueFor(time, duration(end - begin), more);
+}
+
+/** The next or previous place where a condition is true. */
+async function placeOf(
+  text: string,
+  from: number,
+  forward: boolean,
+  { viewState, source }: GoToDeps,
+): Promise<Place | { readonly problem: Problem }> {
+  const { device, timeBase: base } = viewState.view.peek();
+  const options = { [forward ? "after" : "before"]: from, order: forward ? "ascending" : "descending", limit: 1 };
+  const body = { source: source(), signals: [text], t0: null, t1: null, base, device: device ?? "", options };
+  const outcome = await request("POST /api/analysis/{name}", { path: { name: "intervals" }, body });
+  if (!outcome.ok) return { problem: outcome.problem };
+  // of a vector each axis has its own: the nearest one is gone to
+  const found = (outcome.value as readonly SignalFigures[]).map(({ figures }) => ({
+    begin: (figures["begin"] as readonly number[])[0],
+    end: (figures["end"] as readonly number[])[0] ?? NaN,
+    more: Number(figures["total"]) - 1,
+  }));
+  const first = found
+    .filter(({ begin }) => begin !== undefined)
+    .sort((a, b) => (forward ? 1 : -1) * ((a.begin ?? 0) - (b.begin ?? 0)))[0];
+  return first ?? { begin: undefined, end: NaN, more: 0 };
+}
