@@ -263,11 +263,15 @@ def _upload(options: argparse.Namespace) -> None:
 
 
 def _query(options: argparse.Namespace) -> None:
-    from server.commands.query import QueryCommandError, QueryRequest, answer
+    from server.commands.query import QueryCommandError, QueryRequest, answer, question_of
 
-    sql = sys.stdin.read() if options.sql == "-" else options.sql
-    request = QueryRequest(options.store, sql, options.format, options.memory, options.timeout)
     try:
+        sql = question_of(options.sql, options.question or "")
+        if options.show:
+            print(sql)
+            return
+        sql = sys.stdin.read() if sql == "-" else sql
+        request = QueryRequest(options.store, sql, options.format, options.memory, options.timeout)
         answer(request, sys.stdout, sys.stdout.buffer)
     except QueryCommandError as error:
         raise UsageError(str(error)) from None

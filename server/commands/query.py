@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import BinaryIO, TextIO
 
+from server.fleet.questions import QUESTIONS
 from server.fleet.store import MISSING, StoreError, location
 
 
@@ -28,6 +29,17 @@ class QueryRequest:
     format: str = "table"
     memory_mb: int = 1024
     timeout_s: float = 300.0
+
+
+def question_of(sql: str, name: str) -> str:
+    """SQL as given, or that of a prepared question.
+
+    Raises:
+        QueryCommandError: both are given.
+    """
+    if name and sql:
+        raise QueryCommandError("give SQL, or --question with the name of a prepared one, not both")
+    return QUESTIONS[name].sql if name else sql
 
 
 def answer(request: QueryRequest, out: TextIO, binary: BinaryIO) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
+from server.fleet.questions import QUESTIONS
+
 
 def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope upload`; returns its parser."""
@@ -17,9 +19,16 @@ def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.A
 
 def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> None:
     """Add `imuscope query`."""
-    command = add_parser("query", help="ask a store of recordings questions, in SQL")
+    command = add_parser(
+        "query",
+        help="ask a store of recordings questions, in SQL",
+        epilog="prepared questions:\n" + "\n".join(f"  {name:<18}{one.title}" for name, one in QUESTIONS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     command.add_argument("sql", nargs="?", default="", metavar="SQL", help='"SELECT …"; "-" reads standard input')
     _add_store(command)
+    command.add_argument("--question", choices=list(QUESTIONS), help="prepared question in place of SQL; see below")
+    command.add_argument("--show", action="store_true", help="print the SQL of the question, and end")
     formats, words = (
         ("table", "csv", "json", "arrow"),
         "table for people (the default); csv, json or arrow for programs",

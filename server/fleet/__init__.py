@@ -4,9 +4,10 @@
     tables.py      the tables and their columns
     upload.py      a recording into the store: its file, then its rows
     content.py     what makes two files the same recording
-    metadata.py    the rows of an opened recording
+    metadata.py, samples.py, minutes.py    the rows of an opened recording
     delta_tables.py    appending exactly once
     query.py       SQL over the tables, read-only and limited
+    questions.py   prepared questions
     results.py     answers as a table, CSV, JSON or Arrow
 
 docs/fleet.md describes the layout of a store for other programs.

@@ -30,6 +30,7 @@ TARGET_BYTES = 256 << 20  # of a file, after which another is begun
 _FIRST_S, _LONGEST_S = 0.05, 2.0
 
 Rows: TypeAlias = "pa.Table | pa.RecordBatchReader"
+Needed = Callable[["pa.Schema | None"], "pa.Schema"]
 
 
 def open_table(store: StoreLocation, name: str) -> DeltaTable | None:
@@ -57,12 +58,13 @@ def has_rows(store: StoreLocation, name: str, recording: str) -> bool:
 
 
 def append_once(
-    store: StoreLocation, table: StoreTable, recording: str, schema: pa.Schema, rows: Callable[[pa.Schema], Rows]
+    store: StoreLocation, table: StoreTable, recording: str, needed: Needed, rows: Callable[[pa.Schema], Rows]
 ) -> bool:
     """Append the rows of a recording, unless they are in the table already.
 
     Args:
-        schema: of the rows; columns that the table lacks are added to it.
+        needed: gives the columns of the rows from those of the table, None before it exists; those that it lacks are
+            added to it.
         rows: called with the schema of the table for each attempt.
 
     Returns:
@@ -75,13 +77,16 @@ def append_once(
     for _ in range(ATTEMPTS):
         with told(store):
             try:
-                found = _table(store, table, schema)
+                found = open_table(store, table.name)
+                if found is None:
+                    found = _create(store, table, needed(None))
                 if found.transaction_version(recording) is not None:
                     return False
-                if missing := [field for field in schema if field.name not in names_of(found)]:
+                known = pa.schema(found.schema().to_arrow())
+                if missing := [field for field in needed(known) if field.name not in names_of(found)]:
                     _add_columns(found, missing)
                     continue
-                _append(found, table, recording, rows(pa.schema(found.schema().to_arrow())))
+                _append(found, table, recording, rows(known))
                 return True
             except CommitFailedError:
                 pass  # another upload committed first
@@ -94,10 +99,7 @@ def names_of(table: DeltaTable) -> set[str]:
     return {field.name for field in table.schema().fields}
 
 
-def _table(store: StoreLocation, table: StoreTable, schema: pa.Schema) -> DeltaTable:
-    found = open_table(store, table.name)
-    if found is not None:
-        return found
+def _create(store: StoreLocation, table: StoreTable, schema: pa.Schema) -> DeltaTable:
     if store.folder is not None:
         (store.folder / "tables" / table.name).mkdir(parents=True, exist_ok=True)
     try:
@@ -107,6 +109,7 @@ def _table(store: StoreLocation, table: StoreTable, schema: pa.Schema) -> DeltaT
             partition_by=list(table.partitions),
             name=table.name,
             description=table.doc,
+            configuration={"delta.dataSkippingNumIndexedCols": "-1"},
             storage_options=store.options,
         )
     except DeltaError as error:

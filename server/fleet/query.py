@@ -17,13 +17,16 @@ import duckdb
 import pyarrow as pa
 import pyarrow.dataset as ds
 
+from server.fleet.delta_dataset import dataset_of
 from server.fleet.delta_tables import open_table
 from server.fleet.store import StoreLocation, told
-from server.fleet.tables import RECORDINGS, TABLES, StoreTable
+from server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
 BATCH_ROWS = 1 << 16
 READING = ("SELECT", "EXPLAIN")
 _WORD = re.compile(r"\w+")
+_SAMPLES = re.compile(r"\bsamples\b", re.IGNORECASE)
+_NAMED = re.compile(r"\bsamples\s*\(\s*'((?:[^']|'')*)'\s*\)", re.IGNORECASE)
 _CATALOG = {"show", "tables", "information_schema", "describe", "columns"}
 
 
@@ -59,8 +62,8 @@ def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> 
             _check(connection, sql)
             words = {word.lower() for word in _WORD.findall(sql)}
             for table in TABLES.values():
-                if table is RECORDINGS or table.name in words or words & _CATALOG:
-                    _view(connection, store, table)
+                if table is RECORDINGS or words & {table.name, f"{table.name}_wide", *_CATALOG}:
+                    _view(connection, store, table, sql)
             _lock(connection, limits)
             with guard:
                 yield _Answer(connection.sql(sql), guard).reader()
@@ -79,10 +82,10 @@ def _check(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
         raise QueryError(f"{statements[0].type.name} changes something; a store is read-only", "Start with SELECT.")
 
 
-def _view(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable) -> None:
+def _view(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable, sql: str) -> None:
     """A view with the name of a table; empty before anything was uploaded."""
     found = open_table(store, table.name)
-    data = found.to_pyarrow_dataset() if found is not None else ds.dataset(table.schema.empty_table())
+    data = dataset_of(found, table) if found is not None else ds.dataset(table.schema.empty_table())
     connection.register(f"stored_{table.name}", data)
     known = [column.name for column in table.columns]
     names = [name for name in known if name in data.schema.names]
@@ -90,7 +93,37 @@ def _view(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: St
     missing = [f"CAST(NULL AS {_sql_type(one.type)}) AS {one.name}" for one in table.columns if one.name not in names]
     columns = ", ".join([*(f'"{name}"' for name in names), *missing])
     whole = "" if not table.joined else " WHERE recording IN (SELECT recording FROM stored_recordings)"
-    connection.execute(f"CREATE VIEW {table.name} AS SELECT {columns} FROM stored_{table.name}{whole}")
+    view = f"{table.name}_wide" if table is SAMPLES else table.name
+    connection.execute(f"CREATE VIEW {view} AS SELECT {columns} FROM stored_{table.name}{whole}")
+    if table is SAMPLES:
+        _long_view(connection, data.schema, sql)
+
+
+def _long_view(connection: duckdb.DuckDBPyConnection, schema: pa.Schema, sql: str) -> None:
+    """The view `samples`, one row for each value, and `samples(signal)`, the rows of one signal.
+
+    A signal is a branch of a union. DuckDB drops those that a condition on `signal` excludes, but looks at each; where
+    the question names its signals, `samples('Acceleration.x')`, the others are left out here.
+    """
+    named = set(_NAMED.findall(sql))
+    every = len(_SAMPLES.findall(sql)) > len(_NAMED.findall(sql))
+    keys = "date, time, robot, recording, device, message"
+    branches = [f"SELECT {keys}, '' AS signal, '' AS unit, 0::DOUBLE AS value FROM samples_wide WHERE false"]
+    for field in schema:
+        about = field.metadata or {}
+        signal, unit = about.get(SIGNAL, b"").decode(), about.get(UNIT, b"").decode()
+        if signal and (every or _quoted(signal)[1:-1] in named):
+            texts = f"{_quoted(signal)} AS signal, {_quoted(unit)} AS unit"
+            branches.append(
+                f'SELECT {keys}, {texts}, CAST("{field.name}" AS DOUBLE) AS value'
+                f' FROM samples_wide WHERE "{field.name}" IS NOT NULL'
+            )
+    connection.execute(f"CREATE VIEW samples AS {' UNION ALL '.join(branches)}")
+    connection.execute("CREATE MACRO samples(name) AS TABLE SELECT * FROM samples WHERE signal = name")
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"
 
 
 def _sql_type(type: pa.DataType) -> str:

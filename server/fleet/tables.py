@@ -3,7 +3,7 @@
 A table is a Delta Lake table in `tables/NAME`. The types are Arrow's; all times are UTC in microseconds. A column that
 is added here appears in a store with the next upload; rows that are older than it have no value there (NULL).
 
-    recordings ─── devices ─── settings, losses, events
+    recordings ─── devices ─── settings, losses, events, minutes, samples
 
 `recording` joins them, and `device` within a recording. `recordings` is written last: rows of other tables whose
 recording is not in it belong to an upload that was cut off, and the views leave them out.
@@ -156,4 +156,40 @@ SETTINGS = StoreTable(
         ("number", REAL, "the value, if it is a number"),
     ),
 )
-TABLES: Mapping[str, StoreTable] = {one.name: one for one in (RECORDINGS, DEVICES, EVENTS, LOSSES, SETTINGS)}
+MINUTES = StoreTable(
+    "minutes",
+    "figures of every signal in every minute: questions over many recordings read these, not the samples",
+    _KEYS
+    + _DEVICE
+    + _columns(
+        ("message", TEXT, "message of the protocol"),
+        ("signal", TEXT, "CHANNEL.COLUMN, as in `imuscope analyse`; CHANNEL.norm is the length of a vector"),
+        ("unit", TEXT, "unit of the values"),
+        (
+            "quantity",
+            TEXT,
+            "rate of turn, acceleration, free acceleration, magnetic field, temperature, pressure, or empty",
+        ),
+        ("axis", TEXT, "x, y, z, w, norm, or empty"),
+        ("minute", TIME, "start of the minute"),
+        ("count", WHOLE, "finite samples"),
+        ("min", REAL, "least value"),
+        ("max", REAL, "greatest value"),
+        ("mean", REAL, "mean; of an angle that wraps, the short way round"),
+        ("sigma", REAL, "standard deviation"),
+        ("rms", REAL, "root mean square"),
+        ("rate", REAL, "samples per second"),
+        ("noise", REAL, "white noise, unit/√Hz, from second differences: what moves slowly does not count"),
+    ),
+)
+SAMPLES = StoreTable(
+    "samples",
+    "samples of all signals: a row for each time at which a message was sent, a column for each signal and unit",
+    _KEYS + _DEVICE + _columns(("message", TEXT, "message of the protocol"), ("time", TIME, "time of the sample")),
+    partitions=("date", "robot"),
+)
+TABLES: Mapping[str, StoreTable] = {
+    one.name: one for one in (RECORDINGS, DEVICES, EVENTS, LOSSES, SETTINGS, MINUTES, SAMPLES)
+}
+SIGNAL, UNIT = b"signal", b"unit"
+"""Metadata of the columns of `samples` that hold a signal: its name and unit."""

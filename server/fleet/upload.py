@@ -22,6 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from recordings import file_lock, sidecar
@@ -32,10 +33,13 @@ from recordings.probe import RecordingProbe, probe
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.fleet.content import as_recording, checksum_of, is_mcap, recording_id
+from server.fleet.delta_dataset import dataset_of
 from server.fleet.delta_tables import append_once, as_schema, has_rows, open_table
-from server.fleet.metadata import RecordingKey, StoredFile, small_tables, start_of
+from server.fleet.metadata import RecordingKey, StoredFile, arrow_rows, small_tables, start_of
+from server.fleet.minutes import minute_rows
+from server.fleet.samples import sample_reader, sample_rows, sample_schema
 from server.fleet.store import StoreError, StoreLocation, told
-from server.fleet.tables import RECORDINGS, TABLES
+from server.fleet.tables import MINUTES, RECORDINGS, SAMPLES, TABLES
 from server.library.decode import decode
 
 LONGEST_NAME = 100
@@ -114,9 +118,23 @@ def upload(
 def _append_rows(
     store: StoreLocation, columns: ColumnStore, about: RecordingProbe, key: RecordingKey, file: StoredFile
 ) -> None:
-    for name, rows in small_tables(columns, about, key, file).items():
+    groups = sample_rows(columns)
+    if groups:
+        append_once(
+            store,
+            SAMPLES,
+            key.recording,
+            partial(sample_schema, groups),
+            lambda schema: sample_reader(columns, groups, key, schema),
+        )
+    minutes = arrow_rows(MINUTES, key, list(minute_rows(columns)))
+    for name, rows in {MINUTES.name: minutes, **small_tables(columns, about, key, file)}.items():
         if rows.num_rows:
-            append_once(store, TABLES[name], key.recording, rows.schema, partial(as_schema, rows))
+            append_once(store, TABLES[name], key.recording, partial(_columns_of, name), partial(as_schema, rows))
+
+
+def _columns_of(name: str, _known: pa.Schema | None) -> pa.Schema:
+    return TABLES[name].schema
 
 
 def _object_of(store: StoreLocation, recording: str) -> tuple[str, int, str] | None:
@@ -126,7 +144,7 @@ def _object_of(store: StoreLocation, recording: str) -> tuple[str, int, str] | N
     table = open_table(store, RECORDINGS.name)
     assert table is not None
     with told(store):
-        rows = table.to_pyarrow_dataset().to_table(
+        rows = dataset_of(table, RECORDINGS).to_table(
             columns=["object", "bytes", "checksum"], filter=_is_recording(recording)
         )
     row = rows.to_pylist()

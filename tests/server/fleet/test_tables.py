@@ -6,6 +6,7 @@ import re
 
 import pyarrow as pa
 
+from server.fleet.questions import QUESTIONS
 from server.fleet.tables import TABLES
 from tests.server_process import ROOT
 
@@ -19,3 +20,10 @@ def test_the_document_has_every_table_and_column() -> None:
         rows = re.findall(r"^\| `(\w+)` \| (\w+) \| (.+) \|$", part, re.MULTILINE)
         assert rows == [(one.name, WORDS.get(one.type, "time"), one.doc) for one in table.columns]
         assert f"Partitioned by {' and '.join(table.partitions)}." in part
+
+
+def test_the_document_has_every_prepared_question() -> None:
+    text = (ROOT / "docs" / "fleet.md").read_text()
+    assert re.findall(r"^\| `--question ([\w-]+)` \| (.+) \|$", text, re.MULTILINE) == [
+        (name, one.title.replace("|", "\\|")) for name, one in QUESTIONS.items()
+    ]
