@@ -110,7 +110,7 @@ class ExpressionJudge:
             self._left = left
             self._node = Call(node.name, (Name(_LEFT, left.begin, left.end), right), node.begin, node.end)
             self.direction = 1 if node.name in (">", ">=") else -1
-            self.subject = condition.expression[left.begin : left.end]
+            self.subject = condition.expression[left.begin : left.end].strip()
         self._judge({name: _empty(columns) for name, columns in self._named.items()})
         self._describe(condition)
 

@@ -48,6 +48,7 @@ class AlarmState:
     raised_value: float | None  # the one that raised it
     worst: float | None  # since it was raised
     limit: float | None
+    subject: str  # what is compared with it: "norm(Acceleration)"
     unit: str
     count: int  # how often it was raised
     acknowledged_by: str
@@ -178,6 +179,7 @@ class AlarmInstance:
             raised_value=_finite(machine.raised_value) if machine.is_active else None,
             worst=_finite(machine.worst) if machine.is_active else None,
             limit=_finite(math.nan if condition is None else condition.limit),
+            subject="" if condition is None else condition.subject,
             unit="" if condition is None else condition.unit,
             count=machine.count,
             acknowledged_by="" if acknowledgement is None else acknowledgement.by,
@@ -267,6 +269,8 @@ class AlarmInstance:
         body = {"alarm": self.stored.id, "name": self.definition.name, "change": name, **data}
         if name in ("raised", "repeated"):
             body["level"] = self.definition.level
+            body["signals"] = [] if self._samples is None else [column.name for column in self._samples.columns]
+            body["subject"] = "" if self._condition is None else self._condition.subject
         self._bus.event(self.device, "alarm", level, text, time=time, data=body)
 
 

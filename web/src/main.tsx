@@ -5,6 +5,7 @@ import { framesDrawn } from "./data/render-loop";
 import { watchSampleInterval } from "./data/sample-interval";
 import { Store } from "./data/store";
 import { createViewState } from "./data/view-state";
+import { followAlarms } from "./pages/alarm-dialog";
 import { loadPorts, startApp } from "./pages/app-state";
 import { startKeyboard } from "./pages/keyboard";
 import { startLiveAddress } from "./pages/live-address";
@@ -52,6 +53,7 @@ effect(() => {
 store.start(socketUrl());
 watchSampleInterval(framesDrawn, (seconds) => store.requestInterval(seconds));
 void loadPorts(app);
+followAlarms(app);
 showLive(store, app.viewState);
 const root = document.getElementById("root");
 if (root) render(<Shell app={app} />, root);

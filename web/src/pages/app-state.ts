@@ -5,19 +5,34 @@
 import { computed, effect, type Signal, signal } from "@preact/signals";
 import type { Begin } from "../forms/add-device";
 import type { Deps } from "../panels/panel-context";
+import type { AlarmDraft } from "../panels/alarm-states";
 import type { Sort } from "../panels/event-groups";
 import { api, type Outcome, type Port, type Problem } from "../ui/http";
 import { isHeld, type PageState, pageState } from "../ui/page-state";
+import type { AlarmInfo } from "../wire/routes";
 import type { DeviceInfo, UnknownPayload } from "../wire/types";
 import { route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-export type Overlay = "help" | "add" | "track" | "describe" | "share-port" | "analysis" | "ros" | "memory" | undefined;
+export type Overlay =
+  | "help"
+  | "add"
+  | "track"
+  | "describe"
+  | "share-port"
+  | "analysis"
+  | "ros"
+  | "memory"
+  | "alarm"
+  | undefined;
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;
 
 export interface App extends Deps {
+  readonly alarms: Signal<readonly AlarmInfo[]>;
+  /** The alarm that is being added or changed. */
+  readonly alarmDraft: Signal<AlarmDraft>;
   readonly device: { readonly value: DeviceInfo | undefined };
   readonly state: { readonly value: PageState };
   readonly overlay: Signal<Overlay>;
@@ -65,6 +80,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const overlay = signal<Overlay>(undefined);
   const openTable: App["openTable"] = signal(undefined);
   const describing: App["describing"] = signal(undefined);
+  const alarmDraft = signal<AlarmDraft>({});
   const showsSignals = signal(false);
   const { view, frame } = deps.viewState;
   const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
@@ -118,6 +134,10 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
         describing.value = payload;
         overlay.value = "describe";
       },
+      alarm(draft) {
+        alarmDraft.value = draft;
+        overlay.value = "alarm";
+      },
     },
     device,
     state,
@@ -126,6 +146,8 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     overlay,
     openTable,
     describing,
+    alarms: signal([]),
+    alarmDraft,
     tick,
     awaited,
     eventSort: signal<Sort>("all"),

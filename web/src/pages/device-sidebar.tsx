@@ -3,6 +3,7 @@ import { type Signal, useSignal } from "@preact/signals";
 import { recently } from "../panels/panel-context";
 import { rateBars } from "../panels/health-history";
 import { drawBars } from "../panels/sparkline";
+import { AlarmTags } from "../panels/alarms";
 import { keyWanted, trustOf } from "../panels/authenticity";
 import { api, type Port } from "../ui/http";
 import { surface } from "../ui/canvas";
@@ -118,6 +119,7 @@ function Device({ app, device, shared, removing }: DeviceProps) {
         {(streams || app.recentHealth.of(device.id).some((moment) => moment.rate > 0)) && (
           <PanelHost key={device.id} class="sparkline" mount={(host) => mountSpark(host, app, device.id)} />
         )}
+        <AlarmTags alarms={app.alarms.value} device={device.id} />
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
       {current && <Acts app={app} device={device} shared={shared} removing={removing} />}

@@ -16,6 +16,7 @@ import { ArrangeTools } from "../workspace/arrange";
 import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveScene, LiveViews } from "../views/viser";
+import { AlarmDialog } from "./alarm-dialog";
 import { type App, select } from "./app-state";
 import { Bar, Dock } from "./top-bar";
 import { Describe } from "./payload-dialog";
@@ -157,6 +158,7 @@ function Overlays({ app }: { readonly app: App }) {
     return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;
   }
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
+  if (overlay.value === "alarm") return <AlarmDialog app={app} onClose={close} />;
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;
   const exporting = exportingOf(app).value;

@@ -8,6 +8,8 @@ import type { Sort } from "./event-groups";
 import type { DeviceInfo, EventInfo, UnknownPayload } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
 import type { RecentHealth } from "./health-history";
+import type { AlarmInfo } from "../wire/routes";
+import type { AlarmDraft } from "./alarm-states";
 import { type Reading, readingAt } from "./cursor-time";
 
 /** Overlays that a panel can open. */
@@ -20,6 +22,8 @@ export interface Openers {
   rows(name: string, title: string): void;
   /** The form that describes a payload. */
   describe(payload: UnknownPayload): void;
+  /** The form of an alarm: a new one as far as it is known, or a stored one. */
+  alarm(draft: AlarmDraft): void;
 }
 
 export interface Deps {
@@ -31,6 +35,8 @@ export interface Deps {
   readonly eventSort: Signal<Sort>;
   /** True while the newest value is old: headings then show its age. */
   readonly held: () => boolean;
+  /** Alarms of the server, with their states; undefined over a recording. */
+  readonly alarms?: Signal<readonly AlarmInfo[]>;
   /** Statistics of a column over the window if the store holds only some of its samples; undefined until known. */
   readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
   /** All events, if the store has only those up to the reading position. */

@@ -87,6 +87,7 @@ export interface AlarmState {
   readonly raised_value: number | null;
   readonly worst: number | null;
   readonly limit: number | null;
+  readonly subject: string;
   readonly unit: string;
   readonly count: number;
   readonly acknowledged_by: string;

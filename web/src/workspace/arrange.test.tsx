@@ -8,7 +8,7 @@ import { TEXT } from "../texts/workspace";
 
 const press = (key: string, more: KeyboardEventInit = {}) => fireEvent.keyDown(document.body, { key, ...more });
 const panels = () => [...document.querySelectorAll("[data-panel]")].map((one) => one.getAttribute("data-panel"));
-const DEFAULT = ["attitude", "plots", "values", "health", "events"];
+const DEFAULT = ["attitude", "plots", "values", "health", "alarms", "events"];
 
 async function arranging() {
   const page = await openPage(recorded("xbus"));
@@ -28,22 +28,22 @@ it("the default page has no tools of arranging", async () => {
 it("panels are hidden, moved to another place and shown again, and all of it is undone and redone", async () => {
   const { app } = await arranging();
   fireEvent.change(screen.getByLabelText(TEXT.placeOf("Events")), { target: { value: "main" } });
-  await waitFor(() => expect(panels()).toEqual(["attitude", "plots", "events", "values", "health"]));
+  await waitFor(() => expect(panels()).toEqual(["attitude", "plots", "events", "values", "health", "alarms"]));
   fireEvent.click(screen.getByLabelText(TEXT.moveUp("Events")));
   await waitFor(() => expect(panels().slice(0, 3)).toEqual(["attitude", "events", "plots"]));
   fireEvent.change(screen.getByLabelText(TEXT.placeOf("Values")), { target: { value: "hidden" } });
   await waitFor(() => expect(panels()).not.toContain("values"));
   const hidden = document.querySelector<HTMLElement>("[data-area=hidden]");
   if (hidden) fireEvent.click(within(hidden).getByText(TEXT.show));
-  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health"]));
+  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health", "alarms"]));
   fireEvent.click(screen.getByText(TEXT.defaultLayout));
   await waitFor(() => expect(panels()).toEqual(DEFAULT));
   press("z", { ctrlKey: true });
-  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health"]));
+  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health", "alarms"]));
   for (let k = 0; k < 4; k += 1) press("z", { ctrlKey: true });
   await waitFor(() => expect(panels()).toEqual(DEFAULT));
   for (let k = 0; k < 4; k += 1) press("z", { ctrlKey: true, shiftKey: true });
-  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health"]));
+  await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health", "alarms"]));
   app.viewState.extraPlots.value = new Set(["Temperature"]);
   press("z", { ctrlKey: true });
   expect(app.viewState.extraPlots.value.size).toBe(0);

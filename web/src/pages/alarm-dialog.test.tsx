@@ -1,0 +1,89 @@
+// @vitest-environment happy-dom
+/** The form of an alarm: what it sends, and where it marks a mistake. */
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { afterEach, expect, test, vi } from "vitest";
+import { newApp } from "../testing/live-page";
+import { answering } from "../testing/recorded";
+import type { AlarmDefinition } from "../wire/routes";
+import type { DeviceInfo } from "../wire/types";
+import { AlarmDialog, definitionOf, fieldsOf, Mistake } from "./alarm-dialog";
+
+const STORED: AlarmDefinition = {
+  name: "Hot",
+  condition: { kind: "expression", expression: "Temperature > 60 °C", clear: "55 °C" },
+  devices: { device: "", product: "", family: "xbus" },
+  level: "error",
+  raise_s: 2,
+  clear_s: 5,
+  missing_s: 7,
+  latched: true,
+  enabled: false,
+};
+const DEVICE = { id: "1", serial_number: "0080A1B2", source: "sim:xbus", name: "MTi-630" } as DeviceInfo;
+
+afterEach(() => {
+  cleanup();
+  vi.unstubAllGlobals();
+});
+
+test("a stored alarm comes out of the form as it went in, with what the form does not show", () => {
+  expect(definitionOf(fieldsOf({ id: "a", definition: STORED }, DEVICE), STORED)).toEqual(STORED);
+  const flag: AlarmDefinition = { ...STORED, condition: { kind: "flag", signal: "S", flag: "F", is_set: false } };
+  expect(definitionOf(fieldsOf({ id: "a", definition: flag }, DEVICE), flag)).toEqual(flag);
+  for (const clear of [null, 3]) {
+    const health: AlarmDefinition = { ...STORED, condition: { kind: "health", figure: "loss", limit: 2.5, clear } };
+    expect(definitionOf(fieldsOf({ id: "a", definition: health }, DEVICE), health)).toEqual(health);
+  }
+});
+
+test("a new alarm is for the device by its serial number, and named by its condition", () => {
+  const made = definitionOf(fieldsOf({ expression: "Temperature > 60 °C" }, DEVICE), undefined);
+  expect(made.name).toBe("Temperature > 60 °C");
+  expect(made.devices).toEqual({ device: "0080A1B2", product: "", family: "" });
+});
+
+test("a mistake is marked where it is", () => {
+  const check = { valid: false, message: "Not found. (character 6)", hint: "", begin: 5, end: 10, devices: [] };
+  const { container, rerender } = render(<Mistake text="norm(Speed) > 3 g" check={check} />);
+  expect(container.querySelector("mark")?.textContent).toBe("Speed");
+  expect(container.textContent).not.toContain("character");
+  rerender(<Mistake text="  norm(Speed) > 3 g" check={check} />);
+  expect(container.querySelector("mark")?.textContent).toBe("Speed");
+  rerender(<Mistake text="1 +" check={{ ...check, begin: 3, end: 4 }} />);
+  expect(container.querySelector("mark")?.textContent).toBe("␣");
+});
+
+test("a new alarm is checked while it is typed, and added", async () => {
+  const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: ["MTi-630"] };
+  const asked = answering({
+    "POST /api/alarms/check": valid,
+    "POST /api/alarms": {},
+    "GET /api/alarms": [],
+  });
+  const app = newApp();
+  const close = vi.fn();
+  render(<AlarmDialog app={app} onClose={close} />);
+  expect(screen.getByRole<HTMLButtonElement>("button", { name: "Save" }).disabled).toBe(true);
+  fireEvent.input(screen.getByLabelText("Condition"), { target: { value: "norm(Acceleration) > 3 g" } });
+  await waitFor(() => expect(asked.some(({ path }) => path === "/api/alarms/check")).toBe(true));
+  fireEvent.submit(screen.getByLabelText<HTMLInputElement>("Condition").form as HTMLFormElement);
+  await waitFor(() => expect(close).toHaveBeenCalled());
+  const added = asked.find(({ method, path }) => method === "POST" && path === "/api/alarms");
+  expect(added?.body).toMatchObject({
+    name: "norm(Acceleration) > 3 g",
+    condition: { kind: "expression", expression: "norm(Acceleration) > 3 g" },
+  });
+});
+
+test("an alarm is deleted by a second press", async () => {
+  const asked = answering({ "POST /api/alarms/check": {}, "DELETE /api/alarms/a": null, "GET /api/alarms": [] });
+  const app = newApp();
+  app.alarmDraft.value = { id: "a", definition: STORED };
+  const close = vi.fn();
+  render(<AlarmDialog app={app} onClose={close} />);
+  fireEvent.click(screen.getByRole("button", { name: "Delete" }));
+  expect(asked.some(({ method }) => method === "DELETE")).toBe(false);
+  fireEvent.click(await screen.findByRole("button", { name: "Delete this alarm?" }));
+  await waitFor(() => expect(close).toHaveBeenCalled());
+  expect(asked.some(({ method, path }) => method === "DELETE" && path === "/api/alarms/a")).toBe(true);
+});

@@ -1,0 +1,476 @@
+/** The form of an alarm: added or changed, with mistakes marked where they are; and the list of alarms, kept up to date. */
+import { batch, effect, type Signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { AlarmDraft } from "../panels/alarm-states";
+import { Dialog } from "../ui/dialog";
+import { type Problem, request } from "../ui/http";
+import { ProblemNote } from "../ui/problem-note";
+import { protocolOf } from "../wire/capabilities";
+import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../wire/routes";
+import type { ChannelInfo, DeviceInfo } from "../wire/types";
+import type { App } from "./app-state";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/alarms";
+
+const CHECK_AFTER_MS = 300;
+const REFRESH_MS = 2000;
+
+/** Loads the alarms now, after each event of one, and while there are any every two seconds, for values and pending ones. */
+export function followAlarms(app: App): () => void {
+  const load = async (): Promise<void> => {
+    const outcome = await request("GET /api/alarms");
+    if (outcome.ok) app.alarms.value = outcome.value;
+  };
+  let seen = -1;
+  const stop = effect(() => {
+    if (app.store.connection.value !== "open") return;
+    const last = app.store.events.value.findLast(({ kind }) => kind === "alarm")?.seq ?? 0;
+    if (last === seen) return;
+    seen = last;
+    void load();
+  });
+  const timer = setInterval(() => {
+    if (app.alarms.peek().length > 0 && document.visibilityState === "visible") void load();
+  }, REFRESH_MS);
+  return () => {
+    clearInterval(timer);
+    stop();
+  };
+}
+
+type Kind = AlarmDefinition["condition"]["kind"];
+type Figure = keyof typeof TEXT.figures;
+
+/** The fields of the form, as typed. */
+export interface Fields {
+  readonly name: string;
+  readonly kind: Kind;
+  readonly expression: string;
+  readonly clear: string;
+  readonly signal: string;
+  readonly flag: string;
+  readonly isSet: boolean;
+  readonly figure: Figure;
+  readonly limit: string;
+  readonly level: "warning" | "error";
+  readonly raise: string;
+  readonly clearAfter: string;
+  readonly latched: boolean;
+  readonly enabled: boolean;
+  readonly devices: DeviceFilter;
+}
+
+export function fieldsOf(draft: AlarmDraft, device: DeviceInfo | undefined): Fields {
+  const { definition } = draft;
+  const condition = definition?.condition;
+  return {
+    name: definition?.name ?? "",
+    kind: condition?.kind ?? "expression",
+    expression: condition?.kind === "expression" ? condition.expression : (draft.expression ?? ""),
+    clear: condition?.kind === "expression" ? condition.clear : String(conditionClear(condition)),
+    signal: condition?.kind === "flag" ? condition.signal : "",
+    flag: condition?.kind === "flag" ? condition.flag : "",
+    isSet: condition?.kind === "flag" ? condition.is_set : true,
+    figure: condition?.kind === "health" ? condition.figure : "silence",
+    limit: condition?.kind === "health" ? String(condition.limit) : "1",
+    level: definition?.level ?? "warning",
+    raise: String(definition?.raise_s ?? 0),
+    clearAfter: String(definition?.clear_s ?? 0),
+    latched: definition?.latched ?? false,
+    enabled: definition?.enabled ?? true,
+    devices: definition?.devices ?? { ...ANY, device: device === undefined ? "" : lastingName(device) },
+  };
+}
+
+function conditionClear(condition: AlarmDefinition["condition"] | undefined): string {
+  return condition?.kind === "health" && condition.clear !== null ? String(condition.clear) : "";
+}
+
+const ANY: DeviceFilter = { device: "", product: "", family: "" };
+
+/** What names a device also after a restart of the server. */
+function lastingName({ serial_number, source }: DeviceInfo): string {
+  return serial_number || source;
+}
+
+/** The definition in the fields; of a stored alarm what the form does not have stays. */
+export function definitionOf(fields: Fields, before: AlarmDefinition | undefined): AlarmDefinition {
+  return {
+    ...before,
+    name: fields.name.trim() || nameOf(fields),
+    condition: conditionOf(fields),
+    devices: fields.devices,
+    level: fields.level,
+    raise_s: Number(fields.raise) || 0,
+    clear_s: Number(fields.clearAfter) || 0,
+    latched: fields.latched,
+    enabled: fields.enabled,
+  };
+}
+
+function conditionOf(fields: Fields): AlarmDefinition["condition"] {
+  const { kind, figure, limit } = fields;
+  if (kind === "expression") return { kind, expression: fields.expression.trim(), clear: fields.clear.trim() };
+  if (kind === "flag") return { kind, signal: fields.signal, flag: fields.flag, is_set: fields.isSet };
+  const clear = fields.clear.trim() === "" ? null : Number(fields.clear);
+  return { kind, figure, limit: Number(limit) || 0, clear: figure === "link" ? null : clear };
+}
+
+/** The name of an alarm that was given none. */
+function nameOf({ kind, expression, flag, figure }: Fields): string {
+  const text = kind === "expression" ? expression : kind === "flag" ? flag : TEXT.figures[figure];
+  return text.trim().slice(0, 80);
+}
+
+interface Props {
+  readonly app: App;
+  readonly onClose: () => void;
+}
+
+export function AlarmDialog({ app, onClose }: Props) {
+  const draft = app.alarmDraft.value;
+  const device = app.device.value;
+  const fields = useSignal(fieldsOf(draft, device));
+  const check = useSignal<AlarmCheck | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const isRemoving = useSignal(false);
+  const set = (change: Partial<Fields>): void => {
+    fields.value = { ...fields.peek(), ...change };
+  };
+  const definition = definitionOf(fields.value, draft.definition);
+  const stamp = JSON.stringify(definition);
+  const isEmpty = definition.condition.kind === "expression" && definition.condition.expression === "";
+  useEffect(() => {
+    check.value = undefined;
+    const body = JSON.parse(stamp) as AlarmDefinition;
+    if (body.condition.kind === "expression" && body.condition.expression === "") return undefined;
+    const cancelled = new AbortController();
+    const timer = setTimeout(() => {
+      void request("POST /api/alarms/check", { body, signal: cancelled.signal }).then((outcome) => {
+        if (outcome.ok && !cancelled.signal.aborted) check.value = outcome.value;
+      });
+    }, CHECK_AFTER_MS);
+    return () => {
+      clearTimeout(timer);
+      cancelled.abort();
+    };
+  }, [stamp, check]);
+
+  const done = (outcome: { readonly ok: true } | { readonly ok: false; readonly problem: Problem }): void => {
+    if (!outcome.ok) {
+      problem.value = outcome.problem;
+      return;
+    }
+    void request("GET /api/alarms").then((found) => {
+      batch(() => {
+        if (found.ok) app.alarms.value = found.value;
+        onClose();
+      });
+    });
+  };
+  const save = async (event: SubmitEvent): Promise<void> => {
+    event.preventDefault();
+    const body = definition;
+    done(
+      draft.id === undefined
+        ? await request("POST /api/alarms", { body })
+        : await request("PUT /api/alarms/{alarm}", { path: { alarm: draft.id }, body }),
+    );
+  };
+  const remove = async (): Promise<void> => {
+    if (!isRemoving.value) isRemoving.value = true;
+    else done(await request("DELETE /api/alarms/{alarm}", { path: { alarm: draft.id ?? "" } }));
+  };
+  const channels = app.store.channels.value.map(({ info }) => info).filter((info) => info.device === device?.id);
+  return (
+    <Dialog title={draft.id === undefined ? TEXT.newAlarm : TEXT.editAlarm} onClose={onClose}>
+      <form class="alarm-form" onSubmit={(event) => void save(event)}>
+        <div class="alarm-field" role="group" aria-label={TEXT.kind}>
+          <div class="segmented">
+            {(["expression", "flag", "health"] as const).map((kind) => (
+              <button
+                key={kind}
+                type="button"
+                aria-pressed={fields.value.kind === kind}
+                onClick={() =>
+                  set({ kind, clear: "", ...(kind === "flag" && fields.value.flag === "" ? firstFlag(channels) : {}) })
+                }
+              >
+                {TEXT.kinds[kind]}
+              </button>
+            ))}
+          </div>
+        </div>
+        <ConditionFields fields={fields} set={set} channels={channels} check={check.value} />
+        <label>
+          {TEXT.name}
+          <input
+            type="text"
+            maxLength={80}
+            value={fields.value.name}
+            placeholder={nameOf(fields.value)}
+            onInput={(event) => set({ name: event.currentTarget.value })}
+          />
+        </label>
+        <div class="alarm-pair">
+          <NumberField title={TEXT.raiseAfter} value={fields.value.raise} onValue={(raise) => set({ raise })} />
+          <NumberField
+            title={TEXT.clearAfter}
+            value={fields.value.clearAfter}
+            onValue={(clearAfter) => set({ clearAfter })}
+          />
+          <label>
+            {TEXT.level}
+            <select
+              value={fields.value.level}
+              onChange={(event) => set({ level: event.currentTarget.value as Fields["level"] })}
+            >
+              <option value="warning">{TEXT.levels.warning}</option>
+              <option value="error">{TEXT.levels.error}</option>
+            </select>
+          </label>
+          <label>
+            {TEXT.clears}
+            <select
+              value={fields.value.latched ? "latched" : ""}
+              onChange={(event) => set({ latched: event.currentTarget.value !== "" })}
+            >
+              <option value="">{TEXT.clearsByItself}</option>
+              <option value="latched">{TEXT.latched}</option>
+            </select>
+          </label>
+          {draft.id !== undefined && (
+            <label>
+              {TEXT.evaluation}
+              <select
+                value={fields.value.enabled ? "on" : ""}
+                onChange={(event) => set({ enabled: event.currentTarget.value !== "" })}
+              >
+                <option value="on">{TEXT.enabled}</option>
+                <option value="">{TEXT.disabled}</option>
+              </select>
+            </label>
+          )}
+          <DeviceChoice fields={fields.value} set={set} device={device} stored={draft.definition?.devices} />
+        </div>
+        {problem.value && <ProblemNote problem={problem.value} />}
+        <div class="alarm-end">
+          <button type="submit" class="btn main" disabled={isEmpty || check.value?.valid === false}>
+            {TEXT.save}
+          </button>
+          <button type="button" class="btn" onClick={onClose}>
+            {COMMON.cancel}
+          </button>
+          <span class="grow" />
+          {draft.id !== undefined && (
+            <button type="button" class="btn" onClick={() => void remove()}>
+              {isRemoving.value ? TEXT.confirmRemove : TEXT.remove}
+            </button>
+          )}
+        </div>
+      </form>
+    </Dialog>
+  );
+}
+
+interface FieldProps {
+  readonly fields: Signal<Fields>;
+  readonly set: (change: Partial<Fields>) => void;
+  readonly channels: readonly ChannelInfo[];
+  readonly check: AlarmCheck | undefined;
+}
+
+function ConditionFields({ fields, set, channels, check }: FieldProps) {
+  const { kind, expression, clear, figure, limit } = fields.value;
+  if (kind === "flag") return <FlagFields fields={fields} set={set} channels={channels} check={check} />;
+  if (kind === "health")
+    return (
+      <div class="alarm-pair">
+        <label>
+          {TEXT.figure}
+          <select value={figure} onChange={(event) => set({ figure: event.currentTarget.value as Figure })}>
+            {(Object.keys(TEXT.figures) as Figure[]).map((name) => (
+              <option key={name} value={name}>
+                {TEXT.figures[name]}
+              </option>
+            ))}
+          </select>
+        </label>
+        {figure !== "link" && (
+          <>
+            <NumberField title={TEXT.limit} value={limit} onValue={(value) => set({ limit: value })} />
+            <NumberField title={TEXT.clear} value={clear} onValue={(value) => set({ clear: value })} />
+          </>
+        )}
+      </div>
+    );
+  const isWrong = check?.valid === false;
+  return (
+    <>
+      <label>
+        {TEXT.condition}
+        <input
+          type="text"
+          class="mono"
+          maxLength={400}
+          value={expression}
+          spellcheck={false}
+          autocapitalize="off"
+          aria-invalid={isWrong}
+          aria-describedby="alarm-condition-note"
+          onInput={(event) => set({ expression: event.currentTarget.value })}
+        />
+      </label>
+      <div id="alarm-condition-note" class="alarm-note" role="status">
+        {isWrong ? <Mistake text={expression} check={check} /> : TEXT.conditionHelp}
+      </div>
+      <label>
+        {TEXT.clear}
+        <input
+          type="text"
+          class="mono"
+          maxLength={400}
+          value={clear}
+          spellcheck={false}
+          title={TEXT.clearHelp}
+          onInput={(event) => set({ clear: event.currentTarget.value })}
+        />
+      </label>
+    </>
+  );
+}
+
+/** The place in a message of the server, which the mark shows. */
+const PLACE = / \(character \d+\)$/;
+
+/** The expression with its mistake marked, and what is wrong. */
+export function Mistake({ text, check }: { readonly text: string; readonly check: AlarmCheck }) {
+  const { begin, end } = check;
+  const from = begin === null ? -1 : begin + leadingSpaces(text);
+  return (
+    <>
+      {from >= 0 && end !== null && (
+        <p class="alarm-mistake mono">
+          <span class="visually-hidden">{TEXT.mistakeHere} </span>
+          {text.slice(0, from)}
+          <mark>{text.slice(from, end + leadingSpaces(text)) || "␣"}</mark>
+          {text.slice(end + leadingSpaces(text))}
+        </p>
+      )}
+      <p>
+        {check.message.replace(PLACE, "")} {check.hint}
+      </p>
+    </>
+  );
+}
+
+const leadingSpaces = (text: string): number => text.length - text.trimStart().length;
+
+/** The status words of a device, with the names of their flags. */
+function statusWords(
+  channels: readonly ChannelInfo[],
+): readonly { readonly name: string; readonly flags: readonly string[] }[] {
+  return channels
+    .map(({ name, columns }) => ({ name, flags: columns.flatMap(({ bits }) => bits.map((one) => one.name)) }))
+    .filter(({ flags }) => flags.length > 0);
+}
+
+/** The first flag of a device, before one is chosen. */
+function firstFlag(channels: readonly ChannelInfo[]): Partial<Fields> {
+  const [first] = statusWords(channels);
+  return first === undefined ? {} : { signal: first.name, flag: first.flags[0] ?? "" };
+}
+
+function FlagFields({ fields, set, channels }: FieldProps) {
+  const words = statusWords(channels);
+  const { signal, flag, isSet } = fields.value;
+  const chosen = words.find(({ name }) => name === signal);
+  if (words.length === 0 && signal === "") return <p class="foot-note dim">{TEXT.noFlags}</p>;
+  const names = chosen === undefined ? [signal, ...words.map(({ name }) => name)] : words.map(({ name }) => name);
+  const flags = chosen === undefined || !chosen.flags.includes(flag) ? [flag, ...(chosen?.flags ?? [])] : chosen.flags;
+  return (
+    <div class="alarm-pair">
+      <label>
+        {TEXT.status}
+        <select
+          value={signal}
+          onChange={({ currentTarget: { value } }) =>
+            set({ signal: value, flag: words.find(({ name }) => name === value)?.flags[0] ?? "" })
+          }
+        >
+          {names.map((name) => (
+            <option key={name}>{name}</option>
+          ))}
+        </select>
+      </label>
+      <label>
+        {TEXT.flag}
+        <select value={flag} onChange={(event) => set({ flag: event.currentTarget.value })}>
+          {flags.map((name) => (
+            <option key={name}>{name}</option>
+          ))}
+        </select>
+      </label>
+      <label>
+        {TEXT.flagState}
+        <select
+          value={isSet ? "set" : "clear"}
+          onChange={(event) => set({ isSet: event.currentTarget.value === "set" })}
+        >
+          <option value="set">{TEXT.flagSet}</option>
+          <option value="clear">{TEXT.flagClear}</option>
+        </select>
+      </label>
+    </div>
+  );
+}
+
+interface NumberProps {
+  readonly title: string;
+  readonly value: string;
+  readonly onValue: (value: string) => void;
+}
+
+function NumberField({ title, value, onValue }: NumberProps) {
+  return (
+    <label>
+      {title}
+      <input type="number" min="0" step="any" value={value} onInput={(event) => onValue(event.currentTarget.value)} />
+    </label>
+  );
+}
+
+interface DeviceProps {
+  readonly fields: Fields;
+  readonly set: (change: Partial<Fields>) => void;
+  readonly device: DeviceInfo | undefined;
+  /** Filter of a stored alarm. */
+  readonly stored: DeviceFilter | undefined;
+}
+
+function DeviceChoice({ fields, set, device, stored }: DeviceProps) {
+  const short = device && (protocolOf(device.protocol)?.short ?? device.protocol);
+  const choices: readonly (readonly [string, DeviceFilter])[] = [
+    ...(device ? [[TEXT.thisDevice(device.name), { ...ANY, device: lastingName(device) }] as const] : []),
+    ...(device?.protocol ? [[TEXT.family(short ?? ""), { ...ANY, family: device.protocol }] as const] : []),
+    [TEXT.allDevices, ANY],
+  ];
+  const same = (a: DeviceFilter, b: DeviceFilter): boolean => JSON.stringify(a) === JSON.stringify(b);
+  const offered =
+    stored && !choices.some(([, one]) => same(one, stored)) ? [[TEXT.asStored, stored] as const, ...choices] : choices;
+  return (
+    <label>
+      {TEXT.devices}
+      <select
+        value={String(offered.findIndex(([, one]) => same(one, fields.devices)))}
+        onChange={(event) => set({ devices: offered[Number(event.currentTarget.value)]?.[1] ?? ANY })}
+      >
+        {offered.map(([title], k) => (
+          <option key={title} value={String(k)}>
+            {title}
+          </option>
+        ))}
+      </select>
+    </label>
+  );
+}

@@ -1,0 +1,228 @@
+/** The alarms of the selected device: state, value and limit of each, acknowledged by name; and the tags of a device's row. */
+import { type Signal, signal } from "@preact/signals";
+import { render } from "preact";
+import { clock } from "../ui/format";
+import { request, type Problem } from "../ui/http";
+import { Icon } from "../ui/icons";
+import { ProblemNote } from "../ui/problem-note";
+import type { Panel } from "../ui/dom";
+import type { AlarmInfo, AlarmState } from "../wire/routes";
+import {
+  alarmCounts,
+  alarmMark,
+  type AlarmOnDevice,
+  alarmsOf,
+  conditionText,
+  idleAlarms,
+  valueText,
+} from "./alarm-states";
+import type { Deps } from "./panel-context";
+import { registerPanel } from "./registry";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/alarms";
+import "./alarms.css";
+
+const NAME_KEY = "imuscope.person";
+
+function storedName(): string {
+  try {
+    return localStorage.getItem(NAME_KEY) ?? "";
+  } catch {
+    return ""; // a browser may forbid it
+  }
+}
+
+function storeName(name: string): void {
+  try {
+    localStorage.setItem(NAME_KEY, name);
+  } catch {
+    // it is asked for again
+  }
+}
+
+/** State of one panel: the alarm that is being acknowledged, and the last problem. */
+interface PanelState {
+  readonly acknowledging: Signal<string | undefined>;
+  readonly problem: Signal<Problem | undefined>;
+}
+
+interface Props {
+  readonly deps: Deps;
+  readonly alarms: Signal<readonly AlarmInfo[]>;
+  readonly state: PanelState;
+}
+
+function AlarmPanel({ deps, alarms, state }: Props) {
+  const device = deps.viewState.view.value.device ?? "";
+  const own = alarmsOf(alarms.value, device);
+  const idle = idleAlarms(alarms.value);
+  return (
+    <>
+      {own.length === 0 && <p class="foot-note dim">{TEXT.none}</p>}
+      {own.length > 0 && (
+        <ul class="alarm-list">
+          {own.map((one) => (
+            <Row key={one.alarm.id} one={one} deps={deps} alarms={alarms} state={state} />
+          ))}
+        </ul>
+      )}
+      {idle.length > 0 && (
+        <>
+          <p class="foot-note dim">{TEXT.elsewhere}</p>
+          <ul class="alarm-list">
+            {idle.map((alarm) => (
+              <li key={alarm.id} class="alarm-row">
+                <span class="dim">{alarm.definition.name}</span>
+                <span class="grow" />
+                <EditButton alarm={alarm} deps={deps} />
+              </li>
+            ))}
+          </ul>
+        </>
+      )}
+      {state.problem.value && <ProblemNote problem={state.problem.value} />}
+      <button type="button" class="btn small edge alarm-add" onClick={() => deps.open.alarm({})}>
+        <Icon name="plus" />
+        {TEXT.add}
+      </button>
+    </>
+  );
+}
+
+function EditButton({ alarm: { id, definition }, deps }: { readonly alarm: AlarmInfo; readonly deps: Deps }) {
+  return (
+    <button
+      type="button"
+      class="btn small"
+      aria-label={TEXT.editNamed(definition.name)}
+      onClick={() => deps.open.alarm({ id, definition })}
+    >
+      {TEXT.edit}
+    </button>
+  );
+}
+
+function Row({ one, deps, alarms, state }: Props & { readonly one: AlarmOnDevice }) {
+  const { alarm, state: now } = one;
+  const { symbol, word, tone } = alarmMark(one);
+  const isAsking = state.acknowledging.value === alarm.id;
+  return (
+    <li class="alarm-row">
+      <span class={tone === "" ? "alarm-state" : `tag ${tone}`}>
+        <span aria-hidden="true">{symbol}</span> {word}
+      </span>
+      <b class="ellipsis" title={alarm.definition.name}>
+        {alarm.definition.name}
+      </b>
+      {now.raised && now.acknowledged === null && !isAsking && (
+        <button
+          type="button"
+          class="btn small edge"
+          aria-label={TEXT.acknowledgeNamed(alarm.definition.name)}
+          onClick={() => (state.acknowledging.value = alarm.id)}
+        >
+          {TEXT.acknowledge}
+        </button>
+      )}
+      <EditButton alarm={alarm} deps={deps} />
+      <span class="alarm-facts">
+        <span class="mono">{conditionText(alarm.definition)}</span>
+        {factsOf(now).map((text) => (
+          <span key={text}>{text}</span>
+        ))}
+      </span>
+      {now.problem !== "" && <span class="alarm-facts">{now.problem}</span>}
+      {isAsking && <Acknowledge one={one} alarms={alarms} state={state} />}
+    </li>
+  );
+}
+
+/** What is known of a state, in pieces of a line. */
+export function factsOf(state: AlarmState): readonly string[] {
+  const { unit, value, raised_value, worst, since, acknowledged, acknowledged_by } = state;
+  return [
+    state.status !== "missing" && valueText(value, unit) !== "" ? TEXT.value(valueText(value, unit)) : "",
+    state.raised && raised_value !== null
+      ? TEXT.raisedValue(valueText(raised_value, unit), valueText(worst, unit))
+      : "",
+    since === null ? "" : TEXT.since(clock(since)),
+    acknowledged === null ? "" : TEXT.by(acknowledged_by, clock(acknowledged)),
+  ].filter(Boolean);
+}
+
+function Acknowledge({ one, alarms, state }: Omit<Props, "deps"> & { readonly one: AlarmOnDevice }) {
+  const send = async (event: SubmitEvent): Promise<void> => {
+    event.preventDefault();
+    const by = String(new FormData(event.currentTarget as HTMLFormElement).get("by") ?? "").trim();
+    if (by === "") return;
+    storeName(by);
+    const { id } = one.alarm;
+    const body = { by, device: one.state.device };
+    const outcome = await request("POST /api/alarms/{alarm}/acknowledge", { path: { alarm: id }, body });
+    state.problem.value = outcome.ok ? undefined : outcome.problem;
+    if (!outcome.ok) return;
+    state.acknowledging.value = undefined;
+    alarms.value = alarms.peek().map((other) => (other.id === id ? outcome.value : other));
+  };
+  return (
+    <form class="alarm-acknowledge" onSubmit={(event) => void send(event)}>
+      <input
+        name="by"
+        type="text"
+        maxLength={60}
+        required
+        autocomplete="name"
+        aria-label={TEXT.yourName}
+        placeholder={TEXT.yourName}
+        defaultValue={storedName()}
+        ref={(input) => input?.focus()}
+      />
+      <button type="submit" class="btn small edge">
+        {TEXT.acknowledge}
+      </button>
+      <button type="button" class="btn small" onClick={() => (state.acknowledging.value = undefined)}>
+        {COMMON.cancel}
+      </button>
+    </form>
+  );
+}
+
+/** Counts of the raised alarms of a device, in its row; nothing while all is well. */
+export function AlarmTags({ alarms, device }: { readonly alarms: readonly AlarmInfo[]; readonly device: string }) {
+  const { raised, worst, acknowledged, missing } = alarmCounts(alarmsOf(alarms, device));
+  if (raised + acknowledged + missing === 0) return null;
+  return (
+    <span class="why alarm-tags">
+      {raised > 0 && (
+        <span class={worst === "error" ? "tag bad" : "tag warn"}>
+          <span aria-hidden="true">{worst === "error" ? "✖" : "▲"}</span> {TEXT.raisedCount(raised)}
+        </span>
+      )}
+      {acknowledged > 0 && (
+        <span>
+          <span aria-hidden="true">✓</span> {TEXT.acknowledgedCount(acknowledged)}
+        </span>
+      )}
+      {missing > 0 && (
+        <span>
+          <span aria-hidden="true">?</span> {TEXT.missingCount(missing)}
+        </span>
+      )}
+    </span>
+  );
+}
+
+function mountAlarms(host: HTMLElement, deps: Deps): Panel {
+  const state: PanelState = { acknowledging: signal(undefined), problem: signal(undefined) };
+  if (deps.alarms) render(<AlarmPanel deps={deps} alarms={deps.alarms} state={state} />, host);
+  return { update: () => undefined, dispose: () => render(null, host) };
+}
+
+registerPanel({
+  id: "alarms",
+  title: TEXT.alarms,
+  where: "below",
+  order: 25,
+  applies: (deps) => deps.alarms !== undefined,
+  mount: mountAlarms,
+});
