@@ -1,8 +1,9 @@
-"""Workspaces in a real browser: panels arranged by mouse, keyboard and finger, maximised, and undone."""
+"""Workspaces in a real browser: panels arranged, maximised and undone; stored, shared, exported and restored."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from playwright.sync_api import Locator, Page
 
@@ -74,3 +75,77 @@ def test_panels_are_arranged_with_a_thumb(serve: Callable[..., ServerProcess], o
     until(page, f"document.querySelector('.maximised')?.clientWidth === {PHONE[0]}")
     page.get_by_role("button", name="Restore panel").tap()
     until(page, "document.querySelector('.maximised') === null")
+
+
+def layout(page: Page) -> str:
+    """Panels on screen, those of the side column apart."""
+    return str(page.evaluate(f"{PANELS} + ' | ' + {WIDTH}"))
+
+
+def save(page: Page, name: str) -> None:
+    page.get_by_label("Name of a new workspace").fill(name)
+    page.get_by_role("button", name="Save as new").click()
+    until(page, f"{SHEET}.innerText.includes('{name} is saved.')")
+
+
+def test_a_workspace_is_stored_chosen_and_shared(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    server = serve(SOURCE)
+    page = opened(server, open_page, DESKTOP)
+    page.keyboard.press("w")
+    page.get_by_label("Place of Events").select_option("main")
+    page.get_by_label("Place of Values").select_option("hidden")
+    page.get_by_role("separator", name="Width of the side column").press("Shift+ArrowLeft")
+    until(page, f"{PANELS} === 'attitude plots events health' && {WIDTH} === 346")
+    wanted = layout(page)
+    save(page, "Bench 3")
+    page.get_by_text("Export, import, default").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Export", exact=True).click()
+    file = tmp_path / download.value.suggested_filename
+    download.value.save_as(file)
+    assert file.name == "Bench 3.json"
+    assert serious(page, SHEET) == []
+    page.get_by_label("Open devices of").check()
+    until(page, f"{SHEET}.innerText.includes('Pages without a layout')")
+
+    # a link: time range, both cursors and the workspace, in one action
+    page.keyboard.press("Escape")
+    page.keyboard.press(" ")
+    stack = page.locator(".stack")
+    stack.click(position={"x": 300, "y": 60})
+    stack.click(position={"x": 360, "y": 60}, modifiers=["Shift"])
+    page.keyboard.press("c")
+    link = page.evaluate("location.href")
+    assert all(f"{name}=" in link for name in ("t0", "t1", "cursor", "measure", "workspace"))
+    page.reload()
+    until(page, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
+
+    # another person: the default of the family, and an edit at the same time
+    other = opened(server, open_page, DESKTOP)
+    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
+    other.goto(link)
+    other.reload()
+    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
+    for one in (page, other):
+        one.keyboard.press("w")
+        one.get_by_label("Stored workspace").select_option("Bench 3")
+        until(one, f"{SHEET}.innerText.includes('Bench 3 is open.')")
+    page.get_by_label("Place of Health").select_option("hidden")
+    page.get_by_role("button", name="Save", exact=True).click()
+    until(page, f"{SHEET}.innerText.includes('Bench 3 is saved.')")
+    other.get_by_role("button", name="Save", exact=True).click()
+    until(other, f"{SHEET}.innerText.includes('was changed since it was opened')")
+    other.get_by_role("button", name="Open the newer one").click()
+    until(other, f"{PANELS} === 'attitude plots events'")
+
+    # a file brings back what was exported; one that is none changes nothing
+    other.get_by_text("Export, import, default").click()
+    other.locator(".stored input[type=file]").set_input_files(file)
+    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
+    other.locator(".stored input[type=file]").set_input_files(
+        {"name": "x.json", "mimeType": "application/json", "buffer": b"{"}
+    )
+    until(other, f"{SHEET}.innerText.includes('This is not a workspace of imuscope')")
+    assert layout(other) == wanted

@@ -7,6 +7,8 @@
 import type { ViewState } from "../data/view-state";
 import { type Place, placeQuery, readPlace, seriesOf, takeSeries } from "../recordings/permalink";
 import { copyText } from "../ui/copy";
+import { applyLinkText, linkTextOf } from "../workspace/parts";
+import { sessionOf } from "../workspace/session";
 import { type App, select } from "./app-state";
 import { href, route } from "./route";
 
@@ -51,11 +53,14 @@ export function goLive(app: App, place: Place): void {
   hiddenSeries.value = takeSeries(place, knownNorms);
   extraPlots.value = new Set(place.panels);
   customPlots.value = place.plots ?? [];
+  const session = sessionOf(app, app.viewState);
+  session.problems.value = applyLinkText(session.view, place.workspace);
   if (place.device !== undefined) select(app, place.device);
 }
 
-export function liveHref(viewState: ViewState): string {
-  const query = placeQuery(livePlace(viewState));
+export function liveHref(app: App): string {
+  const workspace = linkTextOf(sessionOf(app, app.viewState).view);
+  const query = placeQuery({ ...livePlace(app.viewState), ...(workspace === undefined ? {} : { workspace }) });
   return href("live") + (query ? `?${query}` : "");
 }
 
@@ -73,7 +78,7 @@ export function startLiveAddress(app: App): void {
   setInterval(() => {
     const isThere = location.hash === "" || location.hash === "#/" || location.hash.startsWith("#/?");
     if (route.peek().page !== "live" || !isThere || viewState.view.peek().device === undefined) return;
-    const next = liveHref(viewState);
+    const next = liveHref(app);
     if (next === location.hash) return;
     ours = next;
     history.replaceState(null, "", next);
@@ -81,8 +86,8 @@ export function startLiveAddress(app: App): void {
 }
 
 /** Copy the link to the view; false if the browser refuses: the address above is the link. */
-export async function copyLiveLink(viewState: ViewState): Promise<boolean> {
-  const link = liveHref(viewState);
+export async function copyLiveLink(app: App): Promise<boolean> {
+  const link = liveHref(app);
   history.replaceState(null, "", link);
   return copyText(new URL(link, location.href).href);
 }

@@ -13,7 +13,7 @@ const saidOf = perApp(() => signal(""));
 
 export async function shareLive(app: App): Promise<void> {
   const said = saidOf(app);
-  said.value = (await copyLiveLink(app.viewState)) ? COMMON.linkCopied : COMMON.copyBlocked;
+  said.value = (await copyLiveLink(app)) ? COMMON.linkCopied : COMMON.copyBlocked;
   setTimeout(() => (said.value = ""), SAID_MS);
 }
 

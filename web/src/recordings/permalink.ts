@@ -2,7 +2,7 @@
  * Content of a link to a recording, or to Live: the range on screen, both cursors, the device, the clock, the frame, the series hidden
  * and shown, the further plots, and those put together by the user. Times are unix seconds to 0.1 ms; nothing of it is stored on the server.
  *
- *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…&plot=…
+ *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…&plot=…&workspace=…
  */
 import type { WorldFrame } from "../data/rotations";
 import type { CustomPlot } from "../data/view-state";
@@ -26,6 +26,8 @@ export interface Place {
   readonly panels: readonly string[];
   /** Plots put together by the user. */
   readonly plots?: readonly CustomPlot[];
+  /** Further parts of the workspace as JSON (workspace/parts.ts). */
+  readonly workspace?: string;
 }
 
 /** Decimals of a second: finer than any sensor's sampling. */
@@ -63,6 +65,7 @@ export function readPlace(query: string): Place {
     ...(base === "device" || base === "arrival" ? { base } : {}),
     ...(frame ? { frame } : {}),
     ...(plots.length > 0 ? { plots } : {}),
+    ...(given.get("workspace") ? { workspace: given.get("workspace") ?? "" } : {}),
     hide: safely(() => list("hide")),
     show: safely(() => list("show")),
     panels: safely(() => list("panels")),
@@ -97,6 +100,7 @@ export function placeQuery(place: Place): string {
     if (place[name].length > 0) given.set(name, place[name].map((key) => encodeURIComponent(key)).join(","));
   }
   for (const plot of place.plots ?? []) given.append("plot", plotWord(plot));
+  if (place.workspace) given.set("workspace", place.workspace);
   return given.toString();
 }
 

@@ -23,7 +23,11 @@ export type Answer<R extends Route> = Routes[R]["answer"];
 
 /** Input of a route: path, query and body, as far as it has them. */
 type Input<R extends Route> = Omit<Routes[R], "answer">;
-type Cancel = { readonly signal?: AbortSignal };
+interface Cancel {
+  readonly signal?: AbortSignal;
+  /** The revision that a change replaces; "*": any. */
+  readonly ifMatch?: string;
+}
 type Arguments<R extends Route, More> =
   Record<never, never> extends Input<R> ? [input?: Input<R> & More] : [input: Input<R> & More];
 
@@ -78,6 +82,7 @@ export async function respond<R extends Route>(
   const method = route.slice(0, route.indexOf(" "));
   // the server requires JSON for every change, so that no form of another page can make one
   const headers: Record<string, string> = method === "GET" ? {} : { "content-type": "application/json" };
+  if (parts.ifMatch !== undefined) headers["if-match"] = parts.ifMatch === "*" ? "*" : `"${parts.ifMatch}"`;
   const body = parts.body === undefined && method === "POST" ? {} : parts.body;
   const content = body === undefined ? {} : { body: JSON.stringify(body) };
   let answer: Response;

@@ -14,7 +14,7 @@ async function arranging() {
   const page = await openPage(recorded("xbus"));
   await waitFor(() => expect(panels()).toEqual(DEFAULT));
   press("w");
-  await screen.findByRole("dialog", { name: TEXT.arrange });
+  await screen.findByRole("dialog", { name: TEXT.sheet });
   return page;
 }
 
@@ -86,6 +86,6 @@ it("typing in a field is not a key of the workspace", async () => {
   const field = document.createElement("input");
   document.body.append(field);
   fireEvent.keyDown(field, { key: "w" });
-  expect(screen.queryByRole("dialog", { name: TEXT.arrange })).not.toBeNull();
+  expect(screen.queryByRole("dialog", { name: TEXT.sheet })).not.toBeNull();
   field.remove();
 });

@@ -12,6 +12,7 @@ import { TEXT } from "../texts/workspace";
 import { type Area, AREAS, DEFAULT_LAYOUT, inArea, isShown, maximise, moveBy, moveTo, show } from "./layout";
 import { panelsOf } from "./panels";
 import { sessionOf, type WorkspaceSession } from "./session";
+import { StoredSection } from "./stored-section";
 
 interface Props {
   readonly app: App;
@@ -33,6 +34,16 @@ export function ArrangeTools({ app, deps }: Props) {
           {TEXT.restore}
         </button>
       )}
+      {!session.arranging.value && session.problems.value.length > 0 && (
+        <div class="workspace-note" role="alert">
+          {session.problems.value.map((text) => (
+            <p key={text}>{text}</p>
+          ))}
+          <button type="button" class="btn edge" onClick={() => (session.problems.value = [])}>
+            {COMMON.close}
+          </button>
+        </div>
+      )}
       {session.arranging.value && <ArrangeSheet session={session} deps={deps} />}
     </>
   );
@@ -51,15 +62,16 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
     </button>
   );
   return (
-    <section class="arrange" ref={ref} tabIndex={-1} role="dialog" aria-modal="false" aria-label={TEXT.arrange}>
+    <section class="arrange" ref={ref} tabIndex={-1} role="dialog" aria-modal="false" aria-label={TEXT.sheet}>
       <div class="head">
-        <h2>{TEXT.arrange}</h2>
+        <h2>{TEXT.sheet}</h2>
         <span class="grow" />
         {tool("undo", TEXT.undo, session.undo, !session.history.canUndo)}
         {tool("redo", TEXT.redo, session.redo, !session.history.canRedo)}
         {tool("close", TEXT.done, () => (session.arranging.value = false))}
       </div>
       <div class="arrange-lists">
+        <StoredSection session={session} deps={deps} />
         {AREAS.map((area) => (
           <AreaList key={area} session={session} area={area} all={all} panels={inArea(layout, area, all)} />
         ))}
@@ -257,12 +269,12 @@ export function ArrangeButton({ app, deps, words = false }: Props & { readonly w
       type="button"
       class={words ? "btn edge phone arrange-phone" : "btn icon desk arrange-button"}
       aria-pressed={arranging.value}
-      {...(words ? {} : { "aria-label": TEXT.arrange })}
-      title={TEXT.arrangeHint}
+      {...(words ? {} : { "aria-label": TEXT.sheet })}
+      title={TEXT.sheetHint}
       onClick={() => (arranging.value = !arranging.value)}
     >
       <Icon name="grid" />
-      {words && TEXT.arrange}
+      {words && TEXT.sheet}
     </button>
   );
 }

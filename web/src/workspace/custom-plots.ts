@@ -4,6 +4,7 @@ import { isKeys, registerPart } from "./parts";
 
 registerPart<readonly string[]>({
   key: "customPlots",
+  isNamedInLinks: true,
   read({ viewState: { customPlots } }) {
     const words = [...new Set(customPlots.peek().map(plotWord))];
     return words.length > 0 ? words : undefined;

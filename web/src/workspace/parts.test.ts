@@ -1,7 +1,18 @@
 import { signal } from "@preact/signals";
 import { expect, it } from "vitest";
 import { createViewState } from "../data/view-state";
-import { applyWorkspace, FORMAT, registerPart, VERSION, type Workspace, withoutMoment, workspaceOf } from "./parts";
+import { type Place, placeQuery, readPlace } from "../recordings/permalink";
+import {
+  applyLinkText,
+  linkTextOf,
+  applyWorkspace,
+  FORMAT,
+  registerPart,
+  VERSION,
+  type Workspace,
+  withoutMoment,
+  workspaceOf,
+} from "./parts";
 import type { WorkspaceView } from "./parts";
 import "./all";
 import { randomParts, seeded } from "../testing/random-workspace";
@@ -85,6 +96,23 @@ it("a recording stays within itself: no window that follows, no time of another 
   applyWorkspace(view, workspace({ range: { t0: 120, t1: 140 }, cursors: { reading: 130, measuring: 135 } }));
   expect(view.viewState.view.value).toMatchObject({ live: false, end: 140, span: 20 });
   expect([view.viewState.cursor.value, view.viewState.measure.value]).toEqual([{ kind: "pinned", time: 130 }, 135]);
+});
+
+it("a link holds what it does not name by itself, and one that was cut changes nothing", () => {
+  const next = seeded(8);
+  for (let k = 0; k < 100; k += 1) {
+    const [from, to] = [fresh(), fresh()];
+    applyWorkspace(from, workspace(randomParts(next)));
+    to.folded.value = true;
+    const text = linkTextOf(from);
+    expect(applyLinkText(to, text)).toEqual([]);
+    expect(linkTextOf(to)).toBe(text);
+    if (text === undefined) continue;
+    expect(applyLinkText(to, text.slice(0, -3))).toHaveLength(1);
+    expect(linkTextOf(to)).toBe(text);
+    const place: Place = { hide: [], show: [], panels: [], workspace: text };
+    expect(readPlace(placeQuery(place)).workspace).toBe(text);
+  }
 });
 
 it("two parts cannot have one key", () => {

@@ -32,6 +32,8 @@ export interface WorkspacePart<T extends Json = Json> {
   readonly key: string;
   /** Where in time the view is: such a part is not stored in a workspace saved by name, and stays as it is if it is absent. */
   readonly isMoment?: boolean;
+  /** A link has it by a name of its own (recordings/permalink.ts). */
+  readonly isNamedInLinks?: boolean;
   /** The state of a view; undefined at its default. */
   readonly read: (view: WorkspaceView) => T | undefined;
   /** The state that `json` describes; undefined if it describes none. */
@@ -60,6 +62,25 @@ export function registerPart<T extends Json>(part: WorkspacePart<T>): void {
 export const everyPart = (): boolean => true;
 /** What is stored by name: everything but where in time the view is. */
 export const withoutMoment = ({ isMoment }: WorkspacePart): boolean => isMoment !== true;
+
+const inLinkOnly = ({ isNamedInLinks }: WorkspacePart): boolean => isNamedInLinks !== true;
+
+/** What a link has to hold besides what it names, as text; undefined if everything of it is at its default. */
+export function linkTextOf(view: WorkspaceView): string | undefined {
+  const json = workspaceOf(view, inLinkOnly).parts;
+  return Object.keys(json).length > 0 ? JSON.stringify(json) : undefined;
+}
+
+/** Set what a link holds besides what it names. @returns what was left out, in words */
+export function applyLinkText(view: WorkspaceView, text: string | undefined): readonly string[] {
+  let json: unknown;
+  try {
+    json = JSON.parse(text ?? "{}");
+  } catch {
+    return [TEXT.notAWorkspace]; // a link that was cut
+  }
+  return applyWorkspace(view, { format: FORMAT, version: VERSION, parts: json }, inLinkOnly);
+}
 
 /** The workspace of a view. @param which its parts; default: all */
 export function workspaceOf(view: WorkspaceView, which: (part: WorkspacePart) => boolean = everyPart): Workspace {

@@ -2,6 +2,7 @@
 import { type Signal, signal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { type App, perApp } from "../pages/app-state";
+import type { WorkspaceInfo } from "../wire/routes";
 import "./all";
 import { WorkspaceHistory } from "./history";
 import { type Layout, maximise } from "./layout";
@@ -15,6 +16,10 @@ export interface WorkspaceSession {
   readonly history: WorkspaceHistory;
   /** Whether the panels are being arranged. */
   readonly arranging: Signal<boolean>;
+  /** What could not be applied of the last workspace, in words. */
+  readonly problems: Signal<readonly string[]>;
+  /** The stored workspace that was opened or saved last. */
+  readonly current: Signal<Pick<WorkspaceInfo, "name" | "revision"> | undefined>;
   /** Counts changes, for components that show whether something can be undone. */
   readonly steps: Signal<number>;
   /** Set the layout as a function of the present one: a step of undo. */
@@ -23,6 +28,8 @@ export interface WorkspaceSession {
   readonly adjust: (next: (layout: Layout) => Layout) => void;
   readonly undo: () => void;
   readonly redo: () => void;
+  /** Set the view as a stored workspace says: a step of undo. Where in time the view is stays. */
+  readonly open: (json: unknown) => void;
   /** Give a panel the whole page, or take it back. */
   readonly toggleMaximised: (id: string) => void;
 }
@@ -53,6 +60,13 @@ function newSession(view: WorkspaceView): WorkspaceSession {
     adjust(next);
     history.mark();
   };
+  const problems = signal<readonly string[]>([]);
+  const open = (json: unknown): void => {
+    history.mark();
+    problems.value = applyWorkspace(view, json, withoutMoment);
+    history.mark();
+    steps.value += 1;
+  };
   const go = (step: () => boolean) => (): void => {
     step();
     steps.value += 1;
@@ -61,6 +75,9 @@ function newSession(view: WorkspaceView): WorkspaceSession {
     view,
     history,
     arranging: signal(false),
+    problems,
+    open,
+    current: signal(undefined),
     steps,
     change,
     adjust,

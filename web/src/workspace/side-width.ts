@@ -3,5 +3,5 @@ import type { ViewState } from "../data/view-state";
 
 export function sideWidthOf({ layout }: ViewState): Record<string, string> {
   const { sideWidth } = layout.value;
-  return sideWidth === undefined ? {} : { "--side-w": `${sideWidth}px` };
+  return sideWidth === undefined ? {} : { "--side-w": `min(${sideWidth}px, 50vw)` };
 }

@@ -14,6 +14,7 @@ type Range = { readonly span: number } | { readonly t0: number; readonly t1: num
 
 registerPart<Range>({
   key: "range",
+  isNamedInLinks: true,
   isMoment: true,
   read({ viewState }) {
     const { live, end, span } = viewState.view.peek();
@@ -45,6 +46,7 @@ const isTime = (json: Json | undefined): json is number | null => json === null 
 
 registerPart<Cursors>({
   key: "cursors",
+  isNamedInLinks: true,
   isMoment: true,
   read({ viewState: { cursor, measure } }) {
     const at = cursor.peek();
@@ -68,6 +70,7 @@ registerPart<Cursors>({
 
 registerPart<"arrival">({
   key: "timeBase",
+  isNamedInLinks: true,
   read: ({ viewState: { view } }) => (view.peek().timeBase === "arrival" ? "arrival" : undefined),
   check: (json) => (json === "arrival" ? json : undefined),
   write({ viewState: { view } }, base) {
@@ -77,6 +80,7 @@ registerPart<"arrival">({
 
 registerPart<WorldFrame>({
   key: "frame",
+  isNamedInLinks: true,
   read: ({ viewState: { frame } }) => frame.peek(),
   check: (json) => FRAMES.find((name) => name === json),
   write: ({ viewState: { frame } }, name) => void (frame.value = name),
@@ -87,6 +91,7 @@ type SeriesChoice = { readonly hide: readonly string[]; readonly show: readonly 
 
 registerPart<SeriesChoice>({
   key: "series",
+  isNamedInLinks: true,
   read({ viewState: { hiddenSeries, knownNorms } }) {
     const { hide, show } = seriesOf(hiddenSeries.peek(), knownNorms);
     return hide.length + show.length > 0 ? { hide: [...hide].sort(), show: [...show].sort() } : undefined;
@@ -103,6 +108,7 @@ registerPart<SeriesChoice>({
 
 registerPart<readonly string[]>({
   key: "extraPlots",
+  isNamedInLinks: true,
   read: ({ viewState: { extraPlots } }) => (extraPlots.peek().size > 0 ? [...extraPlots.peek()].sort() : undefined),
   check: (json) => (isKeys(json) ? json : undefined),
   write: ({ viewState: { extraPlots } }, keys) => void (extraPlots.value = new Set(keys)),

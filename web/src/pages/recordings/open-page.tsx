@@ -16,7 +16,7 @@ import { href, route } from "../route";
 import { showReplay } from "../test-hook";
 import { OfflineBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
-import { type OpenRecording, openRecording } from "./open-recording";
+import { type OpenRecording, openRecording, takeWorkspace } from "./open-recording";
 import { ReplayPage } from "./replay-page";
 import { libraryOf } from "./library-store";
 import { TEXT } from "../../texts/recordings";
@@ -43,9 +43,11 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
     const opened = (detail: RecordingDetail, screen?: VisibleRange): void => {
       if (detail.progress < 1) timer = setTimeout(() => void ask(), MORE_MS);
       if (recording?.replay.grow(detail)) return;
+      const place = readPlace(route.peek().query ?? "");
       const replay =
         recording?.replay.reopened(detail) ??
-        new ReplayController(detail, readPlace(route.peek().query ?? ""), createViewState(app.viewState), screen);
+        new ReplayController(detail, place, createViewState(app.viewState), screen);
+      if (!recording) takeWorkspace(app, replay, place);
       showReplay(replay);
       recording = openRecording(replay, app, recording);
       now.value = { kind: "open", recording, times: (times += 1) };

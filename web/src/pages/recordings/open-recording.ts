@@ -2,6 +2,9 @@
 import { type Signal, signal } from "@preact/signals";
 import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
+import { type Place, placeHref } from "../../recordings/permalink";
+import { applyLinkText, linkTextOf } from "../../workspace/parts";
+import { sessionOf, type WorkspaceSession } from "../../workspace/session";
 import type { App } from "../app-state";
 
 export interface OpenRecording {
@@ -30,4 +33,20 @@ export function openRecording(replay: ReplayController, app: App, before?: OpenR
     showsSettings: before?.showsSettings ?? signal(false),
     rerun: signal(undefined),
   };
+}
+
+const workspaceIn = (app: App, { viewState, bounds }: ReplayController): WorkspaceSession =>
+  sessionOf(app, viewState, bounds);
+
+/** The address of what is on screen. */
+export function recordingHref(app: App, replay: ReplayController): string {
+  const workspace = linkTextOf(workspaceIn(app, replay).view);
+  return placeHref(replay.detail.info.id, { ...replay.place(), ...(workspace === undefined ? {} : { workspace }) });
+}
+
+/** Show the workspace of a link; without one the present workspace stays. */
+export function takeWorkspace(app: App, replay: ReplayController, { workspace }: Place): void {
+  if (workspace === undefined) return;
+  const session = workspaceIn(app, replay);
+  session.problems.value = applyLinkText(session.view, workspace);
 }

@@ -8,7 +8,7 @@ import { GoTo, type GoToDeps } from "../../measure/go-to";
 import { MeasurePanel } from "../../measure/measure-panel";
 import { placesOf } from "../../plots/markers";
 import { mountStack } from "../../plots/plot-stack";
-import { placeHref, readPlace } from "../../recordings/permalink";
+import { readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
 import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
@@ -30,7 +30,8 @@ import { href, route } from "../route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { listenForKeys } from "./keys";
-import type { OpenRecording } from "./open-recording";
+import type { App } from "../app-state";
+import { type OpenRecording, recordingHref, takeWorkspace } from "./open-recording";
 import { Markers } from "./markers";
 import { mountOverview } from "./overview-strip";
 import { PageOverlays } from "./overlays";
@@ -54,7 +55,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
     const stops = [
       onFrame((now) => replay.tick(now)),
       listenForKeys(recording, () => root.current),
-      keepAddress(replay),
+      keepAddress(app, replay),
     ];
     return () => stops.forEach((stop) => stop());
   }, []);
@@ -196,11 +197,11 @@ function mountPlots(host: HTMLElement, replay: ReplayController, deps: Pick<Deps
 }
 
 /** Keep the address up to date while paused; a link opened over it moves there. */
-function keepAddress(replay: ReplayController): () => void {
+function keepAddress(app: App, replay: ReplayController): () => void {
   const { id } = replay.detail.info;
   let ours = location.hash;
   const timer = setInterval(() => {
-    const next = placeHref(id, replay.place());
+    const next = recordingHref(app, replay);
     if (replay.playing.peek() || next === ours || location.hash !== ours) return;
     ours = next;
     history.replaceState(null, "", next);
@@ -208,7 +209,9 @@ function keepAddress(replay: ReplayController): () => void {
   const moved = route.subscribe(({ recording, query }) => {
     if (recording !== id || location.hash === ours) return;
     ours = location.hash;
-    replay.go(readPlace(query ?? ""));
+    const place = readPlace(query ?? "");
+    replay.go(place);
+    takeWorkspace(app, replay, place);
   });
   return () => {
     clearInterval(timer);

@@ -1,5 +1,4 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
-import { placeHref } from "../../recordings/permalink";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { server } from "../../recordings/api";
 import { copyText } from "../../ui/copy";
@@ -7,7 +6,7 @@ import { Icon } from "../../ui/icons";
 import { run, select } from "../app-state";
 import { go } from "../route";
 import { RerunButton } from "../../views/rerun";
-import type { OpenRecording } from "./open-recording";
+import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type Range } from "./export-dialog";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
@@ -15,10 +14,10 @@ import { TEXT } from "../../texts/recordings";
 /** How long the last action is shown, ms. */
 const SAID_MS = 2500;
 
-export async function copyLink({ replay, said }: OpenRecording): Promise<void> {
-  const link = new URL(placeHref(replay.detail.info.id, replay.place()), location.href).href;
-  said.value = (await copyText(link)) ? COMMON.linkCopied : COMMON.copyBlocked;
-  history.replaceState(null, "", placeHref(replay.detail.info.id, replay.place()));
+export async function copyLink({ replay, app, said }: OpenRecording): Promise<void> {
+  const href = recordingHref(app, replay);
+  said.value = (await copyText(new URL(href, location.href).href)) ? COMMON.linkCopied : COMMON.copyBlocked;
+  history.replaceState(null, "", href);
   setTimeout(() => (said.value = ""), SAID_MS);
 }
 

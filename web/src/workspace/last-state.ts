@@ -1,0 +1,71 @@
+/**
+ * What a page opens with, if its address says nothing: the last state of this browser for the family of the device, or else the
+ * workspace that was set for the family on the server.
+ */
+import { effect } from "@preact/signals";
+import type { App } from "../pages/app-state";
+import { withoutMoment, workspaceOf } from "./parts";
+import { sessionOf } from "./session";
+import { listWorkspaces, openStored } from "./stored";
+
+const KEY = "imuscope.workspace.";
+/** Interval at which the state is stored, ms. */
+const STORE_MS = 1000;
+
+/** The storage may be forbidden or full: the page then opens with the default. */
+function stored(family: string): unknown {
+  try {
+    return JSON.parse(localStorage.getItem(KEY + family) ?? "null");
+  } catch {
+    return null;
+  }
+}
+
+function store(family: string, text: string): void {
+  try {
+    localStorage.setItem(KEY + family, text);
+  } catch {
+    // as above
+  }
+}
+
+/** Restore the state of Live, and store it from then on. @param isLinked the address says what to show */
+export function startLastState(app: App, isLinked: boolean): () => void {
+  const session = sessionOf(app, app.viewState);
+  const textNow = (): string => JSON.stringify(workspaceOf(session.view, withoutMoment));
+  let family: string | undefined;
+  let text = "";
+  let isReady = false;
+  const begin = async (first: string): Promise<void> => {
+    const before = textNow();
+    const last = stored(first);
+    if (!isLinked && last !== null) session.open(last);
+    else if (!isLinked) {
+      const outcome = await listWorkspaces();
+      const name = outcome.ok ? outcome.value.defaults[first] : undefined;
+      // a person who was quicker keeps what he did
+      if (name !== undefined && textNow() === before) await openStored(session, name);
+    }
+    session.history.restart();
+    text = textNow();
+    isReady = true;
+  };
+  const stop = effect(() => {
+    const protocol = app.device.value?.protocol;
+    if (protocol === undefined || protocol === "") return;
+    const isFirst = family === undefined;
+    family = protocol;
+    if (isFirst) void begin(protocol);
+  });
+  const timer = setInterval(() => {
+    if (!isReady || family === undefined) return;
+    const now = textNow();
+    if (now === text) return;
+    text = now;
+    store(family, now);
+  }, STORE_MS);
+  return () => {
+    stop();
+    clearInterval(timer);
+  };
+}

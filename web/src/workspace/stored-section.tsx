@@ -1,0 +1,192 @@
+/** Stored workspaces in the sheet: chosen, saved, exported, imported, deleted, and set for a family. */
+import { type Signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { selected, type Deps } from "../panels/panel-context";
+import type { Problem } from "../ui/http";
+import { Icon } from "../ui/icons";
+import { ProblemNote } from "../ui/problem-note";
+import { protocolOf } from "../wire/capabilities";
+import type { WorkspaceList } from "../wire/routes";
+import { TEXT } from "../texts/workspace";
+import type { WorkspaceSession } from "./session";
+import { exportFile, importFile, listWorkspaces, openStored, removeStored, saveAs, setDefault } from "./stored";
+
+interface Props {
+  readonly session: WorkspaceSession;
+  readonly deps: Deps;
+}
+
+export function StoredSection({ session, deps }: Props) {
+  const list = useSignal<WorkspaceList>({ workspaces: [], defaults: {} });
+  const problem = useSignal<Problem | undefined>(undefined);
+  const said = useSignal("");
+  const refresh = async (): Promise<void> => {
+    const outcome = await listWorkspaces();
+    if (outcome.ok) list.value = outcome.value;
+    else problem.value = outcome.problem;
+  };
+  // biome-ignore lint/correctness/useExhaustiveDependencies: read when the sheet is opened
+  useEffect(() => void refresh(), []);
+  /** Carry out a change; its problem, or the words of its success, stay on screen. */
+  const run = async (act: () => Promise<Problem | undefined>, done: string): Promise<void> => {
+    problem.value = await act();
+    said.value = problem.value ? "" : done;
+    await refresh();
+  };
+  const { current, problems } = session;
+  const name = current.value?.name;
+  const choose = (next: string): void => {
+    said.value = "";
+    if (next !== "") void run(() => openStored(session, next), TEXT.opened(next));
+  };
+  return (
+    <div class="stored">
+      <div class="stored-row">
+        <label class="select">
+          <select
+            aria-label={TEXT.workspace}
+            value={name ?? ""}
+            onChange={(event) => choose(event.currentTarget.value)}
+          >
+            <option value="">{list.value.workspaces.length > 0 ? TEXT.chooseWorkspace : TEXT.noneStored}</option>
+            {list.value.workspaces.map((one) => (
+              <option key={one.name} value={one.name}>
+                {one.name}
+              </option>
+            ))}
+          </select>
+          <Icon name="down" />
+        </label>
+        {name !== undefined && (
+          <button
+            type="button"
+            class="btn edge"
+            onClick={() => void run(() => saveAs(session, name, current.peek()?.revision), TEXT.saved(name))}
+          >
+            {TEXT.save}
+          </button>
+        )}
+      </div>
+      <SaveNew session={session} run={run} />
+      {problem.value && <ProblemNote problem={problem.value} />}
+      {problem.value?.kind === "changed" && name !== undefined && <Conflict session={session} name={name} run={run} />}
+      {problems.value.map((text) => (
+        <p key={text} class="problem" role="alert">
+          {text}
+        </p>
+      ))}
+      <p class="stored-said" role="status">
+        {said.value}
+      </p>
+      <More session={session} deps={deps} list={list} run={run} />
+    </div>
+  );
+}
+
+type Run = (act: () => Promise<Problem | undefined>, done: string) => Promise<void>;
+
+function SaveNew({ session, run }: { readonly session: WorkspaceSession; readonly run: Run }) {
+  const text = useSignal("");
+  const save = async (event: Event): Promise<void> => {
+    event.preventDefault();
+    const name = text.peek().trim();
+    if (name === "") return;
+    await run(() => saveAs(session, name, undefined), TEXT.saved(name));
+    if (session.current.peek()?.name === name) text.value = "";
+  };
+  return (
+    <form class="stored-row" onSubmit={(event) => void save(event)}>
+      <span class="field">
+        <input
+          value={text}
+          maxLength={80}
+          aria-label={TEXT.newName}
+          placeholder={TEXT.newName}
+          onInput={(event) => (text.value = event.currentTarget.value)}
+        />
+      </span>
+      <button type="submit" class="btn edge" disabled={text.value.trim() === ""}>
+        {TEXT.saveNew}
+      </button>
+    </form>
+  );
+}
+
+/** Somebody else saved the workspace meanwhile: nothing is replaced unless a person says so. */
+function Conflict({
+  session,
+  name,
+  run,
+}: {
+  readonly session: WorkspaceSession;
+  readonly name: string;
+  readonly run: Run;
+}) {
+  return (
+    <div class="stored-row">
+      <button
+        type="button"
+        class="btn edge"
+        onClick={() => void run(() => openStored(session, name), TEXT.opened(name))}
+      >
+        {TEXT.openNewer}
+      </button>
+      <button
+        type="button"
+        class="btn edge"
+        onClick={() => void run(() => saveAs(session, name, "*"), TEXT.saved(name))}
+      >
+        {TEXT.replaceWithMine}
+      </button>
+    </div>
+  );
+}
+
+function More({ session, deps, list, run }: Props & { readonly list: Signal<WorkspaceList>; readonly run: Run }) {
+  const name = session.current.value?.name;
+  const family = selected(deps)?.protocol ?? "";
+  const title = protocolOf(family)?.title ?? family;
+  const isDefault = name !== undefined && list.value.defaults[family] === name;
+  const pick = (event: Event): void => {
+    const input = event.currentTarget;
+    if (!(input instanceof HTMLInputElement)) return;
+    const file = input.files?.[0];
+    if (file) void importFile(session, file);
+    input.value = ""; // the same file can be chosen again
+  };
+  return (
+    <details>
+      <summary>{TEXT.more}</summary>
+      <div class="stored-row">
+        <button type="button" class="btn edge" onClick={() => exportFile(session)}>
+          {TEXT.exportFile}
+        </button>
+        <label class="btn edge">
+          {TEXT.importFile}
+          <input type="file" class="visually-hidden" accept=".json,application/json" onChange={pick} />
+        </label>
+        {name !== undefined && (
+          <button
+            type="button"
+            class="btn edge"
+            onClick={() => void run(() => removeStored(session), TEXT.deleted(name))}
+          >
+            {TEXT.remove}
+          </button>
+        )}
+      </div>
+      {name !== undefined && family !== "" && (
+        <label class="stored-check">
+          <input
+            type="checkbox"
+            checked={isDefault}
+            onChange={() =>
+              void run(() => setDefault(family, isDefault ? null : name), isDefault ? "" : TEXT.isDefaultNow(title))
+            }
+          />
+          {TEXT.openFamilyWith(title)}
+        </label>
+      )}
+    </details>
+  );
+}

@@ -1,0 +1,75 @@
+/** Stored workspaces: on the server by name, as a file, and the last state of this browser. */
+import { type Outcome, type Problem, request } from "../ui/http";
+import type { WorkspaceList } from "../wire/routes";
+import { withoutMoment, workspaceOf } from "./parts";
+import type { WorkspaceSession } from "./session";
+
+/** Largest file that is read, bytes: that of the server. */
+const MAX_FILE = 256 * 1024;
+
+export const listWorkspaces = (): Promise<Outcome<WorkspaceList>> => request("GET /api/workspaces");
+
+/** Show the workspace of that name. */
+export async function openStored(session: WorkspaceSession, name: string): Promise<Problem | undefined> {
+  const outcome = await request("GET /api/workspaces/{name}", { path: { name } });
+  if (!outcome.ok) return outcome.problem;
+  session.open(outcome.value.workspace);
+  session.current.value = outcome.value;
+  return undefined;
+}
+
+/** Store what is shown. @param ifMatch revision that it replaces; "*": whatever there is; undefined: none of that name */
+export async function saveAs(
+  session: WorkspaceSession,
+  name: string,
+  ifMatch: string | undefined,
+): Promise<Problem | undefined> {
+  const workspace = { ...workspaceOf(session.view, withoutMoment) };
+  const outcome = await request("PUT /api/workspaces/{name}", {
+    path: { name },
+    body: { workspace },
+    ...(ifMatch === undefined ? {} : { ifMatch }),
+  });
+  if (!outcome.ok) return outcome.problem;
+  session.current.value = outcome.value;
+  return undefined;
+}
+
+export async function removeStored(session: WorkspaceSession): Promise<Problem | undefined> {
+  const current = session.current.peek();
+  if (!current) return undefined;
+  const { name, revision } = current;
+  const outcome = await request("DELETE /api/workspaces/{name}", { path: { name }, ifMatch: revision });
+  if (!outcome.ok) return outcome.problem;
+  session.current.value = undefined;
+  return undefined;
+}
+
+/** Set or remove the workspace that devices of a family open with, for everyone. */
+export async function setDefault(family: string, name: string | null): Promise<Problem | undefined> {
+  const outcome = await request("PUT /api/workspace-defaults/{family}", { path: { family }, body: { name } });
+  return outcome.ok ? undefined : outcome.problem;
+}
+
+/** Save what is shown as a file. */
+export function exportFile(session: WorkspaceSession): void {
+  const text = JSON.stringify(workspaceOf(session.view, withoutMoment), null, 1);
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
+  const name = session.current.peek()?.name ?? "workspace";
+  link.download = `${name.replace(/[^\p{L}\p{N} _.-]+/gu, "-")}.json`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+/** Show the workspace of a file; what is wrong with it is among the problems of the session. */
+export async function importFile(session: WorkspaceSession, file: File): Promise<void> {
+  let json: unknown;
+  try {
+    json = file.size > MAX_FILE ? undefined : JSON.parse(await file.text());
+  } catch {
+    json = undefined; // told as any file that is no workspace
+  }
+  session.open(json);
+  session.current.value = undefined;
+}
