@@ -18,6 +18,8 @@ export interface Horizon {
   nearest(t: number): number | undefined;
   /** The plots on screen. */
   plots(): readonly PlotSpec[];
+  /** Opens the frame that made the sample nearest to t. */
+  bytes?(t: number): void;
   /** Keys of the series on screen, in digit order. */
   series(): readonly string[];
   /** Keys of the series in the same plot as this one. */
@@ -148,6 +150,11 @@ export class ViewActions {
     this.#change({ live: false, end: this.#clamped(t + span / 2, span) });
   }
 
+  /** Open the frame that made the sample at the cursor, or the newest on screen. */
+  bytes(): void {
+    this.#horizon.bytes?.(this.cursorTime() ?? this.rightEdge());
+  }
+
   /** To the oldest moment in memory. */
   toStart(): void {
     const bounds = this.#horizon.bounds();
@@ -235,6 +242,13 @@ export class ViewActions {
   pin(time: number): void {
     this.#put("a", time);
     this.#settle("a");
+  }
+
+  /** Pin cursor A, and move the window there if it is outside. */
+  pinInView(time: number): void {
+    const right = this.rightEdge();
+    if (time > right || time < right - this.#state.view.peek().span) this.centreAt(time);
+    this.pin(time);
   }
 
   /** Pin cursor B, for measuring. */

@@ -26,6 +26,7 @@ import {
   unitOf,
 } from "./figure-columns";
 import { type FigureSource, type MeasuredRange, ServerFigures } from "./server-figures";
+import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/measure";
 import "./measure.css";
 
@@ -75,6 +76,8 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     });
     return button;
   };
+  const bytes = el("button", { type: "button", class: "btn edge", title: PACKETS.bytesHereHint }, PACKETS.bytesHere);
+  bytes.addEventListener("click", () => actions.bytes());
   const close = el("button", { type: "button", class: "btn icon", "aria-label": TEXT.close, title: TEXT.close }, "✕");
   close.addEventListener("click", () => (viewState.measure.value = undefined));
   const head = el(
@@ -92,6 +95,7 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
     el("span", { class: "grow" }),
     said,
     snap,
+    bytes,
     copy(TEXT.copyText, () => textOf(heading(), rows())),
     copy(TEXT.copyCsv, () => csvOf(actions.cursorTime() ?? NaN, viewState.measure.peek() ?? NaN, rows())),
     close,

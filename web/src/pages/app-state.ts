@@ -4,7 +4,7 @@
  */
 import { computed, effect, type Signal, signal } from "@preact/signals";
 import type { Begin } from "../forms/add-device";
-import type { Deps } from "../panels/panel-context";
+import type { Deps, PacketAt } from "../panels/panel-context";
 import type { AlarmDraft } from "../panels/alarm-states";
 import type { Sort } from "../panels/event-groups";
 import { api, type Outcome, type Port, type Problem } from "../ui/http";
@@ -25,6 +25,7 @@ export type Overlay =
   | "ros"
   | "memory"
   | "alarm"
+  | "packet"
   | undefined;
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;
@@ -40,6 +41,8 @@ export interface App extends Deps {
   readonly keyFor: Signal<Begin | undefined>;
   /** The table being shown: name and title of its channel. */
   readonly openTable: Signal<{ readonly name: string; readonly title: string } | undefined>;
+  /** The frame that is shown. */
+  readonly packetAt: Signal<PacketAt | undefined>;
   /** The payload that is being described. */
   readonly describing: Signal<UnknownPayload | undefined>;
   /** The address typed for a new device; it stays while its dialog is closed. */
@@ -81,6 +84,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const openTable: App["openTable"] = signal(undefined);
   const describing: App["describing"] = signal(undefined);
   const alarmDraft = signal<AlarmDraft>({});
+  const packetAt: App["packetAt"] = signal(undefined);
   const showsSignals = signal(false);
   const { view, frame } = deps.viewState;
   const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
@@ -130,6 +134,10 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
       signals: () => (showsSignals.value = true),
       track: () => (overlay.value = "track"),
       rows: (name, title) => (openTable.value = { name, title }),
+      packet(at) {
+        packetAt.value = at;
+        overlay.value = "packet";
+      },
       describe(payload) {
         describing.value = payload;
         overlay.value = "describe";
@@ -148,6 +156,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     describing,
     alarms: signal([]),
     alarmDraft,
+    packetAt,
     tick,
     awaited,
     eventSort: signal<Sort>("all"),

@@ -85,6 +85,8 @@ function act(action: KeyAction, app: App): void {
       return actions.stepPlace(action.forward);
     case "measure":
       return actions.toggleMeasure();
+    case "packet":
+      return actions.bytes();
     case "span":
       return actions.setSpan(nextSpan(view.value.span, action.longer));
     case "zoom":

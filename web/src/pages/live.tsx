@@ -21,6 +21,7 @@ import { type App, select } from "./app-state";
 import { Bar, Dock } from "./top-bar";
 import { Describe } from "./payload-dialog";
 import { MemoryDialog } from "./memory-dialog";
+import { Packet } from "./packet-dialog";
 import { ExportDialog, exportingOf } from "./recordings/export-dialog";
 import { SharePort } from "./port-shares";
 import { RosTopics } from "./ros-topics";
@@ -157,6 +158,7 @@ function Overlays({ app }: { readonly app: App }) {
     const { id, name } = app.device.value;
     return <AnalysisDialog key={id} deps={app} source={id} title={name} prefix="" isLive onClose={close} />;
   }
+  if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
   if (overlay.value === "alarm") return <AlarmDialog app={app} onClose={close} />;
   if (overlay.value === "describe" && describing.value)

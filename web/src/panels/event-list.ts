@@ -8,6 +8,7 @@ import type { EventInfo } from "../wire/types";
 import type { Deps } from "./panel-context";
 import { type EventGroup, groupsOf, type Sort, SORTS } from "./event-groups";
 import { registerPanel } from "./registry";
+import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/panels";
 
 /** More are in the server's log. */
@@ -71,7 +72,17 @@ function line(group: EventGroup, deps: Deps): HTMLLIElement {
     el("span", {}, ...messageNodes(group.text)),
   );
   button.addEventListener("click", () => (deps.jump ? deps.jump(group) : show(group, deps)));
-  return el("li", {}, button);
+  const { device } = deps.viewState.view.peek();
+  if (group.kind !== "reject" || device === undefined) return el("li", {}, button);
+  const bytes = el(
+    "button",
+    { type: "button", class: "btn small event-bytes", title: PACKETS.rejectedBytes },
+    PACKETS.packet,
+  );
+  const { to: time } = group;
+  const pin = (at: number): void => deps.viewState.actions.pinInView(at);
+  bytes.addEventListener("click", () => deps.open.packet({ device, time, base: "arrival", kind: "reject", pin }));
+  return el("li", { class: "with-bytes" }, button, bytes);
 }
 
 function titleOf({ from, to, count: n }: EventGroup): string {

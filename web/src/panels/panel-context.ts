@@ -1,5 +1,5 @@
 /** Context passed to a panel when it is mounted. */
-import type { ViewState } from "../data/view-state";
+import type { TimeBase, ViewState } from "../data/view-state";
 import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
@@ -12,6 +12,24 @@ import type { AlarmInfo } from "../wire/routes";
 import type { AlarmDraft } from "./alarm-states";
 import { type Reading, readingAt } from "./cursor-time";
 
+/** Frame to show: that of a sample, or the nearest of its kind. */
+export interface PacketAt {
+  /** DeviceInfo.id */
+  readonly device: string;
+  /** Unix s, on the clock of `base`. */
+  readonly time: number;
+  readonly base: TimeBase;
+  /** Channel of the sample; absent: any frame. */
+  readonly channel?: number;
+  readonly kind?: "reject";
+  /** Name of the device; absent: as the store has it. */
+  readonly name?: string;
+  /** RecordingInfo.id; absent: a live device. */
+  readonly recording?: string;
+  /** Sets the cursor of its plots. */
+  readonly pin: (time: number) => void;
+}
+
 /** Overlays that a panel can open. */
 export interface Openers {
   /** The tree of all signals. */
@@ -20,6 +38,8 @@ export interface Openers {
   track(): void;
   /** The rows of the table channel of that name. */
   rows(name: string, title: string): void;
+  /** The frame at a time, byte by byte. */
+  packet(at: PacketAt): void;
   /** The form that describes a payload. */
   describe(payload: UnknownPayload): void;
   /** The form of an alarm: a new one as far as it is known, or a stored one. */

@@ -10,6 +10,7 @@ import { type Deps, selected } from "./panel-context";
 import { bytesOf, type HexLine, linesOf, type Run } from "./hex";
 import { registerPanel } from "./registry";
 import { COMMON } from "../texts/common";
+import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/panels";
 
 /** Entries that are initially open. */
@@ -22,8 +23,14 @@ class Entry {
   readonly #bytes = el("pre", { class: "hex", tabindex: "0" });
   #shown: UnknownPayload | undefined;
   #before: Uint8Array | undefined;
+  #newest: UnknownPayload;
 
-  constructor(payload: UnknownPayload, open: boolean, describe: (() => void) | undefined) {
+  constructor(
+    payload: UnknownPayload,
+    open: boolean,
+    describe: (() => void) | undefined,
+    frame: (payload: UnknownPayload) => void,
+  ) {
     const head = el("summary", {}, el("b", {}, payload.name), " ");
     if (!payload.verified) head.append(el("span", { class: "tag warn" }, COMMON.unverified), " ");
     head.append(el("span", { class: "dim num" }, this.#figures.node));
@@ -31,6 +38,14 @@ class Entry {
     this.#bytes.setAttribute("aria-label", TEXT.newestPayload(payload.name));
     this.root = el("details", { class: "raw-payload" }, head, this.#bytes);
     this.root.open = open;
+    const bytes = el(
+      "button",
+      { type: "button", class: "btn small edge", title: PACKETS.payloadBytesHint },
+      PACKETS.payloadBytes,
+    );
+    bytes.addEventListener("click", () => frame(this.#newest));
+    this.root.append(bytes);
+    this.#newest = payload;
     if (describe) {
       const button = el("button", { type: "button", class: "btn small edge" }, TEXT.definePayload);
       button.addEventListener("click", describe);
@@ -39,6 +54,7 @@ class Entry {
   }
 
   write(payload: UnknownPayload): void {
+    this.#newest = payload;
     this.#figures.set(TEXT.payloadFacts(number(payload.rate, 1), number(payload.count, 0), number(payload.size, 0)));
     if (!this.root.open || payload.hex === this.#shown?.hex) return;
     const bytes = bytesOf(payload.hex);
@@ -70,6 +86,8 @@ function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
   let known = "";
   let entries = new Map<string, Entry>();
   const due = throttle(2);
+  const frame = ({ device, arrival: time }: UnknownPayload): void =>
+    deps.open.packet({ device, time, base: "arrival", pin: (at) => deps.viewState.actions.pinInView(at) });
   return {
     update(now) {
       const device = selected(deps);
@@ -84,7 +102,8 @@ function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
         entries = new Map(
           payloads.map((one, k) => [
             key(one),
-            entries.get(key(one)) ?? new Entry(one, k < OPEN, isDefinable ? () => deps.open.describe(one) : undefined),
+            entries.get(key(one)) ??
+              new Entry(one, k < OPEN, isDefinable ? () => deps.open.describe(one) : undefined, frame),
           ]),
         );
         host.replaceChildren(...[...entries.values()].map(({ root }) => root));

@@ -4,6 +4,7 @@
  *     move            the cursor follows (mouse)          drag           pans, and pauses by itself
  *     click, tap      pins the cursor there               shift + drag   selects a range
  *     shift + click   pins the measuring cursor           double click   fits
+ *     right click     shows the frame that made the sample
  *     wheel           zooms about the pointer             two fingers    zoom and pan
  *     click on the time of a cursor beside the window     goes there
  *
@@ -40,6 +41,8 @@ export interface Surface {
   selecting(span: readonly [number, number] | undefined): void;
   /** A press at this height of the stack, px. */
   aim(y: number): void;
+  /** Opens the frame of the sample there. */
+  bytes(t: number): void;
 }
 
 type Grip = "a" | "b";
@@ -220,6 +223,19 @@ export function listen(
   on("pointerleave", () => {
     if (cursor.peek()?.kind === "pointer") cursor.value = undefined;
   });
+  on(
+    "contextmenu",
+    (event) => {
+      const w = surface.window();
+      const isTouch = event instanceof PointerEvent && event.pointerType === "touch"; // a finger that rests measures
+      if (w === undefined || !onCanvas(event) || inStrip(event) || onAxis(event) || !inside(w, xIn(event))) return;
+      event.preventDefault();
+      if (isTouch) return;
+      surface.aim(event.clientY - stack.getBoundingClientRect().top + stack.scrollTop);
+      surface.bytes(timeAt(w, xIn(event)));
+    },
+    false,
+  );
   on("dblclick", (event) => {
     if (!onCanvas(event) || inStrip(event)) return;
     actions.unpin(); // the first of the two clicks pinned

@@ -302,3 +302,18 @@ function plotsByRule(channels: readonly Channel[]): PlotSpec[] {
   if (shown.length > 0) return toldApart([...shown, ...others]);
   return toldApart(others.map((plot, k) => ({ ...plot, primary: k < FALLBACK })));
 }
+
+/** Keys of a plot's series without its norm. */
+export function plain({ series }: PlotSpec): readonly string[] {
+  return series.filter(({ norm }) => !norm).map(({ key }) => key);
+}
+
+/** Whether a plot of `b` would draw the same samples, in the same frame, as one of `a`. */
+export function sameSeries(a: PlotSpec, b: PlotSpec): boolean {
+  return (
+    a.key === b.key &&
+    a.frame === b.frame &&
+    a.series.length === b.series.length &&
+    a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key)
+  );
+}

@@ -18,6 +18,7 @@ import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
 import type { CustomPlot, ViewState } from "../data/view-state";
 import { withCustomPlots } from "../signals/custom-plots";
+import type { Openers } from "../panels/panel-context";
 import { clock } from "../ui/format";
 import { el, throttle, unit } from "../ui/dom";
 import { drawAxis } from "./axis";
@@ -31,7 +32,7 @@ import { HistoryStrip } from "./history-strip";
 import { palette, type Palette, CanvasLayer } from "./canvas-style";
 import { Plot } from "./plot";
 import { protocolAmong } from "../wire/capabilities";
-import { type PlotSpec, plotsOf } from "./plot-selection";
+import { plain, type PlotSpec, plotsOf, sameSeries, type Series } from "./plot-selection";
 import { timeWindow, type TimeWindow } from "./time-window";
 import { nearestSample } from "../measure/nearest-sample";
 import { COMMON } from "../texts/common";
@@ -47,8 +48,8 @@ export interface StackDeps {
   readonly bounds?: () => { readonly first: number; readonly last: number };
   /** Markers to draw; default: those among the store's events. */
   readonly markers?: () => readonly MarkLine[];
-  /** Opens the tree of all signals. */
-  readonly open?: { signals(): void };
+  /** Opens the tree of all signals, and the frame of a sample. */
+  readonly open?: Pick<Openers, "signals"> & Partial<Pick<Openers, "packet">>;
 }
 
 /** Legends follow live data this often, a moving cursor every frame. */
@@ -96,12 +97,13 @@ class Stack {
   #panes: readonly Pane[] = [];
   /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
   #still = 0;
-
   readonly #openSignals: (() => void) | undefined;
+  readonly #openPacket: Openers["packet"] | undefined;
 
   constructor(host: HTMLElement, { store, viewState, reads = (channel) => channel, bounds, markers, open }: StackDeps) {
     this.#markers = markers ?? markersOf(store, viewState);
     this.#openSignals = open && (() => open.signals());
+    this.#openPacket = open?.packet;
     this.#store = store;
     this.#state = viewState;
     this.#reads = reads;
@@ -147,6 +149,7 @@ class Stack {
         window: () => this.#window,
         strip: () => this.#strip.window,
         selecting: (span) => (this.#selection = span),
+        bytes: (t) => this.#bytes(t),
         aim: (y) => (this.#aimed = this.#plots.findLast(({ top }) => top <= y)),
       }),
       effect(() => {
@@ -162,6 +165,7 @@ class Stack {
       bounds: () => this.#bounds(),
       step: (t, steps) => this.#step(t, steps),
       nearest: (t) => this.#nearest(t),
+      bytes: (t) => this.#bytes(t),
       plots: () => this.#plots.map(({ spec }) => spec),
       series: () => this.#plots.flatMap(({ spec }) => plain(spec)),
       beside: (key) =>
@@ -441,12 +445,27 @@ class Stack {
     return base === "device" ? ring.time(i) : ring.arrival(i);
   }
 
-  /** The sample nearest to t, of the first visible series of the plot last pressed; undefined while its neighbours are not loaded. */
+  /** The sample nearest to t, of the plot last pressed; undefined while its neighbours are not loaded. */
   #nearest(t: number): number | undefined {
+    const series = this.#aimedSeries();
+    return series && nearestSample(this.#reads(series.channel, t).ring, t, this.#state.view.peek().timeBase);
+  }
+
+  /** Open the frame of the sample nearest to t. */
+  #bytes(t: number): void {
+    const info = this.#aimedSeries()?.channel.info;
+    if (info === undefined) return;
+    const { actions, view } = this.#state;
+    const channel = info.id < 0 ? -1 - info.id : info.id; // of computed ones, that which they are computed from
+    const [time, base] = [this.#nearest(t) ?? t, view.peek().timeBase];
+    this.#openPacket?.({ device: info.device, time, base, channel, pin: (at) => actions.pinInView(at) });
+  }
+
+  /** The first visible series of the plot last pressed. */
+  #aimedSeries(): Series | undefined {
     const plot = this.#aimed !== undefined && this.#plots.includes(this.#aimed) ? this.#aimed : this.#plots[0];
     const hidden = this.#state.hiddenSeries.peek();
-    const series = plot?.spec.series.find(({ key }) => !hidden.has(key)) ?? plot?.spec.series[0];
-    return series && nearestSample(this.#reads(series.channel, t).ring, t, this.#state.view.peek().timeBase);
+    return plot?.spec.series.find(({ key }) => !hidden.has(key)) ?? plot?.spec.series[0];
   }
 
   dispose(): void {
@@ -469,24 +488,9 @@ function markersOf(store: Store, { view }: ViewState): () => readonly MarkLine[]
   };
 }
 
-/** Keys of a plot's series without its norm. */
-function plain({ series }: PlotSpec): readonly string[] {
-  return series.filter(({ norm }) => !norm).map(({ key }) => key);
-}
-
 function titleEnd({ legend }: Plot): number {
   const title = legend.root.querySelector("b");
   return title === null ? 0 : title.offsetLeft + title.offsetWidth;
-}
-
-/** Whether a plot of `b` would draw the same samples, in the same frame, as one of `a`. */
-function sameSeries(a: PlotSpec, b: PlotSpec): boolean {
-  return (
-    a.key === b.key &&
-    a.frame === b.frame &&
-    a.series.length === b.series.length &&
-    a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key)
-  );
 }
 
 /** Put the plots into `host`; call `update` once a frame with the frame's time in ms. */

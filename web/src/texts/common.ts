@@ -63,6 +63,7 @@ export const COMMON = {
   keyPanTenth: "Back or forward by a tenth of the window",
   keyPanWindow: "Back or forward by a whole window",
   keyStep: "Back or forward one sample",
+  keyPacket: "Show the bytes of the sample at the cursor",
   keyMeasure: "Measure between cursors A and B",
   keyStepMeasure: "Cursor B back or forward one sample",
   keyGoTo: "Go to a time, or to where a condition is true",

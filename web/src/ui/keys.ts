@@ -22,6 +22,7 @@ export type KeyAction =
         | "timeBase"
         | "help"
         | "analysis"
+        | "packet"
         | "signals"
         | "measure"
         | "goTo"
@@ -63,6 +64,7 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["Shift ,", "Shift ."], what: COMMON.keyStepMeasure },
   { keys: ["J"], what: COMMON.keyGoTo },
   { keys: ["N", "Shift N"], what: COMMON.keyPlace },
+  { keys: ["P"], what: COMMON.keyPacket },
   { keys: ["[", "]"], what: COMMON.keySpan },
   { keys: ["+", "−"], what: COMMON.keyZoom },
   { keys: ["F"], what: COMMON.keyFit },
@@ -104,6 +106,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   s: { do: "signals" },
   b: { do: "measure" },
   j: { do: "goTo" },
+  p: { do: "packet" },
   "?": { do: "help" },
   escape: { do: "close" },
 };

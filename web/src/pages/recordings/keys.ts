@@ -74,6 +74,10 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
     case "place":
       actions.stepPlace(action.forward);
       return true;
+    case "packet":
+      replay.playing.value = false;
+      actions.bytes();
+      return true;
     case "measure":
       replay.playing.value = false;
       actions.toggleMeasure();

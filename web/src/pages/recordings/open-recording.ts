@@ -24,10 +24,15 @@ export interface OpenRecording {
 
 /** @param before the same recording while less of it was decoded: its settings stay open, and what was said is finished */
 export function openRecording(replay: ReplayController, app: App, before?: OpenRecording): OpenRecording {
+  const { info, devices } = replay.detail;
+  const packet: Deps["open"]["packet"] = (at) => {
+    const name = devices.find(({ id }) => id === at.device)?.name ?? at.device;
+    app.open.packet({ ...at, name, recording: info.id });
+  };
   return {
     replay,
     app,
-    deps: { ...replay.deps, open: app.open, eventSort: app.eventSort },
+    deps: { ...replay.deps, open: { ...app.open, packet }, eventSort: app.eventSort },
     placing: signal(undefined),
     said: before?.said ?? signal(""),
     showsSettings: before?.showsSettings ?? signal(false),

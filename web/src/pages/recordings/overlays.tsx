@@ -1,12 +1,14 @@
 /** Overlays of the pages of recordings: the list of keys, and the export dialog. */
 import { Help } from "../../ui/help";
 import type { App } from "../app-state";
+import { Packet } from "../packet-dialog";
 import { ExportDialog, exportingOf } from "./export-dialog";
 
 export function PageOverlays({ app }: { readonly app: App }) {
   const { overlay } = app;
   const exporting = exportingOf(app);
   if (overlay.value === "help") return <Help onClose={() => (overlay.value = undefined)} />;
+  if (overlay.value === "packet") return <Packet app={app} onClose={() => (overlay.value = undefined)} />;
   if (exporting.value) return <ExportDialog app={app} of={exporting.value} />;
   return null;
 }

@@ -1,0 +1,214 @@
+/** The packet view: the frame that made a sample, byte by byte, with its neighbours and a way back to the plot. */
+import { useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { spaced } from "../forms/frame-chips";
+import type { PacketAt } from "../panels/panel-context";
+import { copyText } from "../ui/copy";
+import { Dialog } from "../ui/dialog";
+import { clock, number } from "../ui/format";
+import { type Outcome, type Problem, request } from "../ui/http";
+import { Icon } from "../ui/icons";
+import { ProblemNote } from "../ui/problem-note";
+import type { PacketInfo, PacketView } from "../wire/routes";
+import type { App } from "./app-state";
+import { rowsOf } from "./packet-rows";
+import { TEXT } from "../texts/packets";
+import "./packet.css";
+
+/** Neighbours on each side. */
+const BESIDE = 12;
+
+interface Props {
+  readonly at: PacketAt;
+  /** Name of the device. */
+  readonly name: string;
+  readonly onClose: () => void;
+}
+
+/** What is asked for: a sample first, then frames by their arrival and place among those that arrived together. */
+interface Ask {
+  readonly time: number;
+  readonly base: "device" | "arrival";
+  readonly channel?: number;
+  readonly rank?: number;
+  readonly kind?: "reject";
+}
+
+function fetchPackets({ device, recording }: PacketAt, ask: Ask): Promise<Outcome<PacketView>> {
+  const query = { ...ask, beside: BESIDE };
+  return recording === undefined
+    ? request("GET /api/devices/{device}/frames", { path: { device: device.split(".")[0] ?? device }, query })
+    : request("GET /api/recordings/{recording}/frames", { path: { recording }, query: { ...query, device } });
+}
+
+/** The dialog of a page. */
+export function Packet({ app, onClose }: { readonly app: App; readonly onClose: () => void }) {
+  const at = app.packetAt.value;
+  if (!at) return null;
+  const name = app.store.devices.value.find(({ id }) => id === at.device)?.name ?? at.device;
+  return <PacketDialog key={`${at.device} ${at.time}`} at={at} name={at.name ?? name} onClose={onClose} />;
+}
+
+export function PacketDialog({ at, name, onClose }: Props) {
+  const { time, base, channel, kind } = at;
+  const ask = useSignal<Ask>({ time, base, ...(channel === undefined ? {} : { channel }), ...(kind ? { kind } : {}) });
+  const view = useSignal<PacketView | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const place = useSignal(0);
+  /** Device time of the sample less its arrival, s: a frame nearby is shown in the plot with the same. */
+  const ahead = useSignal(0);
+  const asked = ask.value;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: signals and the place of the sample stay the same
+  useEffect(() => {
+    let over = false;
+    void fetchPackets(at, asked).then((outcome) => {
+      if (over) return;
+      problem.value = outcome.ok ? undefined : outcome.problem;
+      if (!outcome.ok) return;
+      view.value = outcome.value;
+      place.value = outcome.value.at;
+      const first = outcome.value.packets[outcome.value.at];
+      if (first && outcome.value.time !== null && base === "device") ahead.value = outcome.value.time - first.arrival;
+    });
+    return () => {
+      over = true;
+    };
+  }, [asked]);
+  const packets = view.value?.packets ?? [];
+  const packet = packets[place.value];
+  const select = (n: number): void => {
+    const next = packets[n];
+    if (!next) return;
+    place.value = n;
+    // at the end of the list: its neighbours too
+    if (n === 0 || n === packets.length - 1) ask.value = { time: next.arrival, base: "arrival", rank: next.rank };
+  };
+  const moved = useRef(select);
+  moved.current = select;
+  useEffect(() => {
+    // of the whole page: the focus begins on the button that closes the dialog
+    const onKey = (event: KeyboardEvent): void => {
+      const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (step === undefined) return;
+      event.preventDefault();
+      moved.current(place.peek() + step);
+    };
+    addEventListener("keydown", onKey);
+    return () => removeEventListener("keydown", onKey);
+  }, [place]);
+  return (
+    <Dialog title={TEXT.packetOf(name)} wide onClose={onClose}>
+      <div class="packet" role="group" aria-label={TEXT.packet}>
+        <ol class="packet-neighbours" aria-label={TEXT.neighbours}>
+          {packets.map((one, n) => (
+            <li key={`${one.arrival} ${one.rank}`}>
+              <button type="button" aria-current={n === place.value} onClick={() => select(n)}>
+                <span class="ellipsis">
+                  {one.kind === "reject" && <span class="dot bad" />} {titleOf(one)}
+                </span>
+                <span class="num dim">{one.gap_ms === null ? "" : TEXT.gap(number(one.gap_ms, 2))}</span>
+              </button>
+            </li>
+          ))}
+        </ol>
+        <div class="packet-frame">
+          {problem.value && <ProblemNote problem={problem.value} />}
+          {!packet && !problem.value && <p role="status">{TEXT.loading}</p>}
+          {packet && (
+            <Frame
+              packet={packet}
+              time={asked.channel !== undefined && place.value === view.value?.at ? (view.value?.time ?? null) : null}
+              step={(by) => select(place.value + by)}
+              show={() => {
+                at.pin(packet.arrival + ahead.value);
+                onClose();
+              }}
+            />
+          )}
+        </div>
+      </div>
+    </Dialog>
+  );
+}
+
+const titleOf = ({ kind, name }: PacketInfo): string => name || TEXT.kind[kind];
+
+interface FrameProps {
+  readonly packet: PacketInfo;
+  /** Of the sample that was asked for, unix s. */
+  readonly time: number | null;
+  readonly step: (by: number) => void;
+  readonly show: () => void;
+}
+
+function Frame({ packet, time, step, show }: FrameProps) {
+  const said = useSignal(TEXT.copyHex);
+  const copyHex = async (): Promise<void> => {
+    said.value = (await copyText(spaced(packet.hex))) ? TEXT.copied : TEXT.copyBlocked;
+    setTimeout(() => (said.value = TEXT.copyHex), 2000);
+  };
+  const moment = clock(packet.arrival, 6);
+  const facts = [
+    packet.kind === "sent" ? TEXT.sentAt(moment) : TEXT.arrivedAt(moment),
+    time === null ? "" : TEXT.sampledAt(clock(time, 6)),
+    packet.gap_ms === null ? "" : TEXT.after(number(packet.gap_ms, 3)),
+    TEXT.size(packet.size),
+  ];
+  const rest = packet.size - packet.hex.length / 2;
+  return (
+    <>
+      <div class="packet-actions">
+        <button
+          type="button"
+          class="btn icon edge"
+          aria-label={TEXT.previous}
+          title={TEXT.previous}
+          onClick={() => step(-1)}
+        >
+          <Icon name="left" />
+        </button>
+        <button type="button" class="btn icon edge" aria-label={TEXT.next} title={TEXT.next} onClick={() => step(1)}>
+          <Icon name="right" />
+        </button>
+        <h3>{titleOf(packet)}</h3>
+        <span class="grow" />
+        <button type="button" class="btn edge" onClick={() => void copyHex()}>
+          {said.value}
+        </button>
+        <button type="button" class="btn edge" onClick={show}>
+          {TEXT.showInPlot}
+        </button>
+      </div>
+      <p class="dim">{facts.filter(Boolean).join(" · ")}</p>
+      <p>
+        {packet.kind === "reject" && <span class="dot bad" />} {packet.verdict}{" "}
+        <span class="dim">
+          {packet.doc} {packet.source !== "" && TEXT.section(packet.source)}
+        </span>
+      </p>
+      <div class="packet-bytes" tabIndex={0} role="region" aria-label={TEXT.bytes}>
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">{TEXT.offset}</th>
+              <th scope="col">{TEXT.bytes}</th>
+              <th scope="col">{TEXT.meaning}</th>
+              <th scope="col">{TEXT.raw}</th>
+            </tr>
+          </thead>
+          <tbody>
+            {rowsOf(packet).map((row) => (
+              <tr key={row.offset} class={row.isField ? "" : "envelope"}>
+                <td class="num dim">{row.offset}</td>
+                <td class="mono">{row.bytes}</td>
+                <td>{row.words}</td>
+                <td class="dim">{row.raw}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+        {rest > 0 && <p class="dim">{TEXT.moreBytes(rest)}</p>}
+      </div>
+    </>
+  );
+}

@@ -1,0 +1,41 @@
+/** Texts of the packet view. */
+import { count, type Value } from "./plural";
+
+export const TEXT = {
+  // packet dialog
+  packet: "Bytes",
+  packetOf: (device: Value) => `Bytes of ${device}`,
+  loading: "Reading the bytes…",
+  previous: "Previous frame (←)",
+  next: "Next frame (→)",
+  neighbours: "Frames before and after",
+  size: (bytes: number) => count(bytes, "byte"),
+  arrivedAt: (time: Value) => `arrived ${time} UTC`,
+  sentAt: (time: Value) => `sent ${time} UTC`,
+  sampledAt: (time: Value) => `sample at ${time} UTC, device time`,
+  after: (ms: Value) => `${ms} ms after the one before`,
+  gap: (ms: Value) => `+${ms} ms`,
+  kind: {
+    frame: "",
+    reject: "Rejected frame",
+    foreign: "Bytes between frames",
+    sent: "Sent to the device",
+  },
+  section: (source: Value) => `Described in ${source}.`,
+  offset: "Offset",
+  bytes: "Bytes",
+  meaning: "Meaning",
+  raw: "Raw value",
+  copyHex: "Copy hex",
+  copied: "Copied",
+  copyBlocked: "The browser refuses to copy",
+  showInPlot: "Show in plot",
+  moreBytes: (bytes: number) => `and ${count(bytes, "more byte")}`,
+
+  // ways to it
+  bytesHere: "Bytes",
+  bytesHereHint: "Show the frame that made the sample at cursor A (P)",
+  rejectedBytes: "Show the bytes of the last rejected frame",
+  payloadBytes: "Frame",
+  payloadBytesHint: "Show the frame of the newest payload",
+};
