@@ -52,7 +52,8 @@ async def close_sequentially(*parts: Awaitable[None]) -> None:
 async def _close(name: str, part: Awaitable[None], limit_s: float | None) -> None:
     """Await the closing of a part and log its failure, so that the others close in any case."""
     try:
-        await asyncio.wait_for(part, limit_s)
+        async with asyncio.timeout(limit_s):
+            await part
     except TimeoutError:
         log.warning("%s did not close within %g s and was abandoned.", name, PART_S)
     except Exception:

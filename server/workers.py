@@ -114,7 +114,8 @@ class Worker:
             if self.is_running and patience_s > 0:
                 self._process.terminate()
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._process.wait(), patience_s)
+                    async with asyncio.timeout(patience_s):
+                        await self._process.wait()
             if self.is_running:
                 self._process.kill()
         await self._process.wait()

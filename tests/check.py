@@ -87,7 +87,14 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
 
 def _tests(name: str, workers: int, *arguments: str) -> Part:
     own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # each process notes its own failures
-    beside = ("--numprocesses", str(workers), "--dist", "loadfile")
+    beside = (
+        "--numprocesses",
+        str(workers),
+        "--dist",
+        "loadfile",
+        "--max-worker-restart",
+        "0",
+    )  # a new one gets no tests
     return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"))
 
 

@@ -193,7 +193,8 @@ async def _until_end(
         if wait_s <= 0:
             return
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(ended.wait(), wait_s)
+            async with asyncio.timeout(wait_s):
+                await ended.wait()
         if all(one.info.status in ("ended", "idle") for one in sessions) or not recorder.state.running:
             return
         rounds += 1

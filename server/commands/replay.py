@@ -197,7 +197,8 @@ class TcpSink:
         for writer in list(self._writers):
             try:
                 writer.write(data)
-                await asyncio.wait_for(writer.drain(), STUCK_S)
+                async with asyncio.timeout(STUCK_S):
+                    await writer.drain()
             except (OSError, TimeoutError):
                 self._writers.remove(writer)
                 writer.close()
@@ -206,7 +207,8 @@ class TcpSink:
         for writer in self._writers:
             writer.close()
             with contextlib.suppress(OSError, TimeoutError):
-                await asyncio.wait_for(writer.wait_closed(), STUCK_S)
+                async with asyncio.timeout(STUCK_S):
+                    await writer.wait_closed()
         if self._server is not None:
             self._server.close()
         self._listener.close()

@@ -229,7 +229,9 @@ async def _detect_protocol(link: Link, protocol: str, guess: str) -> tuple[str, 
     with contextlib.suppress(TimeoutError):
         while len(received) < ENOUGH:
             left = (BOOT_S if protocol else LISTEN_S) - (time.monotonic() - begin)
-            for chunk in await asyncio.wait_for(link.read(), max(left, 0.001)):
+            async with asyncio.timeout(max(left, 0.001)):
+                chunks = await link.read()
+            for chunk in chunks:
                 received += chunk.data
     best = detect(bytes(received))[0] if received and not protocol else None
     return protocol or (best.protocol if best and best.score > 0.2 else guess), bytes(received)

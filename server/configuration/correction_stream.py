@@ -115,7 +115,8 @@ class _Tcp:
     async def open(self, gga: bytes) -> None:
         where = f"{self._host}:{self._port}"
         try:
-            self._streams = await asyncio.wait_for(asyncio.open_connection(self._host, self._port), CONNECT_S)
+            async with asyncio.timeout(CONNECT_S):
+                self._streams = await asyncio.open_connection(self._host, self._port)
         except TimeoutError:
             raise CorrectionError(f"{where} does not answer.", "Check the address.") from None
         except OSError as error:
@@ -344,7 +345,8 @@ class CorrectionForwarder:
             chunks = self._source.chunks()
             while True:
                 try:
-                    data = await asyncio.wait_for(anext(chunks), SILENT_S)
+                    async with asyncio.timeout(SILENT_S):
+                        data = await anext(chunks)
                 except TimeoutError:
                     raise CorrectionError(f"No data received for {SILENT_S:.0f} s.", TRIED) from None
                 except StopAsyncIteration:

@@ -182,7 +182,8 @@ class CasterStream:
     async def close(self) -> None:
         self._writer.close()
         with contextlib.suppress(OSError, TimeoutError, ssl.SSLError):
-            await asyncio.wait_for(self._writer.wait_closed(), 1)
+            async with asyncio.timeout(1):
+                await self._writer.wait_closed()
 
 
 async def connect(caster: Caster, gga: bytes = b"") -> CasterStream:
@@ -212,9 +213,8 @@ async def _attempt(caster: Caster, gga: bytes, *, version: int) -> CasterStream 
     where = f"{caster.host}:{caster.port}"
     context = ssl.create_default_context() if caster.tls else None
     try:
-        reader, writer = await asyncio.wait_for(
-            asyncio.open_connection(caster.host, caster.port, ssl=context), CONNECT_S
-        )
+        async with asyncio.timeout(CONNECT_S):
+            reader, writer = await asyncio.open_connection(caster.host, caster.port, ssl=context)
     except TimeoutError:
         raise CorrectionError(f"{where} does not answer.", "Check the address and the network.") from None
     except ssl.SSLError as error:
@@ -228,7 +228,8 @@ async def _attempt(caster: Caster, gga: bytes, *, version: int) -> CasterStream 
     try:
         writer.write(_request(caster, version, gga, http))
         await writer.drain()
-        await asyncio.wait_for(stream.head(), HEAD_S)
+        async with asyncio.timeout(HEAD_S):
+            await stream.head()
         if await _is_understood(caster, version, stream):
             return stream
     except TimeoutError:

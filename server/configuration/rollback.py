@@ -264,7 +264,8 @@ class RollbackRun:
         controller.session.suppress_timeout(False)
         self._report_state("Keep these settings?")
         try:
-            await asyncio.wait_for(controller.answer.wait(), record.seconds)
+            async with asyncio.timeout(record.seconds):
+                await controller.answer.wait()
         except TimeoutError:
             return False
         finally:

@@ -171,7 +171,8 @@ class Runner:
         for act in cancel(transaction):
             try:
                 self._watcher.sent(act.frame, act.what)
-                await asyncio.wait_for(self._channel.send(act.frame), FINAL_STEPS_S)
+                async with asyncio.timeout(FINAL_STEPS_S):
+                    await self._channel.send(act.frame)
             except (LinkError, TimeoutError) as error:
                 log.warning("the final steps of a stopped transaction failed: %s", error)
                 return

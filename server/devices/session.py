@@ -260,7 +260,8 @@ class Session(LinkAccess):
 
     async def _pause(self, seconds: float | None) -> None:
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._retry_now.wait(), seconds)
+            async with asyncio.timeout(seconds):
+                await self._retry_now.wait()
 
     def _on_events(self, events: Sequence[Event]) -> None:
         self.restarts.on_events(events)

@@ -302,7 +302,8 @@ class HeldLink(ThreadedLink):
         try:
             async with self._sending:
                 await write_all(connection.fileno(), make(number))
-            await asyncio.wait_for(answered, ANSWER_S)
+            async with asyncio.timeout(ANSWER_S):
+                await answered
         except TimeoutError:
             raise self._does_not_answer() from None
         except OSError:

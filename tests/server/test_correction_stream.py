@@ -21,6 +21,7 @@ from protocols.isb.simulator.device import IsbSimulator
 from protocols.rtcm import RtcmFramer, epoch_ms
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.simulator.device import XbusSimulator
+from server.configuration import correction_stream
 from server.configuration.api_models import Corrections
 from server.configuration.correction_log import CorrectionLog
 from server.configuration.correction_stream import CorrectionForwarder, gga, source_of, without_password
@@ -29,7 +30,7 @@ from server.devices.position_tracker import Position
 from server.links.base import LinkError
 from server.wire import DeviceInfo
 from tests.server.correction_messages import NUMBERS, STREAM, message
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.anyio
 S = 10**9
@@ -338,6 +339,35 @@ async def test_a_file_is_played_at_its_own_pace_and_then_is_over(tmp_path: Path)
     assert asyncio.get_running_loop().time() - begin >= 0.29  # three steps of 0.1 s
     assert state.messages == {"1077": 4, "1005": 4}
     assert state.message == "base.rtcm3 has finished."
+
+
+@pytest.mark.parametrize("turns", range(8))
+async def test_a_stream_ends_although_a_message_arrives_at_that_moment(
+    turns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arrived: asyncio.Queue[bytes] = asyncio.Queue()
+
+    class Source:
+        async def open(self, gga: bytes) -> None: ...
+
+        async def chunks(self) -> AsyncIterator[bytes]:
+            while True:
+                yield await arrived.get()
+
+        async def report(self, gga: bytes) -> None: ...
+
+        async def close(self) -> None: ...
+
+    monkeypatch.setattr(correction_stream, "source_of", lambda source: Source())
+    stream = CorrectionForwarder(Receiver("isb"), "tcp://base:1")
+    arrived.put_nowait(STREAM)
+    await until(lambda: sum(stream.state().messages.values()) == 4, "the first messages")
+    arrived.put_nowait(STREAM)
+    for _ in range(turns):  # of the loop: the message is on its way to whoever waits for it
+        await asyncio.sleep(0)
+    closing = asyncio.ensure_future(stream.close())
+    done, _ = await asyncio.wait({closing}, timeout=PATIENCE_S)
+    assert done
 
 
 def test_messages_are_whole_however_the_stream_is_cut() -> None:
