@@ -32,6 +32,7 @@ from server.api import (
     rerun,
     ros2,
     shares,
+    signals,
     snapshots,
     static_files,
     status,
@@ -80,6 +81,7 @@ ROUTED = (
     rerun,
     ros2,
     reference,
+    signals,
     static_files,
 )
 """Modules whose routes are served. The page is last, because it matches every remaining path.

@@ -15,6 +15,8 @@ from pathlib import Path
 from recordings.library import Library
 from server import shutdown
 from server.alarms.service import AlarmService
+from server.analysis.derived_channels import DerivedChannels
+from server.analysis.signal_definitions import SignalDefinitions
 from server.auth import Access
 from server.capabilities import Capabilities
 from server.capability_list import list_capabilities
@@ -75,6 +77,7 @@ class Services:
     shares: PortShares
     catalogue: Catalogue
     columns: ColumnCache
+    derived: DerivedChannels
     recorder: Recorder
     exports: ExportJobs
     alarms: AlarmService
@@ -194,6 +197,7 @@ def build_services(
         shares=shares,
         catalogue=catalogue,
         columns=columns,
+        derived=DerivedChannels(bus, telemetry.store, SignalDefinitions(config.data)),
         recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory),
         exports=ExportJobs(bus, catalogue, columns, config.data),
         alarms=AlarmService(bus, telemetry.store, config.data),

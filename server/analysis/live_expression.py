@@ -53,6 +53,7 @@ class LiveExpression:
     Args:
         infos: channels that may be named.
         rates: usual rates of these, Hz, by id; see `usual_rate`.
+        others: channels of other devices, named with their device: `2/Acceleration`.
 
     Attributes:
         text: the expression.
@@ -66,13 +67,21 @@ class LiveExpression:
         DomainError: it names no signal, or a rate is unknown.
     """
 
-    def __init__(self, infos: Iterable[ChannelInfo], text: str, rates: Mapping[int, float]) -> None:
+    def __init__(
+        self,
+        infos: Iterable[ChannelInfo],
+        text: str,
+        rates: Mapping[int, float],
+        others: Iterable[ChannelInfo] = (),
+    ) -> None:
         self.text = text
-        node, known = parse(text), list(infos)
+        node, known, distant = parse(text), list(infos), list(others)
         self._columns: dict[str, list[SignalColumn]] = {}
         for name in names_in(node):
             if name.name not in self._columns:
-                self._columns[name.name] = _columns(known, name)
+                device = name.name.partition("/")[0]
+                there = [info for info in distant if info.device == device]
+                self._columns[name.name] = _columns(there or known, name)
         if not self._columns:
             raise DomainError("bad-expression", f"{text:.80} names no signal.", "Name a signal in it.")
         self.channels = frozenset(columns[0].info.id for columns in self._columns.values())

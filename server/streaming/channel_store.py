@@ -79,6 +79,10 @@ class ChannelStore:
         """Remove the channels of a device."""
         self._channels = {number: one for number, one in self._channels.items() if one.info.device != device}
 
+    def remove_channel(self, channel: int) -> None:
+        """Remove one channel; its later samples are ignored."""
+        self._channels = {number: one for number, one in self._channels.items() if number != channel}
+
     def get(self, channel: int) -> StoredChannel | None:
         """A channel by its id; None if its device was removed, or the id is unknown."""
         return self._channels.get(channel)

@@ -168,6 +168,18 @@ export interface ColumnStatistics {
   readonly max: number | null;
 }
 
+/** A computed signal of a live device. */
+export interface ComputedSignal {
+  /** of its channel */
+  readonly name: string;
+  readonly expression: string;
+  /** "" while it is not being computed */
+  readonly unit: string;
+  /** why it is not being computed; "" if it is */
+  readonly message: string;
+  readonly hint: string;
+}
+
 /** A stream to forward. */
 export interface CorrectionsRequest {
   /** RTCM 3 from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file: of the library, or of a folder that source_folders names */
@@ -215,6 +227,20 @@ export interface ExpressionCondition {
   readonly expression: string;
   /** limit to clear, for example `2.5 g`; empty: the limit itself */
   readonly clear: string;
+}
+
+/** A function that expressions may use. */
+export interface ExpressionFunction {
+  readonly name: string;
+  /** as typed, with its arguments */
+  readonly form: string;
+  readonly doc: string;
+}
+
+/** Words that expressions may consist of, besides signals and numbers. */
+export interface ExpressionWords {
+  readonly functions: readonly ExpressionFunction[];
+  readonly units: readonly string[];
 }
 
 /** A flag or a bit group of a status word. */
@@ -478,6 +504,11 @@ export interface SignalFigures {
   readonly units: Readonly<Record<string, string>>;
   /** by name: a number, a text, a list of figures or an object of figures; `notes` are sentences */
   readonly figures: Readonly<Record<string, unknown>>;
+}
+
+/** The definition of a computed signal. */
+export interface SignalText {
+  readonly expression: string;
 }
 
 /** A topic to publish, or no longer. */
@@ -958,5 +989,23 @@ export interface Routes {
   "PATCH /api/ros2/topics": {
     readonly body: SwitchTopicRequest;
     readonly answer: RosState;
+  };
+  /** Functions and units of expressions, for completion. */
+  "GET /api/signals/words": { readonly answer: ExpressionWords; };
+  /** Computed signals of a device. */
+  "GET /api/devices/{device}/signals": {
+    readonly path: { readonly device: string };
+    readonly answer: readonly ComputedSignal[];
+  };
+  /** Compute a signal from now on, also after a restart, as a channel of the device, in place of the one of that name. */
+  "PUT /api/devices/{device}/signals/{name}": {
+    readonly path: { readonly device: string; readonly name: string };
+    readonly body: SignalText;
+    readonly answer: ComputedSignal;
+  };
+  /** Remove a computed signal with its channel. */
+  "DELETE /api/devices/{device}/signals/{name}": {
+    readonly path: { readonly device: string; readonly name: string };
+    readonly answer: undefined;
   };
 }
