@@ -85,6 +85,7 @@ SERVER: dict[str, set[str]] = {
     "services": {
         *(
             "alarms",
+            "analysis",
             "auth",
             "capability_list",
             "config",

@@ -30,6 +30,7 @@ log = logging.getLogger("imuscope.signals")
 
 MESSAGE = "expression"  # ChannelInfo.message of a computed signal
 MAX_PAST = 60_000  # samples of a channel that a new signal begins with
+AT_ONCE = 1000  # samples of a channel in one step: browsers could not take all of the past at once
 SWEEP_S = 1.0
 RATE_SAMPLES = 512  # that the usual rate is taken of
 RATE_CHANGE = 1.2  # a rate that differs by this factor begins anew
@@ -48,6 +49,7 @@ class _Running:
     next: dict[int, int]  # channel → sequence number of the next row
     rates: Mapping[int, float]
     clock: int  # channel that says when samples arrived
+    is_behind: bool = False  # memory holds more than was computed
     recent: Rows = field(default_factory=lambda: [np.empty(0), np.empty(0)])  # its arrival and time
 
 
@@ -87,7 +89,7 @@ class DerivedChannels:
         bus.removed.subscribe(self._on_removed)
 
     def problem(self, device: str, name: str) -> DomainError | None:
-        """Why a signal is not being computed."""
+        """The reason that a signal is not being computed; None if it is."""
         return self._problems.get((device, name))
 
     def unit(self, device: str, name: str) -> str:
@@ -168,8 +170,10 @@ class DerivedChannels:
 
     def _on_samples(self, channels: Iterable[int]) -> None:
         touched = set(channels)
+        if touched <= {running.channel for running in self._running.values()}:
+            return  # published from here
         for (device, _), running in list(self._running.items()):
-            if not touched.isdisjoint(running.live.channels):
+            if running.is_behind or not touched.isdisjoint(running.live.channels):
                 self._follow(device, running)
         now = self._bus.now()
         if now >= self._next_sweep:
@@ -184,12 +188,7 @@ class DerivedChannels:
 
     def _follow(self, device: str, running: _Running) -> None:
         """Compute and publish the samples of new rows."""
-        rows: dict[int, Rows] = {}
-        for number, start in running.next.items():
-            stored = self._store.get(number)
-            if stored is not None and stored.ring.total > start:
-                rows[number] = stored.ring.read(start)
-                running.next[number] = stored.ring.total
+        rows = self._new_rows(running)
         if not rows:
             return
         try:
@@ -206,6 +205,26 @@ class DerivedChannels:
             )
         elif running.clock in rows:
             _arrivals(running, rows, piece)
+
+    def _new_rows(self, running: _Running) -> dict[int, Rows]:
+        """The next rows of the channels, up to one moment, so that none runs ahead of the others."""
+        found: dict[int, Rows] = {}
+        until = np.inf
+        for number, start in running.next.items():
+            stored = self._store.get(number)
+            if stored is None or stored.ring.total <= start:
+                continue
+            running.next[number] = max(start, stored.ring.first)
+            found[number] = stored.ring.read(start)
+            arrival = found[number][0]
+            if len(arrival) > AT_ONCE:
+                until = min(until, float(arrival[AT_ONCE - 1]))
+        running.is_behind = until < np.inf
+        for number, columns in found.items():
+            count = int(np.searchsorted(columns[0], until, "right"))
+            found[number] = [column[:count] for column in columns]
+            running.next[number] += count
+        return {number: columns for number, columns in found.items() if len(columns[0])}
 
     def _sweep(self) -> None:
         """Start the signals whose channels have come, and begin anew where a rate has changed."""

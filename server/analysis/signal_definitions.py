@@ -38,7 +38,7 @@ class SignalDefinition:
 
 
 def key_of(device: DeviceInfo) -> str:
-    """What a device is stored under."""
+    """The key that a device is stored under."""
     if device.serial_number:
         return f"{device.protocol}-{device.serial_number}"
     _, point, member = device.id.partition(".")

@@ -27,7 +27,7 @@ def test_a_signal_is_plotted_in_two_actions_dragged_and_kept_by_a_reload(
     until(page, f"{OWN} === 2")
     page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .plot").first)
     until(page, f"{PANEL}.querySelector('[role=status]').innerText.includes('Put it on a new plot')")
-    until(page, "location.hash.includes('plot=')")
+    until(page, "location.hash.split('plot=').length === 3")
     page.reload()
     until(page, f"{OWN} === 2")
     until(page, "[...document.querySelectorAll('.stack .series-value')].at(-1).innerText.trim() !== '—'")
@@ -44,3 +44,22 @@ def test_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[...
     assert not small, small
     page.get_by_role("button", name="Close", exact=True).click()
     until(page, f"{PANEL} === null")
+
+
+def test_an_expression_is_plotted_in_three_actions(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    page = opened(serve(SOURCE), open_page, DESKTOP)
+    page.keyboard.press("s")  # 1
+    page.get_by_role("button", name="New signal").click()  # 2
+    field = page.get_by_role("combobox", name="Expression")
+    until(page, "document.activeElement.getAttribute('role') === 'combobox'")
+    field.fill("norm(Acceleration) - 1 g")  # 3, with Enter
+    until(page, "document.querySelector('.signal-preview path')?.getAttribute('d').length > 50")
+    assert serious(page, "document.querySelector('dialog[open]')") == []
+    field.press("Enter")
+    until(page, f"{OWN} === 1")
+    until(page, "/\\d/.test([...document.querySelectorAll('.stack .series-value')].at(-1).innerText)")
+    page.get_by_role("treeitem", name="norm(Acceleration)").click()
+    page.locator(".signal-targets").get_by_role("button", name="Remove").click()
+    until(page, f"{OWN} === 0")

@@ -73,6 +73,17 @@ def test_a_signal_begins_with_what_memory_holds_and_follows(tmp_path: Path) -> N
     np.testing.assert_allclose(arrival, time + 0.01, atol=1e-6)
 
 
+def test_a_long_past_comes_step_by_step(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.send(5000)
+    bench.derived.put(bench.device, TOTAL)
+    assert len(bench.rows()[0]) == 1000
+    for _ in range(5):
+        bench.send(1)
+    assert len(bench.rows()[0]) == 5005
+    np.testing.assert_allclose(np.diff(bench.rows()[1]), 0.01, atol=1e-6)
+
+
 def test_a_definition_survives_a_restart_with_another_id_and_waits_for_samples(tmp_path: Path) -> None:
     first = Bench(tmp_path)
     first.send(100)

@@ -120,6 +120,16 @@ export class Channels {
     return [...sent, ...[...this.#derived.values()].map(({ info, ring }) => ({ info, ring }))];
   }
 
+  /** Forget a channel that was removed. */
+  remove(device: string, name: string): void {
+    for (const [id, { info, ring }] of this.#sources) {
+      if (info.device !== device || info.name !== name) continue;
+      ring.release();
+      this.#sources.delete(id);
+    }
+    this.#arrange();
+  }
+
   /** Forget all channels; their rings have been handed over. */
   clear(): void {
     this.#sources.clear();

@@ -316,6 +316,11 @@ export class Store {
     this.#channels.showIn(frame);
   }
 
+  /** Forget a channel that the server computes no more. */
+  forgetChannel(device: string, name: string): void {
+    this.#channels.remove(device, name);
+  }
+
   /** The frame change of a channel; undefined if there is none. */
   changeOf(channel: number): Change | undefined {
     return this.#channels.changeOf(channel);

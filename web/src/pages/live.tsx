@@ -80,7 +80,7 @@ export function LivePage({ app }: { readonly app: App }) {
       {showsPlots(state) && <Side app={app} deps={app} />}
       {showsPlots(state) && <Dock app={app} />}
       {showsPlots(state) && app.showsSignals.value && (
-        <SignalsPanel deps={app} tick={app.tick} onClose={() => (app.showsSignals.value = false)} />
+        <SignalsPanel deps={app} tick={app.tick} isLive onClose={() => (app.showsSignals.value = false)} />
       )}
       {showsPlots(state) && <ArrangeTools app={app} deps={app} />}
       <RowsDialog app={app} deps={app} />

@@ -9,11 +9,16 @@ import type { CustomPlot } from "../data/view-state";
 import { type Deps, reading } from "../panels/panel-context";
 import { protocolAmong } from "../wire/capabilities";
 import { type PlotSpec, plotsOf } from "../plots/plot-selection";
+import { request } from "../ui/http";
 import { Icon } from "../ui/icons";
+import type { ComputedSignal } from "../wire/routes";
+import type { ChannelInfo } from "../wire/types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/signals";
 import { added, heldOf, misfit, refOf, removed, type Target, targetOf, unitOf, withCustomPlots } from "./custom-plots";
+import { isComputed } from "./completion";
 import { listenForDrops } from "./drag";
+import { NewSignal } from "./new-signal";
 import { Row } from "./row";
 import { parentOf, type TreeRow, treeRows } from "./tree-rows";
 import "./signals.css";
@@ -22,10 +27,12 @@ interface Props {
   readonly deps: Deps;
   /** Counts half seconds: values follow it. */
   readonly tick: Signal<number>;
+  /** Whether signals can be computed from others. */
+  readonly isLive: boolean;
   readonly onClose: () => void;
 }
 
-export function SignalsPanel({ deps, tick, onClose }: Props) {
+export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   const { store, viewState } = deps;
   const { view, extraPlots, customPlots } = viewState;
   const root = useRef<HTMLElement>(null);
@@ -33,6 +40,7 @@ export function SignalsPanel({ deps, tick, onClose }: Props) {
   const open = useSignal<ReadonlySet<string>>(new Set([view.peek().device ?? ""]));
   const current = useSignal("");
   const said = useSignal("");
+  const editing = useSignal<ComputedSignal | "new" | undefined>(undefined);
   const rows = useComputed(() => treeRows(store.devices.value, store.channels.value, open.value, search.value));
   const plots = useComputed(() => {
     const { device } = view.value;
@@ -55,6 +63,14 @@ export function SignalsPanel({ deps, tick, onClose }: Props) {
     said.value = TEXT.removedFrom(nameOf(row), plot.title);
   };
 
+  const made = (name: string, columns: readonly string[]): void => {
+    const isNew = editing.peek() === "new";
+    said.value = isNew ? TEXT.made(name) : TEXT.edited(name);
+    const device = view.peek().device ?? "";
+    if (!isNew) return;
+    const signals = columns.map((column) => ({ device, channel: name, column }));
+    customPlots.value = added(customPlots.peek(), { kind: "new" }, signals);
+  };
   const drop = useRef<(key: string, plot: string | undefined) => void>(() => undefined);
   drop.current = (key, plotKey) => {
     const row = rows.peek().find((one) => one.key === key);
@@ -76,7 +92,7 @@ export function SignalsPanel({ deps, tick, onClose }: Props) {
   }, []);
 
   const onKey = (event: KeyboardEvent): void => {
-    if (event.key !== "Escape") return;
+    if (event.key !== "Escape" || (event.target as Element).closest("dialog")) return;
     event.preventDefault();
     event.stopPropagation();
     const tree = root.current?.querySelector<HTMLElement>('[role="treeitem"][tabindex="0"]');
@@ -90,6 +106,12 @@ export function SignalsPanel({ deps, tick, onClose }: Props) {
       <div class="head">
         <h2>{TEXT.signals}</h2>
         <span class="grow" />
+        {isLive && (
+          <button type="button" class="btn edge" onClick={() => (editing.value = "new")}>
+            <Icon name="plus" />
+            {TEXT.newSignal}
+          </button>
+        )}
         <button type="button" class="btn icon" aria-label={COMMON.close} title={COMMON.closeEsc} onClick={onClose}>
           <Icon name="close" />
         </button>
@@ -138,10 +160,27 @@ export function SignalsPanel({ deps, tick, onClose }: Props) {
         device={view.value.device ?? ""}
         onPut={put}
         onTakeOff={takeOff}
-      />
+      >
+        {isLive && chosen.value?.channel && isComputed(chosen.value.channel.info) && (
+          <Computed
+            deps={deps}
+            channel={chosen.value.channel.info}
+            onEdit={(signal) => (editing.value = signal)}
+            onSaid={(text) => (said.value = text)}
+          />
+        )}
+      </Targets>
       <p class="signal-said" role="status">
         {said.value}
       </p>
+      {editing.value && (
+        <NewSignal
+          deps={deps}
+          signal={editing.value === "new" ? undefined : editing.value}
+          onClose={() => (editing.value = undefined)}
+          onMade={made}
+        />
+      )}
     </section>
   );
 }
@@ -204,10 +243,12 @@ interface TargetsProps {
   readonly device: string;
   readonly onPut: (row: TreeRow, plot: PlotSpec | undefined) => void;
   readonly onTakeOff: (row: TreeRow, plot: PlotSpec) => void;
+  /** Further actions. */
+  readonly children: preact.ComponentChildren;
 }
 
 /** The plots for the chosen signal: a pressed one has it. */
-function Targets({ row, plots, custom, device, onPut, onTakeOff }: TargetsProps) {
+function Targets({ row, plots, custom, device, onPut, onTakeOff, children }: TargetsProps) {
   if (!row || row.columns.length === 0) return <p class="signal-targets">{TEXT.nothingChosen}</p>;
   const refs = refsOf(row);
   return (
@@ -233,7 +274,42 @@ function Targets({ row, plots, custom, device, onPut, onTakeOff }: TargetsProps)
           </button>
         );
       })}
+      {children}
     </div>
+  );
+}
+
+interface ComputedProps {
+  readonly deps: Deps;
+  readonly channel: ChannelInfo;
+  readonly onEdit: (signal: ComputedSignal) => void;
+  readonly onSaid: (text: string) => void;
+}
+
+/** What can be done with a computed signal. */
+function Computed({ deps, channel: { device, name }, onEdit, onSaid }: ComputedProps) {
+  const edit = async (): Promise<void> => {
+    const outcome = await request("GET /api/devices/{device}/signals", { path: { device } });
+    const found = outcome.ok ? outcome.value.find((one) => one.name === name) : undefined;
+    if (found) onEdit(found);
+    else if (!outcome.ok) onSaid(outcome.problem.message);
+  };
+  const remove = async (): Promise<void> => {
+    const outcome = await request("DELETE /api/devices/{device}/signals/{name}", { path: { device, name } });
+    onSaid(outcome.ok ? TEXT.gone(name) : outcome.problem.message);
+    if (outcome.ok) deps.store.forgetChannel(device, name);
+  };
+  return (
+    <>
+      <span />
+      <button type="button" class="btn edge" onClick={() => void edit()}>
+        {TEXT.edit}
+      </button>
+      <button type="button" class="btn edge" onClick={() => void remove()}>
+        <Icon name="trash" />
+        {TEXT.remove}
+      </button>
+    </>
   );
 }
 

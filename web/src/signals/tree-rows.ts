@@ -82,14 +82,19 @@ export function parentOf(rows: readonly TreeRow[], at: number): number {
   return above < 0 ? at : above;
 }
 
-/** The points of a sparkline in a box: the extremes of each interval, joined where there are samples. */
+/**
+ * A sparkline in a box: the extremes of each interval, joined where there are samples.
+ *
+ * @param of what the box holds; default: all of it
+ */
 export function sparkPath(
   { lo, hi }: { readonly lo: Float64Array; readonly hi: Float64Array },
   width: number,
   height: number,
+  of?: { readonly least: number; readonly greatest: number },
 ): string {
-  const least = Math.min(...lo.filter(Number.isFinite));
-  const greatest = Math.max(...hi.filter(Number.isFinite));
+  const least = of?.least ?? Math.min(...lo.filter(Number.isFinite));
+  const greatest = of?.greatest ?? Math.max(...hi.filter(Number.isFinite));
   if (!(least <= greatest)) return "";
   const range = greatest - least;
   const y = (value: number): string => (range > 0 ? (1 - (value - least) / range) * height : height / 2).toFixed(1);

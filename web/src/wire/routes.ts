@@ -997,7 +997,7 @@ export interface Routes {
     readonly path: { readonly device: string };
     readonly answer: readonly ComputedSignal[];
   };
-  /** Compute a signal from now on, also after a restart, as a channel of the device, in place of the one of that name. */
+  /** Compute a signal as a channel of the device, also after a restart, in place of the one of that name. */
   "PUT /api/devices/{device}/signals/{name}": {
     readonly path: { readonly device: string; readonly name: string };
     readonly body: SignalText;

@@ -99,7 +99,12 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
       )}
       {overlay.value === "analysis" && <Analysis recording={recording} />}
       {app.showsSignals.value && (
-        <SignalsPanel deps={recording.deps} tick={app.tick} onClose={() => (app.showsSignals.value = false)} />
+        <SignalsPanel
+          deps={recording.deps}
+          tick={app.tick}
+          isLive={false}
+          onClose={() => (app.showsSignals.value = false)}
+        />
       )}
       <ArrangeTools app={app} deps={recording.deps} />
       <RowsDialog app={app} deps={recording.deps} />

@@ -1,0 +1,78 @@
+/** Completion of an expression: what may stand at the caret, and where the server sees a mistake. */
+import type { Channel } from "../data/channels";
+import type { ExpressionWords } from "../wire/routes";
+import type { ChannelInfo } from "../wire/types";
+import { plottable } from "./custom-plots";
+
+export interface Completion {
+  readonly label: string;
+  readonly doc: string;
+  /** Replaces the characters from ≤ i < to. */
+  readonly insert: string;
+  readonly from: number;
+  readonly to: number;
+}
+
+const MOST = 8;
+const PLAIN = /^[\p{L}_]\w*(\.\w+)*$/u;
+
+/** A name as an expression has it: in quotation marks if it has spaces, signs or a device. */
+export function quoted(name: string): string {
+  return PLAIN.test(name) ? name : `"${name}"`;
+}
+
+/** Signals of a device; computed ones, and those that the page derives, cannot be part of an expression. */
+export function expressionNames(channels: readonly Channel[], device: string): readonly string[] {
+  const sent = channels.filter(({ info }) => info.device === device && info.id >= 0 && !isComputed(info));
+  return sent.flatMap((channel) => {
+    const { name, columns } = channel.info;
+    const own = plottable(channel).flatMap((c) => columns[c] ?? []);
+    const plain = own.filter((column) => column.name !== "norm").map((column) => quoted(`${name}.${column.name}`));
+    return own.length > 1 ? [quoted(name), ...plain] : [quoted(name)];
+  });
+}
+
+/** Whether a channel is computed by an expression. */
+export function isComputed({ message }: Pick<ChannelInfo, "message">): boolean {
+  return message === "expression";
+}
+
+/** What may complete the word before the caret; after a number, units. */
+export function completionsAt(
+  text: string,
+  caret: number,
+  names: readonly string[],
+  words: ExpressionWords | undefined,
+): readonly Completion[] {
+  const before = text.slice(0, caret);
+  const number = /(?:\d\.?|\.\d)\s*([^\s\d()+\-*^<>=!,]*)$/u.exec(before);
+  const beside = /[\p{L}_]\w*$/u.exec(before)?.[0] ?? "";
+  if (number && !/[\p{L}_]\d*$/u.test(before.slice(0, before.length - (number[1]?.length ?? 0)).trimEnd())) {
+    const start = number[1] ?? "";
+    const from = caret - start.length;
+    const units = (words?.units ?? []).filter((unit) => start !== "" && unit.startsWith(start) && unit !== start);
+    return units.slice(0, MOST).map((unit) => ({ label: unit, doc: "", insert: unit, from, to: caret }));
+  }
+  const word = /"[^"]*$|[\p{L}_][\w.]*$/u.exec(before)?.[0] ?? beside;
+  if (word === "") return [];
+  const from = caret - word.length;
+  const search = word.replace(/^"/, "").toLowerCase();
+  const functions = (words?.functions ?? [])
+    .filter(({ name }) => name.startsWith(search) && !word.startsWith('"'))
+    .map(({ name, form, doc }) => ({ label: form, doc, insert: `${name}()`, from, to: caret }));
+  const rank = (name: string): number => name.toLowerCase().replace(/^"/, "").indexOf(search);
+  const signals = names
+    .filter((name) => rank(name) >= 0 && name !== word)
+    .sort((a, b) => Math.min(1, rank(a)) - Math.min(1, rank(b)))
+    .map((name) => ({ label: name, doc: "", insert: name, from, to: caret }));
+  return [...functions.slice(0, 4), ...signals].slice(0, MOST);
+}
+
+/** Where a mistake is: from the character that the server names to the end of the word there. */
+export function placeOf(message: string, text: string): { readonly begin: number; readonly end: number } | undefined {
+  const found = /\(character (\d+)\)/.exec(message);
+  if (!found) return undefined;
+  const begin = Math.min(Number(found[1]) - 1, text.length);
+  const word = /^("[^"]*"?|[\p{L}_\d][\w.]*|.)/u.exec(text.slice(begin));
+  return { begin, end: begin + (word?.[0].length ?? 0) };
+}

@@ -1,0 +1,191 @@
+/** The form of a computed signal: its expression with a preview of the last seconds, its name, and what is wrong with it. */
+import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Deps } from "../panels/panel-context";
+import { Dialog } from "../ui/dialog";
+import { type Problem, request } from "../ui/http";
+import { number } from "../ui/format";
+import type { ComputedSignal, ExpressionWords, SignalFigures } from "../wire/routes";
+import { TEXT } from "../texts/signals";
+import { expressionNames } from "./completion";
+import { ExpressionInput } from "./expression-input";
+import { sparkPath } from "./tree-rows";
+
+/** Pause after typing, ms. */
+const TYPED_MS = 250;
+const PREVIEW_S = 5;
+const [WIDTH, HEIGHT, INTERVALS, FIRST] = [480, 90, 160, 4];
+
+interface Props {
+  readonly deps: Deps;
+  /** The signal that is edited; undefined: a new one. */
+  readonly signal: ComputedSignal | undefined;
+  readonly onClose: () => void;
+  /** Called once it is computed. */
+  readonly onMade: (name: string, columns: readonly string[]) => void;
+}
+
+export function NewSignal({ deps, signal, onClose, onMade }: Props) {
+  const device = deps.viewState.view.value.device ?? "";
+  const text = useSignal(signal?.expression ?? "");
+  const name = useSignal(signal?.name ?? "");
+  const words = useSignal<ExpressionWords | undefined>(undefined);
+  const figures = useSignal<readonly SignalFigures[]>([]);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const busy = useSignal(false);
+  const names = useComputed(() => expressionNames(deps.store.channels.value, device));
+  useEffect(() => {
+    const cancel = new AbortController();
+    void request("GET /api/signals/words", { signal: cancel.signal }).then((outcome) => {
+      if (outcome.ok) words.value = outcome.value;
+    });
+    return () => cancel.abort();
+  }, []);
+  useSignalEffect(() => {
+    const expression = text.value.trim();
+    const cancel = new AbortController();
+    const ask = async (): Promise<void> => {
+      // a plain name is a signal of its own; in brackets it is an expression, whose mistakes have a place
+      const now = deps.store.serverNow();
+      const range = { t0: now - PREVIEW_S, t1: now, base: "device" as const };
+      const body = { source: device, signals: [`(${expression})`], options: {}, ...range };
+      const outcome = await request("POST /api/analysis/{name}", {
+        path: { name: "expression" },
+        body,
+        signal: cancel.signal,
+      });
+      if (cancel.signal.aborted) return;
+      problem.value = outcome.ok ? undefined : unbracketed(outcome.problem);
+      figures.value = outcome.ok ? (outcome.value as readonly SignalFigures[]) : [];
+    };
+    const timer = expression === "" ? undefined : setTimeout(() => void ask(), TYPED_MS);
+    if (expression === "") [problem.value, figures.value] = [undefined, []];
+    return () => {
+      clearTimeout(timer);
+      cancel.abort();
+    };
+  });
+  const save = async (): Promise<void> => {
+    if (busy.peek() || text.peek().trim() === "") return;
+    busy.value = true;
+    const own = name.peek().trim() || usualName(text.peek());
+    const path = { device, name: own };
+    const body = { expression: text.peek().trim() };
+    const outcome = await request("PUT /api/devices/{device}/signals/{name}", { path, body });
+    busy.value = false;
+    if (!outcome.ok) {
+      problem.value = outcome.problem;
+      return;
+    }
+    onMade(own, columnsOf(figures.peek()));
+    onClose();
+  };
+  const mistake = problem.value ? `${problem.value.message} ${problem.value.hint}`.trim() : "";
+  return (
+    <Dialog title={signal ? TEXT.editSignal(signal.name) : TEXT.newSignal} onClose={onClose}>
+      <form
+        class="new-signal"
+        onSubmit={(event) => {
+          event.preventDefault();
+          void save();
+        }}
+      >
+        <ExpressionInput
+          text={text}
+          names={names.value}
+          words={words.value}
+          mistake={mistake}
+          onEnter={() => void save()}
+        />
+        <Preview figures={figures.value} />
+        <label class="analysis-signal">
+          <span>{TEXT.name}</span>
+          <span class="field">
+            <input
+              type="text"
+              value={name.value}
+              maxLength={60}
+              readOnly={signal !== undefined}
+              placeholder={usualName(text.value)}
+              autocomplete="off"
+              onInput={(event) => (name.value = event.currentTarget.value)}
+            />
+          </span>
+        </label>
+        <p class="signal-note">{TEXT.causal}</p>
+        <button type="submit" class="btn main" disabled={busy.value || text.value.trim() === ""}>
+          {signal ? TEXT.save : TEXT.saveAndPlot}
+        </button>
+      </form>
+    </Dialog>
+  );
+}
+
+/** Names of the columns of the channel that these figures are of. */
+export function columnsOf(figures: readonly SignalFigures[]): readonly string[] {
+  return figures.length < 2 ? ["value"] : figures.map(({ signal }) => signal.slice(signal.lastIndexOf(".") + 1));
+}
+
+/** A name for a signal without one: its expression, without what a name cannot have. */
+export function usualName(expression: string): string {
+  return expression.replace(/["'/]/g, " ").replace(/\./g, " ").replace(/\s+/g, " ").trim().slice(0, 60).trim();
+}
+
+/** The place of a mistake without the bracket before the expression. */
+function unbracketed(problem: Problem): Problem {
+  const message = problem.message.replace(
+    /\(character (\d+)\)/,
+    (_, at) => `(character ${Math.max(1, Number(at) - 1)})`,
+  );
+  return { ...problem, message };
+}
+
+function Preview({ figures }: { readonly figures: readonly SignalFigures[] }) {
+  const first = figures[0];
+  const shown = figures.map(({ signal, figures: of, units }) => {
+    const value = (of["values"] as readonly (number | null)[] | undefined) ?? [];
+    return { signal, value, unit: units["values"] ?? "" };
+  });
+  const all = shown.flatMap(({ value }) => value.filter((one) => one !== null));
+  const range = { least: Math.min(...all), greatest: Math.max(...all) };
+  return (
+    <div class="signal-preview" aria-live="off">
+      <svg viewBox={`0 -2 ${WIDTH} ${HEIGHT + 4}`} role="img" aria-label={TEXT.preview(PREVIEW_S)}>
+        {shown.map(({ signal, value }, k) => (
+          <path
+            key={signal}
+            class={AXES[k % AXES.length] ?? "axis-n"}
+            d={sparkPath(extremes(value), WIDTH, HEIGHT, range)}
+          />
+        ))}
+      </svg>
+      <p>
+        {first === undefined
+          ? TEXT.previewHint
+          : shown.map(({ signal, value, unit }) => (
+              <span key={signal}>
+                {value
+                  .slice(0, FIRST)
+                  .map((one) => number(one ?? NaN, 4))
+                  .join("  ")}{" "}
+                … <b class="unit">{unit || TEXT.noUnit}</b>
+              </span>
+            ))}
+      </p>
+    </div>
+  );
+}
+
+const AXES = ["axis-x", "axis-y", "axis-z", "axis-n"];
+
+function extremes(values: readonly (number | null)[]): { readonly lo: Float64Array; readonly hi: Float64Array } {
+  const n = Math.min(INTERVALS, values.length);
+  const [lo, hi] = [new Float64Array(n).fill(NaN), new Float64Array(n).fill(NaN)];
+  values.forEach((value, i) => {
+    if (value === null) return;
+    const k = Math.floor((i * n) / values.length);
+    if (!((lo[k] ?? NaN) <= value)) lo[k] = value;
+    if (!((hi[k] ?? NaN) >= value)) hi[k] = value;
+  });
+  return { lo, hi };
+}
