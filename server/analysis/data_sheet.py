@@ -113,6 +113,11 @@ def _verdict(parameter: str, state: State, words: str) -> Mapping[str, str]:
     return {"parameter": parameter, "state": state, "words": words}
 
 
+def _figure(value: float) -> str:
+    """Three digits, without a power of ten below a million."""
+    return f"{value:.0f}" if 100 <= value < 1e6 else f"{value:.3g}"
+
+
 def _times(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
 
@@ -121,13 +126,13 @@ def _of_walk(value: float, unit: str) -> str:
     """A random walk in the units of data sheets: °/√h, or m/s/√h."""
     own = Unit.parse(unit)
     if own.fits(TURN):
-        return f"{value * own.to(TURN) * 60:.3g} °/√h"
-    return f"{value * own.to(ACCELERATION) * 60:.3g} m/s/√h"
+        return f"{_figure(value * own.to(TURN) * 60)} °/√h"
+    return f"{_figure(value * own.to(ACCELERATION) * 60)} m/s/√h"
 
 
 def _of_bias(value: float, unit: str) -> str:
     """A bias instability in the units of data sheets: °/h, or µg."""
     own = Unit.parse(unit)
     if own.fits(TURN):
-        return f"{value * own.to(TURN) * 3600:.3g} °/h"
-    return f"{value * own.to(ACCELERATION) / MICRO_G:.3g} µg"
+        return f"{_figure(value * own.to(TURN) * 3600)} °/h"
+    return f"{_figure(value * own.to(ACCELERATION) / MICRO_G)} µg"

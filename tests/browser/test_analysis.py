@@ -13,6 +13,7 @@ from tests.server_process import ServerProcess
 PLACE = "document.querySelector('dialog[open]')"
 DIALOG = f"{PLACE}?.innerText"
 CURVES = "document.querySelectorAll('dialog[open] path.trace').length"
+PICTURES = "document.querySelectorAll('dialog[open] .spectrogram > canvas').length"
 
 
 def test_a_spectrum_and_an_allan_deviation(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
@@ -25,13 +26,18 @@ def test_a_spectrum_and_an_allan_deviation(serve: Callable[..., ServerProcess], 
     assert box is not None
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     until(page, "/\\d Hz/.test(document.querySelector('.analysis-reading').innerText)")
-    page.get_by_label("Signal or expression").fill("norm(Acceleration) - 1 g")
+    page.get_by_label("Signals or expressions").fill("norm(Acceleration) - 1 g")
     until(page, f"{CURVES} === 1")
     page.keyboard.press("Escape")
     until(page, f"{PLACE} === null")
     page.get_by_role("button", name="Analysis").click()
     page.get_by_role("button", name="Allan deviation").click()
-    until(page, f"{CURVES} === 3 && {DIALOG}.includes('Random walk N')")
+    until(page, f"{CURVES} === 6 && {DIALOG}.includes('Random walk N')")  # accelerometers and gyroscopes
+    until(page, f"{DIALOG}.includes('of the MTi-630-8A1G6 data sheet')")
+    assert serious(page, PLACE) == []
+    page.get_by_role("button", name="Spectrogram").click()
+    until(page, f"{PICTURES} > 0")
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 100)
     page.get_by_role("button", name="Statistics").click()
     until(page, f"{DIALOG}.includes('Peak to peak')")
 

@@ -5,6 +5,7 @@ Segments lie within the runs of a signal (server/analysis/sampling.py): in a gap
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,7 +16,6 @@ from server.analysis.sampling import sampling_of, unwrapped
 from server.analysis.signals import Floats, Signal
 from server.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
 
-SEGMENTS = 256  # of the automatic length
 CELLS = 1_000_000  # of the result, which is 20 MB as text
 
 
@@ -24,7 +24,8 @@ def run(signal: Signal, options: Settings) -> Result:
     from scipy.signal import detrend
 
     sampling = sampling_of(signal, MIN_LENGTH)
-    segments = segments_for(sampling, options, SEGMENTS)
+    total = sum(part.stop - part.start for part in sampling.runs)
+    segments = segments_for(sampling, options, math.isqrt(total))  # as fine in time as in frequency
     values = unwrapped(signal)
     begins = _begins(sampling.runs, segments)
     limit = int(min(options["columns"], CELLS // (segments.length // 2 + 1)))

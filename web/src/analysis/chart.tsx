@@ -15,6 +15,8 @@ export interface Curve {
   readonly high?: Numbers;
   /** A dashed curve beside it. */
   readonly model?: Numbers;
+  /** A dotted curve without a colour, to compare with. */
+  readonly reference?: Numbers;
 }
 
 interface Props {
@@ -58,7 +60,7 @@ export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, mark
   );
   const y = axisOf(
     "log",
-    curves.flatMap((one) => [...one.y, ...(one.low ?? []), ...(one.high ?? [])]),
+    curves.flatMap((one) => [...one.y, ...(one.low ?? []), ...(one.high ?? []), ...(one.reference ?? [])]),
   );
   if (!x || !y) return <div class="analysis-chart" ref={host} />;
   const move = (event: PointerEvent): void => {
@@ -134,6 +136,7 @@ function Drawn({ curve: one, axes, width, height }: DrawnProps) {
   const above = one.high ? curve(one.x, one.high, axes, width, height) : [];
   const below = one.low ? curve(one.x, one.low, axes, width, height) : [];
   const model = one.model ? curve(one.x, one.model, axes, width, height) : [];
+  const reference = one.reference ? curve(one.x, one.reference, axes, width, height) : [];
   return (
     <g class={one.colour}>
       {above.map((part, i) => (
@@ -141,6 +144,9 @@ function Drawn({ curve: one, axes, width, height }: DrawnProps) {
       ))}
       {model.map((part) => (
         <path key={path(part)} class="model" d={path(part)} />
+      ))}
+      {reference.map((part) => (
+        <path key={path(part)} class="reference" d={path(part)} />
       ))}
       {parts.map((part) => (
         <path key={path(part)} class="trace" d={path(part)} />

@@ -9,7 +9,8 @@ import type { Deps } from "../panels/panel-context";
 import { answering, type Asked } from "../testing/recorded";
 import type { SignalFigures } from "../wire/routes";
 import { AnalysisDialog } from "./dialog";
-import { csvOf, signalNames } from "./figures";
+import { colourAt, scaleOf, shareOf } from "./colours";
+import { csvOf, signalNames, signalsIn } from "./figures";
 
 const ROUTE = "POST /api/analysis";
 const UNITS = { psd: "m/s²/√Hz", frequency: "Hz", "peaks.rms": "m/s²", adev: "m/s²", mean: "m/s²" };
@@ -34,6 +35,8 @@ function figures(axis: string): SignalFigures {
       model: numbers,
       peaks: [{ frequency: 31.7004, uncertainty: 0.0012, rms: 0.25, above_floor: 22.1, order: 2, harmonic_of: 15.85 }],
       parameters: PARAMETERS,
+      data_sheet: numbers,
+      verdicts: [{ parameter: "random_walk", state: "above", words: "Random walk 0.9 °/√h: 3 times the 0.3 °/√h." }],
       segments: 8,
       length: 256,
       rate: 100,
@@ -108,7 +111,53 @@ test("the Allan deviation is asked of everything; a parameter that is not seen h
       .getByText(/Rate random walk K/)
       .closest("tr")?.textContent,
   ).toContain("at most 3.4·10⁻⁴");
-  expect(bodies(asked).at(-1)).toMatchObject({ t0: null, t1: null, options: { motion: "exclude" } });
+  expect(bodies(asked).at(-1)).toMatchObject({
+    t0: null,
+    t1: null,
+    signals: ["Acceleration", "RateOfTurn"],
+    options: { motion: "exclude" },
+  });
+  const verdicts = screen.getByRole("list", { name: "Comparison with the data sheet" });
+  expect(verdicts.textContent).toContain("▲ Above");
+  expect(verdicts.textContent).toContain("x Random walk 0.9 °/√h: 3 times the 0.3 °/√h.");
+  fireEvent.click(screen.getByRole("button", { name: "Copy for Kalibr" }));
+  await waitFor(() =>
+    expect(bodies(asked).at(-1)).toMatchObject({ format: "kalibr", signals: ["Acceleration", "RateOfTurn"] }),
+  );
+});
+
+test("a spectrogram of each signal is drawn, with its scale", async () => {
+  const rows = [0, 1, 2].map((i) => [0, 1e-6 * (i + 1), 1e-3 * (i + 1)]);
+  const picture = { time: [1000, 1001, 1002], frequency: [0, 10, 20], psd: rows, step: 100, rate: 100, notes: [] };
+  const found = { signal: "Acceleration.x", device: "1", units: { psd: "m/s²/√Hz" }, figures: picture };
+  const asked = open({ [`${ROUTE}/psd`]: [figures("x")], [`${ROUTE}/spectrogram`]: [found] });
+  await screen.findByRole("region", { name: "Peaks" });
+  fireEvent.click(screen.getByRole("button", { name: "Spectrogram" }));
+  expect(await screen.findByRole("img", { name: "Spectrogram of Acceleration.x" })).toBeTruthy();
+  expect(screen.getByText(/10⁻⁶ … 0.003 m\/s²\/√Hz/)).toBeTruthy();
+  expect(screen.getByText("00:16:40.0")).toBeTruthy();
+  expect(bodies(asked).at(-1)).toMatchObject({ options: { overlap: 0.75, length: 0, scale: "amplitude" } });
+});
+
+test("signals are listed with commas; those within parentheses belong to an expression", () => {
+  expect(signalsIn("Acceleration, RateOfTurn.x")).toEqual(["Acceleration", "RateOfTurn.x"]);
+  expect(signalsIn(' lowpass(Acceleration.x, 5 Hz) ,"2/Rate, of turn.z",')).toEqual([
+    "lowpass(Acceleration.x, 5 Hz)",
+    '"2/Rate, of turn.z"',
+  ]);
+  expect(signalsIn("")).toEqual([""]);
+});
+
+test("the scale of a picture holds its brightest figure and 60 dB below it", () => {
+  const scale = scaleOf([null, 0, 1e-12, 1e-3, 1], false);
+  expect(scale).toEqual({ low: 1e-6, high: 1 });
+  if (!scale) return;
+  expect(shareOf(scale, 1)).toBe(1);
+  expect(shareOf(scale, 1e-3)).toBeCloseTo(0.5);
+  expect(shareOf(scale, null)).toBe(0);
+  expect(scaleOf([null, 0], false)).toBeUndefined();
+  const light = [0, 0.25, 0.5, 0.75, 1].map((share) => colourAt(share).reduce((sum, one) => sum + one, 0));
+  expect([...light].sort((a, b) => a - b)).toEqual(light);
 });
 
 test("an expression is sent as typed, and its mistake is shown while the last figures stay", async () => {
@@ -125,7 +174,7 @@ test("an expression is sent as typed, and its mistake is shown while the last fi
     expect(JSON.parse(String(init.body)).signals).toEqual(["nrom(Acceleration)"]);
     return new Response(JSON.stringify(problem), { status: 422, headers: { "content-type": "application/json" } });
   });
-  fireEvent.input(screen.getByRole("combobox", { name: /Signal or expression/ }), {
+  fireEvent.input(screen.getByRole("combobox", { name: /Signals or expressions/ }), {
     target: { value: "nrom(Acceleration)" },
   });
   expect((await screen.findByRole("alert")).textContent).toContain("Did you mean norm?");

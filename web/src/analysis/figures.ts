@@ -4,7 +4,7 @@ import type { ViewState } from "../data/view-state";
 import type { AnalysisRequest, SignalFigures } from "../wire/routes";
 import type { Curve, Numbers } from "./chart";
 
-export type Name = "statistics" | "psd" | "allan";
+export type Name = "statistics" | "psd" | "spectrogram" | "allan";
 export type Range = "window" | "cursors" | "everything";
 
 /** The times of a range, unix s; null is the beginning or the end. */
@@ -42,6 +42,38 @@ export function signalNames(channels: readonly Channel[], device: string | undef
   return first === undefined ? all : [first, ...all.filter((name) => name !== first)];
 }
 
+/** The accelerometers and the gyroscopes among the names; the first name if there are none. */
+export function inertialNames(names: readonly string[]): readonly string[] {
+  const found = [/^acceleration$/i, /^rate.?of.?turn$|^angular.?(rate|velocity)$/i].flatMap(
+    (words) => names.find((name) => words.test(name)) ?? [],
+  );
+  return found.length > 0 ? found : names.slice(0, 1);
+}
+
+/** The signals of a list with commas; a comma within parentheses or quotation marks belongs to its signal. */
+export function signalsIn(text: string): readonly string[] {
+  const found: string[] = [];
+  let [depth, isQuoted, begin] = [0, false, 0];
+  for (let at = 0; at <= text.length; at += 1) {
+    const sign = text[at];
+    if (sign === '"') isQuoted = !isQuoted;
+    if (!isQuoted && sign === "(") depth += 1;
+    if (!isQuoted && sign === ")") depth -= 1;
+    if (sign !== undefined && (sign !== "," || isQuoted || depth > 0)) continue;
+    found.push(text.slice(begin, at).trim());
+    begin = at + 1;
+  }
+  const named = found.filter((one) => one !== "");
+  return named.length > 0 ? named : [text.trim()];
+}
+
+/** Signals whose figure has the same unit share a chart. */
+export function byUnit(answers: readonly SignalFigures[], name: string): readonly (readonly SignalFigures[])[] {
+  const units = new Map<string, SignalFigures[]>();
+  for (const one of answers) units.set(one.units[name] ?? "", [...(units.get(one.units[name] ?? "") ?? []), one]);
+  return [...units.values()];
+}
+
 const AXES: Readonly<Record<string, string>> = { x: "axis-x", y: "axis-y", z: "axis-z" };
 const OTHERS = ["axis-x", "axis-y", "axis-z", "axis-n"];
 
@@ -75,6 +107,7 @@ export function curvesOf(name: Name, answers: readonly SignalFigures[]): readonl
       low: list(figures, "low"),
       high: list(figures, "high"),
       model: list(figures, "model"),
+      ...(at === 0 && figures["data_sheet"] !== undefined ? { reference: list(figures, "data_sheet") } : {}),
     };
   });
 }
@@ -100,6 +133,17 @@ export function peaksOf({ figures }: SignalFigures): readonly Peak[] {
 
 export function parametersOf({ figures }: SignalFigures): Readonly<Record<string, Parameter>> {
   return (figures["parameters"] as Readonly<Record<string, Parameter>> | undefined) ?? {};
+}
+
+/** Whether a figure of the data sheet is met, exceeded, or not decided. */
+export interface Verdict {
+  readonly parameter: string;
+  readonly state: "met" | "above" | "open";
+  readonly words: string;
+}
+
+export function verdictsOf({ figures }: SignalFigures): readonly Verdict[] {
+  return (figures["verdicts"] as readonly Verdict[] | undefined) ?? [];
 }
 
 /** The notes of all signals; one that does not hold for each of them begins with their names. */

@@ -1,0 +1,277 @@
+/** Figures of an analysis as a person reads them: charts, tables, verdicts, notes, and what copies them. */
+import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { copyText } from "../ui/copy";
+import { type Problem, request } from "../ui/http";
+import { Message } from "../ui/message";
+import { ProblemNote } from "../ui/problem-note";
+import type { AnalysisRequest, SignalFigures } from "../wire/routes";
+import { figure } from "./axes";
+import { Chart } from "./chart";
+import { byUnit, csvOf, curvesOf, type Name, notesOf, parametersOf, peaksOf, shortName, verdictsOf } from "./figures";
+import { Spectrogram } from "./spectrogram";
+import { TEXT } from "../texts/analysis";
+
+const MAX_MARKS = 6;
+/** Texts for other programs, by analysis. */
+const FORMATS: Readonly<Partial<Record<Name, readonly string[]>>> = { allan: ["kalibr", "vins", "robot_localization"] };
+
+export interface Answered {
+  readonly name: Name;
+  readonly figures: readonly SignalFigures[];
+  /** The request, for the same figures as a text. */
+  readonly body: AnalysisRequest;
+}
+
+interface ResultProps extends Answered {
+  /** Of the frequency axis. */
+  readonly xKind: "linear" | "log";
+}
+
+export function Result({ name, figures, body, xKind }: ResultProps) {
+  if (figures.length === 0) return null;
+  const notes = notesOf(figures);
+  return (
+    <>
+      {name === "psd" &&
+        byUnit(figures, "psd").map((some) => <Spectrum key={some[0]?.signal} figures={some} xKind={xKind} />)}
+      {name === "allan" &&
+        byUnit(figures, "adev").map((some) => <AllanDeviation key={some[0]?.signal} figures={some} />)}
+      {name === "spectrogram" && figures.map((one) => <Spectrogram key={one.signal} figures={one} />)}
+      {name === "statistics" && <Statistics figures={figures} />}
+      {notes.length > 0 && (
+        <ul class="analysis-notes">
+          {notes.map((note) => (
+            <li key={note}>
+              <Message text={note} />
+            </li>
+          ))}
+        </ul>
+      )}
+      <Copy name={name} figures={figures} body={body} />
+    </>
+  );
+}
+
+function Spectrum({ figures, xKind }: Figures & Pick<ResultProps, "xKind">) {
+  const [first] = figures;
+  if (!first) return null;
+  return (
+    <>
+      <Chart
+        label={TEXT.chart(TEXT.psd, named(figures))}
+        curves={curvesOf("psd", figures)}
+        xKind={xKind}
+        xTitle={TEXT.frequency}
+        xUnit="Hz"
+        yTitle={TEXT.density}
+        yUnit={first.units["psd"] ?? ""}
+        marks={figures
+          .flatMap((one) => peaksOf(one))
+          .slice(0, MAX_MARKS)
+          .map((peak) => ({ x: peak.frequency, text: figure(peak.frequency) }))}
+      />
+      <p class="dim">
+        {TEXT.basedOn(
+          Number(first.figures["segments"]),
+          Number(first.figures["length"]),
+          figure(first.figures["rate"] as number),
+        )}
+        . {TEXT.band}
+      </p>
+      <Peaks figures={figures} />
+    </>
+  );
+}
+
+function AllanDeviation({ figures }: Figures) {
+  const [first] = figures;
+  if (!first) return null;
+  return (
+    <>
+      <Chart
+        label={TEXT.chart(TEXT.allan, named(figures))}
+        curves={curvesOf("allan", figures)}
+        xKind="log"
+        xTitle={TEXT.averagingTime}
+        xUnit="s"
+        yTitle={TEXT.deviation}
+        yUnit={first.units["adev"] ?? ""}
+      />
+      <p class="dim">
+        {TEXT.basedOnSamples(Number(first.figures["n"]), figure(first.figures["rate"] as number))}. {TEXT.band}{" "}
+        {TEXT.model}
+        {first.figures["data_sheet"] !== undefined && ` ${TEXT.dataSheet}`}
+      </p>
+      <Verdicts figures={figures} />
+      <Parameters figures={figures} />
+    </>
+  );
+}
+
+const named = (figures: readonly SignalFigures[]): string => figures.map(({ signal }) => signal).join(", ");
+
+function Verdicts({ figures }: Figures) {
+  const rows = figures.flatMap((one) => verdictsOf(one).map((verdict) => ({ verdict, signal: one.signal })));
+  if (rows.length === 0) return null;
+  return (
+    <ul class="analysis-verdicts" aria-label={TEXT.verdicts}>
+      {rows.map(({ verdict, signal }) => (
+        <li key={`${signal} ${verdict.parameter}`} class={verdict.state}>
+          <b>{TEXT.verdict[verdict.state]}</b>
+          <span>
+            <i>{shortName(signal)}</i> {verdict.words}
+          </span>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+interface Figures {
+  readonly figures: readonly SignalFigures[];
+}
+
+function Peaks({ figures }: Figures) {
+  const rows = figures.flatMap((one) => peaksOf(one).map((peak) => ({ peak, signal: one.signal, unit: one.units })));
+  if (rows.length === 0) return <p>{TEXT.noPeaks}</p>;
+  return (
+    <Scroll label={TEXT.peaks}>
+      <thead>
+        <tr>
+          <th />
+          <th>{TEXT.frequency}</th>
+          <th>{TEXT.rms}</th>
+          <th>{TEXT.aboveFloor}</th>
+          <th>{TEXT.fundamental}</th>
+        </tr>
+      </thead>
+      <tbody>
+        {rows.map(({ peak, signal, unit }) => (
+          <tr key={`${signal} ${peak.frequency}`}>
+            <th scope="row">{shortName(signal)}</th>
+            <td>
+              {figure(peak.frequency, 6)} ± {figure(peak.uncertainty, 2)} Hz
+            </td>
+            <td>
+              {figure(peak.rms)} {unit["peaks.rms"] ?? ""}
+            </td>
+            <td>{TEXT.decibels(figure(peak.above_floor, 3))}</td>
+            <td>{peak.harmonic_of === null ? "1" : TEXT.ofHarmonic(peak.order, figure(peak.harmonic_of))}</td>
+          </tr>
+        ))}
+      </tbody>
+    </Scroll>
+  );
+}
+
+function Parameters({ figures }: Figures) {
+  return (
+    <BySignal
+      label={TEXT.parameters}
+      figures={figures}
+      rows={Object.keys(figures[0] ? parametersOf(figures[0]) : {})}
+      title={(name) => TEXT.parameter[name] ?? name}
+      cell={(one, name) => {
+        const { value, low, high } = parametersOf(one)[name] ?? { value: 0, low: 0, high: 0 };
+        const unit = one.units[`parameters.${name}.value`] ?? "";
+        if (value <= 0) return TEXT.atMost(`${figure(high, 2)} ${unit}`);
+        return (
+          <>
+            {figure(value)} {unit}
+            <small class="dim" title={TEXT.interval}>
+              {" "}
+              {figure(low, 2)} … {figure(high, 2)}
+            </small>
+          </>
+        );
+      }}
+    />
+  );
+}
+
+function Statistics({ figures }: Figures) {
+  return (
+    <BySignal
+      label={TEXT.statistics}
+      figures={figures}
+      rows={Object.keys(figures[0]?.figures ?? {}).filter((name) => name !== "notes")}
+      title={(name) => TEXT.statistic[name] ?? name}
+      cell={({ figures: of, units }, name) =>
+        `${figure(of[name] as number | null, name === "n" ? 9 : 5)} ${units[name] ?? ""}`
+      }
+    />
+  );
+}
+
+interface BySignalProps extends Figures {
+  readonly label: string;
+  readonly rows: readonly string[];
+  readonly title: (row: string) => string;
+  readonly cell: (of: SignalFigures, row: string) => ComponentChildren;
+}
+
+/** A table with a column for each signal. */
+function BySignal({ label, figures, rows, title, cell }: BySignalProps) {
+  return (
+    <Scroll label={label}>
+      <thead>
+        <tr>
+          <th />
+          {figures.map(({ signal }) => (
+            <th key={signal}>{shortName(signal)}</th>
+          ))}
+        </tr>
+      </thead>
+      <tbody>
+        {rows.map((row) => (
+          <tr key={row}>
+            <th scope="row">{title(row)}</th>
+            {figures.map((one) => (
+              <td key={one.signal}>{cell(one, row)}</td>
+            ))}
+          </tr>
+        ))}
+      </tbody>
+    </Scroll>
+  );
+}
+
+function Scroll({ label, children }: { readonly label: string; readonly children: ComponentChildren }) {
+  return (
+    <div class="analysis-table" role="region" aria-label={label} tabIndex={0}>
+      <table>{children}</table>
+    </div>
+  );
+}
+
+function Copy({ name, figures, body }: Answered) {
+  const said = useSignal("");
+  const problem = useSignal<Problem | undefined>(undefined);
+  const copy = async (text: string): Promise<void> => {
+    said.value = (await copyText(text)) ? TEXT.copied : TEXT.notCopied;
+  };
+  const copyAs = async (format: string): Promise<void> => {
+    const outcome = await request("POST /api/analysis/{name}", { path: { name }, body: { ...body, format } });
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) await copy(outcome.value as unknown as string);
+  };
+  return (
+    <>
+      <p class="analysis-row">
+        {name !== "spectrogram" && (
+          <button type="button" class="btn edge" onClick={() => void copy(csvOf(name, figures))}>
+            {TEXT.copy}
+          </button>
+        )}
+        {FORMATS[name]?.map((format) => (
+          <button key={format} type="button" class="btn edge" onClick={() => void copyAs(format)}>
+            {TEXT.copyAs(TEXT.format[format] ?? format)}
+          </button>
+        ))}
+        <span role="status">{said.value}</span>
+      </p>
+      {problem.value && <ProblemNote problem={problem.value} />}
+    </>
+  );
+}
