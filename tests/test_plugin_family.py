@@ -135,6 +135,18 @@ def test_it_is_shown_live_and_identified(server: ServerProcess) -> None:
                 channels |= {one["name"] for one in said["channels"]}
 
 
+def test_its_frames_are_shown_byte_by_byte(server: ServerProcess) -> None:
+    [held] = eventually(lambda: [one for one in ask(server, "/api/recorder/memory") if one["t1"] - one["t0"] > 1])
+    view = ask(server, f"/api/devices/1/frames?time={held['t1'] - 0.5}&kind=frame")
+    frame = view["packets"][view["at"]]
+    assert (view["protocol"], frame["hex"][:4]) == ("mip", "7565")
+    assert [part["label"] for part in frame["spans"]][:1] == ["sync"]
+    ends = [part["offset"] + part["size"] for part in frame["spans"]]
+    assert [part["offset"] for part in frame["spans"]] == [0, *ends[:-1]]
+    assert ends[-1] == frame["size"] == len(frame["hex"]) / 2
+    assert {part["path"] for part in frame["spans"]} - {""} <= frame["fields"].keys()
+
+
 def test_a_setting_is_written_and_read_back_on_the_page(server: ServerProcess) -> None:
     eventually(lambda: [one for one in ask(server, "/api/devices") if one["status"] == "live"])
     forms = ask(server, "/api/devices/1/forms")

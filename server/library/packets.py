@@ -30,7 +30,8 @@ from server.library.reject_words import explained_rejects
 from server.streaming.channel_store import StoredChannel
 from server.wire_codec import to_json_safe
 
-NEAR_BYTES = 1 << 15  # decoded before and after the frame
+NEAR_BYTES = 1 << 14  # decoded before and after the frame
+ENOUGH_BYTES = 1 << 20  # in a window, so that a longer one has no more neighbours, except at an end of the data
 WINDOWS_NS = (500_000_000, 10_000_000_000, 600_000_000_000)  # around the arrival, until there are enough frames
 TOGETHER_NS = 2_000  # arrivals are unix seconds in 64 bits, exact to 0.24 µs
 MAX_TOGETHER = 4096  # samples that arrived together
@@ -197,7 +198,8 @@ def packets_around(
         found += [packet for run in runs if run.direction == "tx" for packet in _sent(run, family)]
         found.sort(key=lambda packet: packet.arrival)
         at = _place(found, moment, wanted, kind)
-        if at >= beside and len(found) - at > beside:
+        has_all = at >= beside and len(found) - at > beside
+        if has_all or sum(len(run.data) for run in runs) > ENOUGH_BYTES:
             break
     if not found:
         return None
