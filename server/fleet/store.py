@@ -168,14 +168,14 @@ _CAUSES = (
     (r"quota|os error 122\b", "the quota of the disk is used up", f"Free some space. {_AGAIN}"),
     (r"Read-only file system|os error 30\b", "the disk is read-only", "Give a folder that can be written."),
     (
-        r"os error 13\b|os error 1\b|Permission denied|PermissionDenied|AccessDenied|403 Forbidden|\b403\b",
-        "access is denied",
-        "Check the rights of the user, or of the access key: it has to read, list and write there.",
-    ),
-    (
         r"InvalidAccessKeyId|SignatureDoesNotMatch|Unauthenticated|401 Unauthorized|ExpiredToken|InvalidToken",
         "the credentials are not accepted",
         "Check the access key, the secret and the region in the environment.",
+    ),
+    (
+        r"os error 13\b|os error 1\b|Permission denied|PermissionDenied|AccessDenied|403 Forbidden|\b403\b",
+        "access is denied",
+        "Check the rights of the user, or of the access key: it has to read, list and write there.",
     ),
     (
         r"NoSuchBucket|ContainerNotFound|bucket does not exist",
