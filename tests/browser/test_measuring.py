@@ -152,7 +152,7 @@ def test_to_the_next_place_of_a_condition_in_three_actions(
     page.keyboard.press("j")
     page.keyboard.type("norm(Acceleration) > 9.9 m/s²")
     page.keyboard.press("Enter")
-    until(page, "document.querySelector('.go-to-said')?.innerText.includes('true for')")
+    until(page, "document.querySelector('.go-to-said')?.innerText.includes('UTC, true')")
     first = page.evaluate("imuscopeReplay.head")
     [info] = ask(recorded, "GET", "/api/recordings")
     body = {
@@ -167,3 +167,25 @@ def test_to_the_next_place_of_a_condition_in_three_actions(
     until(page, f"imuscopeReplay.head > {first}")
     assert page.evaluate("imuscopeReplay.head") == pytest.approx(found["figures"]["begin"][1], abs=1e-6)
     assert serious(page, "document.querySelector('.go-to')") == []
+
+
+def test_the_y_axis_is_zoomed_over_its_labels_and_says_what_is_outside(
+    recorded: ServerProcess, open_page: Callable[..., Page]
+) -> None:
+    page = opened(recorded, open_page)
+    labels = page.locator(".plot .y-gutter").first
+    box = labels.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.wheel(0, -600)
+    until(page, "document.querySelector('.y-mark').textContent === 'fixed'")
+    before = labels.get_attribute("aria-label")
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 20, steps=3)
+    page.mouse.up()
+    until(page, f"document.querySelector('.y-gutter').ariaLabel !== {before!r}")
+    labels.press("Enter")
+    until(page, "document.querySelector('dialog[open] .y-axis-form') !== null")
+    assert serious(page, "document.querySelector('dialog[open]')") == []
+    page.get_by_role("button", name="Automatic", exact=True).click()
+    until(page, "document.querySelector('.y-mark').textContent === ''")

@@ -56,6 +56,14 @@ export interface GoToBar {
   readonly kind: Destination;
 }
 
+/** What a person chose for the y axis of a plot; without a range it follows the data. */
+export interface YAxis {
+  /** In the plot's unit. */
+  readonly range?: readonly [low: number, high: number];
+  /** Logarithmic while all values are positive. */
+  readonly isLog?: boolean;
+}
+
 export interface ViewSignals {
   readonly view: Signal<View>;
   readonly cursor: Signal<Cursor>;
@@ -64,6 +72,10 @@ export interface ViewSignals {
   /** Whether cursors are put on samples. */
   readonly snap: Signal<boolean>;
   readonly goTo: Signal<GoToBar>;
+  /** Chosen y axes, by plot key. */
+  readonly yAxes: Signal<ReadonlyMap<string, YAxis>>;
+  /** The plot whose y axis is being chosen, and the range that it has. */
+  readonly yAxisForm: Signal<{ readonly key: string; readonly range: readonly [number, number] } | undefined>;
   /** Series hidden by the user, as `${channelName}.${columnName}`. */
   readonly hiddenSeries: Signal<ReadonlySet<string>>;
   /** Norms seen so far, by the same keys: each is hidden once, when first seen, because the legend shows it and it is drawn on request. */
@@ -89,6 +101,8 @@ export function createViewState(like?: ViewSignals): ViewState {
     cursor: signal<Cursor>(undefined),
     measure: signal<number | undefined>(undefined),
     snap: signal(like?.snap.peek() ?? false),
+    yAxes: signal<ReadonlyMap<string, YAxis>>(like?.yAxes.peek() ?? new Map()),
+    yAxisForm: signal(undefined),
     goTo: signal<GoToBar>({ isOpen: false, text: "", kind: "event" }),
     hiddenSeries: signal(like?.hiddenSeries.peek() ?? new Set<string>()),
     knownNorms: new Set(like?.knownNorms),

@@ -6,6 +6,7 @@ import { GoTo, type GoToDeps } from "../measure/go-to";
 import { MeasurePanel } from "../measure/measure-panel";
 import { placesOf } from "../plots/markers";
 import { mountStack } from "../plots/plot-stack";
+import { YAxisDialog } from "../plots/y-axis-dialog";
 import { SignalsPanel } from "../signals/panel";
 import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
@@ -107,6 +108,7 @@ function Centre({ app }: { readonly app: App }) {
         <>
           <GoTo key={device.id} deps={goToDeps(app)} />
           <MeasurePanel deps={app} />
+          <YAxisDialog viewState={app.viewState} />
         </>
       }
     >

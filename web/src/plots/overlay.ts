@@ -160,8 +160,10 @@ function dots(
     for (const series of plot.spec.series) {
       const value = hidden.has(series.key) ? NaN : valueAt(series, t, w.base, reads);
       if (value !== value) continue;
+      const y = plot.y(value);
+      if (!plot.shows(y, look)) continue;
       x.beginPath();
-      x.arc(px, plot.top + plot.y(value), 3, 0, 7);
+      x.arc(px, plot.top + y, 3, 0, 7);
       x.fillStyle = look.colour[series.colour];
       x.fill();
       x.stroke();

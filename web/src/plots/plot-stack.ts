@@ -211,7 +211,7 @@ class Stack {
       this.#root.focus({ preventScroll: true }); // the button is gone
     };
     const toggle = (key: string, alone: boolean): void => actions.toggleKey(key, alone);
-    return spec.custom === undefined ? new Plot(spec, toggle) : new Plot(spec, toggle, remove);
+    return new Plot(spec, toggle, this.#state, spec.custom === undefined ? undefined : remove);
   }
 
   #hideNorms(): void {

@@ -11,6 +11,7 @@
  */
 import type { Extent } from "../data/minmax-pyramid";
 import type { Ring } from "../data/ring-buffer";
+import type { YAxis } from "../data/view-state";
 import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
@@ -18,7 +19,9 @@ import { Legend, type Toggle, valueAt } from "./legend";
 import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
 import { Scale, ticks } from "./scale";
 import type { PlotSpec, Series } from "./plot-selection";
-import { traceDots, traceSeries, type Vertical } from "./trace";
+import { traceDots, traceSeries, type Vertical, yOf } from "./trace";
+import { isLogarithmic, logTicks } from "./y-axis";
+import { type AxisState, type DrawnAxis, showAxis, yGutter } from "./y-gutter";
 import { timeGrid } from "./axis";
 import { xOf, type TimeWindow } from "./time-window";
 import { TEXT } from "../texts/plots";
@@ -32,6 +35,8 @@ const LABELS_APART = 12;
 const CONDENSED = 0.68;
 /** New samples alone redraw a window that stands still this often, ms. */
 const STILL_MS = 100;
+/** The narrowest logarithmic axis that follows the data, decades. */
+const LEAST_DECADES = 0.05;
 const STANDARD_GRAVITY = 9.80665;
 
 interface Shown {
@@ -48,9 +53,15 @@ export class Plot {
   /** Place in the stack, CSS px. */
   top = 0;
   visible = true;
+  /** The control over the labels of the y axis. */
+  readonly gutter: HTMLButtonElement;
   /** The title reaches under the tick labels, so the uppermost is omitted. */
   wideTitle = false;
   readonly #scale: Scale;
+  /** Scale of the powers of ten, on a logarithmic axis. */
+  readonly #decades = new Scale(LEAST_DECADES);
+  #lowest = NaN;
+  #highest = NaN;
   readonly #rings: readonly Ring[];
   #shown: readonly Shown[] = [];
   #hidden: ReadonlySet<string> | undefined;
@@ -60,17 +71,23 @@ export class Plot {
   #revision = -1;
   #drawnAt = -Infinity;
   #zoom = NaN;
+  #axis: YAxis | undefined;
+  #isLog = false;
+  #drawn: DrawnAxis | undefined;
 
   constructor(
     readonly spec: PlotSpec,
     toggle: Toggle,
+    readonly state: AxisState,
     remove?: () => void,
   ) {
     this.legend = new Legend(spec, toggle, remove);
     const unit = spec.unit === "" ? "" : TEXT.inUnit(spec.unit);
     const canvas = el("canvas", { role: "img", "aria-label": TEXT.plotOverTime(spec.title, unit) });
     const kind = spec.weight < 0.7 ? "plot low" : "plot";
-    this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas);
+    this.gutter = yGutter(spec, state, () => this.#drawn);
+    this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas, this.gutter);
+    showAxis(this.gutter, spec, this.#axis);
     this.root.style.setProperty("--weight", String(spec.weight));
     this.root.style.setProperty("--least", `${Math.round(40 + 32 * spec.weight)}px`);
     this.sheet = new CanvasLayer(canvas);
@@ -100,13 +117,19 @@ export class Plot {
 
   /** Position of a value, CSS px from the plot's top. */
   y(value: number): number {
-    return this.#vertical.top + (this.#vertical.hi - value) * this.#vertical.k;
+    return yOf(this.#vertical, value);
+  }
+
+  /** Whether a height is within the drawing: a fixed range leaves values outside. */
+  shows(y: number, look: Palette): boolean {
+    return y >= this.inset(look) && y <= this.sheet.height;
   }
 
   /** Draw if anything changed. `now` in ms. */
   draw(w: TimeWindow, look: Palette, hidden: ReadonlySet<string>, now: number, theme: number): void {
     if (!this.visible || this.sheet.height < 10) return;
     if (hidden !== this.#hidden) this.#choose(hidden);
+    this.#follow(this.state.yAxes.peek().get(this.spec.key));
     const shown = this.#shown;
     const revision = this.#rings.reduce((sum, ring) => sum + ring.revision, 0);
     const stamp = `${w.g1} ${w.dt} ${w.base} ${theme}`;
@@ -116,6 +139,22 @@ export class Plot {
     if (!this.#rescale(shown, w, now) && still && revision === this.#revision) return;
     [this.#stamp, this.#revision, this.#drawnAt] = [stamp, revision, now];
     this.#paint(shown, w, look);
+  }
+
+  /** Take over another choice of the axis. */
+  #follow(axis: YAxis | undefined): void {
+    if (axis === this.#axis) return;
+    if (axis?.isLog !== this.#axis?.isLog) this.#scale.reset();
+    this.#axis = axis;
+    this.#stamp = "";
+    showAxis(this.gutter, this.spec, axis);
+  }
+
+  /** Ends of the axis: powers of ten on a logarithmic one. */
+  #ends(): { readonly lo: number; readonly hi: number } {
+    const range = this.#axis?.range;
+    if (range === undefined) return this.#isLog ? this.#decades : this.#scale;
+    return this.#isLog ? { lo: Math.log10(range[0]), hi: Math.log10(range[1]) } : { lo: range[0], hi: range[1] };
   }
 
   /** Read the extent of the window; true if the scale changed. */
@@ -130,15 +169,24 @@ export class Plot {
     }
     const zoomed = w.dt !== this.#zoom;
     this.#zoom = w.dt;
-    return this.#scale.update(lo, hi, now, zoomed);
+    this.#lowest = lo;
+    this.#highest = hi;
+    const wasLog = this.#isLog;
+    this.#isLog = isLogarithmic(this.#axis, lo);
+    const changed = this.#isLog
+      ? this.#decades.update(Math.log10(lo), Math.log10(hi), now, zoomed)
+      : this.#scale.update(lo, hi, now, zoomed);
+    return changed || wasLog !== this.#isLog;
   }
 
   #paint(shown: readonly Shown[], w: TimeWindow, look: Palette): void {
     const { sheet } = this;
     const x = sheet.begin();
     const top = this.inset(look) + 6;
-    const k = (sheet.height - top - 5) / (this.#scale.hi - this.#scale.lo);
-    this.#vertical = { top, hi: this.#scale.hi, k };
+    const { lo, hi } = this.#ends();
+    const height = sheet.height - top - 5;
+    this.#vertical = { top, hi, k: height / (hi - lo), isLog: this.#isLog };
+    this.#drawn = { range: this.#isLog ? [10 ** lo, 10 ** hi] : [lo, hi], isLog: this.#isLog, top, height };
     this.#grid(x, w, look);
     x.save();
     x.beginPath();
@@ -157,6 +205,7 @@ export class Plot {
     }
     x.restore();
     this.#letters(x, shown, w, look);
+    if (this.#axis?.range !== undefined) this.#outside(x, w, look, this.#axis.range);
   }
 
   #grid(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette): void {
@@ -192,7 +241,8 @@ export class Plot {
 
   /** Labels of the y axis: zero and, for an acceleration, 1 g take precedence. */
   #labels(look: Palette): { readonly value: number; readonly text: string }[] {
-    const { lo, hi } = this.#scale;
+    const { lo, hi } = this.#ends();
+    if (this.#isLog) return [...logTicks(lo, hi)];
     const all = ticks(lo, hi, this.sheet.height - this.inset(look), this.spec.unit === "°");
     const labels = all.map(({ value, decimals }) => ({ value, text: number(value, decimals) }));
     const [first, second] = [all[0], all[1]];
@@ -201,6 +251,30 @@ export class Plot {
     const g = { value: STANDARD_GRAVITY, text: "g" };
     const near = labels.filter(({ value }) => Math.abs(value - STANDARD_GRAVITY) > (hi - lo) / 40); // a line at 10 would touch it
     return near[0]?.value === 0 ? [near[0], g, ...near.slice(1)] : [g, ...near];
+  }
+
+  /** Values outside of a fixed range: the furthest in the window, at the edge beyond which it is. */
+  #outside(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette, [low, high]: readonly [number, number]): void {
+    const shown = [
+      {
+        isThere: this.#highest > high,
+        text: `▲ ${number(this.#highest, this.spec.decimals)}`,
+        y: this.inset(look) + 8,
+      },
+      { isThere: this.#lowest < low, text: `▼ ${number(this.#lowest, this.spec.decimals)}`, y: this.sheet.height - 8 },
+    ];
+    setFont(x, look, 10.5, 650);
+    x.textAlign = "right";
+    x.textBaseline = "middle";
+    for (const { isThere, text, y } of shown) {
+      if (!isThere) continue;
+      const width = x.measureText(text).width + 8;
+      const right = w.left + w.width - 2;
+      x.fillStyle = look.colour["status-warn"];
+      x.fillRect(right - width, y - 7, width, 14);
+      x.fillStyle = look.colour["status-warn-ink"];
+      x.fillText(text, right - 4, y + 0.5);
+    }
   }
 
   /** Label each trace at its end with a letter, not by colour alone; letters are moved apart. */
@@ -216,14 +290,18 @@ export class Plot {
         if (over > 0) [a.y, b.y] = [a.y - over / 2, b.y + over / 2];
       }
     }
+    // what ends beyond a fixed range has its letter at the edge
+    let edge = this.sheet.height - 7;
+    for (const letter of letters.toReversed()) edge = (letter.y = Math.min(letter.y, edge)) - LETTERS_APART;
+    edge = this.inset(look) + 6;
+    for (const letter of letters) edge = (letter.y = Math.max(letter.y, edge)) + LETTERS_APART;
     x.textAlign = "left";
     x.textBaseline = "middle";
     setFont(x, look, 11, 650);
     for (const { series, y } of letters) {
       x.fillStyle = look.colour[series.colour];
       const text = look.narrow && series.label.length > 3 ? series.label.charAt(0) : series.label; // whole, or a letter
-      const at = Math.min(this.sheet.height - 7, Math.max(this.inset(look) + 6, y));
-      x.fillText(text.length > 3 ? fitting(x, text, look.tail - 5) : text, w.left + w.width + 4, at);
+      x.fillText(text.length > 3 ? fitting(x, text, look.tail - 5) : text, w.left + w.width + 4, y);
     }
   }
 }

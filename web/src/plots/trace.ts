@@ -18,11 +18,16 @@ const DOTS_FROM = 9;
 /** Wraps and breaks in one pixel drawn separately; with more the quantity spins faster than the screen can show, and fills its range. */
 const JOINTS_APART = 3;
 
-/** Vertical scale: y = top + (hi − v) · k, CSS px. */
+/** Vertical scale: y = top + (hi − v) · k, CSS px; on a logarithmic axis with the powers of ten of hi and v. */
 export interface Vertical {
   readonly top: number;
   readonly hi: number;
   readonly k: number;
+  readonly isLog?: boolean;
+}
+
+export function yOf(v: Vertical, value: number): number {
+  return v.top + (v.hi - (v.isLog === true ? Math.log10(value) : value)) * v.k;
 }
 
 /** Whether the window has so many samples that extremes are drawn. */
@@ -97,8 +102,8 @@ function dense(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w:
       pen = true;
       continue;
     }
-    const top = v.top + (v.hi - high) * v.k;
-    const bottom = v.top + (v.hi - low) * v.k;
+    const top = yOf(v, high);
+    const bottom = yOf(v, low);
     if (!pen) {
       x.moveTo(px, top);
       x.lineTo(px, bottom);
@@ -138,7 +143,7 @@ function apart(
     if (cuts[c] === cuts[c + 1]) continue;
     pyramid.query(cuts[c]!, cuts[c + 1]!, part);
     if (!(part.lo <= part.hi)) continue;
-    const [top, bottom] = [v.top + (v.hi - part.hi) * v.k, v.top + (v.hi - part.lo) * v.k];
+    const [top, bottom] = [yOf(v, part.hi), yOf(v, part.lo)];
     if (c === 0 && y === y && joints.length <= JOINTS_APART)
       x.lineTo(px, Math.abs(y - top) < Math.abs(y - bottom) ? top : bottom);
     x.moveTo(px, top);
@@ -181,7 +186,7 @@ function sparse(
       continue;
     }
     const px = xOf(w, times[row & ring.mask]!);
-    const py = v.top + (v.hi - value) * v.k;
+    const py = yOf(v, value);
     if (!pen) x.moveTo(px, py);
     x.lineTo(px, py); // after a moveTo a line of zero length: with round caps a lone sample is a dot
     pen = true;
@@ -204,7 +209,7 @@ export function traceDots(
   x.beginPath();
   for (let row = from; row < to; row++) {
     const value = values[row & ring.mask]!;
-    if (value === value) x.rect(xOf(w, times[row & ring.mask]!) - 1.5, v.top + (v.hi - value) * v.k - 1.5, 3, 3);
+    if (value === value) x.rect(xOf(w, times[row & ring.mask]!) - 1.5, yOf(v, value) - 1.5, 3, 3);
   }
   x.fill();
 }

@@ -44,6 +44,11 @@ function randomLayout(next: Random): Record<string, unknown> {
   };
 }
 
+const AXES = [
+  { Acceleration: { range: [-20, 20.5] } },
+  { Pressure: { isLog: true }, Temperature: { range: [1, 5], isLog: true } },
+];
+
 export function randomParts(next: Random): Record<string, unknown> {
   const hide = someOf(next, SERIES);
   const show = someOf(next, NORMS);
@@ -57,6 +62,7 @@ export function randomParts(next: Random): Record<string, unknown> {
     ...(hide.length + show.length > 0 ? { series: { hide, show } } : {}),
     ...(plots.length > 0 ? { extraPlots: plots } : {}),
     ...(custom.length > 0 ? { customPlots: custom } : {}),
+    ...(next() < 0.5 ? { yAxes: oneOf(next, AXES) } : {}),
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),
     ...(next() < 0.5 ? { frame: oneOf(next, ["ENU", "NED", "NWU"]) } : {}),
     ...(next() < 0.5 ? { sideFolded: true } : {}),

@@ -62,6 +62,25 @@ export const TEXT = {
   inUnit: (unit: Value) => ` in ${unit}`,
   plotOverTime: (title: Value, unit: Value) => `${title}${unit} over time`,
 
+  // y axis
+  yAxisHint: "Wheel or two fingers: zoom; drag: move; click: range; double click: automatic",
+  yAxisOf: (title: Value) => `y axis of ${title}`,
+  yAxisAutomatic: (title: Value) => `y axis of ${title}, automatic`,
+  yAxisFixed: (title: Value, low: Value, high: Value, unit: Value) =>
+    `y axis of ${title}, fixed from ${low} to ${high} ${unit}`.trimEnd(),
+  logarithmic: "logarithmic",
+  fixed: "fixed",
+  log: "log",
+  minimum: "Minimum",
+  maximum: "Maximum",
+  logarithmicAxis: "Logarithmic",
+  logHint: "A logarithmic axis is drawn while all values in the window are positive.",
+  notANumber: "Minimum and maximum must be numbers, for example −2.5.",
+  wrongOrder: (low: Value, high: Value) => `The minimum ${low} must be below the maximum ${high}.`,
+  logNeedsPositive: (low: Value) => `The minimum ${low} must be above 0 on a logarithmic axis.`,
+  automatic: "Automatic",
+  fix: "Fix range",
+
   // status lanes
   notSet: "not set",
   samplesThen: (samples: number) => `${count(samples, "sample")}, `,

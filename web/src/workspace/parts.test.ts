@@ -63,6 +63,8 @@ const BROKEN = [
   { extraPlots: [""] },
   { customPlots: ["1/Acceleration"] },
   { frame: 3 },
+  { yAxes: { Acceleration: { range: [5, 5] } } },
+  { yAxes: { Acceleration: {} } },
   { sideFolded: "yes" },
 ];
 

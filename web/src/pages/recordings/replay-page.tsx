@@ -8,6 +8,7 @@ import { GoTo, type GoToDeps } from "../../measure/go-to";
 import { MeasurePanel } from "../../measure/measure-panel";
 import { placesOf } from "../../plots/markers";
 import { mountStack } from "../../plots/plot-stack";
+import { YAxisDialog } from "../../plots/y-axis-dialog";
 import { readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
 import type { Deps } from "../../panels/panel-context";
@@ -126,6 +127,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
         <>
           <GoTo deps={goToDeps(replay)} />
           <MeasurePanel deps={measureDeps(replay)} />
+          <YAxisDialog viewState={replay.viewState} />
         </>
       }
     />
