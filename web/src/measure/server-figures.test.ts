@@ -71,6 +71,11 @@ it("asks for columns as they were sent", () => {
   );
 });
 
+it("asks for nothing of another source, whose ids mean other channels", () => {
+  expect(wantedOf(seriesOf({ ...acceleration, id: rotation.id }, 0), source)).toBeUndefined();
+  expect(wantedOf(seriesOf({ ...acceleration, device: "9" }, 0), source)).toBeUndefined();
+});
+
 it("changes figures to the frame shown, and gives none that it cannot know", () => {
   const figures = {
     n: 5,

@@ -51,6 +51,8 @@ export function wantedOf({ channel: { info }, column }: Series, source: FigureSo
   const shown = info.columns[column];
   const sent = source.sent(info.id < 0 ? -1 - info.id : info.id);
   if (shown === undefined || sent === undefined) return undefined;
+  // a plot may have signals of another source, whose ids mean other channels here
+  if (sent.device !== info.device || (info.id >= 0 && sent.name !== info.name)) return undefined;
   const name = source.prefix(info.device) + sent.name;
   const plain = { parts: 1, part: 0, factor: 1, offset: 0, period: shown.period };
   if (info.id < 0) {
