@@ -3,7 +3,7 @@
  * The server looks for conditions: over a whole recording, or over what it has of a live device in memory.
  */
 import { useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Destination, ViewState } from "../data/view-state";
 import { day, duration } from "../plots/axis";
 import { clock } from "../ui/format";
@@ -89,7 +89,8 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: a view has one bar
   useEffect(() => actions.attachSteps(step), []);
   const { isOpen, text, kind } = goTo.value;
-  useEffect(() => {
+  // before the next key: what is typed at once belongs to the input, not to the page
+  useLayoutEffect(() => {
     if (isOpen) input.current?.select();
   }, [isOpen]);
   if (!isOpen) return null;
