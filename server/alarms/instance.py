@@ -267,7 +267,7 @@ class AlarmInstance:
 
     def _event(self, name: EventName, level: wire.Level, text: str, time: float, data: dict[str, Any]) -> None:
         body = {"alarm": self.stored.id, "name": self.definition.name, "change": name, **data}
-        if name in ("raised", "repeated"):
+        if name in ("raised", "repeated", "returned", "cleared"):
             body["level"] = self.definition.level
             body["signals"] = [] if self._samples is None else [column.name for column in self._samples.columns]
             body["subject"] = "" if self._condition is None else self._condition.subject

@@ -110,7 +110,7 @@ export function raisedSpans(events: readonly EventInfo[], device: string): reado
     const span: RaisedSpan = {
       alarm,
       name: String(data["name"] ?? ""),
-      level,
+      level: data["level"] === "error" ? "error" : data["level"] === "warning" ? "warning" : level,
       signals: Array.isArray(signals) ? signals.map(String) : [],
       subject: String(data["subject"] ?? ""),
       limit: numberIn(data["limit"]),

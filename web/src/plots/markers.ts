@@ -2,6 +2,8 @@
 import type { EventInfo } from "../wire/types";
 import { fitting, type Palette, setFont } from "./canvas-style";
 import { xOf, type TimeWindow } from "./time-window";
+import type { Store } from "../data/store";
+import type { ViewState } from "../data/view-state";
 import { COMMON } from "../texts/common";
 
 /** A marker for drawing. */
@@ -72,4 +74,15 @@ export function drawMarkers(
     if (text === "" || room < MIN_PX) continue;
     x.fillText(fitting(x, text, room), px + FLAG_PX + 3, top + 6);
   }
+}
+
+/** The markers among the events of a store, updated when there are new events. */
+export function markersOf(store: Store, { view }: ViewState): () => readonly MarkLine[] {
+  let [from, device, found]: [unknown, string | undefined, readonly MarkLine[]] = [undefined, undefined, []];
+  return () => {
+    const now = view.peek().device;
+    if (from !== store.events.peek() || device !== now)
+      [from, device, found] = [store.events.peek(), now, markersIn(store.events.peek(), now)];
+    return found;
+  };
 }

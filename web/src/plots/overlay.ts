@@ -3,6 +3,7 @@
  * or selected interval. It is redrawn when the pointer moves, while the traces under it stay.
  */
 import type { Loss } from "../data/losses";
+import { type AlarmMarks, drawAlarms } from "./alarm-marks";
 import { drawMarkers, type MarkLine } from "./markers";
 import type { Palette, CanvasLayer } from "./canvas-style";
 import { hatch, setFont } from "./canvas-style";
@@ -30,6 +31,7 @@ export interface Marks {
   readonly selection: readonly [number, number] | undefined;
   readonly reads: Reads;
   readonly markers: readonly MarkLine[];
+  readonly alarms: AlarmMarks;
 }
 
 export function drawGlass(
@@ -74,6 +76,7 @@ export function drawGlass(
   x.globalAlpha = 1;
   const [first, last] = [panes[0], panes.at(-1)];
   if (first && last && marks.markers.length > 0) drawMarkers(x, marks.markers, w, look, first.top, last.bottom);
+  drawAlarms(x, plots, marks.alarms, w, look, hidden);
   if (marks.measure !== undefined) drawMeasure(x, sheet, panes, w, look, marks, clip);
   if (marks.cursor === undefined) return;
   x.fillStyle = look.colour.ink;

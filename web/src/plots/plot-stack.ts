@@ -27,7 +27,8 @@ import { drawGlass, type Pane } from "./overlay";
 import type { Reads } from "./legend";
 import { Lanes } from "./status-lanes";
 import { LaneNames } from "./lane-names";
-import { type MarkLine, markersIn } from "./markers";
+import { alarmsOn, stampOf, type AlarmMarks, type AlarmSource } from "./alarm-marks";
+import { type MarkLine, markersOf } from "./markers";
 import { HistoryStrip } from "./history-strip";
 import { palette, type Palette, CanvasLayer } from "./canvas-style";
 import { Plot } from "./plot";
@@ -48,6 +49,7 @@ export interface StackDeps {
   readonly bounds?: () => { readonly first: number; readonly last: number };
   /** Markers to draw; default: those among the store's events. */
   readonly markers?: () => readonly MarkLine[];
+  readonly alarms?: AlarmSource;
   /** Opens the tree of all signals, and the frame of a sample. */
   readonly open?: Pick<Openers, "signals"> & Partial<Pick<Openers, "packet">>;
 }
@@ -65,6 +67,7 @@ class Stack {
   readonly #reads: Reads;
   readonly #whole: StackDeps["bounds"];
   readonly #markers: () => readonly MarkLine[];
+  readonly #alarms: () => AlarmMarks;
   readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": COMMON.plots });
   readonly #glass = new CanvasLayer(el("canvas", { class: "cursor-layer", "aria-hidden": "true" }));
   readonly #more = el("div", { class: "more-quantities", role: "group", "aria-label": TEXT.moreQuantities });
@@ -100,8 +103,12 @@ class Stack {
   readonly #openSignals: (() => void) | undefined;
   readonly #openPacket: Openers["packet"] | undefined;
 
-  constructor(host: HTMLElement, { store, viewState, reads = (channel) => channel, bounds, markers, open }: StackDeps) {
+  constructor(
+    host: HTMLElement,
+    { store, viewState, reads = (channel) => channel, bounds, markers, alarms, open }: StackDeps,
+  ) {
     this.#markers = markers ?? markersOf(store, viewState);
+    this.#alarms = alarmsOn(store, viewState, alarms);
     this.#openSignals = open && (() => open.signals());
     this.#openPacket = open?.packet;
     this.#store = store;
@@ -334,6 +341,7 @@ class Stack {
       losses,
       lostSince,
       markers,
+      alarms: this.#alarms(),
       cursor: reading,
       measure: this.#state.measure.peek(),
       selection: this.#selection,
@@ -342,7 +350,7 @@ class Stack {
     if (
       this.#changed(
         "glass",
-        `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${shown.size} ${reading === undefined ? "" : still}`,
+        `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${stampOf(marks.alarms, this.#plots)} ${shown.size} ${reading === undefined ? "" : still}`,
       )
     ) {
       drawGlass(this.#glass, this.#panes, this.#plots, w, this.#look, marks, shown);
@@ -475,17 +483,6 @@ class Stack {
     this.#seen.disconnect();
     this.#root.remove();
   }
-}
-
-/** The markers among the events of a store, updated when there are new events. */
-function markersOf(store: Store, { view }: ViewState): () => readonly MarkLine[] {
-  let [from, device, found]: [unknown, string | undefined, readonly MarkLine[]] = [undefined, undefined, []];
-  return () => {
-    const now = view.peek().device;
-    if (from !== store.events.peek() || device !== now)
-      [from, device, found] = [store.events.peek(), now, markersIn(store.events.peek(), now)];
-    return found;
-  };
 }
 
 function titleEnd({ legend }: Plot): number {
