@@ -13,7 +13,7 @@ from tests.server_process import ServerProcess
 
 SOURCE = "sim:xbus?product=MTi-630&rate=100&seed=1"
 PANELS = "[...document.querySelectorAll('[data-panel]')].map(one => one.dataset.panel).join(' ')"
-DEFAULT = "attitude plots values health events"
+DEFAULT = "attitude plots values health alarms events"
 WIDTH = "Math.round(document.querySelector('.side').getBoundingClientRect().width)"
 SHEET = "document.querySelector('.arrange')"
 
@@ -39,7 +39,7 @@ def test_panels_are_arranged_by_mouse_and_keyboard_and_undone(
     until(page, f"{SHEET} !== null")
     assert serious(page, SHEET) == []
     page.get_by_label("Place of Events").select_option("main")
-    until(page, f"{PANELS} === 'attitude plots events values health'")
+    until(page, f"{PANELS} === 'attitude plots events values health alarms'")
     drag(page, page.get_by_role("separator", name="Width of the side column"), -120, 0)
     until(page, f"Math.abs({WIDTH} - {width + 120}) < 3")
     row = page.locator("[data-row=health] .grip")
@@ -47,7 +47,7 @@ def test_panels_are_arranged_by_mouse_and_keyboard_and_undone(
     assert to is not None
     assert at is not None
     drag(page, row, 0, to["y"] - at["y"] - 5)
-    until(page, f"{PANELS} === 'attitude plots events health values'")
+    until(page, f"{PANELS} === 'attitude plots events health values alarms'")
     page.keyboard.press("Escape")
     until(page, f"{SHEET} === null")
     page.locator("[data-panel=values] h2").dblclick()
@@ -59,7 +59,7 @@ def test_panels_are_arranged_by_mouse_and_keyboard_and_undone(
         page.keyboard.press("Control+z")
     until(page, f"{PANELS} === '{DEFAULT}' && {WIDTH} === {width}")
     page.keyboard.press("Control+Shift+z")
-    until(page, f"{PANELS} === 'attitude plots events values health'")
+    until(page, f"{PANELS} === 'attitude plots events values health alarms'")
 
 
 def test_panels_are_arranged_with_a_thumb(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
@@ -70,7 +70,7 @@ def test_panels_are_arranged_with_a_thumb(serve: Callable[..., ServerProcess], o
     small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{SHEET}.querySelectorAll"))
     assert not small, small
     page.get_by_label("Place of Values").select_option("hidden")
-    until(page, f"{PANELS} === 'attitude plots health events'")
+    until(page, f"{PANELS} === 'attitude plots health alarms events'")
     page.get_by_label("Maximize Plots").tap()
     until(page, f"document.querySelector('.maximised')?.clientWidth === {PHONE[0]}")
     page.get_by_role("button", name="Restore panel").tap()
@@ -97,7 +97,7 @@ def test_a_workspace_is_stored_chosen_and_shared(
     page.get_by_label("Place of Events").select_option("main")
     page.get_by_label("Place of Values").select_option("hidden")
     page.get_by_role("separator", name="Width of the side column").press("Shift+ArrowLeft")
-    until(page, f"{PANELS} === 'attitude plots events health' && {WIDTH} === 346")
+    until(page, f"{PANELS} === 'attitude plots events health alarms' && {WIDTH} === 346")
     wanted = layout(page)
     save(page, "Bench 3")
     page.get_by_text("Export, import, default").click()
@@ -107,8 +107,10 @@ def test_a_workspace_is_stored_chosen_and_shared(
     download.value.save_as(file)
     assert file.name == "Bench 3.json"
     assert serious(page, SHEET) == []
-    page.get_by_label("Open devices of").check()
-    until(page, f"{SHEET}.innerText.includes('Pages without a layout')")
+    page.get_by_label("Open devices of").click()  # it is checked once the server has it
+    until(
+        page, f"{SHEET}.innerText.includes('Pages without a layout') && {SHEET}.querySelector('input:checked') !== null"
+    )
 
     # a link: time range, both cursors and the workspace, in one action
     page.keyboard.press("Escape")
@@ -138,7 +140,7 @@ def test_a_workspace_is_stored_chosen_and_shared(
     other.get_by_role("button", name="Save", exact=True).click()
     until(other, f"{SHEET}.innerText.includes('was changed since it was opened')")
     other.get_by_role("button", name="Open the newer one").click()
-    until(other, f"{PANELS} === 'attitude plots events'")
+    until(other, f"{PANELS} === 'attitude plots events alarms'")
 
     # a file brings back what was exported; one that is none changes nothing
     other.get_by_text("Export, import, default").click()

@@ -47,7 +47,16 @@ interface Choice {
   readonly motion: Signal<string>;
 }
 
-export function AnalysisDialog({ deps, source, title, prefix, isLive, onClose }: Props) {
+export function AnalysisDialog({ title, onClose, ...rest }: Props) {
+  return (
+    <Dialog title={TEXT.analysisOf(title)} wide onClose={onClose}>
+      <AnalysisView {...rest} />
+    </Dialog>
+  );
+}
+
+/** The analysis without the dialog around it. */
+export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "title" | "onClose">) {
   const { viewState, store } = deps;
   const names = useComputed(() => signalNames(store.channels.value, viewState.view.value.device));
   const choice: Choice = {
@@ -94,17 +103,15 @@ export function AnalysisDialog({ deps, source, title, prefix, isLive, onClose }:
     };
   });
   return (
-    <Dialog title={TEXT.analysisOf(title)} wide onClose={onClose}>
-      <div class="analysis">
-        <Controls choice={choice} names={names.value} hasCursors={hasCursors(viewState)} />
-        {problem.value && <ProblemNote problem={problem.value} />}
-        {answered.value ? (
-          <Result xKind={choice.xKind.value} {...answered.value} />
-        ) : (
-          busy.value && <p>{TEXT.computing}</p>
-        )}
-      </div>
-    </Dialog>
+    <div class="analysis">
+      <Controls choice={choice} names={names.value} hasCursors={hasCursors(viewState)} />
+      {problem.value && <ProblemNote problem={problem.value} />}
+      {answered.value ? (
+        <Result xKind={choice.xKind.value} {...answered.value} />
+      ) : (
+        busy.value && <p>{TEXT.computing}</p>
+      )}
+    </div>
   );
 }
 

@@ -63,6 +63,8 @@ export interface Deps {
   readonly allEvents?: readonly EventInfo[];
   /** Shows a moment, if that needs more than a change of the view. */
   readonly jump?: (to: { readonly t0: number; readonly t1: number }) => void;
+  /** The recording that the samples are of; undefined on Live. */
+  readonly recording?: { readonly id: string };
   /** Samples of a recording missing after the reading position. */
   readonly lostLater?: (device: string) => number;
 }

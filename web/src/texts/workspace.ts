@@ -30,6 +30,7 @@ export const TEXT = {
   doubleClickToMaximise: "Double-click to maximize (X)",
   restore: "Restore panel",
   show: "Show",
+  showPanel: (panel: Value) => `Show ${panel}`,
   undo: "Undo (Ctrl+Z)",
   redo: "Redo (Ctrl+Shift+Z)",
   done: "Done",

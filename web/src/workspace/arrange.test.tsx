@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 /** Panels of the whole page, arranged as a person does it: by keys, by the list, by dividers; undone and redone. */
-import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, it } from "vitest";
 import { recorded } from "../testing/recorded";
 import { openPage } from "../testing/live-page";
@@ -33,8 +33,7 @@ it("panels are hidden, moved to another place and shown again, and all of it is 
   await waitFor(() => expect(panels().slice(0, 3)).toEqual(["attitude", "events", "plots"]));
   fireEvent.change(screen.getByLabelText(TEXT.placeOf("Values")), { target: { value: "hidden" } });
   await waitFor(() => expect(panels()).not.toContain("values"));
-  const hidden = document.querySelector<HTMLElement>("[data-area=hidden]");
-  if (hidden) fireEvent.click(within(hidden).getByText(TEXT.show));
+  fireEvent.click(screen.getByLabelText(TEXT.showPanel("Values")));
   await waitFor(() => expect(panels()).toEqual(["attitude", "events", "plots", "values", "health", "alarms"]));
   fireEvent.click(screen.getByText(TEXT.defaultLayout));
   await waitFor(() => expect(panels()).toEqual(DEFAULT));
@@ -88,4 +87,15 @@ it("typing in a field is not a key of the workspace", async () => {
   fireEvent.keyDown(field, { key: "w" });
   expect(screen.queryByRole("dialog", { name: TEXT.sheet })).not.toBeNull();
   field.remove();
+});
+
+it("a panel that is shown on request only is in the list, and is stored once it is shown", async () => {
+  const { app } = await arranging();
+  expect(panels()).toEqual(DEFAULT);
+  fireEvent.click(screen.getByLabelText(TEXT.showPanel("Analysis")));
+  await waitFor(() => expect(panels()).toEqual(["attitude", "plots", "analysis", ...DEFAULT.slice(2)]));
+  expect(app.viewState.layout.value.panels["analysis"]).toEqual({ shown: true });
+  await screen.findByRole("button", { name: "Allan deviation" });
+  press("z", { ctrlKey: true });
+  await waitFor(() => expect(panels()).toEqual(DEFAULT));
 });

@@ -187,7 +187,12 @@ function Row({ session, panel, area, all, isFirst, isLast }: RowProps) {
         </>
       )}
       {area === "hidden" ? (
-        <button type="button" class="btn edge" onClick={() => placed(session, panel, all, homeOf(session, panel))}>
+        <button
+          type="button"
+          class="btn edge"
+          aria-label={TEXT.showPanel(panel.title)}
+          onClick={() => placed(session, panel, all, homeOf(session, panel))}
+        >
           {TEXT.show}
         </button>
       ) : (

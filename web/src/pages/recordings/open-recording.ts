@@ -32,7 +32,12 @@ export function openRecording(replay: ReplayController, app: App, before?: OpenR
   return {
     replay,
     app,
-    deps: { ...replay.deps, open: { ...app.open, packet }, eventSort: app.eventSort },
+    deps: {
+      ...replay.deps,
+      open: { ...app.open, packet },
+      eventSort: app.eventSort,
+      recording: { id: replay.detail.info.id },
+    },
     placing: signal(undefined),
     said: before?.said ?? signal(""),
     showsSettings: before?.showsSettings ?? signal(false),
