@@ -74,7 +74,7 @@ export const TEXT = {
   allDevices: "Every device",
   asStored: "As stored",
   clears: "Clears",
-  clearsByItself: "By itself",
+  clearsByItself: "Automatically",
   latched: "Once acknowledged",
   evaluation: "Evaluation",
   enabled: "Enabled",
