@@ -21,14 +21,14 @@ def test_an_alarm_is_added_raised_and_acknowledged(
 ) -> None:
     page = opened(serve(SIMULATOR), open_page, DESKTOP)
     page.get_by_role("button", name="Add alarm").click()
-    page.get_by_label("Condition").fill("norm(Speed) > 0.5 g")
+    page.get_by_label("Condition", exact=True).fill("norm(Speed) > 0.5 g")
     until(page, f"{PLACE}.querySelector('mark')?.textContent === 'Speed'")
-    assert page.get_by_role("button", name="Save").is_disabled()
+    assert page.get_by_role("button", name="Save", exact=True).is_disabled()
     assert serious(page, PLACE) == []
-    page.get_by_label("Condition").fill("norm(Acceleration) > 0.5 g")
+    page.get_by_label("Condition", exact=True).fill("norm(Acceleration) > 0.5 g")
     until(page, f"{PLACE}.querySelector('mark') === null")
-    page.get_by_label("Name").fill("Under gravity")
-    page.get_by_role("button", name="Save").click()
+    page.get_by_label("Name", exact=True).fill("Under gravity")
+    page.get_by_role("button", name="Save", exact=True).click()
     until(page, f"{PLACE} === null")
     until(page, f"{LIST}.includes('Raised') && {LIST}.includes('Under gravity')")
     until(page, f"{ROW}.includes('1 alarm raised')")
@@ -41,7 +41,7 @@ def test_an_alarm_is_added_raised_and_acknowledged(
     page.reload()
     until(page, f"{LIST}.includes('by Ada')")
     page.get_by_role("button", name="Edit Under gravity").click()
-    page.get_by_role("button", name="Delete").click()
+    page.get_by_role("button", name="Delete", exact=True).click()
     page.get_by_role("button", name="Delete this alarm?").click()
     until(page, f"{PLACE} === null && {LIST} === ''")
 
