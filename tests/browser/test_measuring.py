@@ -22,6 +22,7 @@ __all__ = ["recorded"]  # a fixture
 PANEL = "document.querySelector('.measure')"
 COUNTED = f"{PANEL} !== null && {PANEL}.querySelector('.pending') === null && {PANEL}.querySelector('td') !== null"
 SOURCE = "sim:xbus?product=MTi-630&rate=100&seed=1"
+DRAWN_ANEW = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
 COPIED = "window.copied = undefined; navigator.clipboard.writeText = async text => { window.copied = text; }"
 
 
@@ -57,6 +58,7 @@ def test_two_clicks_measure_and_cursors_are_dragged(
     page.get_by_role("button", name="Pause").click()  # a live window moves on while axe looks
     until(page, COUNTED)
     assert serious(page, PANEL) == []
+    page.evaluate(DRAWN_ANEW)  # the window as paused is on screen
     span, end, b = page.evaluate("[imuscope.view.value.span, imuscope.view.value.end, imuscope.measure.value]")
     left, right, y = area(page)
     x = right - (end - b) / span * (right - left)
@@ -153,7 +155,7 @@ def test_to_the_next_place_of_a_condition_in_three_actions(
     page.keyboard.type("norm(Acceleration) > 9.9 m/s²")
     page.keyboard.press("Enter")
     until(page, "document.querySelector('.go-to-said')?.innerText.includes('UTC, true')")
-    first = page.evaluate("imuscopeReplay.head")
+    first = page.evaluate("imuscope.cursor.value.time")
     [info] = ask(recorded, "GET", "/api/recordings")
     body = {
         "source": info["id"],
@@ -164,8 +166,8 @@ def test_to_the_next_place_of_a_condition_in_three_actions(
     assert found["figures"]["begin"][0] == pytest.approx(first, abs=1e-6)
     page.evaluate("document.activeElement.blur()")
     page.keyboard.press("n")
-    until(page, f"imuscopeReplay.head > {first}")
-    assert page.evaluate("imuscopeReplay.head") == pytest.approx(found["figures"]["begin"][1], abs=1e-6)
+    until(page, f"imuscope.cursor.value.time > {first}")
+    assert page.evaluate("imuscope.cursor.value.time") == pytest.approx(found["figures"]["begin"][1], abs=1e-6)
     assert serious(page, "document.querySelector('.go-to')") == []
 
 
