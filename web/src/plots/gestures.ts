@@ -202,7 +202,7 @@ export function listen(
     if (event.pointerType === "mouse" && onCanvas(event) && !inStrip(event)) {
       hover(xIn(event));
       const isGrip = (press?.grip ?? gripAt(xIn(event), GRIP_PX)) !== undefined;
-      stack.classList.toggle("grip", isGrip && !event.shiftKey);
+      stack.classList.toggle("at-cursor", isGrip && !event.shiftKey);
     }
   });
   const end = (event: PointerEvent): void => {
