@@ -129,7 +129,7 @@ class Services:
         decoders.start()
         yield
         await shutdown.close_all(
-            self.recorder.close(),
+            shutdown.close_sequentially(self.alarms.close_trigger(), self.recorder.close()),
             {
                 "an export": self.exports.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
@@ -184,6 +184,7 @@ def build_services(
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
     compactor = CompactionWorker(catalogue.finished)
+    recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory)
     return Services(
         config=config,
         reading=reading,
@@ -198,9 +199,9 @@ def build_services(
         catalogue=catalogue,
         columns=columns,
         derived=DerivedChannels(bus, telemetry.store, SignalDefinitions(config.data)),
-        recorder=Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory),
+        recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
-        alarms=AlarmService(bus, telemetry.store, config.data),
+        alarms=AlarmService(bus, telemetry.store, config.data, recorder),
         viser=Viser(telemetry, timings.scene_idle_s),
         rerun=Rerun(telemetry, config.rerun_connect),
         foxglove=Foxglove(telemetry, config.foxglove, access),

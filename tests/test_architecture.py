@@ -77,7 +77,7 @@ SERVER: dict[str, set[str]] = {
     "configuration": {"holder", "wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"library", "streaming"},
-    "alarms": {"analysis", "streaming"},
+    "alarms": {"analysis", "library", "streaming"},
     "fleet": {"devices", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth", "ros2"},
     "reference": {"configuration", "library"},

@@ -4,6 +4,7 @@
     conditions.py    a condition compiled for one device: its samples ─> time, code, value
     figures.py       conditions on figures of a link: rate, loss, silence, clock, connection
     machine.py       codes ─> ok, pending, raised, cleared, missing; pure
+    recording_trigger.py   raised alarms ─> recordings that begin before the limit was crossed
     service.py       samples of the bus ─> machines ─> events; acknowledgement
     alarm_file.py    definitions and states in the data folder
 

@@ -11,6 +11,7 @@ from server import wire
 MAX_NAME = 80
 MAX_TEXT = 400
 MAX_DURATION_S = 3600.0
+MAX_RECORDING_S = 86_400.0
 
 Figure = Literal["rate", "loss", "silence", "clock", "link"]
 AlarmLevel = Literal["warning", "error"]
@@ -72,6 +73,22 @@ class DeviceFilter(_Strict):
         )
 
 
+class RecordingAction(_Strict):
+    """A recording of what led to an alarm and of what followed."""
+
+    before_s: Seconds = Field(default=10.0, description="begins this long before the limit was crossed, from memory")
+    after_s: Seconds = Field(default=10.0, description="ends this long after the condition has ended")
+    longest_s: float = Field(
+        default=600.0,
+        ge=1,
+        le=MAX_RECORDING_S,
+        allow_inf_nan=False,
+        description="ends this long after the alarm was raised in any case",
+    )
+    per_hour: int = Field(default=6, ge=1, le=60, description="most recordings within an hour")
+    every_device: bool = Field(default=False, description="records all devices, not only the one of the alarm")
+
+
 class AlarmDefinition(_Strict):
     """An alarm as set by a person."""
 
@@ -90,6 +107,7 @@ class AlarmDefinition(_Strict):
     )
     latched: bool = Field(default=False, description="stays raised until it is acknowledged")
     enabled: bool = True
+    recording: RecordingAction | None = Field(default=None, description="starts a recording when it is raised")
 
 
 class StoredAlarm(_Strict):

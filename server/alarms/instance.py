@@ -24,7 +24,7 @@ EVENTS_PER_PERIOD = 10
 PERIOD_S = 10.0
 LIMITS = {1: "above", -1: "below"}
 
-EventName = Literal["raised", "returned", "cleared", "missing", "data", "acknowledged", "repeated"]
+EventName = Literal["raised", "returned", "cleared", "missing", "data", "acknowledged", "repeated", "action"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +75,8 @@ class AlarmInstance:
         self.channels: frozenset[int] = frozenset()
         self.problem = ""
         self.fed = bus.now()  # when the last sample was taken, by the server's clock
+        self.is_closed = False
+        self.raises: list[float] = []  # when it was raised since they were taken, unix s
         self._bus = bus
         self._samples: SampleCondition | None = None
         self._health: HealthJudge | None = None
@@ -156,6 +158,7 @@ class AlarmInstance:
 
     def close(self, now: float) -> None:
         """End the evaluation: the alarm was changed, disabled or deleted, or its device was removed."""
+        self.is_closed = True
         if self._suppressed:
             self._sum_up(now)
         if self.machine.is_active:
@@ -199,8 +202,19 @@ class AlarmInstance:
     def _title(self) -> str:
         return f"“{self.definition.name}”"
 
+    @property
+    def holds(self) -> bool:
+        """Whether the condition holds, and is evaluated; latched alarms stay raised after it."""
+        return self.machine.is_on and not self.is_closed
+
+    def note(self, level: wire.Level, text: str, **data: Any) -> None:
+        """Report what an action of the alarm did."""
+        self._event("action", level, f"Alarm {self._title} {text}", self._bus.now(), data)
+
     def _report(self, transitions: Sequence[AlarmTransition]) -> bool:
         for one in transitions:
+            if one.kind == "raised" and self.definition.recording is not None:
+                self.raises.append(one.time)
             if one.kind == "cleared":
                 self._intervals.append(RaisedInterval(one.began, one.time, _finite(one.value)))
             if one.time - self._period >= PERIOD_S or one.time < self._period:

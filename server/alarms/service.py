@@ -21,7 +21,9 @@ from server.alarms.alarm_file import AlarmFile, lasting_name
 from server.alarms.conditions import checked
 from server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from server.alarms.instance import AlarmInstance, AlarmState, compiled
+from server.alarms.recording_trigger import RecordingTrigger
 from server.errors import DomainError
+from server.library.recorder import Recorder
 from server.prometheus_text import PrometheusText
 from server.streaming.bus import TelemetryBus
 from server.streaming.channel_store import ChannelStore
@@ -42,10 +44,12 @@ class AlarmService:
     Args:
         store: rows of the channels.
         folder: the data folder.
+        recorder: starts the recordings of alarms that have one.
     """
 
-    def __init__(self, bus: TelemetryBus, store: ChannelStore, folder: Path) -> None:
+    def __init__(self, bus: TelemetryBus, store: ChannelStore, folder: Path, recorder: Recorder) -> None:
         self._bus = bus
+        self._trigger = RecordingTrigger(recorder)
         self._store = store
         self._path = folder / FILE
         self._stored: dict[str, StoredAlarm] = {}
@@ -81,6 +85,11 @@ class AlarmService:
         self._stored = {one.id: one for one in found.alarms[:MAX_ALARMS]}
         self._saved = found.states
         self._task = asyncio.get_running_loop().create_task(self._run(), name="alarms")
+        self._trigger.start()
+
+    async def close_trigger(self) -> None:
+        """Start no further recording; one that runs is ended by the recorder."""
+        await self._trigger.close()
 
     async def close(self) -> None:
         """Stop the evaluation and store the states."""
@@ -153,6 +162,8 @@ class AlarmService:
                     if info is not None:
                         self._is_dirty |= instance.feed_health(info, self._bus.health_of(instance.device), now)
                 self._is_dirty |= instance.tick(now)
+                if instance.raises:
+                    self._trigger.add(instance)
             except Exception:  # an error of one alarm must not affect the others
                 log.exception("evaluating the alarm %s failed", instance.definition.name)
                 instance.problem = "Internal error while it was evaluated; the log has details."
@@ -295,6 +306,7 @@ class AlarmService:
             self._match()
             raise
         self._saved.pop(alarm, None)
+        self._trigger.forget(alarm)
         self._note(stored, "deleted")
 
     def _note(self, stored: StoredAlarm, change: str) -> None:

@@ -126,6 +126,7 @@ class Recorder:
         path: Path | None = None,
         words: str = "",
         before_s: float = 0.0,
+        with_head: bool = True,
     ) -> wire.RecorderState:
         """Start a recording.
 
@@ -136,6 +137,8 @@ class Recorder:
             words: text for the file name; by default the title or the names of the received devices.
             before_s: begin with the bytes of the last seconds, as far as they are in memory; no byte is lost or
                 doubled between them and those that follow.
+            with_head: request the Configuration of an Xsens device, if that is wanted of recordings at all. The
+                device pauses for it, just when something may be happening that starts a recording by itself.
 
         Raises:
             DomainError: a recording is running, or a device is unknown.
@@ -146,7 +149,8 @@ class Recorder:
                 raise DomainError("busy", "A recording is already running.", "Stop it first.")
             chosen, every = self._chosen(devices), devices is None
             since = self._bus.now() - before_s if before_s else None
-            now = await self._new_session(chosen, title, path, words, since, every=every, ask_head=self.plan.ask_head)
+            ask_head = self.plan.ask_head and with_head
+            now = await self._new_session(chosen, title, path, words, since, every=every, ask_head=ask_head)
             self._now = now
             for session in self._sessions.all if every else chosen:
                 now.join(session)
@@ -209,14 +213,19 @@ class Recorder:
             log.error("%s %s", words, error.hint)
             self._bus.event("", "device", "error", words, data={"hint": error.hint})
 
-    async def stop(self) -> wire.RecorderState:
+    async def stop(self, only: RecordingSession | None = None) -> wire.RecorderState:
         """Stop recording; the file is complete when this returns.
+
+        Args:
+            only: stop nothing but this one, see `current`.
 
         Raises:
             DomainError: no recording is running.
         """
         async with self._starting:  # the bytes from before its start are written first
             now = self._now
+            if only is not None and now is not only:
+                return self.state
             if now is None:
                 raise DomainError("not-now", "No recording is running.", "Start a recording first.")
             await self._end(now)
@@ -257,6 +266,11 @@ class Recorder:
             free=free,
             seconds_left=now.seconds_left(free),
         )
+
+    @property
+    def current(self) -> RecordingSession | None:
+        """The recording that is running, the same object in all its files; None if there is none."""
+        return self._now
 
     @property
     def path(self) -> Path | None:

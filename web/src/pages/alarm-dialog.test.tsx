@@ -18,6 +18,7 @@ const STORED: AlarmDefinition = {
   missing_s: 7,
   latched: true,
   enabled: false,
+  recording: { before_s: 20, after_s: 0, longest_s: 90, per_hour: 2, every_device: true },
 };
 const DEVICE = { id: "1", serial_number: "0080A1B2", source: "sim:xbus", name: "MTi-630" } as DeviceInfo;
 
@@ -40,6 +41,26 @@ test("a new alarm is for the device by its serial number, and named by its condi
   const made = definitionOf(fieldsOf({ expression: "Temperature > 60 °C" }, DEVICE), undefined);
   expect(made.name).toBe("Temperature > 60 °C");
   expect(made.devices).toEqual({ device: "0080A1B2", product: "", family: "" });
+});
+
+test("an alarm records when that is chosen, and no longer when it is not", async () => {
+  const asked = answering({ "POST /api/alarms/check": {}, "POST /api/alarms": {}, "GET /api/alarms": [] });
+  render(<AlarmDialog app={newApp()} onClose={vi.fn()} />);
+  const condition = screen.getByLabelText<HTMLInputElement>("Condition");
+  fireEvent.input(condition, { target: { value: "Temperature > 60 °C" } });
+  const sent = async (count: number): Promise<AlarmDefinition> => {
+    fireEvent.submit(condition.form as HTMLFormElement);
+    const added = () => asked.filter(({ method, path }) => method === "POST" && path === "/api/alarms");
+    await waitFor(() => expect(added().length).toBe(count));
+    return added().at(-1)?.body as AlarmDefinition;
+  };
+  expect((await sent(1)).recording).toBe(null);
+  fireEvent.change(screen.getByLabelText("When raised"), { target: { value: "device" } });
+  fireEvent.input(screen.getByLabelText("Record before (s)"), { target: { value: "30" } });
+  const expected = { before_s: 30, after_s: 10, longest_s: 600, per_hour: 6, every_device: false };
+  expect((await sent(2)).recording).toEqual(expected);
+  fireEvent.change(screen.getByLabelText("When raised"), { target: { value: "" } });
+  expect((await sent(3)).recording).toBe(null);
 });
 
 test("a mistake is marked where it is", () => {

@@ -8,6 +8,7 @@ import { ProblemNote } from "../ui/problem-note";
 import { protocolOf } from "../wire/capabilities";
 import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../wire/routes";
 import type { ChannelInfo, DeviceInfo } from "../wire/types";
+import { NumberField, RecordingChoice, type RecordingFields, recordingFieldsOf, recordingOf } from "./alarm-recording";
 import type { App } from "./app-state";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/alarms";
@@ -58,6 +59,7 @@ export interface Fields {
   readonly latched: boolean;
   readonly enabled: boolean;
   readonly devices: DeviceFilter;
+  readonly recording: RecordingFields | undefined;
 }
 
 export function fieldsOf(draft: AlarmDraft, device: DeviceInfo | undefined): Fields {
@@ -79,6 +81,7 @@ export function fieldsOf(draft: AlarmDraft, device: DeviceInfo | undefined): Fie
     latched: definition?.latched ?? false,
     enabled: definition?.enabled ?? true,
     devices: definition?.devices ?? { ...ANY, device: device === undefined ? "" : lastingName(device) },
+    recording: recordingFieldsOf(definition?.recording),
   };
 }
 
@@ -105,6 +108,7 @@ export function definitionOf(fields: Fields, before: AlarmDefinition | undefined
     clear_s: Number(fields.clearAfter) || 0,
     latched: fields.latched,
     enabled: fields.enabled,
+    recording: recordingOf(fields.recording),
   };
 }
 
@@ -252,6 +256,7 @@ export function AlarmDialog({ app, onClose }: Props) {
             </label>
           )}
           <DeviceChoice fields={fields.value} set={set} device={device} stored={draft.definition?.devices} />
+          <RecordingChoice fields={fields.value.recording} onFields={(recording) => set({ recording })} />
         </div>
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="alarm-end">
@@ -422,21 +427,6 @@ function FlagFields({ fields, set, channels }: FieldProps) {
         </select>
       </label>
     </div>
-  );
-}
-
-interface NumberProps {
-  readonly title: string;
-  readonly value: string;
-  readonly onValue: (value: string) => void;
-}
-
-function NumberField({ title, value, onValue }: NumberProps) {
-  return (
-    <label>
-      {title}
-      <input type="number" min="0" step="any" value={value} onInput={(event) => onValue(event.currentTarget.value)} />
-    </label>
   );
 }
 

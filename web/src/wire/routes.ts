@@ -68,6 +68,8 @@ export interface AlarmDefinition {
   /** stays raised until it is acknowledged */
   readonly latched?: boolean;
   readonly enabled?: boolean;
+  /** starts a recording when it is raised */
+  readonly recording?: RecordingAction | null;
 }
 
 /** An alarm with its states, one for each device that it is for at present. */
@@ -377,6 +379,20 @@ export interface RaisedInterval {
 export interface RearmDeviceRequest {
   /** the id of the device in the stream; empty: every device of the link */
   readonly sender?: string;
+}
+
+/** A recording of what led to an alarm and of what followed. */
+export interface RecordingAction {
+  /** begins this long before the limit was crossed, from memory */
+  readonly before_s: number;
+  /** ends this long after the condition has ended */
+  readonly after_s: number;
+  /** ends this long after the alarm was raised in any case */
+  readonly longest_s: number;
+  /** most recordings within an hour */
+  readonly per_hour: number;
+  /** records all devices, not only the one of the alarm */
+  readonly every_device: boolean;
 }
 
 /** State of the publisher. */
