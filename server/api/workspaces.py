@@ -64,7 +64,7 @@ async def get_workspace(name: str, services: TheServices, response: Response) ->
     return _body(await asyncio.to_thread(services.workspaces.get, name), response)
 
 
-@router.put("/workspaces/{name}", responses=responses(409, 412, 413, 422, 507))
+@router.put("/workspaces/{name}", responses=responses(404, 409, 412, 413, 422, 507))
 async def save_workspace(
     name: str, body: SaveWorkspaceRequest, services: TheServices, response: Response, if_match: IfMatch = None
 ) -> WorkspaceBody:

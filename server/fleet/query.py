@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,7 @@ from server.fleet.store import StoreLocation, told
 from server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
 BATCH_ROWS = 1 << 16
+AGAIN_S = 0.05
 READING = ("SELECT", "EXPLAIN")
 _WORD = re.compile(r"\w+")
 _SAMPLES = re.compile(r"\bsamples\b", re.IGNORECASE)
@@ -65,8 +67,8 @@ def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> 
                 if table is RECORDINGS or words & {table.name, f"{table.name}_wide", *_CATALOG}:
                     _view(connection, store, table, sql)
             _lock(connection, limits)
-            with guard:
-                yield _Answer(connection.sql(sql), guard).reader()
+            with guard, ThreadPoolExecutor(1, "question") as thread:
+                yield _Answer(connection.sql(sql), guard, thread).reader()
     finally:
         connection.close()
 
@@ -165,26 +167,42 @@ class _Guard:
         if self._timer is not None:
             self._timer.cancel()
 
+    def interrupt(self) -> None:
+        """Stop what the question is doing."""
+        self._connection.interrupt()
+
     def _stop(self) -> None:
         self.is_over = True
-        self._connection.interrupt()
+        self.interrupt()
 
 
 class _Answer:
-    """The batches of an answer, which end when its time is over, whoever is slow."""
+    """The batches of an answer, which end when its time is over, whoever is slow.
 
-    def __init__(self, relation: Any, guard: _Guard) -> None:
-        self._reader: pa.RecordBatchReader = relation.to_arrow_reader(BATCH_ROWS)
-        self._guard = guard
+    The work is done in a thread: within DuckDB the main one would notice an interrupt only at the end.
+    """
+
+    def __init__(self, relation: Any, guard: _Guard, thread: Executor) -> None:
+        self._guard, self._thread = guard, thread
+        self._reader: pa.RecordBatchReader = self._done(lambda: relation.to_arrow_reader(BATCH_ROWS))
 
     def reader(self) -> pa.RecordBatchReader:
         return pa.RecordBatchReader.from_batches(self._reader.schema, self._batches())
 
     def _batches(self) -> Iterator[pa.RecordBatch]:
-        for batch in self._reader:
+        while (batch := self._done(lambda: next(self._reader, None))) is not None:
             if self._guard.is_over:
                 raise duckdb.InterruptException("time is over")
             yield batch
+
+    def _done(self, work: Callable[[], Any]) -> Any:
+        doing = self._thread.submit(work)
+        try:
+            return doing.result()
+        except KeyboardInterrupt:
+            while not wait([doing], AGAIN_S).done:
+                self._guard.interrupt()  # again: the first one may have come before there was anything to stop
+            raise
 
 
 @contextmanager
