@@ -5,6 +5,7 @@
     figures.py       conditions on figures of a link: rate, loss, silence, clock, connection
     machine.py       codes ─> ok, pending, raised, cleared, missing; pure
     recording_trigger.py   raised alarms ─> recordings that begin before the limit was crossed
+    webhooks.py      changes of alarms ─> POST to an address, in the background
     service.py       samples of the bus ─> machines ─> events; acknowledgement
     alarm_file.py    definitions and states in the data folder
 

@@ -107,6 +107,12 @@ class AlarmDefinition(_Strict):
     )
     latched: bool = Field(default=False, description="stays raised until it is acknowledged")
     enabled: bool = True
+    webhook: str = Field(
+        default="",
+        max_length=2000,
+        description="address (http or https) that each change is posted to as JSON; answers show its host only, and "
+        "what they show keeps the stored one",
+    )
     recording: RecordingAction | None = Field(default=None, description="starts a recording when it is raised")
 
 

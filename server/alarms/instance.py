@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -76,6 +76,7 @@ class AlarmInstance:
         self.problem = ""
         self.fed = bus.now()  # when the last sample was taken, by the server's clock
         self.is_closed = False
+        self.deliver: Callable[[AlarmInstance, dict[str, Any]], None] | None = None  # takes the body for a webhook
         self.raises: list[float] = []  # when it was raised since they were taken, unix s
         self._bus = bus
         self._samples: SampleCondition | None = None
@@ -286,6 +287,8 @@ class AlarmInstance:
             body["signals"] = [] if self._samples is None else [column.name for column in self._samples.columns]
             body["subject"] = "" if self._condition is None else self._condition.subject
         self._bus.event(self.device, "alarm", level, text, time=time, data=body)
+        if self.deliver is not None and name not in ("data", "action"):
+            self.deliver(self, {**body, "level": self.definition.level, "time": time, "text": text})
 
 
 def timing_of(definition: AlarmDefinition) -> AlarmTiming:

@@ -22,6 +22,7 @@ from server.alarms.conditions import checked
 from server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from server.alarms.instance import AlarmInstance, AlarmState, compiled
 from server.alarms.recording_trigger import RecordingTrigger
+from server.alarms.webhooks import Webhooks, checked_url, shown_url
 from server.errors import DomainError
 from server.library.recorder import Recorder
 from server.prometheus_text import PrometheusText
@@ -50,6 +51,7 @@ class AlarmService:
     def __init__(self, bus: TelemetryBus, store: ChannelStore, folder: Path, recorder: Recorder) -> None:
         self._bus = bus
         self._trigger = RecordingTrigger(recorder)
+        self.webhooks = Webhooks()
         self._store = store
         self._path = folder / FILE
         self._stored: dict[str, StoredAlarm] = {}
@@ -93,6 +95,7 @@ class AlarmService:
 
     async def close(self) -> None:
         """Stop the evaluation and store the states."""
+        await self.webhooks.close()
         if self._task is None:
             return
         self._task.cancel()
@@ -201,6 +204,8 @@ class AlarmService:
 
     def _create(self, stored: StoredAlarm, info: wire.DeviceInfo, infos: Sequence[wire.ChannelInfo]) -> AlarmInstance:
         instance = AlarmInstance(stored, info, infos, self._bus, lasting_name(info))
+        if stored.definition.webhook:
+            instance.deliver = self._deliver
         saved = self._saved.get(stored.id, {}).get(instance.name)
         if saved:
             try:
@@ -208,6 +213,12 @@ class AlarmService:
             except (TypeError, ValueError):
                 log.warning("the stored state of the alarm %s is invalid", stored.definition.name)
         return instance
+
+    def _deliver(self, instance: AlarmInstance, body: dict[str, object]) -> None:
+        info = self._bus.devices.latest.get(instance.device)
+        names = {} if info is None else {"name": info.name, "serial_number": info.serial_number}
+        message = {"imuscope": 1, **body, "device": {"id": instance.device, **names}}
+        self.webhooks.send(instance.stored.id, instance.definition.webhook, message, instance.note)
 
     # ── alarms ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -257,6 +268,8 @@ class AlarmService:
         if len(self._stored) >= MAX_ALARMS:
             raise DomainError("full", f"There are {MAX_ALARMS} alarms already.", "Delete one first.")
         self.validate(definition)
+        if definition.webhook:
+            checked_url(definition.webhook)
         stored = StoredAlarm(id=secrets.token_hex(4), definition=definition)
         await self._put(stored, "added")
         return stored
@@ -269,10 +282,17 @@ class AlarmService:
         """
         before = self.get(alarm)
         self.validate(definition)
+        known = before.definition.webhook
+        if definition.webhook == shown_url(known):
+            definition = definition.model_copy(update={"webhook": known})
+        elif definition.webhook:
+            checked_url(definition.webhook)
         stored = StoredAlarm(id=before.id, definition=definition)
         if stored != before:
             self._saved.pop(alarm, None)
             await self._put(stored, "changed")
+            if definition.webhook != known:
+                await self.webhooks.forget(alarm)
         return stored
 
     async def _put(self, stored: StoredAlarm, change: str) -> None:
@@ -307,6 +327,7 @@ class AlarmService:
             raise
         self._saved.pop(alarm, None)
         self._trigger.forget(alarm)
+        await self.webhooks.forget(alarm)
         self._note(stored, "deleted")
 
     def _note(self, stored: StoredAlarm, change: str) -> None:

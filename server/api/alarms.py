@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field
 from server.alarms.definitions import AlarmDefinition, StoredAlarm
 from server.alarms.instance import AlarmState
 from server.alarms.service import AlarmService
+from server.alarms.webhooks import shown_url
 from server.analysis.expression_syntax import ExpressionError
 from server.api.dependencies import TheServices
 from server.api.errors import responses
@@ -53,7 +54,8 @@ class AcknowledgeRequest(BaseModel):
 
 
 def _info(alarms: AlarmService, stored: StoredAlarm) -> AlarmInfo:
-    return AlarmInfo(id=stored.id, definition=stored.definition, states=alarms.states(stored.id))
+    definition = stored.definition.model_copy(update={"webhook": shown_url(stored.definition.webhook)})
+    return AlarmInfo(id=stored.id, definition=definition, states=alarms.states(stored.id))
 
 
 @router.get("")

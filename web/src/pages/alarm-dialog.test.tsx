@@ -18,6 +18,7 @@ const STORED: AlarmDefinition = {
   missing_s: 7,
   latched: true,
   enabled: false,
+  webhook: "https://example.org/…",
   recording: { before_s: 20, after_s: 0, longest_s: 90, per_hour: 2, every_device: true },
 };
 const DEVICE = { id: "1", serial_number: "0080A1B2", source: "sim:xbus", name: "MTi-630" } as DeviceInfo;

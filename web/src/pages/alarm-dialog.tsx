@@ -59,6 +59,7 @@ export interface Fields {
   readonly latched: boolean;
   readonly enabled: boolean;
   readonly devices: DeviceFilter;
+  readonly webhook: string;
   readonly recording: RecordingFields | undefined;
 }
 
@@ -81,6 +82,7 @@ export function fieldsOf(draft: AlarmDraft, device: DeviceInfo | undefined): Fie
     latched: definition?.latched ?? false,
     enabled: definition?.enabled ?? true,
     devices: definition?.devices ?? { ...ANY, device: device === undefined ? "" : lastingName(device) },
+    webhook: definition?.webhook ?? "",
     recording: recordingFieldsOf(definition?.recording),
   };
 }
@@ -108,6 +110,7 @@ export function definitionOf(fields: Fields, before: AlarmDefinition | undefined
     clear_s: Number(fields.clearAfter) || 0,
     latched: fields.latched,
     enabled: fields.enabled,
+    webhook: fields.webhook.trim(),
     recording: recordingOf(fields.recording),
   };
 }
@@ -258,6 +261,20 @@ export function AlarmDialog({ app, onClose }: Props) {
           <DeviceChoice fields={fields.value} set={set} device={device} stored={draft.definition?.devices} />
           <RecordingChoice fields={fields.value.recording} onFields={(recording) => set({ recording })} />
         </div>
+        <label>
+          {TEXT.webhook}
+          <input
+            type="text"
+            inputMode="url"
+            maxLength={2000}
+            value={fields.value.webhook}
+            spellcheck={false}
+            autocapitalize="off"
+            autocomplete="off"
+            placeholder={TEXT.webhookExample}
+            onInput={(event) => set({ webhook: event.currentTarget.value })}
+          />
+        </label>
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="alarm-end">
           <button type="submit" class="btn main" disabled={isEmpty || check.value?.valid === false}>

@@ -79,6 +79,8 @@ export const TEXT = {
   evaluation: "Evaluation",
   enabled: "Enabled",
   disabled: "Disabled",
+  webhook: "Webhook for changes (optional)",
+  webhookExample: "https://example.org/hook",
   recording: "When raised",
   noRecording: "Start no recording",
   recordDevice: "Record this device",

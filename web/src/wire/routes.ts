@@ -68,6 +68,8 @@ export interface AlarmDefinition {
   /** stays raised until it is acknowledged */
   readonly latched?: boolean;
   readonly enabled?: boolean;
+  /** address (http or https) that each change is posted to as JSON; answers show its host only, and what they show keeps the stored one */
+  readonly webhook?: string;
   /** starts a recording when it is raised */
   readonly recording?: RecordingAction | null;
 }

@@ -1,0 +1,203 @@
+"""Webhooks of alarms, delivered to a real HTTP server that is well, slow, failing or gone."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.alarms.alarm_file import AlarmFile
+from server.alarms.service import FILE
+from server.alarms.webhooks import MAX_QUEUE, Webhooks, WebhookTiming, shown_url
+from server.config import Config
+from tests.free_ports import free_port
+from tests.server.fakes import FakeLinks, sample
+from tests.server.in_process_server import InProcessServer
+from tests.server.recorder_harness import in_a_loop, send
+from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until, until
+
+QUICK = WebhookTiming(attempt_s=PATIENCE_S, first_pause_s=0.001, longest_pause_s=0.002, attempts=3)
+Told = list[tuple[str, str]]
+
+
+class Receiver(ThreadingHTTPServer):
+    """An HTTP server that keeps what is posted.
+
+    Attributes:
+        answers: status of the next answers; 204 after them.
+        is_open: answers are sent only while it is set.
+    """
+
+    daemon_threads = True
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.answers: list[int] = []
+        self.is_open = threading.Event()
+        self.is_open.set()
+        self.paths: list[str] = []
+        self.authorizations: list[str] = []
+        self.bodies: list[dict[str, Any]] = []
+        self._thread = threading.Thread(target=self.serve_forever, args=(0.01,))
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.server_address[1]}/hook?key=secret"
+
+    def end(self) -> None:
+        self.is_open.set()
+        self.shutdown()
+        self._thread.join()
+        self.server_close()
+
+
+class Handler(BaseHTTPRequestHandler):
+    def do_POST(self) -> None:
+        receiver = self.server
+        assert isinstance(receiver, Receiver)
+        body = json.loads(self.rfile.read(int(self.headers["content-length"])))
+        receiver.paths.append(self.path)
+        receiver.authorizations.append(self.headers["authorization"] or "")
+        receiver.bodies.append(body)
+        receiver.is_open.wait(PATIENCE_S)
+        self.send_response(receiver.answers.pop(0) if receiver.answers else 204)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    receiver = Receiver()
+    yield receiver
+    receiver.end()
+
+
+@in_a_loop
+async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver: Receiver) -> None:
+    hooks, told = Webhooks(QUICK), Told()
+    receiver.answers = [500, 429, 204, 404, 503, 503, 503]
+    for number in range(4):
+        hooks.send("a", receiver.url, {"number": number}, lambda level, text: told.append((level, text)))
+    await until(lambda: len(told) == 2, "told")
+    assert [body["number"] for body in receiver.bodies] == [0, 0, 0, 1, 2, 2, 2, 3]
+    host = receiver.url.partition("/hook")[0]
+    assert told == [
+        ("warning", f"was not delivered to {host}/…: it answered 404 (one attempt). Later ones are tried."),
+        ("info", f"is delivered to {host}/… again."),
+    ]
+    await hooks.close()
+
+
+@in_a_loop
+async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
+    hooks, told = Webhooks(QUICK), Told()
+    url = f"http://ada:secret@127.0.0.1:{free_port()}/hook"
+    for number in range(2):
+        hooks.send("a", url, {"number": number}, lambda level, text: told.append((level, text)))
+    await until(lambda: told, "told")
+    [(level, text)] = told
+    assert level == "warning"
+    assert text.endswith("/…: no connection (Connection refused) (3 attempts). Later ones are tried.")
+    assert "secret" not in text
+    await hooks.close()
+
+
+@in_a_loop
+async def test_a_slow_receiver_delays_no_other_alarm_and_its_queue_is_bounded(receiver: Receiver) -> None:
+    hooks, told = Webhooks(QUICK), Told()
+    other = Receiver()
+    receiver.is_open.clear()
+    hooks.send("slow", receiver.url, {"number": 0}, lambda level, text: told.append((level, text)))
+    await until(lambda: receiver.bodies, "it waits for its answer")
+    for number in range(1, MAX_QUEUE + 20):
+        hooks.send("slow", receiver.url, {"number": number}, lambda level, text: told.append((level, text)))
+    hooks.send("well", other.url, {"number": 0}, lambda level, text: told.append((level, text)))
+    await until(lambda: other.bodies, "the other one is delivered")
+    receiver.is_open.set()
+    await until(lambda: len(receiver.bodies) >= MAX_QUEUE, "delivered after it")
+    await until(lambda: not hooks.is_busy("slow"), "all that was queued is delivered")
+    numbers = [body["number"] for body in receiver.bodies]
+    assert numbers == list(range(len(numbers)))
+    assert len(numbers) <= MAX_QUEUE + 1
+    assert told == []
+    await hooks.close()
+    await asyncio.to_thread(other.end)
+
+
+@in_a_loop
+async def test_an_attempt_ends_when_no_answer_comes(receiver: Receiver) -> None:
+    hooks, told = Webhooks(WebhookTiming(attempt_s=0.2, first_pause_s=0.001, attempts=2)), Told()
+    receiver.is_open.clear()
+    hooks.send("a", receiver.url, {}, lambda level, text: told.append((level, text)))
+    await until(lambda: told, "told")
+    assert "no answer within 0.2 s (2 attempts)" in told[0][1]
+    await hooks.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "shown"),
+    [
+        ("https://user:password@host:8443/a?b=c", "https://host:8443/…"),
+        ("http://[::1]:80/hook", "http://[::1]:80/…"),
+        ("http://host", "http://host"),
+        ("http://user@host", "http://host/…"),
+        ("http://host?key=1", "http://host/…"),
+        ("", ""),
+    ],
+)
+def test_an_address_is_shown_without_secrets(url: str, shown: str) -> None:
+    assert shown_url(url) == shown
+
+
+def test_an_alarm_is_posted_with_its_address_hidden_and_kept(receiver: Receiver, tmp_path: Path) -> None:
+    links = FakeLinks()
+    url = receiver.url.replace("//", "//ada:pass%20word@")
+    body = {
+        "name": "Force",
+        "condition": {"kind": "expression", "expression": "Force > 100 N"},
+        "missing_s": 3600,
+        "webhook": url,
+    }
+    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), links.open) as running:
+        answer = running.client.post("/api/alarms", json=body)
+        assert answer.status_code == 201, answer.text
+        alarm = answer.json()
+        assert "secret" not in answer.text
+        assert "word@" not in answer.text
+        changed = {**alarm["definition"], "name": "Renamed"}
+        assert running.client.post("/api/alarms/check", json=changed).json()["valid"]
+        assert running.client.put(f"/api/alarms/{alarm['id']}", json=changed).status_code == 200
+        send(running, links, "/dev/one", sample(1, 10) + sample(2, 150) + sample(3, 10))
+        block_until(lambda: len(receiver.bodies) == 2, lambda: receiver.bodies)
+        raised, cleared = receiver.bodies
+        assert (raised["change"], cleared["change"]) == ("raised", "cleared")
+        assert (raised["imuscope"], raised["name"], raised["value"], raised["unit"]) == (1, "Renamed", 150, "N")
+        assert raised["text"] == "Alarm “Renamed”: Force is 150 N, above 100 N."
+        assert raised["device"]["id"] == "1"
+        assert receiver.paths == ["/hook?key=secret"] * 2
+        assert receiver.authorizations == ["Basic YWRhOnBhc3Mgd29yZA=="] * 2
+        texts = [one.text for one in running.call(lambda: list(running.services.telemetry.log))]
+        assert not any("secret" in text or "word@" in text for text in texts)
+    assert AlarmFile.load(tmp_path / FILE).alarms[0].definition.webhook == url
+
+
+@pytest.mark.parametrize(
+    "url", ["ftp://host/", "host/hook", "http://", "http://host:0/", "http://ho st/", "http://a/…"]
+)
+def test_another_address_is_refused(url: str, tmp_path: Path) -> None:
+    links = FakeLinks()
+    body = {"name": "Link", "condition": {"kind": "health", "figure": "link"}, "webhook": url}
+    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), links.open) as running:
+        answer = running.client.post("/api/alarms", json=body)
+        assert answer.status_code == 422
+        assert answer.json()["message"] == "webhook: this is not an address with http or https."
