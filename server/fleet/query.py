@@ -1,6 +1,7 @@
 """SQL over the tables of a store, by DuckDB: read-only, with limits of memory and time, and cancellable.
 
-Each table is a view over the Parquet files that its Delta log names. DuckDB asks for the columns and rows that a
+Each table is a view over the Parquet files that its Delta log names: DuckDB reads them itself (parquet_files.py) or
+from an Arrow dataset (delta_dataset.py). It asks for the columns and rows that a
 question needs; nothing is copied into a database. SQL has no access to files, the network or DuckDB's settings.
 """
 
@@ -18,9 +19,10 @@ import duckdb
 import pyarrow as pa
 import pyarrow.dataset as ds
 
-from server.fleet.delta_dataset import dataset_of
+from server.fleet.delta_dataset import check_readable, dataset_of
 from server.fleet.delta_tables import open_table
-from server.fleet.store import StoreLocation, told
+from server.fleet.parquet_files import ParquetFiles, allow, files_of, quoted
+from server.fleet.store import StoreLocation, store_error, told
 from server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
 BATCH_ROWS = 1 << 16
@@ -60,12 +62,15 @@ def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> 
     connection = duckdb.connect(":memory:")
     guard = _Guard(connection, limits.timeout_s)
     try:
-        with _explained(guard, limits), told(store):
+        with _explained(guard, limits, store), told(store):
             _check(connection, sql)
             words = {word.lower() for word in _WORD.findall(sql)}
-            for table in TABLES.values():
-                if table is RECORDINGS or words & {table.name, f"{table.name}_wide", *_CATALOG}:
-                    _view(connection, store, table, sql)
+            files = [
+                _view(connection, store, table, sql)
+                for table in TABLES.values()
+                if table is RECORDINGS or words & {table.name, f"{table.name}_wide", *_CATALOG}
+            ]
+            allow(connection, [one for one in files if one is not None])
             _lock(connection, limits)
             with guard, ThreadPoolExecutor(1, "question") as thread:
                 yield _Answer(connection.sql(sql), guard, thread).reader()
@@ -84,21 +89,34 @@ def _check(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
         raise QueryError(f"{statements[0].type.name} changes something; a store is read-only", "Start with SELECT.")
 
 
-def _view(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable, sql: str) -> None:
-    """A view with the name of a table; empty before anything was uploaded."""
+def _view(
+    connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: StoreTable, sql: str
+) -> ParquetFiles | None:
+    """A view with the name of a table, empty before anything was uploaded; the files that DuckDB reads for it."""
     found = open_table(store, table.name)
-    data = dataset_of(found, table) if found is not None else ds.dataset(table.schema.empty_table())
-    connection.register(f"stored_{table.name}", data)
+    schema, files = table.schema, None
+    if found is None:
+        connection.register(f"stored_{table.name}", ds.dataset(schema.empty_table()))
+    else:
+        check_readable(store, found)
+        schema = pa.schema(found.schema().to_arrow())
+        files = files_of(store, found, table)
+        if files is not None:
+            connection.execute(f"CREATE VIEW stored_{table.name} AS SELECT * FROM {files.sql}")
+        else:
+            connection.register(f"stored_{table.name}", dataset_of(store, found, table))
     known = [column.name for column in table.columns]
-    names = [name for name in known if name in data.schema.names]
-    names += [name for name in data.schema.names if name not in known]
-    missing = [f"CAST(NULL AS {_sql_type(one.type)}) AS {one.name}" for one in table.columns if one.name not in names]
-    columns = ", ".join([*(f'"{name}"' for name in names), *missing])
+    own = [
+        f"CAST({one.name if one.name in schema.names else 'NULL'} AS {_sql_type(one.type)}) AS {one.name}"
+        for one in table.columns
+    ]
+    columns = ", ".join([*own, *(f'"{name}"' for name in schema.names if name not in known)])
     whole = "" if not table.joined else " WHERE recording IN (SELECT recording FROM stored_recordings)"
     view = f"{table.name}_wide" if table is SAMPLES else table.name
     connection.execute(f"CREATE VIEW {view} AS SELECT {columns} FROM stored_{table.name}{whole}")
     if table is SAMPLES:
-        _long_view(connection, data.schema, sql)
+        _long_view(connection, schema, sql)
+    return files
 
 
 def _long_view(connection: duckdb.DuckDBPyConnection, schema: pa.Schema, sql: str) -> None:
@@ -114,18 +132,14 @@ def _long_view(connection: duckdb.DuckDBPyConnection, schema: pa.Schema, sql: st
     for field in schema:
         about = field.metadata or {}
         signal, unit = about.get(SIGNAL, b"").decode(), about.get(UNIT, b"").decode()
-        if signal and (every or _quoted(signal)[1:-1] in named):
-            texts = f"{_quoted(signal)} AS signal, {_quoted(unit)} AS unit"
+        if signal and (every or quoted(signal)[1:-1] in named):
+            texts = f"{quoted(signal)} AS signal, {quoted(unit)} AS unit"
             branches.append(
                 f'SELECT {keys}, {texts}, CAST("{field.name}" AS DOUBLE) AS value'
                 f' FROM samples_wide WHERE "{field.name}" IS NOT NULL'
             )
     connection.execute(f"CREATE VIEW samples AS {' UNION ALL '.join(branches)}")
     connection.execute("CREATE MACRO samples(name) AS TABLE SELECT * FROM samples WHERE signal = name")
-
-
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
 
 
 def _sql_type(type: pa.DataType) -> str:
@@ -206,21 +220,23 @@ class _Answer:
 
 
 @contextmanager
-def _explained(guard: _Guard, limits: QueryLimits) -> Iterator[None]:
+def _explained(guard: _Guard, limits: QueryLimits, store: StoreLocation) -> Iterator[None]:
     try:
         yield
     except QueryError:
         raise
     except (duckdb.Error, pa.ArrowException, RuntimeError) as error:
-        raise _query_error(error, guard, limits) from None
+        raise _query_error(error, guard, limits, store) from None
 
 
-def _query_error(error: Exception, guard: _Guard, limits: QueryLimits) -> QueryError:
+def _query_error(error: Exception, guard: _Guard, limits: QueryLimits, store: StoreLocation) -> Exception:
     text = str(error)
     if guard.is_over:
         return QueryError(f"the question takes longer than {limits.timeout_s:g} s", "Ask for less, or raise --timeout.")
     if isinstance(error, duckdb.OutOfMemoryException) or "Out of Memory" in text:
         words = f"the question takes more memory than {limits.memory_mb} MB"
         return QueryError(words, "Ask for less at once, or raise --memory.")
+    if isinstance(error, duckdb.IOException):
+        return store_error(error, store)
     first = re.sub(r"\s+", " ", text.split("\nLINE ", 1)[0].split("\n\nLINE", 1)[0]).strip()
     return QueryError(first[:500].rstrip("."))

@@ -158,7 +158,7 @@ def store_error(error: BaseException, store: StoreLocation) -> StoreError:
     for pattern, words, hint in _CAUSES:
         if re.search(pattern, text, re.IGNORECASE):
             return StoreError(f"{store.url}: {words}", hint)
-    first = re.sub(r"\s+", " ", text.split("Debug source", 1)[0]).strip().rstrip(".")
+    first = re.sub(r"\s+", " ", re.split("Debug source|LINE 1:", text)[0]).strip().rstrip(".")
     return StoreError(f"{store.url}: {first[:300] or type(error).__name__}")
 
 

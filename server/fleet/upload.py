@@ -144,7 +144,7 @@ def _object_of(store: StoreLocation, recording: str) -> tuple[str, int, str] | N
     table = open_table(store, RECORDINGS.name)
     assert table is not None
     with told(store):
-        rows = dataset_of(table, RECORDINGS).to_table(
+        rows = dataset_of(store, table, RECORDINGS).to_table(
             columns=["object", "bytes", "checksum"], filter=_is_recording(recording)
         )
     row = rows.to_pylist()

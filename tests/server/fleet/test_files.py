@@ -1,0 +1,124 @@
+"""Files of a store as questions read them: with columns that some lack, in folders of any name, and no others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+from deltalake import DeltaTable, write_deltalake
+
+from server.fleet.delta_dataset import dataset_of
+from server.fleet.delta_tables import open_table
+from server.fleet.parquet_files import files_of
+from server.fleet.store import StoreLocation, location
+from server.fleet.tables import DEVICES, RECORDINGS, SAMPLES, TABLES
+from tests.server.fleet.store_fixtures import Commands, delta
+
+
+def files_in(store: Path, table: str) -> list[Path]:
+    """Parquet files of a table."""
+    return sorted((store / "tables" / table).rglob("*.parquet"))
+
+
+def without(store: Path, table: str, column: str) -> None:
+    """Write a table again as an older version had it, without a column."""
+    rows = delta(store, table).drop_columns([column])
+    folder = store / "tables" / table
+    write_deltalake(str(folder), rows, mode="overwrite", schema_mode="overwrite", partition_by=["date"])
+
+
+@pytest.mark.parametrize("table", ["recordings", "devices", "events", "losses", "minutes"])
+def test_both_readers_give_the_same_rows(table: str, commands: Commands, recording: Path, store: Path) -> None:
+    commands.upload(recording, store, "a")
+    commands.upload(recording, store, "b")
+    place, kind = location(str(store)), TABLES[table]
+    found = open_table(place, table)
+    assert found is not None
+    files = files_of(place, found, kind)
+    assert files is not None
+    assert not files.differ
+    names = [column.name for column in kind.columns]
+    rows = dataset_of(place, found, kind).to_table(columns=names)
+    sql = f"SELECT * FROM {table} ORDER BY ALL"
+    assert len(commands.query(store, sql)) == rows.num_rows > 0
+    moved = store.rename(store.with_name("date=1"))  # which DuckDB would take for a partition
+    assert files_of(StoreLocation(str(moved), moved), DeltaTable(str(moved / "tables" / table)), kind) is None
+    again = commands.query(moved, sql)
+    moved.rename(store)
+    assert again == commands.query(store, sql)
+
+
+def test_a_column_that_older_files_lack_is_null(commands: Commands, recording: Path, store: Path) -> None:
+    commands.upload(recording, store, "old")
+    for table, column in (("recordings", "host"), ("devices", "firmware")):
+        without(store, table, column)
+    assert commands.query(store, "SELECT host, firmware FROM recordings JOIN devices USING (recording)") == [
+        {"host": None, "firmware": None}
+    ]
+    commands.upload(recording, store, "new")
+    sql = "SELECT robot FROM {} WHERE {} IS NOT NULL"
+    assert commands.query(store, sql.format("recordings", "host")) == [{"robot": "new"}]
+    assert commands.query(store, sql.format("devices", "firmware")) == [{"robot": "new"}]
+    assert commands.query(store, "SELECT robot FROM recordings WHERE host IS NULL") == [{"robot": "old"}]
+    place = location(str(store))
+    for kind in (RECORDINGS, DEVICES):
+        found = open_table(place, kind.name)
+        assert found is not None
+        files = files_of(place, found, kind)
+        assert files is not None
+        assert files.differ
+
+
+@pytest.mark.parametrize("name", ["robot=x", "it's & ü", "{1}"])
+def test_a_folder_may_have_any_name(name: str, commands: Commands, recording: Path, tmp_path: Path) -> None:
+    store = tmp_path / name
+    commands.upload(recording, store, "otter 7 (ü)")
+    sql = "SELECT r.robot, d.robot AS same FROM recordings r JOIN devices d USING (recording)"
+    assert commands.query(store, sql) == [{"robot": "otter 7 (ü)", "same": "otter 7 (ü)"}]
+    (rows,) = commands.query(store, "SELECT count(*) AS n FROM samples_wide WHERE robot = 'otter 7 (ü)'")
+    assert rows == {"n": delta(store, "samples").num_rows}
+
+
+def test_other_files_stay_closed(commands: Commands, recording: Path, store: Path) -> None:
+    commands.upload(recording, store)
+    stray = store / "tables" / "recordings" / "stray.parquet"
+    stray.write_bytes(files_in(store, "recordings")[0].read_bytes())
+    for path in (
+        stray,
+        store / "tables" / "*" / "*" / "*.parquet",
+        stray.parent / "date=2025-10-09" / ".." / stray.name,
+    ):
+        said = commands.refused("query", "--store", store, f"SELECT * FROM read_parquet('{path}') r, recordings")
+        assert "disabled" in said
+
+
+def test_a_file_that_is_gone_or_cut_is_named_in_one_line(commands: Commands, recording: Path, store: Path) -> None:
+    commands.upload(recording, store)
+    for table in ("recordings", "samples"):
+        (path,) = files_in(store, table)
+        content = path.read_bytes()
+        path.write_bytes(content[:10])
+        assert path.name in commands.refused("query", "--store", store, f"SELECT * FROM {table}")
+        path.unlink()
+        assert path.name in commands.refused("query", "--store", store, f"SELECT * FROM {table}")
+        path.write_bytes(content)
+
+
+def test_a_table_with_deletion_vectors_is_refused(commands: Commands, recording: Path, store: Path) -> None:
+    commands.upload(recording, store)
+    folder = store / "tables" / "recordings"
+    table = DeltaTable(str(folder))
+    table.alter.set_table_properties({"delta.enableDeletionVectors": "true"})
+    assert "deletionVectors" in commands.refused("query", "--store", store, "SELECT * FROM recordings")
+
+
+def test_an_unfinished_upload_is_left_out_by_both_readers(commands: Commands, recording: Path, store: Path) -> None:
+    commands.upload(recording, store)
+    for kind in (DEVICES, SAMPLES):
+        rows = delta(store, kind.name)
+        at = rows.schema.get_field_index("recording")
+        other = rows.set_column(at, rows.schema.field(at), pa.array(["other"] * rows.num_rows))
+        write_deltalake(str(store / "tables" / kind.name), other, mode="append")
+    assert commands.query(store, "SELECT count(*) AS n FROM devices") == [{"n": 1}]
+    assert commands.query(store, "SELECT count(*) AS n FROM samples_wide WHERE recording = 'other'") == [{"n": 0}]
