@@ -1,6 +1,7 @@
 /** The form of an alarm: added or changed, with mistakes marked where they are; and the list of alarms, kept up to date. */
 import { batch, effect, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { notifyRaised } from "../panels/alarm-notices";
 import type { AlarmDraft } from "../panels/alarm-states";
 import { Dialog } from "../ui/dialog";
 import { type Problem, request } from "../ui/http";
@@ -27,6 +28,7 @@ export function followAlarms(app: App): () => void {
     if (app.store.connection.value !== "open") return;
     const last = app.store.events.value.findLast(({ kind }) => kind === "alarm")?.seq ?? 0;
     if (last === seen) return;
+    if (seen >= 0) notifyRaised(app.store.events.value, seen, app.store.serverNow());
     seen = last;
     void load();
   });

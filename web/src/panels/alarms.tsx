@@ -16,6 +16,7 @@ import {
   idleAlarms,
   valueText,
 } from "./alarm-states";
+import { type NoticeState, noticeState, switchNotices } from "./alarm-notices";
 import type { Deps } from "./panel-context";
 import { registerPanel } from "./registry";
 import { COMMON } from "../texts/common";
@@ -44,6 +45,7 @@ function storeName(name: string): void {
 interface PanelState {
   readonly acknowledging: Signal<string | undefined>;
   readonly problem: Signal<Problem | undefined>;
+  readonly notices: Signal<NoticeState>;
 }
 
 interface Props {
@@ -81,11 +83,32 @@ function AlarmPanel({ deps, alarms, state }: Props) {
         </>
       )}
       {state.problem.value && <ProblemNote problem={state.problem.value} />}
-      <button type="button" class="btn small edge alarm-add" onClick={() => deps.open.alarm({})}>
-        <Icon name="plus" />
-        {TEXT.add}
-      </button>
+      <div class="alarm-foot">
+        <button type="button" class="btn small edge alarm-add" onClick={() => deps.open.alarm({})}>
+          <Icon name="plus" />
+          {TEXT.add}
+        </button>
+        {own.length > 0 && <Notices state={state.notices} />}
+      </div>
     </>
+  );
+}
+
+/** Whether the browser notifies, where it can; the browser asks the person on the first click. */
+function Notices({ state }: { readonly state: Signal<NoticeState> }) {
+  if (state.value === "none") return null;
+  if (state.value === "blocked") return <p class="alarm-blocked dim">{TEXT.noticesBlocked}</p>;
+  return (
+    <button
+      type="button"
+      class="btn small edge"
+      aria-pressed={state.value === "on"}
+      title={TEXT.noticesHelp}
+      onClick={() => void switchNotices().then((now) => (state.value = now))}
+    >
+      {state.value === "on" && <span aria-hidden="true">✓ </span>}
+      {TEXT.notify}
+    </button>
   );
 }
 
@@ -213,7 +236,11 @@ export function AlarmTags({ alarms, device }: { readonly alarms: readonly AlarmI
 }
 
 function mountAlarms(host: HTMLElement, deps: Deps): Panel {
-  const state: PanelState = { acknowledging: signal(undefined), problem: signal(undefined) };
+  const state: PanelState = {
+    acknowledging: signal(undefined),
+    problem: signal(undefined),
+    notices: signal(noticeState()),
+  };
   if (deps.alarms) render(<AlarmPanel deps={deps} alarms={deps.alarms} state={state} />, host);
   return { update: () => undefined, dispose: () => render(null, host) };
 }

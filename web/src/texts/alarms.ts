@@ -28,6 +28,9 @@ export const TEXT = {
   // list
   none: "No alarms for this device.",
   add: "Add alarm",
+  notify: "Notify in this browser",
+  noticesHelp: "Shows a notification when an alarm is raised while this page is open but not in front.",
+  noticesBlocked: "Notifications are blocked for this page. Allow them in the browser's settings of the page.",
   elsewhere: "Not evaluated: disabled, or no matching device is present.",
   value: (value: string) => `now ${value}`,
   raisedValue: (value: string, worst: string) => `raised at ${value}, worst ${worst}`,
