@@ -69,19 +69,18 @@ ORDER BY peak_g DESC, started""",
     "noise-by-batch": PreparedQuestion(
         "noise against the data sheet by batch: the first five characters of the serial number",
         f"""WITH noise AS (
-    SELECT recording, device, quantity,
-           median(noise * CASE quantity WHEN 'rate of turn' THEN {_DEGREES} * pi() / 180 ELSE {_METRES} END) AS density
-    FROM minutes WHERE quantity IN ('rate of turn', 'acceleration') AND axis IN ('x', 'y', 'z') AND noise IS NOT NULL
-    GROUP BY ALL
+    SELECT product, serial_number, quantity,
+           median(noise * CASE quantity WHEN 'rate of turn' THEN {_DEGREES} * pi() / 180 ELSE {_METRES} END) AS density,
+           any_value(CASE quantity WHEN 'rate of turn' THEN gyro_noise ELSE accelerometer_noise END) AS data_sheet
+    FROM minutes JOIN devices USING (recording, device)
+    WHERE quantity IN ('rate of turn', 'acceleration') AND axis IN ('x', 'y', 'z') AND noise IS NOT NULL
+    GROUP BY product, serial_number, quantity
 )
 SELECT product, left(serial_number, 5) AS batch, quantity,
        CASE quantity WHEN 'rate of turn' THEN 'rad/s/√Hz' ELSE 'm/s²/√Hz' END AS unit,
-       median(density) AS noise, max(density) AS worst,
-       any_value(CASE quantity WHEN 'rate of turn' THEN gyro_noise ELSE accelerometer_noise END) AS data_sheet,
-       median(density) / nullif(any_value(CASE quantity WHEN 'rate of turn' THEN gyro_noise
-                                          ELSE accelerometer_noise END), 0) AS ratio,
-       count(DISTINCT serial_number) AS devices
-FROM noise JOIN devices USING (recording, device)
+       median(density) AS noise, max(density) AS worst, any_value(data_sheet) AS data_sheet,
+       median(density) / nullif(any_value(data_sheet), 0) AS ratio, count(serial_number) AS devices
+FROM noise
 GROUP BY product, batch, quantity ORDER BY ratio DESC NULLS LAST, product, batch, quantity""",
     ),
 }

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import argparse
 import datetime as dt
+import multiprocessing
 import resource
 import subprocess
 import sys
@@ -50,7 +51,7 @@ from server.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa
 from server.fleet.upload import upload  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
-DAYS = 365
+DAYS, MONTH = 365, 31
 START = dt.date(2025, 1, 1)
 RECORDED_NS = 1_760_000_000_000_000_000
 LISTING = "SELECT robot, started, lost FROM recordings ORDER BY started DESC, recording LIMIT 50"
@@ -73,16 +74,18 @@ def rows_of(table: StoreTable, columns: dict[str, Any], length: int) -> pa.Table
 
 
 def synthetic(folder: Path, recordings: int) -> None:
-    """Write the metadata of a year, a day at a time."""
+    """Write the metadata of a year, a month at a time, so that memory is bounded."""
     for table in (RECORDINGS, DEVICES, MINUTES):
         place = folder / "tables" / table.name
         place.mkdir(parents=True)
-        reader = pa.RecordBatchReader.from_batches(table.schema, _days(table, -(-recordings // DAYS)))
-        write_deltalake(str(place), reader, partition_by=["date"])
+        for first in range(0, DAYS, MONTH):
+            days = range(first, min(DAYS, first + MONTH))
+            reader = pa.RecordBatchReader.from_batches(table.schema, _days(table, days, -(-recordings // DAYS)))
+            write_deltalake(str(place), reader, partition_by=["date"], mode="append")
 
 
-def _days(table: StoreTable, each: int) -> Iterator[pa.RecordBatch]:
-    for day in range(DAYS):
+def _days(table: StoreTable, days: range, each: int) -> Iterator[pa.RecordBatch]:
+    for day in days:
         yield from day_of(table, day, each).to_batches()
 
 
@@ -162,7 +165,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="imuscope-") as name:
         folder = Path(name)
         year = folder / "year"
-        synthetic(year, options.recordings)
+        writing = multiprocessing.get_context("spawn").Process(target=synthetic, args=(year, options.recordings))
+        writing.start()  # in a process of its own, so that the memory is that of the questions
+        writing.join()
         files = list((year / "tables").rglob("*.parquet"))
         found: dict[str, Any] = {
             "recordings": asked(year, "SELECT recording FROM recordings"),

@@ -147,6 +147,18 @@ def test_the_prepared_questions_find_what_they_ask_for(commands: Commands, store
     assert all(float(str(one["peak_g"])) > 3 for one in asked("shocks"))
 
 
+def test_a_device_counts_once_in_its_batch_however_often_it_was_recorded(
+    commands: Commands, store: Path, tmp_path: Path
+) -> None:
+    drive(tmp_path / "long.mcap", seconds=90.0)
+    answers = []
+    for robot in ("a", "b"):
+        commands.upload(tmp_path / "long.mcap", store, robot)
+        answers.append(commands.query(store, QUESTIONS["noise-by-batch"].sql))
+    assert answers[0] == answers[1]
+    assert {one["devices"] for one in answers[1]} == {1}
+
+
 def test_shocks_are_found(commands: Commands, store: Path, tmp_path: Path) -> None:
     still = np.zeros(200)
     bump = np.where(np.arange(200) == 100, 40.0, 9.81)
