@@ -55,7 +55,7 @@ async def list_words() -> ExpressionWords:
     return ExpressionWords(functions=functions, units=list(SYMBOLS))
 
 
-@router.get("/api/devices/{device}/signals", responses=responses(404))
+@router.get("/api/devices/{device}/signals", responses=responses(404, 422))
 async def list_signals(device: str, services: TheServices) -> list[ComputedSignal]:
     """Computed signals of a device."""
     info = services.derived.device(device)
@@ -70,7 +70,7 @@ async def put_signal(device: str, name: str, body: SignalText, services: TheServ
     return _shown(device, definition, services)
 
 
-@router.delete("/api/devices/{device}/signals/{name}", status_code=204, responses=responses(404, 507))
+@router.delete("/api/devices/{device}/signals/{name}", status_code=204, responses=responses(404, 422, 507))
 async def delete_signal(device: str, name: str, services: TheServices) -> None:
     """Remove a computed signal with its channel."""
     services.derived.remove(services.derived.device(device), name)

@@ -33,7 +33,7 @@ from tests.waiting import until
 BRIEF = ListeningTimes(least_s=0.3, listen_s=0.5)  # the product's times are for streams of 1 Hz
 BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # for tests that do not concern streams
 
-SILENT = StateTimes(config_s=0.5, reset_s=1.0, stream_s=0.5, answer_s=0.2)  # where an MTi cannot answer
+SILENT = StateTimes(config_s=1.0, reset_s=2.0, stream_s=1.0, answer_s=0.5)  # where an MTi cannot answer
 
 
 class ControlHarness:

@@ -107,7 +107,14 @@ CPU_S = 8.0  # more than the start takes
 def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) -> None:
     sql = "SELECT sum(a.range * b.range) FROM range(1000000000) a, range(1000000000) b"
     words = [sys.executable, "-m", "server.cli", "query", "--store", str(store), sql]
-    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a job in the background ignores it
+    )
     try:
         status = Path(f"/proc/{process.pid}/stat")
         tick = os.sysconf("SC_CLK_TCK")
@@ -118,6 +125,7 @@ def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) ->
         assert "Traceback" not in err
     finally:
         process.kill()
+        process.communicate()
 
 
 def test_a_table_for_people_is_cut(commands: Commands, store: Path) -> None:
