@@ -101,7 +101,7 @@ def test_a_question_may_come_from_standard_input(
     assert commands.query(store, "-") == [{"a": 1}]
 
 
-CPU_S = 8.0  # more than the start takes
+CPU_S = 4.0  # more than the start takes
 
 
 def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) -> None:
