@@ -93,7 +93,7 @@ class WorkspaceStore:
         """Store a workspace.
 
         Args:
-            replaces: revision of the one that is replaced; None: there must be none of that name; ANY: whatever is there.
+            replaces: revision of the one that is replaced; None: there must be none of that name; ANY: any of them.
 
         Raises:
             DomainError: the name or the workspace is not valid, somebody else changed it, there are too many, or

@@ -78,7 +78,11 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
   };
   const bytes = el("button", { type: "button", class: "btn edge", title: PACKETS.bytesHereHint }, PACKETS.bytesHere);
   bytes.addEventListener("click", () => actions.bytes());
-  const close = el("button", { type: "button", class: "btn icon", "aria-label": TEXT.close, title: TEXT.close }, "✕");
+  const close = el(
+    "button",
+    { type: "button", class: "btn icon measure-close", "aria-label": TEXT.close, title: TEXT.close },
+    "✕",
+  );
   close.addEventListener("click", () => (viewState.measure.value = undefined));
   const head = el(
     "div",
