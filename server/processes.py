@@ -31,7 +31,9 @@ def program_of(folder: Path) -> Program:
         name = (folder / "comm").read_text(errors="replace").strip()
     except OSError:
         line, name = "", "another program"
-    is_own = any(part in line for part in ("imuscope", "server.cli", "server.holder"))
+    words = line.split()
+    started = {Path(word).name.rstrip(":") for word in words[:2]}  # others may run from a folder of that name
+    is_own = OWN in started or any(word.startswith(("server.cli", "server.holder")) for word in words)
     return Program(int(folder.name), OWN if is_own else name)
 
 
