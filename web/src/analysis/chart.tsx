@@ -1,7 +1,8 @@
 /** A chart of figures against frequency or averaging time: curves with bands, marks, and a reading under the pointer. */
 import { useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useRef } from "preact/hooks";
 import { type Axis, axisOf, curve, figure, type Kind, nearest, type Point, share, ticks, valueAtShare } from "./axes";
+import { useWidth } from "./use-width";
 
 export type Numbers = readonly (number | null)[];
 
@@ -36,23 +37,11 @@ const BOTTOM = 40;
 const TOP = 18;
 const RIGHT = 12;
 const HEIGHT = 340;
-const MIN_WIDTH = 240;
 
 export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, marks = [] }: Props) {
   const host = useRef<HTMLDivElement>(null);
-  const width = useSignal(720);
+  const width = useWidth(host);
   const pointer = useSignal<number | undefined>(undefined);
-  useEffect(() => {
-    const element = host.current;
-    if (!element) return undefined;
-    const fit = (): void => {
-      width.value = Math.max(MIN_WIDTH, element.clientWidth || width.peek());
-    };
-    fit();
-    const resized = new ResizeObserver(fit);
-    resized.observe(element);
-    return () => resized.disconnect();
-  }, [width]);
   const inner = { width: width.value - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
   const x = axisOf(
     xKind,

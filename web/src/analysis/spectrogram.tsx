@@ -1,10 +1,11 @@
 /** A picture of a density over time and frequency. Where there is no segment, as in a gap, there is no colour. */
 import { useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { clock } from "../ui/format";
 import type { SignalFigures } from "../wire/routes";
 import { type Axis, axisOf, figure, nearest, share, ticks, valueAtShare } from "./axes";
 import { colourAt, type Scale, scaleOf, shareOf } from "./colours";
+import { useWidth } from "./use-width";
 import { TEXT } from "../texts/analysis";
 
 const LEFT = 64;
@@ -12,7 +13,6 @@ const RIGHT = 12;
 const TOP = 22;
 const BOTTOM = 40;
 const HEIGHT = 250;
-const MIN_WIDTH = 240;
 const BAR = { width: 96, height: 8, steps: 32 };
 /** Width of a label of the time axis, px. */
 const LABEL_PX = 90;
@@ -66,19 +66,8 @@ function draw(context: CanvasRenderingContext2D, picture: Picture, width: number
 export function Spectrogram({ figures }: { readonly figures: SignalFigures }) {
   const host = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
-  const width = useSignal(720);
+  const width = useWidth(host);
   const pointer = useSignal<{ readonly t: number; readonly f: number } | undefined>(undefined);
-  useEffect(() => {
-    const element = host.current;
-    if (!element) return undefined;
-    const fit = (): void => {
-      width.value = Math.max(MIN_WIDTH, element.clientWidth || width.peek());
-    };
-    fit();
-    const resized = new ResizeObserver(fit);
-    resized.observe(element);
-    return () => resized.disconnect();
-  }, [width]);
   const picture = pictureOf(figures);
   const inner = { width: width.value - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
   useLayoutEffect(() => {
