@@ -6,7 +6,8 @@ import { newApp } from "../testing/live-page";
 import { answering } from "../testing/recorded";
 import type { AlarmDefinition } from "../wire/routes";
 import type { DeviceInfo } from "../wire/types";
-import { AlarmDialog, definitionOf, fieldsOf, Mistake } from "./alarm-dialog";
+import { AlarmDialog, Mistake } from "./alarm-dialog";
+import { definitionOf, fieldsOf } from "./alarm-fields";
 
 const STORED: AlarmDefinition = {
   name: "Hot",

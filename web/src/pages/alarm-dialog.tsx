@@ -1,135 +1,19 @@
-/** The form of an alarm: added or changed, with mistakes marked where they are; and the list of alarms, kept up to date. */
-import { batch, effect, type Signal, useSignal } from "@preact/signals";
+/** The form of an alarm: added or changed, with mistakes marked where they are. */
+import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { notifyRaised } from "../panels/alarm-notices";
-import type { AlarmDraft } from "../panels/alarm-states";
 import { Dialog } from "../ui/dialog";
 import { type Problem, request } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
 import { protocolOf } from "../wire/capabilities";
 import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../wire/routes";
 import type { ChannelInfo, DeviceInfo } from "../wire/types";
-import { NumberField, RecordingChoice, type RecordingFields, recordingFieldsOf, recordingOf } from "./alarm-recording";
+import { ANY, definitionOf, fieldsOf, lastingName, nameOf, type Fields, type Figure } from "./alarm-fields";
+import { NumberField, RecordingChoice } from "./alarm-recording";
 import type { App } from "./app-state";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/alarms";
 
 const CHECK_AFTER_MS = 300;
-const REFRESH_MS = 2000;
-
-/** Loads the alarms now, after each event of one, and while there are any every two seconds, for values and pending ones. */
-export function followAlarms(app: App): () => void {
-  const load = async (): Promise<void> => {
-    const outcome = await request("GET /api/alarms");
-    if (outcome.ok) app.alarms.value = outcome.value;
-  };
-  let seen = -1;
-  const stop = effect(() => {
-    if (app.store.connection.value !== "open") return;
-    const last = app.store.events.value.findLast(({ kind }) => kind === "alarm")?.seq ?? 0;
-    if (last === seen) return;
-    if (seen >= 0) notifyRaised(app.store.events.value, seen, app.store.serverNow());
-    seen = last;
-    void load();
-  });
-  const timer = setInterval(() => {
-    if (app.alarms.peek().length > 0 && document.visibilityState === "visible") void load();
-  }, REFRESH_MS);
-  return () => {
-    clearInterval(timer);
-    stop();
-  };
-}
-
-type Kind = AlarmDefinition["condition"]["kind"];
-type Figure = keyof typeof TEXT.figures;
-
-/** The fields of the form, as typed. */
-export interface Fields {
-  readonly name: string;
-  readonly kind: Kind;
-  readonly expression: string;
-  readonly clear: string;
-  readonly signal: string;
-  readonly flag: string;
-  readonly isSet: boolean;
-  readonly figure: Figure;
-  readonly limit: string;
-  readonly level: "warning" | "error";
-  readonly raise: string;
-  readonly clearAfter: string;
-  readonly latched: boolean;
-  readonly enabled: boolean;
-  readonly devices: DeviceFilter;
-  readonly webhook: string;
-  readonly recording: RecordingFields | undefined;
-}
-
-export function fieldsOf(draft: AlarmDraft, device: DeviceInfo | undefined): Fields {
-  const { definition } = draft;
-  const condition = definition?.condition;
-  return {
-    name: definition?.name ?? "",
-    kind: condition?.kind ?? "expression",
-    expression: condition?.kind === "expression" ? condition.expression : (draft.expression ?? ""),
-    clear: condition?.kind === "expression" ? condition.clear : String(conditionClear(condition)),
-    signal: condition?.kind === "flag" ? condition.signal : "",
-    flag: condition?.kind === "flag" ? condition.flag : "",
-    isSet: condition?.kind === "flag" ? condition.is_set : true,
-    figure: condition?.kind === "health" ? condition.figure : "silence",
-    limit: condition?.kind === "health" ? String(condition.limit) : "1",
-    level: definition?.level ?? "warning",
-    raise: String(definition?.raise_s ?? 0),
-    clearAfter: String(definition?.clear_s ?? 0),
-    latched: definition?.latched ?? false,
-    enabled: definition?.enabled ?? true,
-    devices: definition?.devices ?? { ...ANY, device: device === undefined ? "" : lastingName(device) },
-    webhook: definition?.webhook ?? "",
-    recording: recordingFieldsOf(definition?.recording),
-  };
-}
-
-function conditionClear(condition: AlarmDefinition["condition"] | undefined): string {
-  return condition?.kind === "health" && condition.clear !== null ? String(condition.clear) : "";
-}
-
-const ANY: DeviceFilter = { device: "", product: "", family: "" };
-
-/** What names a device also after a restart of the server. */
-function lastingName({ serial_number, source }: DeviceInfo): string {
-  return serial_number || source;
-}
-
-/** The definition in the fields; of a stored alarm what the form does not have stays. */
-export function definitionOf(fields: Fields, before: AlarmDefinition | undefined): AlarmDefinition {
-  return {
-    ...before,
-    name: fields.name.trim() || nameOf(fields),
-    condition: conditionOf(fields),
-    devices: fields.devices,
-    level: fields.level,
-    raise_s: Number(fields.raise) || 0,
-    clear_s: Number(fields.clearAfter) || 0,
-    latched: fields.latched,
-    enabled: fields.enabled,
-    webhook: fields.webhook.trim(),
-    recording: recordingOf(fields.recording),
-  };
-}
-
-function conditionOf(fields: Fields): AlarmDefinition["condition"] {
-  const { kind, figure, limit } = fields;
-  if (kind === "expression") return { kind, expression: fields.expression.trim(), clear: fields.clear.trim() };
-  if (kind === "flag") return { kind, signal: fields.signal, flag: fields.flag, is_set: fields.isSet };
-  const clear = fields.clear.trim() === "" ? null : Number(fields.clear);
-  return { kind, figure, limit: Number(limit) || 0, clear: figure === "link" ? null : clear };
-}
-
-/** The name of an alarm that was given none. */
-function nameOf({ kind, expression, flag, figure }: Fields): string {
-  const text = kind === "expression" ? expression : kind === "flag" ? flag : TEXT.figures[figure];
-  return text.trim().slice(0, 80);
-}
 
 interface Props {
   readonly app: App;
