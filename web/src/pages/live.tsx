@@ -1,13 +1,9 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
-import { AnalysisDialog } from "../analysis/dialog";
 import { mountLargeTrack } from "../attitude/track-dialog";
-import { AddDevice } from "../forms/add-device";
 import { GoTo, type GoToDeps } from "../measure/go-to";
 import { MeasurePanel } from "../measure/measure-panel";
 import { placesOf } from "../plots/markers";
 import { mountStack } from "../plots/plot-stack";
-import { YAxisDialog } from "../plots/y-axis-dialog";
-import { SignalsPanel } from "../signals/panel";
 import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
 import { PanelHost } from "../ui/panel-host";
@@ -17,15 +13,22 @@ import { ArrangeTools } from "../workspace/arrange";
 import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveScene, LiveViews } from "../views/viser";
-import { AlarmDialog } from "./alarm-dialog";
 import { type App, select } from "./app-state";
+import {
+  AddDevice,
+  AlarmDialog,
+  AnalysisDialog,
+  Describe,
+  ExportDialog,
+  MemoryDialog,
+  Packet,
+  RosTopics,
+  SharePort,
+  SignalsPanel,
+  YAxisDialog,
+} from "./dialogs";
 import { Bar, Dock } from "./top-bar";
-import { Describe } from "./payload-dialog";
-import { MemoryDialog } from "./memory-dialog";
-import { Packet } from "./packet-dialog";
-import { ExportDialog, exportingOf } from "./recordings/export-dialog";
-import { SharePort } from "./port-shares";
-import { RosTopics } from "./ros-topics";
+import { exportingOf } from "./recordings/exporting";
 import { Rail } from "./device-sidebar";
 import { RowsDialog } from "./rows";
 import { Side, Strip } from "./side-panels";
@@ -108,7 +111,7 @@ function Centre({ app }: { readonly app: App }) {
         <>
           <GoTo key={device.id} deps={goToDeps(app)} />
           <MeasurePanel deps={app} />
-          <YAxisDialog viewState={app.viewState} />
+          {app.viewState.yAxisForm.value && <YAxisDialog viewState={app.viewState} />}
         </>
       }
     >

@@ -10,7 +10,7 @@ import type { ExportCapability } from "../wire/capability-types";
 import type { App } from "./app-state";
 import { MemoryDialog } from "./memory-dialog";
 import { SavedBand } from "./record-button";
-import { exportingOf } from "./recordings/export-dialog";
+import { exportingOf } from "./recordings/exporting";
 
 const NOW = 1_760_000_000;
 const SAVED = { id: "yard", devices: ["1"], t0: NOW - 21, t1: NOW + 1, bytes: 44_000 };

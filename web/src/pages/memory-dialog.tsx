@@ -11,7 +11,7 @@ import { Icon } from "../ui/icons";
 import { ProblemNote } from "../ui/problem-note";
 import type { App } from "./app-state";
 import { showSaved } from "./record-button";
-import { exportingOf } from "./recordings/export-dialog";
+import { exportingOf } from "./recordings/exporting";
 import { TEXT } from "../texts/live";
 
 /** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */

@@ -1,10 +1,12 @@
 /** The analysis as a panel: a spectrum beside the plots, as long as it is wanted. Hidden until a person shows it. */
 import { render } from "preact";
-import { AnalysisView } from "../analysis/dialog";
 import { TEXT } from "../texts/analysis";
 import type { Panel } from "../ui/dom";
+import { late } from "../ui/late";
 import { type Deps, selected } from "./panel-context";
 import { registerPanel } from "./registry";
+
+const AnalysisView = late(async () => (await import("../analysis/dialog")).AnalysisView);
 
 /** Of the selected device; another device begins anew. */
 function SelectedAnalysis({ deps }: { readonly deps: Deps }) {

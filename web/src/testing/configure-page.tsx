@@ -3,8 +3,8 @@ import { render, waitFor } from "@testing-library/preact";
 import type { Store } from "../data/store";
 import type { Forms, SnapshotBody } from "../forms/types";
 import type { DeviceJobs } from "../wire/types";
-import ConfigurePage from "../pages/configure/page";
-import Decks from "../pages/configure/rollback-banner";
+import { ConfigurePage } from "../pages/configure/page";
+import { Decks } from "../pages/configure/rollback-banner";
 import { newApp, startOver } from "./live-page";
 import { type Answers, type Asked, answering, type Family, feed, recorded } from "./recorded";
 

@@ -4,7 +4,7 @@ import { expect, test } from "vitest";
 import { type Opened, openConfigure } from "../../testing/configure-page";
 import { newApp } from "../../testing/live-page";
 import { type Family, recorded } from "../../testing/recorded";
-import ConfigurePage from "./page";
+import { ConfigurePage } from "./page";
 
 const PATIENCE = { timeout: 20_000 };
 

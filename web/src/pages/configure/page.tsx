@@ -33,7 +33,7 @@ import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 import "./styles";
 
-export default function ConfigurePage({ app }: { readonly app: App }) {
+export function ConfigurePage({ app }: { readonly app: App }) {
   const device = app.device.value;
   const model = device ? modelOf(device.id, app) : undefined;
   const { question } = configureOf(app);

@@ -17,7 +17,7 @@ import { TEXT } from "../../texts/configure";
 const RADIUS = 20;
 const UNDER_WAY = new Set<PendingRollback["state"]>(["applying", "pending", "rolling-back"]);
 const ROUND = 2 * Math.PI * RADIUS;
-export default function Decks({ app }: { readonly app: App }) {
+export function Decks({ app }: { readonly app: App }) {
   const { store } = app;
   /** Devices whose last rollback is over and was acknowledged. */
   const dismissed = useSignal<ReadonlySet<string>>(new Set());

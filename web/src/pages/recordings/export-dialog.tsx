@@ -1,42 +1,21 @@
 /** Export dialog: range, format, channels; duration and size are shown before anything is written. */
-import { signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { bytes, length, titleOf } from "../../recordings/library-filter";
 import { devicesFor, formatsOf, sizeOf } from "../../recordings/export-formats";
 import { server } from "../../recordings/api";
-import type { ExportSizes, RecordingDetail, RecordingInfo } from "../../recordings/types";
+import type { ExportSizes, RecordingDetail } from "../../recordings/types";
 import { Dialog } from "../../ui/dialog";
 import { span } from "../../ui/format";
 import { Icon } from "../../ui/icons";
-import { Message } from "../../ui/message";
 import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
-import type { ExportJob } from "../../wire/types";
-import { type App, perApp, run } from "../app-state";
+import { type App, run } from "../app-state";
+import { Jobs } from "./export-jobs";
+import { type Exporting, exportingOf, type Range } from "./exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 import "./export.css";
-
-export interface Range {
-  readonly name: string;
-  readonly t0: number;
-  readonly t1: number;
-}
-
-/** Subject of the dialog: the recording, and if it is open, its channels and selected ranges. */
-export interface Exporting {
-  readonly info: RecordingInfo;
-  readonly detail: RecordingDetail | undefined;
-  readonly ranges: readonly Range[];
-  /** Start of the recording, unix s. */
-  readonly first: number;
-  readonly base: "device" | "arrival";
-  /** The range that is chosen at first; absent: the whole recording. */
-  readonly chosen?: Range;
-}
-
-/** What is being exported, while its dialog is open. */
-export const exportingOf = perApp(() => signal<Exporting | undefined>(undefined));
 
 export function ExportDialog({ app, of }: { readonly app: App; readonly of: Exporting }) {
   const { info, detail, ranges, first, base } = of;
@@ -227,54 +206,5 @@ function Channels({
         </label>
       ))}
     </details>
-  );
-}
-
-/** Exports of a recording: running, done, failed. */
-export function Jobs({ app, recording }: { readonly app: App; readonly recording: string }) {
-  const jobs = app.store.exports.value.filter((job) => job.recording === recording);
-  if (jobs.length === 0) return null;
-  return (
-    <ul class="jobs" aria-label={TEXT.exports}>
-      {[...jobs].reverse().map((job) => (
-        <JobRow key={job.id} app={app} job={job} />
-      ))}
-    </ul>
-  );
-}
-
-function JobRow({ app, job }: { readonly app: App; readonly job: ExportJob }) {
-  const size = bytes(job.size);
-  const going = job.state === "waiting" || job.state === "running";
-  const words = {
-    waiting: TEXT.exportState.waiting,
-    running: `${Math.round(100 * job.progress)} %`,
-    done: `${size.value} ${size.unit}`,
-    failed: TEXT.exportState.failed,
-    cancelled: TEXT.exportState.cancelled,
-  }[job.state];
-  return (
-    <li>
-      <span class="ellipsis">{job.title}</span>
-      <span class="num" role="status">
-        {job.state === "failed" && <span class="dot bad" />} {words}
-      </span>
-      {job.state === "done" ? (
-        <a class="btn edge" href={server.exportUrl(job.id)} download={job.file}>
-          <Icon name="download" />
-          {COMMON.download}
-        </a>
-      ) : (
-        <button type="button" class="btn edge" onClick={() => void run(app, server.cancelExport(job.id))}>
-          {going ? COMMON.cancel : TEXT.removeFromList}
-        </button>
-      )}
-      {going && <progress value={job.progress} max={1} aria-label={`${job.title}: ${words}`} />}
-      {job.message !== "" && (
-        <small class="why">
-          <Message text={job.message} /> <Message text={job.hint} />
-        </small>
-      )}
-    </li>
   );
 }

@@ -1,8 +1,8 @@
 /** Overlays of the pages of recordings: the list of keys, and the export dialog. */
 import { Help } from "../../ui/help";
 import type { App } from "../app-state";
-import { Packet } from "../packet-dialog";
-import { ExportDialog, exportingOf } from "./export-dialog";
+import { ExportDialog, Packet } from "../dialogs";
+import { exportingOf } from "./exporting";
 
 export function PageOverlays({ app }: { readonly app: App }) {
   const { overlay } = app;

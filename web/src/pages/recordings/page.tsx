@@ -8,7 +8,7 @@ import "./details.css";
 import "./phone.css";
 import "./replay.css";
 
-export default function RecordingsPage({ app }: { readonly app: App }) {
+export function RecordingsPage({ app }: { readonly app: App }) {
   const id = route.value.recording;
   return id === undefined ? <LibraryPage app={app} /> : <OpenPage key={id} id={id} app={app} />;
 }

@@ -1,6 +1,5 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
 import { useEffect } from "preact/hooks";
-import { AnalysisDialog } from "../../analysis/dialog";
 import { mountLargeTrack } from "../../attitude/track-dialog";
 import type { MeasureDeps } from "../../measure/panel";
 import { onFrame } from "../../data/render-loop";
@@ -8,12 +7,10 @@ import { GoTo, type GoToDeps } from "../../measure/go-to";
 import { MeasurePanel } from "../../measure/measure-panel";
 import { placesOf } from "../../plots/markers";
 import { mountStack } from "../../plots/plot-stack";
-import { YAxisDialog } from "../../plots/y-axis-dialog";
 import { readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, titleOf } from "../../recordings/library-filter";
 import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { SignalsPanel } from "../../signals/panel";
 import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { Icon } from "../../ui/icons";
@@ -21,6 +18,7 @@ import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ArrangeTools } from "../../workspace/arrange";
+import { AnalysisDialog, SignalsPanel, YAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
@@ -127,7 +125,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
         <>
           <GoTo deps={goToDeps(replay)} />
           <MeasurePanel deps={measureDeps(replay)} />
-          <YAxisDialog viewState={replay.viewState} />
+          {replay.viewState.yAxisForm.value && <YAxisDialog viewState={replay.viewState} />}
         </>
       }
     />

@@ -7,7 +7,7 @@ import { run, select } from "../app-state";
 import { go } from "../route";
 import { RerunButton } from "../../views/rerun";
 import { type OpenRecording, recordingHref } from "./open-recording";
-import { exportingOf, type Range } from "./export-dialog";
+import { exportingOf, type Range } from "./exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 

@@ -1,0 +1,14 @@
+/** The dialogs of Live and of an open recording, each fetched when it is first opened. */
+import { late } from "../ui/late";
+
+export const AddDevice = late(async () => (await import("../forms/add-device")).AddDevice);
+export const AlarmDialog = late(async () => (await import("./alarm-dialog")).AlarmDialog);
+export const AnalysisDialog = late(async () => (await import("../analysis/dialog")).AnalysisDialog);
+export const Describe = late(async () => (await import("./payload-dialog")).Describe);
+export const ExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
+export const MemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
+export const Packet = late(async () => (await import("./packet-dialog")).Packet);
+export const RosTopics = late(async () => (await import("./ros-topics")).RosTopics);
+export const SharePort = late(async () => (await import("./port-shares")).SharePort);
+export const SignalsPanel = late(async () => (await import("../signals/panel")).SignalsPanel);
+export const YAxisDialog = late(async () => (await import("../plots/y-axis-dialog")).YAxisDialog);

@@ -1,0 +1,50 @@
+// @vitest-environment happy-dom
+/** Code that is fetched when it is first shown. */
+import { act, cleanup, render, screen } from "@testing-library/preact";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { late } from "./late";
+
+const Greeting = ({ name }: { readonly name: string }) => <p>Hello {name}</p>;
+
+beforeEach(() => {
+  vi.useFakeTimers();
+});
+
+afterEach(() => {
+  cleanup();
+  vi.useRealTimers();
+});
+
+test("what is shown meanwhile gives way to the component, which is fetched once", async () => {
+  const load = vi.fn(async () => Greeting);
+  const Late = late<{ name: string }>(load, <p>Loading</p>);
+  const first = render(<Late name="IMU" />);
+  expect(screen.getByText("Loading")).toBeTruthy();
+  await act(async () => void (await vi.advanceTimersByTimeAsync(0)));
+  expect(screen.getByText("Hello IMU")).toBeTruthy();
+  first.unmount();
+  render(<Late name="again" />);
+  expect(screen.getByText("Hello again")).toBeTruthy(); // without a moment of nothing
+  expect(load).toHaveBeenCalledTimes(1);
+});
+
+test("a server that is away is asked again, for as long as the component is shown", async () => {
+  let isAway = true;
+  const load = vi.fn(() => (isAway ? Promise.reject(new Error("away")) : Promise.resolve(Greeting)));
+  const Late = late<{ name: string }>(load);
+  const shown = render(<Late name="IMU" />);
+  await act(async () => void (await vi.advanceTimersByTimeAsync(5000)));
+  expect(load).toHaveBeenCalledTimes(3);
+  isAway = false;
+  await act(async () => void (await vi.advanceTimersByTimeAsync(2000)));
+  expect(screen.getByText("Hello IMU")).toBeTruthy();
+  shown.unmount();
+  isAway = true;
+  const Other = late<{ name: string }>(load);
+  const other = render(<Other name="IMU" />);
+  await act(async () => void (await vi.advanceTimersByTimeAsync(0)));
+  other.unmount();
+  const asked = load.mock.calls.length;
+  await vi.advanceTimersByTimeAsync(60_000);
+  expect(load).toHaveBeenCalledTimes(asked);
+});
