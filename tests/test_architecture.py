@@ -77,7 +77,6 @@ SERVER: dict[str, set[str]] = {
     "configuration": {"holder", "wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"library", "streaming"},
-    "evidence": {"analysis", "library", "page_files"},
     "alarms": {"analysis", "library", "streaming"},
     "fleet": {"devices", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth", "ros2"},
@@ -99,8 +98,7 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
     "api": {
-        *("alarms", "analysis", "auth", "configuration", "devices", "evidence", "http_server", "integrations"),
-        *("library", "links"),
+        *("alarms", "analysis", "auth", "configuration", "devices", "http_server", "integrations", "library", "links"),
         *(
             "metrics",
             "page_files",

@@ -7,23 +7,24 @@ All samples of all signals named are evaluated: where channels have different ti
 others interpolated between their samples, but never across a gap. Of a vector every column is compared: one beyond the
 limit suffices, and all have to be within the limit to clear.
 
-Only functions of one moment are allowed. Filters, moving windows and integrals depend on earlier samples, and computed
-batch by batch they would give other results than on the whole.
+Filters, moving windows, derivatives and integrals are causal and keep their state from batch to batch (along_time.py):
+the same samples give the same codes however they were divided.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from server.alarms.along_time import AlongTime, is_along_time
 from server.alarms.definitions import ExpressionCondition, FlagCondition
 from server.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
-from server.analysis.expression_functions import DELAYED, Context
+from server.analysis.expression_functions import Context
 from server.analysis.expression_syntax import Call, ExpressionError, Name, Node, parse
 from server.analysis.expressions import evaluate, names_in
 from server.analysis.quantities import Quantity, at_times
@@ -32,9 +33,9 @@ from server.analysis.units import Unit
 from server.errors import DomainError
 from server.wire import ChannelInfo
 
-ALONG_TIME = frozenset({*DELAYED, "unwrap", "derivative", "integral", "resample", "shift"})
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 MAX_WAITING = 20_000  # samples of one channel that wait for those of another
+MAX_SHIFTED = 200_000  # samples of a part along time, which a shift puts far ahead of the others
 _LEFT = "\0left"  # no name that a person can type
 _LIVE = Context(zero_phase=False)
 
@@ -81,23 +82,39 @@ class ExpressionJudge:
 
     Args:
         missing_s: a longer step between two samples is a gap.
+        rates: usual rates of the channels, Hz, by id; needed for what depends on earlier samples.
 
     Raises:
+        RateUnknownError: such a rate is not known yet.
         ExpressionError: a mistake in `condition.expression`, and where it is.
         DomainError: a mistake in `condition.clear`.
     """
 
-    def __init__(self, condition: ExpressionCondition, infos: Sequence[ChannelInfo], missing_s: float) -> None:
+    def __init__(
+        self,
+        condition: ExpressionCondition,
+        infos: Sequence[ChannelInfo],
+        missing_s: float,
+        rates: Mapping[int, float] | None = None,
+    ) -> None:
         self._missing_s = missing_s
         node = checked(condition)
-        self._named: dict[str, list[SignalColumn]] = {}
-        for name in names_in(node):
-            if name.name not in self._named:
-                self._named[name.name] = _columns(infos, name)
-        every = {column.name: column for columns in self._named.values() for column in columns}
+        every = {column.name: column for name in names_in(node) for column in _columns(infos, name)}
         self.columns: Sequence[SignalColumn] = list(every.values())
         self.channels = frozenset(column.info.id for column in self.columns)
-        self._buffers: dict[int, list[NDArray[Any]]] = {}
+        known: Mapping[int, float] = {} if rates is None else rates
+        self._along = AlongTime(node, infos, known)
+        self.rates = {number: known[number] for one in self._along.parts.values() for number in one.channels}
+        node = self._along.node
+        self._named: dict[str, _Source] = {}
+        for name in names_in(node):
+            if name.name not in self._named:
+                part = self._along.parts.get(name.name)
+                self._named[name.name] = (
+                    _source(_columns(infos, name)) if part is None else _Source(name.name, part.probe)
+                )
+        self._sources = frozenset(one.key for one in self._named.values())
+        self._buffers: dict[Hashable, list[NDArray[Any]]] = {}
         self._done = -math.inf  # samples up to here are judged, if there are several channels
         self._left: Node | None = None
         self._node = node
@@ -111,14 +128,14 @@ class ExpressionJudge:
             self._node = Call(node.name, (Name(_LEFT, left.begin, left.end), right), node.begin, node.end)
             self.direction = 1 if node.name in (">", ">=") else -1
             self.subject = condition.expression[left.begin : left.end].strip()
-        self._judge({name: _empty(columns) for name, columns in self._named.items()})
+        self._judge({name: one.empty() for name, one in self._named.items()})
         self._describe(condition)
 
     def _describe(self, condition: ExpressionCondition) -> None:
         """Unit and limits, of an expression whose units fit."""
         if self._left is None:
             return
-        empty = {name: _empty(columns) for name, columns in self._named.items()}
+        empty = {name: one.empty() for name, one in self._named.items()}
         left = evaluate(self._left, lambda name: empty[name], _LIVE)
         assert isinstance(self._node, Call)
         right = self._node.arguments[1]
@@ -131,7 +148,9 @@ class ExpressionJudge:
         self._clear = Call(self._node.name, (self._node.arguments[0], clear), 0, len(condition.clear))
 
     def judge(self, rows: Rows) -> Judged:
-        axis, quantities = self._aligned(rows)
+        every: dict[Hashable, Sequence[NDArray[Any]]] = dict(rows.items())
+        every.update(self._along.feed(rows).items())
+        axis, quantities = self._aligned(every)
         if not len(axis):
             return _NOTHING
         return self._judge(quantities, axis)
@@ -159,17 +178,17 @@ class ExpressionJudge:
 
     # ── samples of several channels ──────────────────────────────────────────────────────────────────────────────────
 
-    def _aligned(self, rows: Rows) -> tuple[Floats, dict[str, Quantity]]:
+    def _aligned(self, rows: Mapping[Hashable, Sequence[NDArray[Any]]]) -> tuple[Floats, dict[str, Quantity]]:
         """The signals named at one set of times, all of them after those given before."""
-        if len(self.channels) == 1:
-            [channel] = self.channels
-            if channel not in rows:
+        if len(self._sources) == 1:
+            [source] = self._sources
+            if source not in rows:
                 return np.empty(0), {}
-            axis = sample_times(rows[channel])
-            return axis, {name: _quantity(columns, rows[channel], axis) for name, columns in self._named.items()}
-        for channel in self.channels & rows.keys():
-            self._wait(channel, rows[channel])
-        if len(self._buffers) < len(self.channels):
+            axis = sample_times(rows[source])
+            return axis, {name: one.quantity(rows[source], axis) for name, one in self._named.items()}
+        for source in self._sources & rows.keys():
+            self._wait(source, rows[source])
+        if len(self._buffers) < len(self._sources):
             return np.empty(0), {}
         horizon = min(float(buffer[1][-1]) for buffer in self._buffers.values())
         times = [buffer[1][(buffer[1] > self._done) & (buffer[1] <= horizon)] for buffer in self._buffers.values()]
@@ -179,23 +198,56 @@ class ExpressionJudge:
         if not len(axis):
             return axis, {}
         found = {}
-        for name, columns in self._named.items():
-            buffer = self._buffers[columns[0].info.id]
-            found[name] = _at(_quantity(columns, buffer, buffer[1]), axis, self._missing_s)
+        for name, one in self._named.items():
+            buffer = self._buffers[one.key]
+            found[name] = _at(one.quantity(buffer, buffer[1]), axis, self._missing_s)
         self._done = horizon
-        for channel, buffer in self._buffers.items():
+        for source, buffer in self._buffers.items():
             begin = max(0, int(np.searchsorted(buffer[1], horizon, "right")) - 1)
-            self._buffers[channel] = [column[begin:] for column in buffer]
+            self._buffers[source] = [column[begin:] for column in buffer]
         return axis, found
 
-    def _wait(self, channel: int, columns: Sequence[NDArray[Any]]) -> None:
+    def _wait(self, source: Hashable, columns: Sequence[NDArray[Any]]) -> None:
         time = sample_times(columns)
         new = [columns[0], time, *columns[2:]]
-        before = self._buffers.get(channel)
+        before = self._buffers.get(source)
         if before is not None:
             new[1] = np.maximum(time, before[1][-1])
-            new = [np.concatenate(pair)[-MAX_WAITING:] for pair in zip(before, new, strict=True)]
-        self._buffers[channel] = new
+            most = MAX_SHIFTED if self._along.parts else MAX_WAITING
+            new = [np.concatenate(pair)[-most:] for pair in zip(before, new, strict=True)]
+        self._buffers[source] = new
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """The meaning of a name in a condition: columns of a channel, or a part along time.
+
+    Attributes:
+        key: of its rows.
+        probe: its unit, names and period.
+        at: its columns among those of the rows; None: all of them.
+    """
+
+    key: Hashable
+    probe: Quantity
+    at: tuple[int, ...] | None = None
+
+    def quantity(self, rows: Sequence[NDArray[Any]], axis: Floats) -> Quantity:
+        """Some samples of it."""
+        columns = rows[2:] if self.at is None else [rows[2 + at] for at in self.at]
+        return replace(self.probe, time=axis, parts=tuple(column.astype(np.float64) for column in columns))
+
+    def empty(self) -> Quantity:
+        """No samples of it."""
+        return replace(self.probe, time=np.empty(0), parts=tuple(np.empty(0) for _ in self.probe.parts))
+
+
+def _source(columns: Sequence[SignalColumn]) -> _Source:
+    info = columns[0].info
+    own = [info.columns[column.at] for column in columns]
+    names = tuple(one.name for one in own) if len(own) > 1 else ("",)
+    probe = Quantity(tuple(np.empty(0) for _ in own), Unit.parse(own[0].unit), np.empty(0), names, own[0].period)
+    return _Source(info.id, probe, tuple(column.at for column in columns))
 
 
 class FlagJudge:
@@ -243,10 +295,6 @@ def checked(condition: ExpressionCondition) -> Node:
         ExpressionError: a mistake, and where it is.
     """
     node = parse(condition.expression)
-    for call in _calls(node):
-        if call.name in ALONG_TIME:
-            message = f"{call.name} depends on earlier samples, and an alarm judges each sample by itself."
-            raise ExpressionError(message, call.begin, call.end, "Use durations instead, or functions of one moment.")
     if next(names_in(node), None) is None:
         raise ExpressionError("No signal is named.", node.begin, node.end, "For example norm(Acceleration) > 3 g.")
     if condition.clear:
@@ -267,7 +315,7 @@ def clear_node(condition: ExpressionCondition) -> Node:
         node = parse(condition.clear)
     except ExpressionError as error:
         raise DomainError("bad-value", f"Limit to clear: {error.message}", error.hint) from None
-    if next(names_in(node), None) is not None or any(call.name in ALONG_TIME for call in _calls(node)):
+    if next(names_in(node), None) is not None or is_along_time(node):
         raise DomainError("bad-value", "The limit to clear has to be a constant.", "For example 2.5 g.")
     return node
 
@@ -298,13 +346,6 @@ def _number(quantity: Quantity, unit: Unit) -> float:
     return 0.0 if quantity.is_zero else quantity.in_unit(unit).number
 
 
-def _calls(node: Node) -> Iterator[Call]:
-    if isinstance(node, Call):
-        yield node
-        for argument in node.arguments:
-            yield from _calls(argument)
-
-
 def _signal_first(node: Call) -> Call:
     """The comparison with its signal on the left."""
     left, right = node.arguments
@@ -322,18 +363,6 @@ def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
         hint = f"Name one: {', '.join(column.name for column in columns):.400}."
         raise ExpressionError(f"The columns of {name.name} differ in their units.", name.begin, name.end, hint)
     return columns
-
-
-def _quantity(columns: Sequence[SignalColumn], rows: Sequence[NDArray[Any]], axis: Floats) -> Quantity:
-    own = [column.info.columns[column.at] for column in columns]
-    parts = tuple(rows[2 + column.at].astype(np.float64) for column in columns)
-    names = tuple(one.name for one in own) if len(own) > 1 else ("",)
-    return Quantity(parts, Unit.parse(own[0].unit), axis, names, own[0].period)
-
-
-def _empty(columns: Sequence[SignalColumn]) -> Quantity:
-    info = columns[0].info
-    return _quantity(columns, [np.empty(0)] * (2 + len(info.columns)), np.empty(0))
 
 
 def _at(quantity: Quantity, axis: Floats, missing_s: float) -> Quantity:

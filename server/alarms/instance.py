@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,6 +15,7 @@ from server.alarms.conditions import ExpressionJudge, FlagJudge, Rows, SampleCon
 from server.alarms.definitions import AlarmDefinition, ExpressionCondition, FlagCondition, HealthCondition, StoredAlarm
 from server.alarms.figures import HealthJudge
 from server.alarms.machine import AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
+from server.analysis.live_expression import RateUnknownError
 from server.errors import DomainError
 from server.streaming.bus import TelemetryBus
 from server.wire import ChannelInfo
@@ -63,11 +64,22 @@ class AlarmInstance:
 
     Args:
         infos: channels of the device.
+        rates: usual rates of these, Hz, by id.
         name: lasting name of the device.
+
+    Attributes:
+        is_waiting: a rate that the condition needs is not known yet.
+        is_new: the condition has taken no sample since it was compiled.
     """
 
     def __init__(
-        self, stored: StoredAlarm, info: wire.DeviceInfo, infos: Sequence[ChannelInfo], bus: TelemetryBus, name: str
+        self,
+        stored: StoredAlarm,
+        info: wire.DeviceInfo,
+        infos: Sequence[ChannelInfo],
+        rates: Mapping[int, float],
+        bus: TelemetryBus,
+        name: str,
     ) -> None:
         self.stored = stored
         self.device = info.id
@@ -87,25 +99,33 @@ class AlarmInstance:
         self._reported = 0
         self._suppressed: list[AlarmTransition] = []
         self.machine = AlarmMachine(timing_of(stored.definition))
-        self.compile(infos)
+        self.is_waiting = self.is_new = False
+        self.compile(infos, rates)
 
     @property
     def definition(self) -> AlarmDefinition:
         """The definition of the alarm."""
         return self.stored.definition
 
-    def compile(self, infos: Sequence[ChannelInfo]) -> None:
-        """Compile the condition for the present channels of the device, unless they are the same as before."""
+    @property
+    def rates(self) -> Mapping[int, float]:
+        """The rates of channels that the condition was compiled with, as far as it depends on them."""
+        return self._samples.rates if isinstance(self._samples, ExpressionJudge) else {}
+
+    def compile(self, infos: Sequence[ChannelInfo], rates: Mapping[int, float]) -> None:
+        """Compile the condition for the present channels of the device and their rates, unless they are as before."""
         known = tuple(info.id for info in infos)
-        if known == self._known:
+        if known == self._known and not self.is_waiting:
             return
         self._known = known
         try:
-            judge = compiled(self.definition, infos)
+            judge = compiled(self.definition, infos, rates)
         except DomainError as error:
             self.problem = f"{error.message} {error.hint}".strip()
             self._samples, self.channels = None, frozenset()
+            self.is_waiting = isinstance(error, RateUnknownError)
             return
+        self.is_waiting = False
         self.problem = ""
         self.machine.direction = judge.direction
         if isinstance(judge, HealthJudge):
@@ -113,7 +133,18 @@ class AlarmInstance:
         else:
             if self._samples is None or self._samples.channels != judge.channels:
                 self._samples = judge
+                self.is_new = isinstance(judge, ExpressionJudge) and bool(judge.rates)
             self.channels = judge.channels
+
+    def begin_anew(self) -> None:
+        """Compile the condition again at the next occasion: the rate of a channel has changed."""
+        self._samples, self._known = None, None
+
+    def warm_up(self, rows: Rows) -> None:
+        """Take past samples, for the state of filters and moving windows; they raise and clear nothing."""
+        self.is_new = False
+        if self._samples is not None and rows:
+            self._samples.judge(rows)
 
     def feed(self, rows: Rows) -> bool:
         """Take new samples; returns whether the state changed."""
@@ -296,15 +327,18 @@ def timing_of(definition: AlarmDefinition) -> AlarmTiming:
     return AlarmTiming(definition.raise_s, definition.clear_s, definition.missing_s, definition.latched)
 
 
-def compiled(definition: AlarmDefinition, infos: Sequence[ChannelInfo]) -> SampleCondition | HealthJudge:
-    """The condition for the channels of a device.
+def compiled(
+    definition: AlarmDefinition, infos: Sequence[ChannelInfo], rates: Mapping[int, float]
+) -> SampleCondition | HealthJudge:
+    """The condition for the channels of a device, with their usual rates (Hz) by id.
 
     Raises:
+        RateUnknownError: a rate that it needs is not known yet.
         DomainError: the device does not have what it names, or units do not fit; ExpressionError says where.
     """
     condition = definition.condition
     if isinstance(condition, ExpressionCondition):
-        return ExpressionJudge(condition, infos, definition.missing_s)
+        return ExpressionJudge(condition, infos, definition.missing_s, rates)
     if isinstance(condition, FlagCondition):
         return FlagJudge(condition, infos)
     return HealthJudge(condition)

@@ -13,16 +13,18 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from server import wire
 from server.alarms.alarm_file import AlarmFile, lasting_name
-from server.alarms.conditions import checked
+from server.alarms.conditions import Rows, checked
 from server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from server.alarms.instance import AlarmInstance, AlarmState, compiled
 from server.alarms.recording_trigger import RecordingTrigger
 from server.alarms.webhooks import Webhooks, checked_url, shown_url
+from server.analysis.channel_rates import ChannelRates, have_changed
+from server.analysis.live_expression import RateUnknownError
 from server.errors import DomainError
 from server.library.recorder import Recorder
 from server.prometheus_text import PrometheusText
@@ -34,6 +36,8 @@ log = logging.getLogger("imuscope.alarms")
 FILE = "alarms.json"
 TURN_S = 0.1
 SAVE_EVERY = 10  # turns
+RATES_EVERY = 5  # turns
+MAX_PAST = 60_000  # samples of a channel that filters and moving windows begin with
 HEALTH_EVERY = 5  # turns
 MAX_ALARMS = 100
 MAX_BY = 60  # characters of a name
@@ -143,6 +147,8 @@ class AlarmService:
     def turn(self) -> None:
         """Evaluate all alarms on what is new."""
         self._turns += 1
+        if self._turns % RATES_EVERY == 0:
+            self._look_at_rates()
         if self._is_stale:
             self._is_stale = False
             self._match()
@@ -171,11 +177,21 @@ class AlarmService:
                 log.exception("evaluating the alarm %s failed", instance.definition.name)
                 instance.problem = "Internal error while it was evaluated; the log has details."
 
+    def _look_at_rates(self) -> None:
+        """Begin anew what waits for the rate of a channel, or depends on one that has changed."""
+        for instance in self._instances.values():
+            if instance.is_waiting:
+                self._is_stale = True
+            elif instance.rates and have_changed(self._store, instance.rates):
+                instance.begin_anew()
+                self._is_stale = True
+
     def _match(self) -> None:
         """Create, compile and remove the instances of the alarms for the present devices and channels."""
         wanted: dict[tuple[str, str], AlarmInstance] = {}
         devices = list(self._bus.devices.latest.values())
         infos = {info.id: list(self._store.of_device(info.id).values()) for info in devices}
+        rates = ChannelRates(self._store)
         for stored in self._stored.values():
             if not stored.definition.enabled:
                 continue
@@ -185,9 +201,9 @@ class AlarmService:
                 key = stored.id, info.id
                 instance = self._instances.get(key)
                 if instance is None or instance.stored != stored or instance.name != lasting_name(info):
-                    instance = self._create(stored, info, infos[info.id])
+                    instance = self._create(stored, info, infos[info.id], rates)
                 else:
-                    instance.compile(infos[info.id])
+                    instance.compile(infos[info.id], rates)
                 wanted[key] = instance
         for key, instance in self._instances.items():
             if wanted.get(key) is not instance:
@@ -201,9 +217,28 @@ class AlarmService:
             if (known := self._store.get(channel)) is not None
         }
         self._opened.clear()
+        for instance in wanted.values():
+            if instance.is_new:
+                instance.warm_up(self._past(instance.channels))
 
-    def _create(self, stored: StoredAlarm, info: wire.DeviceInfo, infos: Sequence[wire.ChannelInfo]) -> AlarmInstance:
-        instance = AlarmInstance(stored, info, infos, self._bus, lasting_name(info))
+    def _past(self, channels: Iterable[int]) -> Rows:
+        """The samples in memory of channels before the first row that the next turn reads."""
+        found = {}
+        for channel in channels:
+            ring, end = self._store.of(channel).ring, self._positions[channel]
+            begin = max(ring.first, end - MAX_PAST)
+            if begin < end:
+                found[channel] = [column[: end - begin] for column in ring.read(begin)]
+        return found
+
+    def _create(
+        self,
+        stored: StoredAlarm,
+        info: wire.DeviceInfo,
+        infos: Sequence[wire.ChannelInfo],
+        rates: Mapping[int, float],
+    ) -> AlarmInstance:
+        instance = AlarmInstance(stored, info, infos, rates, self._bus, lasting_name(info))
         if stored.definition.webhook:
             instance.deliver = self._deliver
         saved = self._saved.get(stored.id, {}).get(instance.name)
@@ -345,13 +380,15 @@ class AlarmService:
         """
         if isinstance(definition.condition, ExpressionCondition):
             checked(definition.condition)
-        names, problem = [], None
+        names, problem, rates = [], None, ChannelRates(self._store)
         for info in self._bus.devices.latest.values():
             infos = list(self._store.of_device(info.id).values())
             if not infos or not definition.devices.fits(info):
                 continue
             try:
-                compiled(definition, infos)
+                compiled(definition, infos, rates)
+            except RateUnknownError:
+                continue  # it fits as far as can be told; the alarm waits for the rate
             except DomainError as error:
                 problem = problem or error
             else:

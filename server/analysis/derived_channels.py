@@ -10,14 +10,15 @@ use computed signals: none can use itself.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from server.analysis.live_expression import LiveExpression, usual_rate
+from server.analysis.channel_rates import ChannelRates, have_changed
+from server.analysis.live_expression import LiveExpression
 from server.analysis.live_streams import Piece
 from server.analysis.signal_definitions import SignalDefinition, SignalDefinitions
 from server.errors import DomainError
@@ -32,8 +33,6 @@ MESSAGE = "expression"  # ChannelInfo.message of a computed signal
 MAX_PAST = 60_000  # samples of a channel that a new signal begins with
 AT_ONCE = 1000  # samples of a channel in one step: browsers could not take all of the past at once
 SWEEP_S = 1.0
-RATE_SAMPLES = 512  # that the usual rate is taken of
-RATE_CHANGE = 1.2  # a rate that differs by this factor begins anew
 _AXES = {"x": "x", "y": "y", "z": "z", "roll": "x", "pitch": "y", "yaw": "z"}
 
 Rows = list[NDArray[Any]]
@@ -51,25 +50,6 @@ class _Running:
     clock: int  # channel that says when samples arrived
     is_behind: bool = False  # memory holds more than was computed
     recent: Rows = field(default_factory=lambda: [np.empty(0), np.empty(0)])  # its arrival and time
-
-
-class _Rates(Mapping[int, float]):
-    """Rates of channels, measured when they are asked for."""
-
-    def __init__(self, measure: Callable[[int], float]) -> None:
-        self._measure = measure
-        self._known: dict[int, float] = {}
-
-    def __getitem__(self, channel: int) -> float:
-        if channel not in self._known:
-            self._known[channel] = self._measure(channel)
-        return self._known[channel]
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._known)
-
-    def __len__(self) -> int:
-        return len(self._known)
 
 
 class DerivedChannels:
@@ -141,16 +121,11 @@ class DerivedChannels:
     def _start(self, device: str, definition: SignalDefinition) -> _Running:
         own = self._plain(device)
         others = [one.info for one in self._store.all if one.info.device != device and one.info.message != MESSAGE]
-        rates = _Rates(self._rate)
+        rates = ChannelRates(self._store)
         live = LiveExpression(own, definition.expression, rates, others)
         clock = live.source if live.source is not None else max(live.channels, key=lambda number: rates[number])
         begin = {number: max(0, self._store.of(number).ring.total - MAX_PAST) for number in live.channels}
         return _Running(definition, live, 0, begin, {number: rates[number] for number in live.channels}, clock)
-
-    def _rate(self, channel: int) -> float:
-        ring = self._store.of(channel).ring
-        arrival, time = ring.read(max(0, ring.total - RATE_SAMPLES))[:2]
-        return usual_rate(np.where(np.isnan(time), arrival, time))
 
     def _begin(self, device: str, running: _Running) -> None:
         """Compute what memory holds, and follow from there on; in place of a signal of that name."""
@@ -231,20 +206,16 @@ class DerivedChannels:
         for device in self._bus.devices.latest.values():
             for definition in self.definitions.of(device):
                 running = self._running.get((device.id, definition.name))
-                if running is not None and running.definition == definition and not self._is_other(running):
+                if (
+                    running is not None
+                    and running.definition == definition
+                    and not have_changed(self._store, running.rates)
+                ):
                     continue
                 try:
                     self._begin(device.id, self._start(device.id, definition))
                 except DomainError as error:
                     self._problems[device.id, definition.name] = error
-
-    def _is_other(self, running: _Running) -> bool:
-        """Whether a rate has changed."""
-        for number, rate in running.rates.items():
-            now = self._rate(number) if self._store.get(number) is not None else 0.0
-            if now > 0 and not 1 / RATE_CHANGE < now / rate < RATE_CHANGE:
-                return True
-        return False
 
 
 def _arrivals(running: _Running, rows: Mapping[int, Rows], piece: Piece) -> NDArray[np.float64]:

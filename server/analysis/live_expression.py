@@ -47,35 +47,40 @@ MAX_WINDOW = 200_000  # samples of a moving window; each batch needs all of them
 _FILTERS = ("lowpass", "highpass", "bandpass")
 
 
+class RateUnknownError(ExpressionError):
+    """A channel has sent too few samples to tell its rate."""
+
+
 class LiveExpression:
     """An expression over live channels.
 
     Args:
         infos: channels that may be named.
+        expression: its text, or a tree of one.
         rates: usual rates of these, Hz, by id; see `usual_rate`.
         others: channels of other devices, named with their device: `2/Acceleration`.
 
     Attributes:
-        text: the expression.
         channels: ids of the channels it uses.
         probe: what it gives, for made-up samples: unit, names of the columns, period.
         rate: of its samples, Hz.
         source: the channel whose sample times it has; None if they are its own (`resample`, `shift`).
 
     Raises:
+        RateUnknownError: a rate is unknown.
         ExpressionError: something does not fit; says where.
-        DomainError: it names no signal, or a rate is unknown.
+        DomainError: it names no signal.
     """
 
     def __init__(
         self,
         infos: Iterable[ChannelInfo],
-        text: str,
+        expression: str | Node,
         rates: Mapping[int, float],
         others: Iterable[ChannelInfo] = (),
     ) -> None:
-        self.text = text
-        node, known, distant = parse(text), list(infos), list(others)
+        node = parse(expression) if isinstance(expression, str) else expression
+        known, distant = list(infos), list(others)
         self._columns: dict[str, list[SignalColumn]] = {}
         for name in names_in(node):
             if name.name not in self._columns:
@@ -83,7 +88,8 @@ class LiveExpression:
                 there = [info for info in distant if info.device == device]
                 self._columns[name.name] = _columns(there or known, name)
         if not self._columns:
-            raise DomainError("bad-expression", f"{text:.80} names no signal.", "Name a signal in it.")
+            message = f"{expression:.80} names no signal." if isinstance(expression, str) else "No signal is named."
+            raise DomainError("bad-expression", message, "Name a signal in it.")
         self.channels = frozenset(columns[0].info.id for columns in self._columns.values())
         self._newest = dict.fromkeys(self.channels, -np.inf)
         found = _Builder(self._columns, rates).build(node)
@@ -178,7 +184,7 @@ class _Builder:
         rate = self._rates.get(info.id, 0.0)
         if rate <= 0:
             message = f"The rate of {info.name} is not known yet."
-            raise ExpressionError(message, node.begin, node.end, "Wait until it has sent some samples.")
+            raise RateUnknownError(message, node.begin, node.end, "Wait until it has sent some samples.")
         if len({one.unit for one in own}) > 1:
             hint = f"Name one: {', '.join(column.name for column in columns):.400}."
             raise ExpressionError(f"The columns of {node.name} differ in their units.", node.begin, node.end, hint)

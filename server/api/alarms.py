@@ -8,7 +8,8 @@ from fastapi import APIRouter, Depends
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from server.alarms.definitions import AlarmDefinition, StoredAlarm
+from server.alarms.along_time import notes_on
+from server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from server.alarms.instance import AlarmState
 from server.alarms.service import AlarmService
 from server.alarms.webhooks import shown_url
@@ -43,6 +44,7 @@ class AlarmCheck(BaseModel):
     hint: str = ""
     begin: int | None = None
     end: int | None = None
+    notes: list[str] = Field(default=[], description="sentences about the condition, such as that a filter is causal")
     devices: list[str] = Field(default=[], description="names of the present devices that it was checked with")
 
 
@@ -74,7 +76,9 @@ async def add_alarm(body: AlarmDefinition, alarms: TheAlarms) -> AlarmInfo:
 async def check_alarm(body: AlarmDefinition, alarms: TheAlarms) -> AlarmCheck:
     """Check a definition without adding it, with the place of a mistake."""
     try:
-        return AlarmCheck(valid=True, devices=alarms.validate(body))
+        devices = alarms.validate(body)
+        notes = notes_on(body.condition.expression) if isinstance(body.condition, ExpressionCondition) else []
+        return AlarmCheck(valid=True, devices=devices, notes=notes)
     except ExpressionError as error:
         return AlarmCheck(valid=False, message=error.message, hint=error.hint, begin=error.begin, end=error.end)
     except DomainError as error:

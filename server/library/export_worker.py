@@ -13,26 +13,20 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from recordings.bounds import TooLong, bounded
 from recordings.column_store import ColumnStore
 from recordings.exporters import ExportRequest, export
-from recordings.exporters.request import ExportStep
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
 
 STEP = 0.005
 
 
-def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
-    """Run the work that standard input requests. Returns 0, or 1 after a reported error.
-
-    Args:
-        work: takes the request and a `step` that is called with the progress; returns the files written.
-    """
+def main() -> int:
+    """Write the export that standard input requests. Returns 0, or 1 after a reported error."""
     with contextlib.suppress(OSError):
         os.nice(10)  # live devices and opening of recordings come first
     signal.signal(signal.SIGTERM, _end)
@@ -48,7 +42,7 @@ def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
             _send(progress=round(min(share, 1.0), 3))
 
     try:
-        files = work(message, step)
+        files = export(message["format"], request_of(message), Path(message["out"]), step)
     except RecordingError as error:
         _send(message=error.message, hint=error.hint)
         return 1
@@ -63,11 +57,6 @@ def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
         return 1
     _send(files=[str(file) for file in files])
     return 0
-
-
-def main() -> int:
-    """Write the export that standard input requests. Returns 0, or 1 after a reported error."""
-    return run(lambda message, step: export(message["format"], request_of(message), Path(message["out"]), step))
 
 
 def request_of(message: dict[str, Any]) -> ExportRequest:

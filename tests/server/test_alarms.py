@@ -169,6 +169,7 @@ def test_a_check_marks_the_mistake(running: InProcessServer) -> None:
         "hint": "",
         "begin": None,
         "end": None,
+        "notes": [],
         "devices": [running.services.telemetry.bus.devices.latest["1"].name],
     }
     found = checked("Force > 1 g")

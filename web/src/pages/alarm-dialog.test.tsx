@@ -66,7 +66,8 @@ test("an alarm records when that is chosen, and no longer when it is not", async
 });
 
 test("a mistake is marked where it is", () => {
-  const check = { valid: false, message: "Not found. (character 6)", hint: "", begin: 5, end: 10, devices: [] };
+  const place = { hint: "", begin: 5, end: 10, devices: [], notes: [] };
+  const check = { valid: false, message: "Not found. (character 6)", ...place };
   const { container, rerender } = render(<Mistake text="norm(Speed) > 3 g" check={check} />);
   expect(container.querySelector("mark")?.textContent).toBe("Speed");
   expect(container.textContent).not.toContain("character");
@@ -77,7 +78,7 @@ test("a mistake is marked where it is", () => {
 });
 
 test("a new alarm is checked while it is typed, and added", async () => {
-  const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: ["MTi-630"] };
+  const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: ["MTi-630"], notes: [] };
   const asked = answering({
     "POST /api/alarms/check": valid,
     "POST /api/alarms": {},
@@ -96,6 +97,17 @@ test("a new alarm is checked while it is typed, and added", async () => {
     name: "norm(Acceleration) > 3 g",
     condition: { kind: "expression", expression: "norm(Acceleration) > 3 g" },
   });
+});
+
+test("what is worth knowing about a condition stands below it", async () => {
+  const notes = ["Causal filter: lowpass takes past samples only, and begins anew after a gap."];
+  const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: [], notes };
+  answering({ "POST /api/alarms/check": valid });
+  render(<AlarmDialog app={newApp()} onClose={vi.fn()} />);
+  const condition = screen.getByLabelText("Condition");
+  fireEvent.input(condition, { target: { value: "lowpass(Acceleration.x, 5 Hz) > 1 g" } });
+  const note = document.getElementById(condition.getAttribute("aria-describedby") ?? "");
+  await waitFor(() => expect(note?.textContent).toBe(notes[0]));
 });
 
 test("an alarm is deleted by a second press", async () => {

@@ -230,7 +230,7 @@ function ConditionFields({ fields, set, channels, check }: FieldProps) {
         />
       </label>
       <div id="alarm-condition-note" class="alarm-note" role="status">
-        {isWrong ? <Mistake text={expression} check={check} /> : TEXT.conditionHelp}
+        {isWrong ? <Mistake text={expression} check={check} /> : check?.notes.join(" ") || TEXT.conditionHelp}
       </div>
       <label>
         {TEXT.clear}

@@ -49,7 +49,7 @@ export const TEXT = {
   kind: "Alarm on",
   kinds: { expression: "Signals", flag: "Flag", health: "Link figure" },
   condition: "Condition",
-  conditionHelp: "For example norm(Acceleration) > 3 g, or Temperature > 60 °C.",
+  conditionHelp: "For example norm(Acceleration) > 3 g, or rms(Acceleration.z, 1 s) > 0.5 g.",
   clear: "Limit to clear",
   clearHelp: "Optional, for example 2.5 g. Between both limits the alarm stays as it is.",
   status: "Status word",
