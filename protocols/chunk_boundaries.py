@@ -24,6 +24,9 @@ from protocols.clock_rows import earliest_sent
 from protocols.framing import Ints
 
 
+FEW = 64  # chunks that cost less to convert than to search
+
+
 class ChunkBoundaries:
     """Ends of the chunks of one stream, positions in bytes since it began, and their arrivals in unix ns."""
 
@@ -61,9 +64,13 @@ class ChunkBoundaries:
         Returns:
             (n,) unix ns.
         """
-        if not self._ends:
+        first, last = 0, len(self._ends)
+        if last > FEW and len(offset):  # a frame is timed by the first chunk that ends after its start: no others count
+            first = bisect_right(self._ends, int(offset.min()))
+            last = bisect_right(self._ends, int(offset.max()), first) + 1
+        ends, arrivals = np.array(self._ends[first:last], np.int64), np.array(self._arrivals[first:last], np.int64)
+        if not len(ends):
             return latest
-        ends, arrivals = np.array(self._ends, np.int64), np.array(self._arrivals, np.int64)
         sizes = np.array((size,), np.int64) if isinstance(size, int) else size
         sent = np.empty(len(offset), np.int64)
         earliest_sent(offset, sizes, latest, byte_ns, ends, arrivals, sent)

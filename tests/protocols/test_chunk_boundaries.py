@@ -15,8 +15,8 @@ BYTE_NS = 1000.0
 
 
 @given(
-    st.lists(st.tuples(st.integers(1, 30), st.integers(0, 50_000)), min_size=1, max_size=30),
-    st.lists(st.integers(1, 60), min_size=1, max_size=20),
+    st.lists(st.tuples(st.integers(1, 30), st.integers(0, 50_000)), min_size=1, max_size=120),
+    st.lists(st.integers(1, 60), min_size=1, max_size=60),
     st.integers(0, 5),
     st.booleans(),
 )

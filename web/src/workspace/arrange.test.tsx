@@ -95,7 +95,7 @@ it("a panel that is shown on request only is in the list, and is stored once it 
   fireEvent.click(screen.getByLabelText(TEXT.showPanel("Analysis")));
   await waitFor(() => expect(panels()).toEqual(["attitude", "plots", "analysis", ...DEFAULT.slice(2)]));
   expect(app.viewState.layout.value.panels["analysis"]).toEqual({ shown: true });
-  await screen.findByRole("button", { name: "Allan deviation" });
+  await screen.findByRole("button", { name: "Allan deviation" }, { timeout: 20_000 }); // its code is fetched now
   press("z", { ctrlKey: true });
   await waitFor(() => expect(panels()).toEqual(DEFAULT));
 });
