@@ -23,7 +23,6 @@ import numpy as np
 from protocols.clock_rows import earliest_sent
 from protocols.framing import Ints
 
-
 FEW = 64  # chunks that cost less to convert than to search
 
 

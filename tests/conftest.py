@@ -79,14 +79,18 @@ def data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+# Files that take a worker half a minute and more, mostly waiting for devices; begun last, they would run on alone.
+LONGEST = ("test_rollback.py", "test_ros2.py", "test_library_api.py", "test_upload.py", "test_held_clients.py")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Quick tests first: the browser's come last."""
+    """The longest files first, the browser's last."""
     folder = Path(__file__).parent / "browser"
     drives = {path: folder in path.parents for path in {item.path for item in items}}
     for item in items:
         if drives[item.path]:
             item.add_marker(pytest.mark.browser)
-    items.sort(key=lambda item: drives[item.path])
+    items.sort(key=lambda item: (drives[item.path], item.path.name not in LONGEST))
 
 
 @pytest.fixture(scope="session")
