@@ -11,6 +11,7 @@ from starlette.types import ASGIApp
 from server.api import (
     alarms,
     analysis,
+    calibration,
     capabilities,
     commands,
     configure,
@@ -69,6 +70,7 @@ ROUTED = (
     recordings,
     recording_data,
     analysis,
+    calibration,
     alarms,
     workspaces,
     ports,

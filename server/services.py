@@ -18,6 +18,7 @@ from server.alarms.service import AlarmService
 from server.analysis.derived_channels import DerivedChannels
 from server.analysis.signal_definitions import SignalDefinitions
 from server.auth import Access
+from server.calibration.session import CalibrationSessions
 from server.capabilities import Capabilities
 from server.capability_list import list_capabilities
 from server.config import Config
@@ -78,6 +79,7 @@ class Services:
     catalogue: Catalogue
     columns: ColumnCache
     derived: DerivedChannels
+    calibrations: CalibrationSessions
     recorder: Recorder
     exports: ExportJobs
     alarms: AlarmService
@@ -199,6 +201,7 @@ def build_services(
         catalogue=catalogue,
         columns=columns,
         derived=DerivedChannels(bus, telemetry.store, SignalDefinitions(config.data)),
+        calibrations=CalibrationSessions(bus, telemetry.store),
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
         alarms=AlarmService(bus, telemetry.store, config.data, recorder),

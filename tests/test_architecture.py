@@ -77,6 +77,7 @@ SERVER: dict[str, set[str]] = {
     "configuration": {"holder", "wire_codec", "links", "streaming", "devices"},
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"library", "streaming"},
+    "calibration": {"analysis", "streaming"},
     "alarms": {"analysis", "library", "streaming"},
     "fleet": {"devices", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth", "ros2"},
@@ -87,6 +88,7 @@ SERVER: dict[str, set[str]] = {
             "alarms",
             "analysis",
             "auth",
+            "calibration",
             "capability_list",
             "config",
             "configuration",
@@ -98,8 +100,10 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
     "api": {
-        *("alarms", "analysis", "auth", "configuration", "devices", "http_server", "integrations", "library", "links"),
+        *("alarms", "analysis", "auth", "calibration", "configuration", "devices", "http_server", "integrations"),
         *(
+            "library",
+            "links",
             "metrics",
             "page_files",
             "reference",

@@ -23,6 +23,7 @@ from protocols.isb.streams import OF_GPX, STREAMS
 from protocols.isb.supported import supported
 from protocols.schema import Message
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
 from protocols.transactions import DeviceContext, Values
 
 DRIVER = IsbDriver()
@@ -93,6 +94,7 @@ def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
             imu_source=request.options["imu_source"],
             vibration=1.0,
             baud=request.baud,
+            setup=SensorSetup.of(request.options),
         )
     ]
 
@@ -110,7 +112,7 @@ SIMULATOR = SimulatorInfo(
     "an IMX-5 at 100 Hz",
     lambda: ("IMX-5", "GPX-1"),
     least_baud=921_600,
-    options=(SimulatorOption("imu_source", "choice", "nav", ("nav", "imu")),),
+    options=(SimulatorOption("imu_source", "choice", "nav", ("nav", "imu")), *SETUP_OPTIONS),
     usual=True,
     device="an IMX-5",
 )

@@ -17,6 +17,7 @@ from protocols.family import CorrectionInput, FamilyHints, LogFormat, LogHeader,
 from protocols.framing import ID, OFFSET, Bytes, Ints
 from protocols.schema import Message
 from protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+from protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
 from protocols.transactions import DeviceContext, Values
 from protocols.xbus.data_identifiers import COORDINATES
 from protocols.xbus.dates import date_of, utc_of
@@ -214,6 +215,7 @@ def _make(request: SimulatorRequest) -> Sequence[SimulatedDevice]:
             port=HOST_PORTS.index(options["port"]),
             moods=faults,
             bid=bid,
+            setup=SensorSetup.of(options),
         )
         for place, bid in enumerate(options["bus_ids"] or (None,))
     ]
@@ -241,6 +243,7 @@ SIMULATOR = SimulatorInfo(
         SimulatorOption("wrong", "number", 0, high=1),
         SimulatorOption("late_ms", "number", 0, high=60_000, unit="ms"),
         SimulatorOption("cut", "whole", 0, high=1_000_000),
+        *SETUP_OPTIONS,
     ),
     check=_check,
     usual=True,

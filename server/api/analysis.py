@@ -158,12 +158,12 @@ async def _signals(
     telemetry = services.telemetry
     own = telemetry.store.of_device(body.source)
     if own:
-        t0, t1 = _range(body, telemetry.bus.now() + AHEAD_S)
+        t0, t1 = time_range(body.t0, body.t1, telemetry.bus.now() + AHEAD_S)
         requested = requested_signals(own.values(), body.signals, zero_phase=False, product=_products(services))
         columns = [column for one in requested for column in one.columns]
         return requested, live_samples(telemetry.store, columns, t0, t1, body.base)
-    store = await _recording(body.source, services)
-    t0, t1 = _range(body, MAX_TIME)
+    store = await recording_of(body.source, services)
+    t0, t1 = time_range(body.t0, body.t1, MAX_TIME)
     requested = requested_signals(
         channels_of(store).values(), body.signals, zero_phase=True, product=products_of(store), device=body.device
     )
@@ -181,7 +181,12 @@ def _products(services: Services) -> Product:
     return product
 
 
-async def _recording(source: str, services: Services) -> ColumnStore:
+async def recording_of(source: str, services: Services) -> ColumnStore:
+    """The columns of a recording named as a source.
+
+    Raises:
+        DomainError: "not-found", "cannot-open".
+    """
     try:
         return await services.columns.opened(source)
     except (KeyError, FileNotFoundError):
@@ -191,8 +196,13 @@ async def _recording(source: str, services: Services) -> ColumnStore:
         raise DomainError("cannot-open", error.message, error.hint) from None
 
 
-def _range(body: AnalysisRequest, end: float) -> tuple[float, float]:
-    t0, t1 = 0.0 if body.t0 is None else body.t0, end if body.t1 is None else body.t1
+def time_range(begin: float | None, stop: float | None, end: float) -> tuple[float, float]:
+    """A requested range, unix s; None for the beginning or the `end`.
+
+    Raises:
+        DomainError: "bad-span".
+    """
+    t0, t1 = 0.0 if begin is None else begin, end if stop is None else stop
     if not (abs(t0) <= MAX_TIME and abs(t1) <= MAX_TIME and t0 <= t1) or math.isnan(t0 + t1):
         raise DomainError("bad-span", f"From {t0:g} to {t1:g} is not a valid time range.", "Unix seconds, t0 ≤ t1.")
     return t0, t1

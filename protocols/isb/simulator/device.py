@@ -53,6 +53,7 @@ from protocols.isb.simulator.signals import (
     rows_of,
 )
 from protocols.isb.streams import BY_BIT, dids_of
+from protocols.simulator.setups import AS_BUILT, SensorSetup
 from protocols.stream_parser import StreamParser
 
 PRODUCTS = ("IMX-5", "GPX-1")  # the second is gpx.py
@@ -89,6 +90,7 @@ class IsbSimulator:
             inertial data (the document).
         vibration: share of the vehicle's shaking that reaches the sensor: 0 none, 1 a rigid mount.
         baud: rate of its ports; None for the factory's.
+        setup: motion, and errors that a calibration finds.
 
     Raises:
         ValueError: unknown product.
@@ -109,6 +111,7 @@ class IsbSimulator:
         imu_source: str = "nav",
         vibration: float = 0.0,
         baud: int | None = None,
+        setup: SensorSetup = AS_BUILT,
     ) -> None:
         if product not in PRODUCTS:
             raise ValueError(f"there is no simulator of {product!r}; there are {', '.join(PRODUCTS)}")
@@ -119,7 +122,7 @@ class IsbSimulator:
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
-        self.run = SignalSource(seed, vibration, jump, UTC_2026_S * S + start_ns)
+        self.run = SignalSource(seed, vibration, jump, UTC_2026_S * S + start_ns, setup)
         self._period_ns = max(round(S / rate), 1)
         self.memory = SettingsMemory(factory(rate, self.baud))
         self.corrections: Counter[str] = Counter()  # received RTCM messages, by number
@@ -364,7 +367,7 @@ class IsbSimulator:
         self._gnss_ns = max(gnss_ms, 50) * 1_000_000
         self.baud = self.memory.baud
         self._start_ns += round(now / self._speed)
-        self.run = SignalSource(self._seed, self.run.vibration, None, self.run.utc_ns + now)
+        self.run = SignalSource(self._seed, self.run.vibration, None, self.run.utc_ns + now, self.run.setup)
         self._is_awake, self._waiting, self.streams = False, [], {}
         self._parser = StreamParser(frames.scan, find, STARTS)
         self._received_ns = 0

@@ -36,6 +36,7 @@ from protocols.isb.frames import DATA, FIRST, HEADER, SECOND, TRAILER
 from protocols.isb.time_base import GPS_EPOCH, WEEK_S
 from protocols.layouts import element
 from protocols.simulator import trajectory
+from protocols.simulator.setups import AS_BUILT, SensorSetup
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -121,12 +122,14 @@ class SignalSource:
         vibration: share of the vehicle's shaking that reaches the sensor, 0 to 1.
         jump: (device time ns, by ns): the device's clock jumps once, a fault; None for none.
         utc_ns: UTC at device time 0, ns since the Unix epoch.
+        setup: motion, and errors that a calibration finds.
     """
 
     seed: int = 0
     vibration: float = 0.0
     jump: tuple[int, int] | None = None
     utc_ns: int = UTC_2026_S * S
+    setup: SensorSetup = AS_BUILT
 
     def up(self, times: Array, age_ns: int = 0) -> Array:
         """Device clock, ns, in packets sent `age_ns` after `times`."""
@@ -154,7 +157,7 @@ class SignalSamples:
 
     @cached_property
     def motion(self) -> trajectory.MotionState:
-        return trajectory.vehicle_motion(self.times / 1e9)
+        return self.run.setup.motion_at(self.times / 1e9)
 
     @cached_property
     def fixed(self) -> Array:
@@ -194,13 +197,15 @@ class SignalSamples:
     @cached_property
     def rotation_rate(self) -> Floats:
         """Rate of turn, (n, 3) rad/s."""
-        felt = self.motion.rate + self._shaking("gyr-road", trajectory.SHAKING_TURN)
+        felt = self.run.setup.turn(self.motion.rate) + self._shaking("gyr-road", trajectory.SHAKING_TURN)
         felt = felt + self._error("gyr", trajectory.GYRO)
         return np.asarray(np.clip(felt, -TURN_RANGE, TURN_RANGE) * FLIP)
 
     @cached_property
     def field(self) -> Floats:
-        return np.asarray((self.motion.field + self._error("mag", trajectory.MAGNETOMETER)) * FLIP)
+        return np.asarray(
+            (self.run.setup.field(self.motion.field) + self._error("mag", trajectory.MAGNETOMETER)) * FLIP
+        )
 
     @cached_property
     def attitude(self) -> Floats:

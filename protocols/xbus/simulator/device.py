@@ -32,6 +32,7 @@ from typing import Literal
 
 import numpy as np
 
+from protocols.simulator.setups import AS_BUILT, SensorSetup
 from protocols.xbus import frames
 from protocols.xbus.config_effects import BAUD_RATES
 from protocols.xbus.enums import INTERVAL, SEND_LATEST, TRIGGER
@@ -90,6 +91,7 @@ class XbusSimulator:
         moods: faults of its answers.
         bid: its bus identifier on a shared line: it sends under it and answers to nothing else. None for a device alone
             on its line: it answers to 1 and to 255, and sends under 255.
+        setup: motion, and errors that a calibration finds.
 
     Raises:
         ValueError: unknown product.
@@ -113,6 +115,7 @@ class XbusSimulator:
         port: int = 0,
         moods: FaultInjection = NONE,
         bid: int | None = None,
+        setup: SensorSetup = AS_BUILT,
     ) -> None:
         if product not in PRODUCTS:
             raise ValueError(f"there is no simulator of {product!r}; there are {', '.join(PRODUCTS)}")
@@ -126,7 +129,8 @@ class XbusSimulator:
         self._rate = max(int(rate), 1)
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
-        self.run = XbusSignalSource(self.product.capabilities, seed, self.product.wrap, jump, vibration, self.serial)
+        abilities = self.product.capabilities
+        self.run = XbusSignalSource(abilities, seed, self.product.wrap, jump, vibration, self.serial, setup)
         self.settings: dict[int, bytes] = {}
         self.reset_pending = b""  # both alignments after a ResetOrientation, until it is stored
         self.output: tuple[tuple[int, int], ...] = ()
@@ -147,6 +151,7 @@ class XbusSimulator:
             port=port,
             moods=moods,
             bid=bid,
+            setup=setup,
         )
         self._port, self._bid = port, bid
         self._restored = False  # 0xDE was received during boot

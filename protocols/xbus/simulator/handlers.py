@@ -215,16 +215,18 @@ def reset_orientation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     if code not in allowed:
         raise RequestRefusedError(ERROR_PARAMETER)
     if code:
-        device.reset_pending = _aligned(device.reset_pending or device.settings[ALIGNMENT], code, now)
+        device.reset_pending = _aligned(
+            device.reset_pending or device.settings[ALIGNMENT], code, device.run.setup.motion_at(np.array([now / 1e9]))
+        )
     elif device.reset_pending:
         device.settings[ALIGNMENT], device.reset_pending = device.reset_pending, b""
     return b""
 
 
-def _aligned(kept: bytes, code: int, now: int) -> bytes:
+def _aligned(kept: bytes, code: int, motion: trajectory.MotionState) -> bytes:
     """Both alignments after a reset: 1 and 4 turn the heading, 3 and 4 level the object, 5 to 7 undo it."""
     sensor, local = kept[:17], kept[17:]
-    roll, pitch, yaw = trajectory.vehicle_motion(np.array([now / 1e9])).euler[0]
+    roll, pitch, yaw = motion.euler[0]
     if code in (3, 4):
         sensor = b"\0" + _rotation(roll, pitch, 0.0)
     if code in (1, 4):
@@ -241,13 +243,13 @@ def _rotation(roll: float, pitch: float, yaw: float) -> bytes:
 
 
 def no_rotation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Start a no-rotation update, shown in the status word; the drive is searched for the first moment of motion."""
+    """Start a no-rotation update, shown in the status word; the motion is searched for its first moment."""
     _sized(payload, 2)
     seconds = int.from_bytes(payload, "big")
     if not seconds:
         raise RequestRefusedError(ERROR_PARAMETER)
     moments = now / 1e9 + np.arange(0, min(seconds, 3600), 0.1)
-    turning = np.linalg.norm(trajectory.vehicle_motion(moments).rate, axis=1) > TURNING
+    turning = np.linalg.norm(device.run.setup.motion_at(moments).rate, axis=1) > TURNING
     end = now + seconds * 10**9
     noticed = int(moments[int(np.argmax(turning))] * 1e9) if turning.any() else end
     device.change(no_rotation=(now, end, noticed))

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.simulator import trajectory
+from protocols.simulator.setups import AS_BUILT, SensorSetup
 from protocols.xbus.output_configuration import OUTPUTS
 
 Array = NDArray[Any]
@@ -97,6 +98,7 @@ class XbusSignalSource:
         jump: (device time ns, by ticks): the clock's one jump, a fault; None for none.
         vibration: share of the vehicle's shaking that reaches the sensor, 0 to 1.
         serial: device identifier.
+        setup: motion, and errors that a calibration finds.
     """
 
     abilities: frozenset[str]
@@ -105,6 +107,7 @@ class XbusSignalSource:
     jump: tuple[int, int] | None = None
     vibration: float = 0.0
     serial: int = 0
+    setup: SensorSetup = AS_BUILT
     state: VehicleState = field(default_factory=VehicleState)
 
     def ticks(self, device_ns: Array) -> Array:
@@ -204,7 +207,7 @@ class ItemValues:
 
     @cached_property
     def motion(self) -> trajectory.MotionState:
-        return trajectory.vehicle_motion(self.times / 1e9)
+        return self.run.setup.motion_at(self.times / 1e9)
 
     def _error(self, name: str, grade: trajectory.SensorGrade) -> Floats:
         if len(self.steps) == 0:
@@ -224,12 +227,12 @@ class ItemValues:
 
     @cached_property
     def turn(self) -> tuple[Floats, Array]:
-        felt = self.motion.rate + self._shaking("gyr-road", trajectory.SHAKING_TURN)
+        felt = self.run.setup.turn(self.motion.rate) + self._shaking("gyr-road", trajectory.SHAKING_TURN)
         return _clip(felt + self._error("gyr", trajectory.GYRO), TURN_RANGE)
 
     @cached_property
     def field(self) -> tuple[Floats, Array]:
-        return _clip(self.motion.field + self._error("mag", trajectory.MAGNETOMETER), FIELD_RANGE)
+        return _clip(self.run.setup.field(self.motion.field) + self._error("mag", trajectory.MAGNETOMETER), FIELD_RANGE)
 
     @cached_property
     def attitude(self) -> Floats:

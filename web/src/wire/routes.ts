@@ -132,6 +132,15 @@ export interface AnalysisRequest {
   readonly format?: string;
 }
 
+/** A calibration, and whether the device shows what it needs. */
+export interface AvailableCalibration {
+  readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting";
+  readonly title: string;
+  /** why it is not possible now; "" if it is */
+  readonly problem: string;
+  readonly hint: string;
+}
+
 /** Version and build of this imuscope. */
 export interface Build {
   readonly name: "imuscope";
@@ -142,6 +151,75 @@ export interface Build {
   readonly run: string;
   readonly protocols: readonly string[];
   readonly role: "view" | "control";
+}
+
+/** A number of the result. */
+export interface CalibrationFigure {
+  readonly name: string;
+  readonly title: string;
+  readonly value: number;
+  /** standard uncertainty (1 σ), in `unit` */
+  readonly uncertainty: number | null;
+  readonly unit: string;
+}
+
+/** The reason why the samples do not determine the answer, and what helps. */
+export interface CalibrationRefusal {
+  readonly message: string;
+  readonly hint: string;
+}
+
+/** A calibration of a sensor, complete or on its way. */
+export interface CalibrationReport {
+  readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting";
+  /** channel that it is of */
+  readonly sensor: string;
+  readonly unit: string;
+  /** unix seconds of the first sample */
+  readonly t0: number;
+  /** from the first sample to the last */
+  readonly seconds: number;
+  readonly samples: number;
+  /** 0 to 1; 1 when there is nothing left to do */
+  readonly progress: number;
+  /** what to do next, in a sentence */
+  readonly advice: string;
+  /** null once there is a result */
+  readonly refusal: CalibrationRefusal | null;
+  readonly correction: SensorCorrection | null;
+  readonly figures: readonly CalibrationFigure[];
+  readonly notes: readonly string[];
+  readonly trace: ResidualTrace | null;
+  readonly coverage: DirectionCoverage | null;
+  readonly rest: RestProgress | null;
+  readonly positions: SixPositions | null;
+  readonly drive: DriveProgress | null;
+}
+
+/** A calibration of a stretch of samples. */
+export interface CalibrationRequest {
+  /** strength of the magnetic field there, in the unit of the signal; 0: unknown */
+  readonly field?: number;
+  /** id of a live device or of a recording */
+  readonly source: string;
+  /** of a recording with several devices: which one */
+  readonly device?: string;
+  /** unix seconds; null for the beginning */
+  readonly t0?: number | null;
+  /** unix seconds; null for the end */
+  readonly t1?: number | null;
+  readonly base?: "device" | "arrival";
+  /** `report`, or a text for other programs */
+  readonly format?: "report" | "json" | "yaml" | "csv" | "c";
+}
+
+/** Calibrations of a live device, and the one under way. */
+export interface CalibrationState {
+  readonly available: readonly AvailableCalibration[];
+  /** false before one is started, and once it has ended */
+  readonly is_running: boolean;
+  /** of the last one started; null if there is none */
+  readonly report: CalibrationReport | null;
 }
 
 /** A value before and after; empty if it was not known. */
@@ -224,6 +302,37 @@ export interface DeviceFilter {
   readonly product: string;
   /** name of the protocol */
   readonly family: string;
+}
+
+/** Directions seen, as cells of equal area on a sphere around the sensor. */
+export interface DirectionCoverage {
+  /** number of cells in each ring of a half */
+  readonly rings: readonly number[];
+  /** by cell */
+  readonly seen: readonly boolean[];
+  /** of the cells, 0 to 1 */
+  readonly share: number;
+  /** share from which a result is given */
+  readonly needed: number;
+  /** share at which the calibration is complete */
+  readonly goal: number;
+  /** axes without samples near them: +x, −z … */
+  readonly missing: readonly string[];
+  /** direction of the newest sample, unit vector; empty if there is none */
+  readonly now: readonly number[];
+}
+
+/** The straight drive of a mounting calibration. */
+export interface DriveProgress {
+  /** rest before the drive, s */
+  readonly rest_s: number;
+  readonly rest_needed_s: number;
+  /** m/s, summed over acceleration and braking */
+  readonly speed_change: number;
+  readonly speed_needed: number;
+  /** ° of heading between the beginning and the end of the drive */
+  readonly turn: number;
+  readonly turn_allowed: number;
 }
 
 /** A condition on signals: `norm(Acceleration) > 3 g`. */
@@ -399,6 +508,37 @@ export interface RecordingAction {
   readonly every_device: boolean;
 }
 
+/** A magnitude that does not depend on attitude, before and after the correction. */
+export interface ResidualTrace {
+  readonly title: string;
+  readonly unit: string;
+  /** the value without error */
+  readonly target: number;
+  readonly before: readonly number[];
+  readonly after: readonly number[];
+}
+
+/** One of the six positions: the axis that points up, and how long it rested there. */
+export interface RestPosition {
+  /** +x, −x, +y … */
+  readonly up: string;
+  readonly seconds: number;
+  readonly is_done: boolean;
+}
+
+/** Stillness of the sensor, and its duration. */
+export interface RestProgress {
+  readonly is_still: boolean;
+  /** of the last second, as a share of what still counts as rest; above 1 it moves */
+  readonly motion: number;
+  /** the longest rest so far */
+  readonly seconds: number;
+  /** seconds from which a result is given */
+  readonly needed: number;
+  /** seconds at which the calibration is complete */
+  readonly goal: number;
+}
+
 /** State of the publisher. */
 export interface RosState {
   /** whether the server was started with --ros2 */
@@ -461,6 +601,19 @@ export interface ScanPortsRequest {
 export interface SceneAddress {
   /** path on this server */
   readonly address: string;
+}
+
+/** The result: corrected = matrix · (measured − bias), in the axes of the sensor. */
+export interface SensorCorrection {
+  readonly unit: string;
+  /** x, y, z, in `unit` */
+  readonly bias: readonly number[];
+  /** standard uncertainties (1 σ), in `unit` */
+  readonly bias_uncertainty: readonly number[];
+  /** three rows */
+  readonly matrix: readonly (readonly number[])[];
+  /** the largest standard uncertainty (1 σ) of its elements */
+  readonly matrix_uncertainty: number;
 }
 
 /** Changes of a client to the settings of the device. */
@@ -529,6 +682,22 @@ export interface SignalFigures {
 /** The definition of a computed signal. */
 export interface SignalText {
   readonly expression: string;
+}
+
+/** Progress of the six positions. */
+export interface SixPositions {
+  readonly positions: readonly RestPosition[];
+  /** the position that the sensor is in: "+x" …; "" between two */
+  readonly now: string;
+  /** rest in each position from which it counts */
+  readonly seconds: number;
+}
+
+/** A calibration to be started. */
+export interface StartCalibrationRequest {
+  /** strength of the magnetic field there, in the unit of the signal; 0: unknown */
+  readonly field?: number;
+  readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting";
 }
 
 /** A topic to publish, or no longer. */
@@ -905,6 +1074,39 @@ export interface Routes {
     readonly path: { readonly name: string };
     readonly body: AnalysisRequest;
     readonly answer: readonly SignalFigures[] | Blob;
+  };
+  /** Calibrations that a live device allows, and the one under way with its progress or result. */
+  "GET /api/devices/{device}/calibration": {
+    readonly path: { readonly device: string };
+    readonly answer: CalibrationState;
+  };
+  /** Start a calibration of a live device, in place of an earlier one. It uses the samples from now on. */
+  "POST /api/devices/{device}/calibration": {
+    readonly path: { readonly device: string };
+    readonly body: StartCalibrationRequest;
+    readonly answer: CalibrationState;
+  };
+  /** Stop the calibration and discard its result. The device is not changed. */
+  "DELETE /api/devices/{device}/calibration": {
+    readonly path: { readonly device: string };
+    readonly answer: undefined;
+  };
+  /** End the calibration with the samples until now. Refused while they do not determine a result. */
+  "POST /api/devices/{device}/calibration/finish": {
+    readonly path: { readonly device: string };
+    readonly answer: CalibrationState;
+  };
+  /** The result as a file: JSON, YAML, CSV or a C header. */
+  "GET /api/devices/{device}/calibration/export": {
+    readonly path: { readonly device: string };
+    readonly query?: { readonly format?: "json" | "yaml" | "csv" | "c" | undefined };
+    readonly answer: string;
+  };
+  /** Calibrate with a stretch of a recording, or of a live device as far as memory holds it. */
+  "POST /api/calibration/{kind}": {
+    readonly path: { readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting" };
+    readonly body: CalibrationRequest;
+    readonly answer: CalibrationReport | string;
   };
   /** All alarms with their states. */
   "GET /api/alarms": { readonly answer: readonly AlarmInfo[]; };

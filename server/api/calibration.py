@@ -1,0 +1,220 @@
+"""Routes of calibrations: a running one of a live device, and one of a stretch of a recording or of memory."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import APIRouter, Query
+from fastapi.responses import Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from recordings.column_store import Base
+from server.analysis.signals import ReadSamples, SignalColumn, live_samples, recorded_samples
+from server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
+from server.api.dependencies import TheServices
+from server.api.errors import responses
+from server.calibration.export import FORMATS, exported
+from server.calibration.kinds import (
+    HINT,
+    METHODS,
+    CalibrationInputs,
+    CalibrationMethod,
+    CalibrationOptions,
+    evaluated,
+    method_for,
+)
+from server.calibration.report import CalibrationKind, CalibrationReport
+from server.calibration.session import SessionState
+from server.calibration.triads import Samples, Triad, finite
+from server.errors import DomainError
+from server.library.recording_detail import channels_of
+from server.services import Services
+from server.wire import ChannelInfo
+
+router = APIRouter(prefix="/api", tags=["calibration"])
+
+ExportFormat = Literal["json", "yaml", "csv", "c"]
+assert set(FORMATS) == set(ExportFormat.__args__)  # type: ignore[attr-defined]
+TEXTS = {kind.media_type.partition(";")[0]: {"schema": {"type": "string"}} for kind in FORMATS.values()}
+
+
+class AvailableCalibration(BaseModel):
+    """A calibration, and whether the device shows what it needs."""
+
+    kind: CalibrationKind
+    title: str
+    problem: str = Field(description='why it is not possible now; "" if it is')
+    hint: str
+
+
+class CalibrationState(BaseModel):
+    """Calibrations of a live device, and the one under way."""
+
+    available: list[AvailableCalibration]
+    is_running: bool = Field(description="false before one is started, and once it has ended")
+    report: CalibrationReport | None = Field(description="of the last one started; null if there is none")
+
+
+class CalibrationOptionsBody(BaseModel):
+    """Facts that only a person knows."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    field: float = Field(
+        0.0, ge=0, le=1e6, description="strength of the magnetic field there, in the unit of the signal; 0: unknown"
+    )
+
+    def options(self) -> CalibrationOptions:
+        """As the calibrations read them."""
+        return CalibrationOptions(field=self.field)
+
+
+class StartCalibrationRequest(CalibrationOptionsBody):
+    """A calibration to be started."""
+
+    kind: CalibrationKind
+
+
+class CalibrationRequest(CalibrationOptionsBody):
+    """A calibration of a stretch of samples."""
+
+    source: str = Field(description="id of a live device or of a recording")
+    device: str = Field("", description="of a recording with several devices: which one")
+    t0: float | None = Field(None, description="unix seconds; null for the beginning")
+    t1: float | None = Field(None, description="unix seconds; null for the end")
+    base: Base = "device"
+    format: Literal["report", "json", "yaml", "csv", "c"] = Field(
+        "report", description="`report`, or a text for other programs"
+    )
+
+
+# -- live --------------------------------------------------------------------------------------------------------------
+
+
+@router.get("/devices/{device}/calibration", responses=responses(404, 422))
+async def get_calibration(device: str, services: TheServices) -> CalibrationState:
+    """Calibrations that a live device allows, and the one under way with its progress or result.
+
+    All clients see the same one; it is evaluated when somebody asks, at most three times a second.
+    """
+    inputs = services.calibrations.inputs(device)
+    session = services.calibrations.get(device)
+    return _state(inputs, None if session is None else await session.state())
+
+
+@router.post("/devices/{device}/calibration", responses=responses(404, 409, 422))
+async def start_calibration(device: str, body: StartCalibrationRequest, services: TheServices) -> CalibrationState:
+    """Start a calibration of a live device, in place of an earlier one. It uses the samples from now on."""
+    session = services.calibrations.start(device, body.kind, body.options())
+    return _state(services.calibrations.inputs(device), await session.state())
+
+
+@router.post("/devices/{device}/calibration/finish", responses=responses(404, 422))
+async def finish_calibration(device: str, services: TheServices) -> CalibrationState:
+    """End the calibration with the samples until now. Refused while they do not determine a result."""
+    state = await services.calibrations.of(device).finish()
+    return _state(services.calibrations.inputs(device), state)
+
+
+@router.delete("/devices/{device}/calibration", status_code=204, responses=responses(404, 422))
+async def discard_calibration(device: str, services: TheServices) -> None:
+    """Stop the calibration and discard its result. The device is not changed."""
+    services.calibrations.inputs(device)
+    services.calibrations.discard(device)
+
+
+@router.get(
+    "/devices/{device}/calibration/export",
+    response_model=None,
+    responses={200: {"content": TEXTS}, **responses(404, 422)},
+)
+async def export_calibration(
+    device: str, services: TheServices, format: Annotated[ExportFormat, Query()] = "yaml"
+) -> Response:
+    """The result as a file: JSON, YAML, CSV or a C header."""
+    state = await services.calibrations.of(device).state()
+    info = services.telemetry.bus.devices.latest[device]
+    words = " ".join(part for part in (info.product or info.name, info.serial_number) if part)
+    return _file(state.report, words, format)
+
+
+# -- a stretch ---------------------------------------------------------------------------------------------------------
+
+
+@router.post(
+    "/calibration/{kind}",
+    response_model=None,
+    responses={200: {"model": CalibrationReport, "content": TEXTS}, **responses(404, 409, 422)},
+)
+async def calibrate_stretch(
+    kind: CalibrationKind, body: CalibrationRequest, services: TheServices
+) -> Response | CalibrationReport:
+    """Calibrate with a stretch of a recording, or of a live device as far as memory holds it."""
+    method, triads, name, read = await _stretch(kind, body, services)
+
+    def work() -> CalibrationReport:
+        samples: dict[str, Samples] = {}
+        for key, triad in triads.items():
+            columns = [read(SignalColumn(triad.info, at)) for at in triad.at]
+            samples[key] = finite(columns[0][0], np.stack([values for _, values in columns], axis=1) * triad.factor)
+        return evaluated(method, triads, samples, body.options())
+
+    report = await asyncio.to_thread(work)
+    return report if body.format == "report" else _file(report, name, body.format)
+
+
+async def _stretch(
+    kind: str, body: CalibrationRequest, services: Services
+) -> tuple[CalibrationMethod, Mapping[str, Triad], str, ReadSamples]:
+    """Method and sensors of a request, the name of the source, and what reads the samples in a thread."""
+    telemetry = services.telemetry
+    own = telemetry.store.of_device(body.source)
+    if own:
+        info = telemetry.bus.devices.latest.get(body.source)
+        name = info.name if info else "The device"
+        inputs = CalibrationInputs.of(own.values())
+        method = method_for(kind, inputs, name)
+        triads = method.triads(inputs)
+        t0, t1 = time_range(body.t0, body.t1, telemetry.bus.now() + AHEAD_S)
+        columns = [SignalColumn(triad.info, at) for triad in triads.values() for at in triad.at]
+        return method, triads, name, live_samples(telemetry.store, columns, t0, t1, body.base)
+    store = await recording_of(body.source, services)
+    t0, t1 = time_range(body.t0, body.t1, MAX_TIME)
+    inputs = CalibrationInputs.of(_of_one_device(channels_of(store).values(), body.device))
+    method = method_for(kind, inputs, "The recording")
+    return method, method.triads(inputs), body.source, lambda one: recorded_samples(store, one, t0, t1, body.base)
+
+
+def _of_one_device(infos: Iterable[ChannelInfo], device: str) -> list[ChannelInfo]:
+    known = list(infos)
+    devices = sorted({info.device for info in known})
+    if device and device not in devices:
+        raise DomainError("not-found", f"The recording has no device {device:.40}.", f"It has: {', '.join(devices)}.")
+    if not device and len(devices) > 1:
+        raise DomainError("which-device", "The recording has several devices.", f"Name one: {', '.join(devices)}.")
+    return [info for info in known if info.device == (device or info.device)]
+
+
+def _state(inputs: CalibrationInputs, state: SessionState | None) -> CalibrationState:
+    return CalibrationState(
+        available=[_available(method, inputs) for method in METHODS.values()],
+        is_running=state is not None and state.is_running,
+        report=None if state is None else state.report,
+    )
+
+
+def _available(method: CalibrationMethod, inputs: CalibrationInputs) -> AvailableCalibration:
+    missing = method.missing(inputs)
+    problem = f"The device sends no data of its {' and '.join(missing)}." if missing else ""
+    return AvailableCalibration(kind=method.kind, title=method.title, problem=problem, hint=HINT if missing else "")
+
+
+def _file(report: CalibrationReport, device: str, name: str) -> Response:
+    text, form = exported(report, device, name)
+    file = f'attachment; filename="{report.kind}.{form.suffix}"'
+    return Response(
+        text, media_type=form.media_type, headers={"content-disposition": file, "cache-control": "no-store"}
+    )

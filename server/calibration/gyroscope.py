@@ -1,0 +1,127 @@
+"""Bias of a gyroscope: its mean while the sensor rests.
+
+The longest rest counts. Its first and last half second are left out, because a hand lets go there. What the mean cannot
+tell apart from a bias is in the notes: the turn of the Earth, and the temperature at which it was taken.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from server.calibration.report import (
+    CalibrationFigure,
+    CalibrationRefusal,
+    CalibrationReport,
+    ResidualTrace,
+    RestProgress,
+    SensorCorrection,
+)
+from server.calibration.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
+from server.calibration.triads import NO_SAMPLES, Samples
+
+NEEDED_S, GOAL_S = 10.0, 30.0
+MARGIN_S = 0.5
+MAX_BIAS = 10.0  # °/s; poor sensors have 5, a turntable has more
+TRACE_POINTS = 240
+WARMING = 1.0  # °C within a rest
+
+
+def gyroscope_bias(turn: Samples, force: Samples = NO_SAMPLES, temperature: Samples = NO_SAMPLES) -> CalibrationReport:
+    """The bias from samples of a gyroscope, °/s.
+
+    Args:
+        force: of the accelerometer, m/s², which sees turns that a gyroscope cannot tell from a bias.
+        temperature: °C, in the first of three columns.
+    """
+    means = step_means(turn)
+    rest = stillness(means, step_means(force) if len(force) else None)
+    run = rest.longest
+    seconds = run.seconds if run else 0.0
+    is_still = rest.motion <= 1
+    report = CalibrationReport(
+        kind="gyroscope",
+        sensor="",
+        unit="°/s",
+        t0=float(turn.time[0]) if len(turn) else 0.0,
+        seconds=float(turn.time[-1] - turn.time[0]) if len(turn) else 0.0,
+        samples=len(turn),
+        progress=min(1.0, seconds / GOAL_S),
+        advice=_advice(seconds, is_still),
+        rest=RestProgress(
+            is_still=is_still,
+            motion=min(rest.motion, 99.0),
+            seconds=seconds,
+            needed=NEEDED_S,
+            goal=GOAL_S,
+        ),
+    )
+    if run is None or seconds < NEEDED_S:
+        report.refusal = CalibrationRefusal(
+            message=f"The longest rest is {seconds:.1f} s; {NEEDED_S:.0f} s are needed.",
+            hint="Put the sensor down where nothing shakes it, and do not touch it.",
+        )
+        return report
+    own = within(means, run, MARGIN_S)
+    bias, uncertainty = mean_and_uncertainty(own)
+    size = float(np.linalg.norm(bias))
+    if size > MAX_BIAS:
+        report.refusal = CalibrationRefusal(
+            message=f"The sensor turns steadily at {size:.1f} °/s, more than the bias of any gyroscope "
+            f"({MAX_BIAS:.0f} °/s).",
+            hint="Stop what turns it, and start again.",
+        )
+        return report
+    report.correction = SensorCorrection(
+        unit="°/s",
+        bias=bias.tolist(),
+        bias_uncertainty=uncertainty.tolist(),
+        matrix=np.eye(3).tolist(),
+        matrix_uncertainty=0.0,
+    )
+    report.figures = [
+        _figure(f"bias_{axis}", f"Bias {axis}", float(bias[k]), "°/s", float(uncertainty[k]))
+        for k, axis in enumerate("xyz")
+    ]
+    report.figures.append(_figure("rest", "Rest", seconds, "s"))
+    report.trace = _trace(own, bias)
+    report.notes = ["The bias contains the turn of the Earth, up to 0.004 °/s."]
+    report.notes += _temperature_notes(temperature, run.begin, run.end, report.figures)
+    if not len(force):
+        report.notes.append("Without an accelerometer a slow, steady turn cannot be told from a bias.")
+    return report
+
+
+def _advice(seconds: float, is_still: bool) -> str:
+    if seconds >= GOAL_S:
+        return "Done: the rest was long enough."
+    if not is_still:
+        return "Put the sensor down and do not touch it."
+    return f"Keep it still: {max(0.0, GOAL_S - seconds):.0f} s to go."
+
+
+def _trace(own: StepMeans, bias: np.ndarray) -> ResidualTrace:
+    per = max(1, round(len(own) / TRACE_POINTS))
+    count = len(own) // per
+    smooth = own.means[: count * per].reshape(count, per, 3).mean(axis=1)
+    return ResidualTrace(
+        title="Rate of turn at rest",
+        unit="°/s",
+        target=0.0,
+        before=np.linalg.norm(smooth, axis=1).tolist(),
+        after=np.linalg.norm(smooth - bias, axis=1).tolist(),
+    )
+
+
+def _figure(name: str, title: str, value: float, unit: str, uncertainty: float | None = None) -> CalibrationFigure:
+    return CalibrationFigure(name=name, title=title, value=value, uncertainty=uncertainty, unit=unit)
+
+
+def _temperature_notes(temperature: Samples, begin: float, end: float, figures: list[CalibrationFigure]) -> list[str]:
+    inside = temperature.values[(temperature.time >= begin) & (temperature.time <= end), 0]
+    if not len(inside):
+        return ["The temperature is unknown. The bias changes with it: repeat this when the sensor is warmer."]
+    mean, change = float(np.mean(inside)), float(np.max(inside) - np.min(inside))
+    figures.append(_figure("temperature", "Temperature", mean, "°C"))
+    if change > WARMING:
+        return [f"The temperature changed by {change:.1f} °C in the rest. Let the sensor warm up and repeat."]
+    return [f"Valid near {mean:.0f} °C: the bias changes with temperature."]

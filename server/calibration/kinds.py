@@ -1,0 +1,134 @@
+"""The calibrations there are: which sensors each needs, and how it is made from their samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from server.calibration.gyroscope import gyroscope_bias
+from server.calibration.magnetometer import magnetometer_iron
+from server.calibration.report import CalibrationKind, CalibrationReport
+from server.calibration.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
+from server.errors import DomainError
+from server.wire import ChannelInfo
+
+TEMPERATURE = "temperature"
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationInputs:
+    """Sensors of one device, by their words.
+
+    Attributes:
+        temperature: its channel and column, as a triad of three equal columns.
+    """
+
+    triads: Mapping[str, Triad]
+    temperature: Triad | None = None
+
+    @classmethod
+    def of(cls, infos: Iterable[ChannelInfo]) -> CalibrationInputs:
+        """Those of a device with these channels."""
+        known = list(infos)
+        found = temperature_in(known)
+        warmth = None if found is None else Triad(found[0], (found[1],) * 3, TEMPERATURE, 1.0, "°C")
+        return cls(sensors_in(known), warmth)
+
+    def all(self) -> dict[str, Triad]:
+        """All of them, the temperature too."""
+        return {**self.triads, **({TEMPERATURE: self.temperature} if self.temperature else {})}
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationOptions:
+    """Facts that only a person knows.
+
+    Attributes:
+        field: strength of the magnetic field there, in the unit of the magnetometer; 0 if unknown.
+    """
+
+    field: float = 0.0
+
+
+Evaluate = Callable[[Mapping[str, Samples], Mapping[str, Triad], CalibrationOptions], CalibrationReport]
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationMethod:
+    """A calibration.
+
+    Attributes:
+        sensor: that it is of.
+        uses: sensors that it uses as well, if the device has them.
+        needs: sensors without which it cannot be made, besides `sensor`.
+    """
+
+    kind: CalibrationKind
+    title: str
+    sensor: str
+    evaluate: Evaluate
+    uses: tuple[str, ...] = ()
+    needs: tuple[str, ...] = field(default=())
+
+    def missing(self, inputs: CalibrationInputs) -> list[str]:
+        """Sensors that the device does not show."""
+        return [one for one in (self.sensor, *self.needs) if one not in inputs.triads]
+
+    def triads(self, inputs: CalibrationInputs) -> dict[str, Triad]:
+        """The sensors that it reads."""
+        known = inputs.all()
+        return {name: known[name] for name in (self.sensor, *self.needs, *self.uses) if name in known}
+
+
+def _gyroscope(
+    samples: Mapping[str, Samples], triads: Mapping[str, Triad], options: CalibrationOptions
+) -> CalibrationReport:
+    del triads, options
+    return gyroscope_bias(
+        samples["gyroscope"], samples.get("accelerometer", NO_SAMPLES), samples.get(TEMPERATURE, NO_SAMPLES)
+    )
+
+
+def _magnetometer(
+    samples: Mapping[str, Samples], triads: Mapping[str, Triad], options: CalibrationOptions
+) -> CalibrationReport:
+    return magnetometer_iron(samples["magnetometer"], triads["magnetometer"].unit, options.field)
+
+
+METHODS: Mapping[str, CalibrationMethod] = {
+    one.kind: one
+    for one in (
+        CalibrationMethod("gyroscope", "Gyroscope bias", "gyroscope", _gyroscope, uses=("accelerometer", TEMPERATURE)),
+        CalibrationMethod("magnetometer", "Magnetometer", "magnetometer", _magnetometer),
+    )
+}
+
+
+def method_for(kind: str, inputs: CalibrationInputs, device: str) -> CalibrationMethod:
+    """A calibration of a device.
+
+    Raises:
+        DomainError: "not-found": there is no such calibration; "not-now": the device does not show its sensor.
+    """
+    method = METHODS.get(kind)
+    if method is None:
+        raise DomainError("not-found", f"Calibration {kind:.40} not found.", f"There are: {', '.join(METHODS)}.")
+    missing = method.missing(inputs)
+    if missing:
+        raise DomainError("not-now", f"{device} sends no data of its {' and '.join(missing)}.", HINT)
+    return method
+
+
+HINT = "Add it to the output configuration of the device."
+
+
+def evaluated(
+    method: CalibrationMethod,
+    triads: Mapping[str, Triad],
+    samples: Mapping[str, Samples],
+    options: CalibrationOptions,
+) -> CalibrationReport:
+    """The report of a calibration; some of the samples may be missing."""
+    report = method.evaluate({name: samples.get(name, NO_SAMPLES) for name in triads}, triads, options)
+    report.sensor = triads[method.sensor].name
+    return report
