@@ -55,6 +55,7 @@ from server.devices.decode_options import (
 )
 from server.holder.shares import ShareAddress, ShareError
 from server.logging_setup import LEVELS, STYLES
+from server.ros2.domain import usual_domain
 from server.ros2.key_expressions import MAX_DOMAIN, is_name
 from server.ros2.session import DEFAULT_ROUTER, is_router_address
 
@@ -292,6 +293,11 @@ def load(toml: Path | None = None, **given: Any) -> Config:
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{toml} is not valid TOML: {error}.") from None
     settings.update({name: value for name, value in given.items() if value is not None})
+    if settings.get("ros2") and "ros2_domain" not in settings:
+        try:
+            settings["ros2_domain"] = usual_domain()
+        except ValueError as error:
+            raise ConfigError(str(error)) from None
     return _checked(settings)
 
 

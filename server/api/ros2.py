@@ -85,8 +85,8 @@ async def get_ros2(services: TheServices) -> RosState:
     return _state(services)
 
 
-@router.patch("/topics", responses=responses(404, 409, 422))
+@router.patch("/topics", responses=responses(404, 409, 422, 507))
 async def switch_topic(body: SwitchTopicRequest, services: TheServices) -> RosState:
-    """Publish a topic, or no longer; until the server ends."""
+    """Publish a topic, or no longer; the choice outlasts the server."""
     services.ros2.switch(body.key, enabled=body.enabled)
     return _state(services)

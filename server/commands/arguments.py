@@ -235,7 +235,7 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument(
         "--ros2", action="store_true", default=None, help="publish each device as a node of ROS 2, over Zenoh"
     )
-    command.add_argument("--ros2-domain", type=int, metavar="N", help="ROS domain (default 0)")
+    command.add_argument("--ros2-domain", type=int, metavar="N", help="ROS domain (default: ROS_DOMAIN_ID, else 0)")
     command.add_argument(
         "--ros2-router", metavar="ADDRESS", help=f"Zenoh router: tcp/HOST:PORT (default {DEFAULT_ROUTER})"
     )

@@ -14,7 +14,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from protocols.sensor_properties import SensorProperties
@@ -22,6 +22,7 @@ from server import wire
 from server.backoff import Backoff
 from server.config import Config
 from server.errors import DomainError
+from server.integrations.ros2_switches import TopicSwitches
 from server.integrations.viewer_process import ViewerProcess
 from server.streaming.telemetry import Telemetry
 
@@ -49,7 +50,6 @@ class Ros2State:
     dropped: int = 0
     problem: str = ""
     hint: str = ""
-    disabled: set[str] = field(default_factory=set)
 
 
 class Ros2:
@@ -70,6 +70,7 @@ class Ros2:
         self._process: ViewerProcess | None = None
         self._has_ended = asyncio.Event()
         self._unsubscribe: list[Callable[[], None]] = []
+        self._switches = TopicSwitches(config.data)
         self.state = Ros2State()
 
     @property
@@ -88,13 +89,13 @@ class Ros2:
             self._task = asyncio.create_task(self._keep_running(), name="ros2")
 
     def switch(self, topic: str, *, enabled: bool) -> None:
-        """Publish a topic, or no longer.
+        """Publish a topic, or no longer; also after the next start.
 
         Args:
             topic: its key in the state.
 
         Raises:
-            DomainError: no such topic, or not enabled on this server.
+            DomainError: no such topic, not enabled on this server, or the switch cannot be stored.
         """
         if not self.is_enabled:
             raise DomainError("not-now", "ROS 2 is not enabled on this server.", "Start it with --ros2.")
@@ -104,9 +105,9 @@ class Ros2:
             raise DomainError(
                 "not-found", f"There is no topic {topic:.200}.", "The list of topics may be out of date: load it again."
             )
+        self._switches.set(topic, enabled=enabled)
         found["enabled"] = enabled
         self.state.topics = rows
-        (self.state.disabled.discard if enabled else self.state.disabled.add)(topic)
         if self._process is not None:
             self._process.send(op="switch", topic=topic, enabled=enabled)
 
@@ -153,7 +154,7 @@ class Ros2:
             "frames": dict(config.ros2_frames),
             "map_frame": config.ros2_map_frame,
             "tf": config.ros2_tf,
-            "disabled": sorted(self.state.disabled),
+            "disabled": sorted(self._switches.off),
         }
 
     def _on_device(self, info: wire.DeviceInfo) -> None:

@@ -28,6 +28,7 @@ from server.links.registry import LinkDefinition, register_link
 from server.links.source_url import SourceUrl, bad
 from server.links.text import progress_line
 from server.ros2.attachment import Attachment, AttachmentError, gid_of
+from server.ros2.domain import usual_domain
 from server.ros2.key_expressions import (
     ANY_HASH,
     MAX_DOMAIN,
@@ -284,7 +285,11 @@ def _open(source: str, settings: LinkSettings, parsed: SourceUrl) -> Link:
             topic_key(0, "/x", where.type)
         except KeyExpressionError as error:
             raise bad(source, str(error), "Give type as package/msg/Name, or leave it out.") from None
-    return Ros2Link(source, settings, where, parsed.whole("domain", 0, 0, MAX_DOMAIN))
+    try:
+        usual = usual_domain()
+    except ValueError as error:
+        raise bad(source, str(error), "Set it to the domain of the robot, or leave it unset.") from None
+    return Ros2Link(source, settings, where, parsed.whole("domain", usual, 0, MAX_DOMAIN))
 
 
 register_link(

@@ -13,6 +13,7 @@ import pytest
 
 from server.links import open_link
 from server.links.base import LinkError, LinkSettings, steady_clock
+from server.links.ros2 import Ros2Link
 from server.ros2.graph import RosGraph, TopicPublisher
 from server.ros2.key_expressions import QosProfile
 from server.ros2.session import open_session
@@ -131,6 +132,22 @@ def sending_imu(robot: Driver) -> Iterator[None]:
     publisher = robot.publisher("/imu/data", ros.IMU)
     with sending(lambda n: publisher.publish([ros.imu(n, time.time_ns())])):
         yield
+
+
+def test_the_domain_is_that_of_the_environment_unless_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def domain_of(source: str) -> int:
+        link = open_link(source, LinkSettings(now_ns=steady_clock()))
+        assert isinstance(link, Ros2Link)
+        return link.domain
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", "42")
+    assert domain_of("ros2://robot/imu") == 42
+    assert domain_of("ros2://robot/imu?domain=3") == 3
+    monkeypatch.setenv("ROS_DOMAIN_ID", "robot")
+    with pytest.raises(LinkError, match="ROS_DOMAIN_ID 'robot' of the environment is not a number from 0 to 232"):
+        domain_of("ros2://robot/imu")
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    assert domain_of("ros2://robot/imu") == 0
 
 
 @pytest.mark.parametrize(

@@ -157,6 +157,18 @@ def test_a_topic_can_be_switched_off_and_on(router: zenoh.Session, published: Se
     block_until(is_announced, "the topic is back")
 
 
+def test_a_topic_stays_switched_off_after_a_restart(router: zenoh.Session, port: int, tmp_path: Path) -> None:
+    arguments = ("--ros2", "--ros2-router", f"tcp/127.0.0.1:{port}", "--ros2-domain", "9")
+    with ServerProcess(OURS, data=tmp_path, arguments=arguments) as server:
+        block_until(lambda: has_topic(server, DATA), "the device is identified")
+        switched(server, topics_of(server)[DATA]["key"], enabled=False)
+    with ServerProcess(OURS, data=tmp_path, arguments=arguments) as server:
+        block_until(lambda: has_topic(server, DATA), "the device is identified again")
+        assert {name for name, row in topics_of(server).items() if not row["enabled"]} == {DATA}
+        block_until(lambda: announced(router, "@ros2_lv/9/**"), "the node is announced")
+        assert not any("%imu%data/" in token for token in announced(router, "@ros2_lv/9/**"))
+
+
 def test_a_subscriber_of_another_type_is_named(router: zenoh.Session, published: ServerProcess) -> None:
     other = RosEndpoint(RosNode(7, "ab", 0, "", "odd"), 1, "subscriber", DATA, "std_msgs/msg/String", "RIHS01_0")
     token = router.liveliness().declare_token(other.token)

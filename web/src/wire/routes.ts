@@ -1207,7 +1207,7 @@ export interface Routes {
   };
   /** The publisher, its topics and their subscribers; figures are renewed once a second. */
   "GET /api/ros2": { readonly answer: RosState; };
-  /** Publish a topic, or no longer; until the server ends. */
+  /** Publish a topic, or no longer; the choice outlasts the server. */
   "PATCH /api/ros2/topics": {
     readonly body: SwitchTopicRequest;
     readonly answer: RosState;
