@@ -59,7 +59,7 @@ FORMAT = 1
 RAW_ENCODING = "application/octet-stream"
 SUFFIX = ".mcap"
 RECORDING, DEVICE, EDIT = "recording", "device/", "edit"
-EVENTS, NOTES, SNAPSHOT = "events", "notes", "snapshot/"
+EVENTS, NOTES, SNAPSHOT, SIGNALS = "events", "notes", "snapshot/", "signals/"
 DEVICE_KEY = "imuscope.device"
 """Key in the metadata of a channel of messages: the device."""
 
@@ -74,6 +74,10 @@ _NOTE_SCHEMA = {
 _SNAPSHOT_SCHEMA = {
     "type": "object",
     "properties": {"values": {"type": "object"}, "missing": {"type": "object"}, "reason": {"type": "string"}},
+}
+_SIGNALS_SCHEMA = {
+    "type": "object",
+    "properties": {"signals": {"type": "array", "items": {"type": "object"}}, "address": {"type": "string"}},
 }
 
 
@@ -207,6 +211,10 @@ class McapWriter:
     def snapshot(self, device: str, body: Mapping[str, Any], time_ns: int) -> None:
         """Write the configuration of a device, as read."""
         self._json(SNAPSHOT + device, "imuscope.Snapshot", _SNAPSHOT_SCHEMA, body, time_ns)
+
+    def computed_signals(self, device: str, body: Mapping[str, Any], time_ns: int) -> None:
+        """Write the definitions of the computed signals of a device, in place of those before."""
+        self._json(SIGNALS + device, "imuscope.Signals", _SIGNALS_SCHEMA, body, time_ns)
 
     def sync(self) -> None:
         """Flush to disk: data written before survives a power cut. May be called in another thread."""

@@ -37,7 +37,7 @@ MAX_WAITING = 256 << 20  # bytes
 HOLD_S = 0.05
 _BATCH = 4096  # chunks per write, so that a part ends near its size
 
-Kind = Literal["chunks", "messages", "event", "note", "snapshot", "device", "split"]
+Kind = Literal["chunks", "messages", "event", "note", "snapshot", "signals", "device", "split"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +59,7 @@ class Preamble:
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
     snapshots: dict[str, tuple[Mapping[str, Any], int]] = field(default_factory=dict)
+    signals: dict[str, tuple[Mapping[str, Any], int]] = field(default_factory=dict)
     definitions: dict[str, Definitions] = field(default_factory=dict)
 
 
@@ -177,6 +178,10 @@ class RecordingWriter:
         """Queue the configuration of a device."""
         self._put("snapshot", time_ns, device, body)
 
+    def computed_signals(self, device: str, body: Mapping[str, Any], time_ns: int) -> None:
+        """Queue the definitions of the computed signals of a device."""
+        self._put("signals", time_ns, device, body)
+
     def device(self, device: str, about: Mapping[str, Any]) -> None:
         """Add to the metadata of a device."""
         self._put("device", self._now_ns(), device, dict(about))
@@ -289,6 +294,10 @@ class RecordingWriter:
                 device, body = what
                 self._preambles.snapshots[device] = (body, time_ns)
                 self._writer.snapshot(device, body, time_ns)
+            case "signals":
+                device, body = what
+                self._preambles.signals[device] = (body, time_ns)
+                self._writer.computed_signals(device, body, time_ns)
             case "device":
                 device, about = what
                 known = self._preambles.devices.setdefault(device, {})
@@ -324,6 +333,8 @@ class RecordingWriter:
             writer.device(device, known)
         for device, (body, time_ns) in self._preambles.snapshots.items():
             writer.snapshot(device, body, time_ns)
+        for device, (body, time_ns) in self._preambles.signals.items():
+            writer.computed_signals(device, body, time_ns)
         return writer
 
     # ── the sync thread ──────────────────────────────────────────────────────────────────────────────────────────────

@@ -186,7 +186,8 @@ def build_services(
     columns = ColumnCache(config.data, library.known_path, reading)
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
     compactor = CompactionWorker(catalogue.finished)
-    recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory)
+    signals = SignalDefinitions(config.data)
+    recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory, signals)
     return Services(
         config=config,
         reading=reading,
@@ -200,7 +201,7 @@ def build_services(
         shares=shares,
         catalogue=catalogue,
         columns=columns,
-        derived=DerivedChannels(bus, telemetry.store, SignalDefinitions(config.data)),
+        derived=DerivedChannels(bus, telemetry.store, signals),
         calibrations=CalibrationSessions(bus, telemetry.store),
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),

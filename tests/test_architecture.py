@@ -79,6 +79,7 @@ SERVER: dict[str, set[str]] = {
     "analysis": {"library", "streaming"},
     "calibration": {"analysis", "streaming"},
     "alarms": {"analysis", "library", "streaming"},
+    "decode_worker": {"analysis", "devices", "jit_cache", "library"},
     "fleet": {"devices", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth", "ros2"},
     "reference": {"configuration", "library"},

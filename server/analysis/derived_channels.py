@@ -10,7 +10,7 @@ use computed signals: none can use itself.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from server.analysis.channel_rates import ChannelRates, have_changed
 from server.analysis.live_expression import LiveExpression
 from server.analysis.live_streams import Piece
+from server.analysis.quantities import Quantity
 from server.analysis.signal_definitions import SignalDefinition, SignalDefinitions
 from server.errors import DomainError
 from server.streaming.bus import TelemetryBus
@@ -131,7 +132,7 @@ class DerivedChannels:
         """Compute what memory holds, and follow from there on; in place of a signal of that name."""
         name = running.definition.name
         before = self._running.get((device, name))
-        described = channel_of(device, running.definition, running.live)
+        described = channel_of(device, running.definition, running.live.probe)
         known = self._store.get(before.channel) if before is not None else None
         if before is not None and known is not None and before.definition == running.definition:
             running.channel, running.next = before.channel, before.next  # only the rate changed
@@ -232,17 +233,17 @@ def _arrivals(running: _Running, rows: Mapping[int, Rows], piece: Piece) -> NDAr
     return np.maximum.accumulate(found)
 
 
-def channel_of(device: str, definition: SignalDefinition, live: LiveExpression) -> ChannelInfo:
-    """Description of the channel of a signal."""
-    names: Sequence[str] = live.probe.names
+def channel_of(device: str, definition: SignalDefinition, value: Quantity) -> ChannelInfo:
+    """Description of the channel of a signal, given what its expression gives."""
+    names, unit = value.names, str(value.unit)
     columns = [
         ColumnInfo(
             name=name or "value",
             dtype="f8",
-            unit=live.unit,
+            unit=unit,
             label="" if name else definition.name,
             axis=_AXES.get(name, ""),  # type: ignore[arg-type]
-            period=live.probe.period,
+            period=value.period,
         )
         for name in names
     ]
@@ -253,7 +254,7 @@ def channel_of(device: str, definition: SignalDefinition, live: LiveExpression) 
         name=definition.name,
         title=definition.name,
         kind="scalar" if len(columns) == 1 else "vector",
-        unit=live.unit,
+        unit=unit,
         frame="",
         columns=columns,
         doc=f"Computed: {definition.expression}",

@@ -9,7 +9,7 @@ id in the next run. The file is replaced atomically; what is unreadable in it co
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,12 @@ class SignalDefinitions:
     def __init__(self, folder: Path) -> None:
         self._path = folder / FILE
         self._known = self._read()
+        self._listeners: list[Callable[[], None]] = []
+
+    def on_change(self, listener: Callable[[], None]) -> Callable[[], None]:
+        """Call a function after each change; what is returned ends that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
 
     def of(self, device: DeviceInfo) -> Sequence[SignalDefinition]:
         """The definitions of a device, in order of their creation."""
@@ -99,6 +105,8 @@ class SignalDefinitions:
             message = f"The definition cannot be stored: {error.strerror or error}."
             raise DomainError("disk", message, "Free some space, or check the rights of the data folder.") from None
         self._known = known
+        for listener in tuple(self._listeners):
+            listener()
 
     def _read(self) -> dict[str, list[SignalDefinition]]:
         try:

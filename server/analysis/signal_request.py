@@ -46,8 +46,8 @@ class ExpressionSignal:
         devices = {column.device for column in self.columns}
         return devices.pop() if len(devices) == 1 else ""
 
-    def signals(self, read: ReadSamples) -> list[Signal]:
-        """Its samples; of a vector a signal for each column.
+    def quantity(self, read: ReadSamples) -> Quantity:
+        """Its samples, undefined ones (NaN) included.
 
         Raises:
             ExpressionError: a function or a unit does not fit.
@@ -71,12 +71,26 @@ class ExpressionSignal:
         if value.time is None:
             hint = "Name a signal in it."
             raise DomainError("bad-expression", f"{self.text:.80} is the number {value.number:g}, no signal.", hint)
-        notes = tuple(notes_of(self.node, self.context))
+        return value
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on how it is computed."""
+        return tuple(notes_of(self.node, self.context))
+
+    def signals(self, read: ReadSamples) -> list[Signal]:
+        """Its samples; of a vector a signal for each column.
+
+        Raises:
+            ExpressionError: a function or a unit does not fit.
+        """
+        value = self.quantity(read)
+        assert value.time is not None  # it is no number
         found = []
         for name, part in zip(value.names, value.parts, strict=True):
             title = f"({self.text}).{name}" if name else self.text
             plain = finite_signal(title, str(value.unit), value.period, value.time, part)
-            found.append(Signal(plain.name, plain.unit, plain.period, plain.time, plain.values, notes))
+            found.append(Signal(plain.name, plain.unit, plain.period, plain.time, plain.values, self.notes))
         return found
 
 
@@ -107,11 +121,16 @@ def requested_signals(
         except DomainError:
             if not SIGNS.intersection(word) and not any(one in word for one in WORDS):
                 raise
-            found.append(_expression(known, word, Context(zero_phase), device))
+            found.append(expression_over(known, word, Context(zero_phase), device))
     return found
 
 
-def _expression(infos: Sequence[ChannelInfo], text: str, context: Context, device: str) -> ExpressionSignal:
+def expression_over(infos: Sequence[ChannelInfo], text: str, context: Context, device: str) -> ExpressionSignal:
+    """An expression over channels; `device`: as for `requested_signals`.
+
+    Raises:
+        ExpressionError: a mistake in it, or a name that is none of these; says where.
+    """
     node = parse(text)
     named: dict[str, list[SignalColumn]] = {}
     for name in names_in(node):

@@ -15,6 +15,7 @@ from protocols.plural import counted
 from recordings.column_store import ColumnStore
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
+from server.analysis.recorded_signals import add_computed_signals
 from server.analysis.registry import FiguresOfSignal, analysis_named
 from server.analysis.report import Figures, figures_of, in_parallel
 from server.analysis.signal_request import ExpressionSignal, requested_signals
@@ -75,7 +76,9 @@ def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, no
     try:
         with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
             source = open_file(path, reading.protocol)
-            store = decode(source, Path(folder) / "columns", all_protocols(), reading, bar.show)
+            store = decode(
+                source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=add_computed_signals
+            )
             return _reports(store, path.name, request)
     except (RecordingError, DomainError) as error:
         raise AnalyseError(f"{error.message} {error.hint}".strip()) from None

@@ -20,6 +20,7 @@ from recordings.column_store import ColumnStore
 from recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
+from server.analysis.recorded_signals import add_computed_signals
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
@@ -104,7 +105,9 @@ def decode_file(
         with tempfile.TemporaryDirectory(prefix=".decode-", dir=out.parent) as folder:
             source = open_file(path, reading.protocol)
             store = Path(folder) / "columns"
-            columns = decode(source, store, all_protocols(), reading, lambda share: bar.show(share / 2))
+            columns = decode(
+                source, store, all_protocols(), reading, lambda share: bar.show(share / 2), compute=add_computed_signals
+            )
             rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
             request = _export_request(columns, path, part)
             written = export(format, request, out, lambda share: bar.show(0.5 + share / 2))

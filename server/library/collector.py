@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch
 from protocols.schema import Message
-from recordings.column_store import ChannelLayout, ColumnStoreWriter
+from recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from recordings.euler import euler_columns
 from recordings.health_history import HealthHistoryWriter
 from recordings.payloads import BYTES, SHAPE, PayloadsWriter
@@ -99,6 +99,11 @@ class RecordingSink:
                 self.health_history.samples(info.device, info.message, piece.columns[0], piece.columns[1])
             if info.kind in ("quaternion", "matrix"):
                 self._angles(piece)
+
+    def keep_computed(self, number: int, columns: Sequence[NDArray[Any]]) -> None:
+        """Append rows of a computed signal: arrival, time, then its columns. They are no samples of the device."""
+        for begin in range(0, len(columns[0]), BLOCK_ROWS):
+            self._writer.append(number, [column[begin : begin + BLOCK_ROWS] for column in columns])
 
     def keep_clocks(self, device: str, dated: Sequence[Dated]) -> None:
         found: dict[int, list[Sequence[NDArray[Any]]]] = {}

@@ -40,7 +40,7 @@ ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
 SPARE_S = 120.0  # lifetime of a process started in advance
 FAILED_FOR_S = 5.0  # an error is returned again for this long before another attempt
 CACHE = "cache"
-OPENER = "server.library.decode_worker"
+OPENER = "server.decode_worker"
 
 
 @dataclass(slots=True)

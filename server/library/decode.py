@@ -33,7 +33,7 @@ from recordings.capture_timing import BLIND_RATE
 from recordings.column_store import ColumnStore, ColumnStoreWriter
 from recordings.health_history import HealthHistoryWriter
 from recordings.importers import CaptureSource
-from recordings.mcap_writer import EVENTS, NOTES, SNAPSHOT
+from recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
 from recordings.message_source import MessageSource
 from recordings.sources import ChunkBlock, McapSource, Source
 from recordings.tabular import TableSource
@@ -56,6 +56,10 @@ MAX_TIME = 9e9  # unix s
 PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # examined before decoding, to find the unit of timestamps
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # time until the first partial result; doubles after each, up to the second
 EVENTS_SHOWN = 2000  # maximum in a partial result: writing all events of a very bad line would exceed decoding
+
+
+ComputeSignals = Callable[[ColumnStore, Mapping[str, Any], RecordingSink], None]
+"""Adds channels to a sink, given what was decoded and the recorded definitions by device."""
 
 
 class _Device:
@@ -250,6 +254,7 @@ def decode(
     progress: Callable[[float], None] = lambda share: None,
     shown: Callable[[Path], None] = lambda folder: None,
     usual: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
+    compute: ComputeSignals | None = None,
 ) -> ColumnStore:
     """Decode a file into a store.
 
@@ -259,6 +264,7 @@ def decode(
         progress: called with 0..1, from the decoding thread.
         usual: default decode options, if neither the user nor the recording gives others.
         shown: called with a ColumnStore folder of the part decoded so far, until the store itself is complete.
+        compute: adds the channels of computed signals whose definitions were recorded; None: they are left out.
 
     Raises:
         RecordingError, OSError: the file cannot be read, or the store cannot be written; nothing is left behind.
@@ -295,6 +301,10 @@ def decode(
             for name in devices:
                 sink.event(name, "clock", "warning", words, data={"kind": "guessed"})
         sink.close()
+        definitions = _signals_in(source, devices)
+        if compute is not None and definitions:
+            manifest = _manifest(source, sink, devices, spans, most_events=0)
+            compute(ColumnStore(writer.show(wire_codec.to_json_safe(manifest))), definitions, sink)
         return writer.finish(wire_codec.to_json_safe(_manifest(source, sink, devices, spans)))
     except BaseException:
         writer.abandon()
@@ -360,6 +370,15 @@ def _manifest(
             for device, sender in figures.items()
         },
     }
+
+
+def _signals_in(source: Source, devices: Mapping[str, _Device]) -> dict[str, Any]:
+    """Definitions of computed signals recorded with a file, the last ones of each device; as written, not checked."""
+    found: dict[str, Any] = {}
+    for channel, _, body in source.metadata():
+        if channel.startswith(SIGNALS):
+            found[_sender(channel.removeprefix(SIGNALS), body, devices)] = body.get("signals")
+    return found
 
 
 def _sender(device: str, body: Mapping[str, Any], devices: Mapping[str, _Device]) -> str:

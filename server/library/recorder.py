@@ -44,7 +44,7 @@ from server.devices.sessions import Sessions
 from server.errors import DomainError
 from server.library.api_models import MarkerRequest, SavedMemory
 from server.library.compaction_worker import CompactionWorker
-from server.library.recording_session import RecordingSession
+from server.library.recording_session import ComputedDefinitions, RecordingSession
 from server.streaming.bus import TelemetryBus
 from server.version import VERSION
 
@@ -90,6 +90,7 @@ class Recorder:
         wall_ns: the wall clock. Recordings use its time, because the bus clock never steps and would stay wrong if the
             host's clock was set after the server started.
         memory: of the bytes of live links; None for none.
+        signals: definitions of the computed signals, which are recorded with their devices; None for none.
     """
 
     def __init__(
@@ -101,8 +102,10 @@ class Recorder:
         packer: CompactionWorker | None,
         wall_ns: Callable[[], int] | None = None,
         memory: ByteMemory | None = None,
+        signals: ComputedDefinitions | None = None,
     ) -> None:
         self.plan = plan
+        self._signals = signals
         self._wall_ns = wall_ns
         self._bus = bus
         self._sessions = sessions
@@ -336,6 +339,7 @@ class Recorder:
             ask_head=ask_head,
             memory=self._memory,
             since=since,
+            signals=self._signals,
         )
 
     def _new_writer(self, words: str, title: str, path: Path | None, before_s: float) -> RecordingWriter:

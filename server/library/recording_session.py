@@ -7,6 +7,7 @@
                               commands as events)                          events
     bus: devices              identity of a device, when it changes        metadata
     controller: settings      as read, when they change                    snapshot/<device>
+    computed signals          their definitions, when they change          signals/<device>
     log header                Configuration of an Xsens device             metadata, and among the bytes
 
 A recording may begin before it was started: with the bytes that are in memory (server/devices/byte_memory.py), and the
@@ -22,7 +23,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from protocols.messages.family import NAME as MESSAGES
 from recordings.mcap_writer import Direction
@@ -45,6 +46,26 @@ RATE_S = 10.0  # averaging time of the rate for `seconds_left`
 METADATA_FIELDS = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
 
 
+class ComputedDefinition(Protocol):
+    """Definition of a computed signal."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def expression(self) -> str: ...
+
+
+class ComputedDefinitions(Protocol):
+    """Definitions of computed signals (server/analysis/signal_definitions.py)."""
+
+    def of(self, device: wire.DeviceInfo) -> Sequence[ComputedDefinition]:
+        """Those of a device."""
+
+    def on_change(self, listener: Callable[[], None]) -> Callable[[], None]:
+        """Call a function after each change; what is returned ends that."""
+
+
 class RecordingSession:
     """One running recording.
 
@@ -54,6 +75,7 @@ class RecordingSession:
         ask_head: whether to request the header.
         memory: of the bytes of links; None for none.
         since: begin with what is in memory from this time on, unix s; None: with what arrives.
+        signals: definitions of computed signals; None for none.
     """
 
     def __init__(
@@ -67,6 +89,7 @@ class RecordingSession:
         ask_head: bool,
         memory: ByteMemory | None = None,
         since: float | None = None,
+        signals: ComputedDefinitions | None = None,
     ) -> None:
         self.writer = writer
         self.title = title
@@ -81,6 +104,8 @@ class RecordingSession:
         self._ask_head = ask_head
         self._unsubscribe_traffic: dict[str, Callable[[], None]] = {}  # device → removes its listener
         self._written_settings: dict[str, Any] = {}  # device → settings written last
+        self._signals = signals
+        self._written_signals: dict[str, Any] = {}  # device → definitions written last
         self._heads: dict[str, LogHeaderRequest] = {}
         self._sessions: dict[str, Session] = {}
         self._size_history: list[tuple[float, int]] = []  # (time, bytes) of the last updates
@@ -89,6 +114,7 @@ class RecordingSession:
             bus.devices.subscribe(self._device),
             bus.jobs.subscribe(self._job_report),
             bus.traffic.subscribe(self._traffic),
+            *([signals.on_change(self._all_signals)] if signals is not None else ()),
         ]
 
     @property
@@ -138,6 +164,7 @@ class RecordingSession:
         session.before_close(removed)
         for one in self._controllers.on_link_of(device) if self._controllers is not None else ():
             self._settings(one)
+        self._all_signals()
         controller = self._controller(device)
         if controller is not None:
             self._heads[device] = LogHeaderRequest(controller, lambda header: writer.device(device, header))
@@ -226,6 +253,23 @@ class RecordingSession:
         }
         self.writer.snapshot(controller.device, wire_codec.to_json_safe(body), round(self._bus.now() * 1e9))
 
+    def _all_signals(self) -> None:
+        """Write the definitions of computed signals that have changed, of all devices being recorded."""
+        for info in self._bus.devices.latest.values():
+            if info.id.partition(".")[0] in self._sessions:
+                self._computed_signals(info)
+
+    def _computed_signals(self, info: wire.DeviceInfo) -> None:
+        if self._signals is None:
+            return
+        found = [{"name": one.name, "expression": one.expression} for one in self._signals.of(info)]
+        if found == self._written_signals.get(info.id, []):
+            return
+        self._written_signals[info.id] = found
+        controller = self._controller(info.id)
+        address = address_of(controller.session) if controller is not None else ""
+        self.writer.computed_signals(info.id, {"signals": found, "address": address}, round(self._bus.now() * 1e9))
+
     def _event(self, event: wire.EventInfo) -> None:
         if event.kind == "marker":  # written as a note
             return
@@ -245,6 +289,8 @@ class RecordingSession:
         if info.id in self._unsubscribe_traffic:
             self.writer.device(info.id, {**about(info), **self._sessions[info.id].reading.recorded})
             self._request_header(info)
+        if info.id.partition(".")[0] in self._unsubscribe_traffic:
+            self._computed_signals(info)
 
     def _job_report(self, state: wire.DeviceJobs) -> None:
         controller = self._controller(state.device)

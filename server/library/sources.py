@@ -18,7 +18,7 @@ from protocols.plugins import protocol_plugins
 
 ROOT = Path(__file__).parents[2]
 HOUSES = ("protocols", "recordings", "server")
-BEGIN = "server.library.decode_worker"
+BEGIN = "server.decode_worker"
 DATA = (".txt", ".json")
 _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n]+)|import ([\w., ]+))", re.MULTILINE)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from protocols.xbus.simulator.device import XbusSimulator
@@ -10,13 +11,20 @@ from recordings.mcap_writer import McapWriter
 START = 1_760_000_000_000_000_000
 
 
-def drive(path: Path, seconds: float = 4.0, *, named: bool = True) -> bytes:
-    """Records an MTi that streams, in chunks of 10 ms, with a hole of 50 ms; the bytes that were kept."""
+def drive(path: Path, seconds: float = 4.0, *, named: bool = True, signals: Mapping[str, str] | None = None) -> bytes:
+    """Records an MTi that streams, in chunks of 10 ms, with a hole of 50 ms; the bytes that were kept.
+
+    Args:
+        signals: expressions of computed signals by name.
+    """
     device = XbusSimulator(start_ns=0)
     writer = McapWriter(path, {"title": "A drive"})
     writer.device(
         "1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "xbus" if named else ""}
     )
+    if signals:
+        rows = [{"name": name, "expression": expression} for name, expression in signals.items()]
+        writer.computed_signals("1", {"signals": rows, "address": ""}, START)
     kept = b""
     for n in range(1, round(seconds * 100)):
         data = device.advance(n * 10_000_000)

@@ -10,7 +10,7 @@ from tests.server_process import ROOT
 
 RUN = """
 import sys
-from server.library import decode_worker
+from server import decode_worker
 from protocols import registry
 from recordings import importers
 print(*(module for module in sys.modules if module.partition(".")[0] in ("protocols", "recordings", "server")))

@@ -1,4 +1,4 @@
-"""`python -m server.library.decode_worker`: decode one recording in a subprocess, for column_cache.py.
+"""`python -m server.decode_worker`: decode one recording in a subprocess, for server/library/column_cache.py.
 
 The request comes on standard input, one JSON object: path, store, and decode options (DecodeOptions.values; a key is
 never on a command line). The output are JSON lines: {"progress": 0..1},
@@ -20,6 +20,7 @@ from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
 from server import jit_cache
+from server.analysis.recorded_signals import add_computed_signals
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
@@ -52,7 +53,16 @@ def main() -> int:
         source = open_file(Path(request["path"]))
         usual = DecodeOptions("", request.get("reading", {}))
         shown = lambda folder: _send(shown=str(folder))  # noqa: E731
-        decode(source, Path(request["store"]), all_protocols(), DecodeOptions(), progress, shown, usual)
+        decode(
+            source,
+            Path(request["store"]),
+            all_protocols(),
+            DecodeOptions(),
+            progress,
+            shown,
+            usual,
+            add_computed_signals,
+        )
     except RecordingError as error:
         _send(message=error.message, hint=error.hint)
         return 1
