@@ -162,7 +162,7 @@ def test_the_command_line_lists_and_runs_the_analysis(run: Callable[..., str], t
 
 def test_the_server_runs_the_analysis(server: ServerProcess) -> None:
     assert [one["name"] for one in ask(server, "/api/analysis")] == [
-        *("statistics", "expression", "intervals", "psd", "spectrogram", "allan"),
+        *("statistics", "histogram", "expression", "intervals", "psd", "spectrogram", "allan"),
         "above",
     ]
     block_until(lambda: ask(server, "/api/devices")[0]["status"] == "live", "a live device")

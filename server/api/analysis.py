@@ -7,18 +7,21 @@ import math
 from itertools import chain
 from typing import Any
 
+import numpy as np
 from fastapi import APIRouter
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
+from protocols.plural import counted
 from protocols.sensor_properties import SensorProperties
 from recordings.column_store import Base, ColumnStore
 from recordings.mcap_writer import RecordingError
 from server.analysis.data_sheet import Product
+from server.analysis.pairs import Pairing, paired, shortened, thinned
 from server.analysis.registry import AnalysisOption, FiguresOfSignal, analyses, analysis_named
 from server.analysis.report import arrow_of, figures_of, in_parallel
 from server.analysis.signal_request import ExpressionSignal, requested_signals
-from server.analysis.signals import ReadSamples, SignalColumn, live_samples, recorded_samples
+from server.analysis.signals import ReadSamples, Signal, SignalColumn, live_samples, recorded_samples
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses
 from server.devices.protocol_set import sensors_of
@@ -89,6 +92,47 @@ class SignalFigures(BaseModel):
     )
 
 
+class PairsSignal(BaseModel):
+    """A signal of a pair."""
+
+    signal: str = Field(description="`CHANNEL.COLUMN` or an expression; `DEVICE/…` if there are several")
+    part: int = Field(0, ge=0, le=MAX_SIGNALS, description="which one, if that names several, from 0")
+
+
+class PairsRequest(BaseModel):
+    """A request for pairs of two signals."""
+
+    source: str = Field(description="id of a live device or of a recording")
+    x: PairsSignal
+    y: PairsSignal
+    t0: float | None = Field(None, description="unix seconds; null for the beginning")
+    t1: float | None = Field(None, description="unix seconds; null for the end")
+    base: Base = "device"
+    pairing: Pairing = Field(
+        "interpolated", description="value of the signal with fewer samples at the times of the other"
+    )
+    points: int = Field(
+        6000,
+        ge=60,
+        le=200_000,
+        description="with more pairs than this, of each interval the first, the last and the extremes of x and y",
+    )
+
+
+class PairsInfo(BaseModel):
+    """Pairs of two signals; times are seconds after `t0`."""
+
+    n: int = Field(description="number of pairs, also of those left out")
+    t0: float = Field(description="unix seconds of the first pair")
+    time: list[float]
+    x: list[float]
+    y: list[float]
+    starts: list[int] = Field(description="indices of pairs that no line may come to: after a gap, or a wrapped angle")
+    x_unit: str
+    y_unit: str
+    leader: str = Field(description="the signal whose times these are; empty if both signals have the same times")
+
+
 @router.get("")
 async def list_analyses() -> list[AnalysisInfo]:
     """Analyses with their options."""
@@ -115,6 +159,46 @@ def _option(option: AnalysisOption) -> OptionInfo:
         doc=option.doc,
         choices=list(option.choices),
     )
+
+
+@router.post("/pairs", responses=responses(404, 422))
+async def pairs(body: PairsRequest, services: TheServices) -> PairsInfo:
+    """Pairs of two signals at the same moments, for a plot of one over the other."""
+    asked = [
+        AnalysisRequest.model_validate(
+            {**body.model_dump(include={"source", "t0", "t1", "base"}), "signals": [one.signal]}
+        )
+        for one in (body.x, body.y)
+    ]
+    (x, read_x), (y, read_y) = [await _signals(one, services) for one in asked]
+
+    def work() -> PairsInfo:
+        own_x, own_y = _part(x, read_x, body.x.part), _part(y, read_y, body.y.part)
+        whole = paired(own_x, own_y, body.pairing)
+        few = thinned(whole, body.points)
+        t0 = float(few.time[0]) if len(few.time) else 0.0
+        return PairsInfo(
+            n=len(whole.time),
+            t0=t0,
+            time=np.round(few.time - t0, 6).tolist(),
+            x=shortened(few.x),
+            y=shortened(few.y),
+            starts=np.flatnonzero(few.starts).tolist(),
+            x_unit=own_x.unit,
+            y_unit=own_y.unit,
+            leader=few.leader,
+        )
+
+    return await asyncio.to_thread(work)
+
+
+def _part(requested: list[SignalColumn | ExpressionSignal], read: ReadSamples, part: int) -> Signal:
+    """That one of the requested signals."""
+    found = list(chain.from_iterable(one.signals(read) for one in requested))
+    if part >= len(found):
+        hint = f"Give a part from 0 to {len(found) - 1}."
+        raise DomainError("bad-value", f"part {part} is not allowed: it names {counted(len(found), 'signal')}.", hint)
+    return found[part]
 
 
 @router.post(

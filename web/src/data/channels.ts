@@ -70,6 +70,12 @@ export class Channels {
     return this.#sources.get(id);
   }
 
+  /** The channel under that id as the device sends it, without what the page adds. */
+  sent(id: number): ChannelInfo | undefined {
+    const source = this.#sources.get(id);
+    return source && (source.norm ? { ...source.sent, columns: source.sent.columns.slice(0, -1) } : source.sent);
+  }
+
   /** The rings of a device, including derived channels. */
   ringsOf(device: string): readonly Ring[] {
     return [...this.#sources.values(), ...this.#derived.values()]

@@ -326,6 +326,11 @@ export class Store {
     return this.#channels.changeOf(channel);
   }
 
+  /** The channel under that id as the device sends it, without what the page adds. */
+  sent(id: number): ChannelInfo | undefined {
+    return this.#channels.sent(id);
+  }
+
   /** The ring of a new channel: the one from before a server restart, or an empty one. */
   #ring(info: ChannelInfo): Ring {
     const held = this.#past?.ringFor(info);

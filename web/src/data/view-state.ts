@@ -64,6 +64,35 @@ export interface YAxis {
   readonly isLog?: boolean;
 }
 
+/** A column of a channel of the selected device, by their names. */
+export type ColumnName = readonly [channel: string, column: string];
+
+/** What a person chose for the XY plot; what is absent is at its default (xy/choice.ts). */
+export interface XyChoice {
+  readonly x?: ColumnName;
+  readonly y?: ColumnName;
+  readonly range?: "cursors";
+  readonly colour?: "trail";
+  readonly draw?: "points";
+  readonly isEqual?: true;
+  readonly pairing?: "nearest";
+}
+
+/** What a person chose for the histogram; what is absent is at its default (histogram/choice.ts). */
+export interface HistogramChoice {
+  readonly channel?: string;
+  /** Columns of that channel. */
+  readonly columns?: readonly string[];
+  readonly range?: "cursors";
+  readonly scale?: "density";
+  /** Number of bins; absent: by their rule. */
+  readonly bins?: number;
+  /** Values within this many σ of the mean; absent: all. */
+  readonly within?: number;
+  /** The normal curve is left out. */
+  readonly noCurve?: true;
+}
+
 export interface ViewSignals {
   readonly view: Signal<View>;
   readonly cursor: Signal<Cursor>;
@@ -86,6 +115,8 @@ export interface ViewSignals {
   readonly customPlots: Signal<readonly CustomPlot[]>;
   /** Frame in which attitude is shown; undefined: as the device sends it. Views of one store share it: the store converts its samples. */
   readonly frame: Signal<WorldFrame | undefined>;
+  readonly xy: Signal<XyChoice>;
+  readonly histogram: Signal<HistogramChoice>;
   /** Where the panels are. */
   readonly layout: Signal<Layout>;
 }
@@ -109,6 +140,8 @@ export function createViewState(like?: ViewSignals): ViewState {
     extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),
     customPlots: signal(like?.customPlots.peek() ?? []),
     frame: like?.frame ?? signal<WorldFrame | undefined>(undefined),
+    xy: signal<XyChoice>(like?.xy.peek() ?? {}),
+    histogram: signal<HistogramChoice>(like?.histogram.peek() ?? {}),
     layout: signal(like?.layout.peek() ?? DEFAULT_LAYOUT),
   };
   return { ...signals, actions: new ViewActions(signals) };

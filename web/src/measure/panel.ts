@@ -3,13 +3,11 @@
  * follow ten times a second; figures over the range are computed a little in every frame, once for each range, and are dimmed until
  * they are those of the range shown.
  */
-import type { Channel } from "../data/channels";
 import { figuresOf, NO_FIGURES, type RangeFigures } from "../data/range-figures";
-import type { Ring } from "../data/ring-buffer";
 import type { ViewState } from "../data/view-state";
 import { figure } from "../analysis/axes";
 import { duration } from "../plots/axis";
-import { changeOf, type Reads, valueAt } from "../plots/legend";
+import { changeOf, valueAt } from "../plots/legend";
 import type { PlotSpec, Series } from "../plots/plot-selection";
 import { copyText } from "../ui/copy";
 import { el, LiveText, type Panel, throttle, unit } from "../ui/dom";
@@ -25,19 +23,15 @@ import {
   textOf,
   unitOf,
 } from "./figure-columns";
-import { type FigureSource, type MeasuredRange, ServerFigures } from "./server-figures";
+import type { SampleAccess } from "./sample-access";
+import { type MeasuredRange, ServerFigures } from "./server-figures";
 import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/measure";
 import "./measure.css";
 
-export interface MeasureDeps {
+/** By default the rings of the channels hold all samples. */
+export interface MeasureDeps extends Partial<SampleAccess> {
   readonly viewState: ViewState;
-  /** As the plots' (plot-stack.ts). */
-  readonly reads?: Reads;
-  /** The ring with all samples of a channel in a range; undefined: the server has them. Default: the channel's own. */
-  readonly ringOf?: (channel: Channel, t0: number, t1: number) => Ring | undefined;
-  /** The server's signals, where the page holds only some samples. */
-  readonly source?: FigureSource;
 }
 
 /** Time for figures in one frame's 16 ms, in ms; one series is done in any case. */

@@ -33,7 +33,7 @@ export interface FigureSource {
 }
 
 /** How a displayed column is asked for. */
-interface Wanted {
+export interface Wanted {
   /** Signal or expression. */
   readonly word: string;
   /** Signals that the answer has for that word, and which of them it is. */
@@ -47,7 +47,10 @@ interface Wanted {
 const EULER = ["roll", "pitch", "yaw"];
 
 /** How a series is asked for; undefined: the server cannot compute it. */
-export function wantedOf({ channel: { info }, column }: Series, source: FigureSource): Wanted | undefined {
+export function wantedOf(
+  { channel: { info }, column }: Pick<Series, "channel" | "column">,
+  source: FigureSource,
+): Wanted | undefined {
   const shown = info.columns[column];
   const sent = source.sent(info.id < 0 ? -1 - info.id : info.id);
   if (shown === undefined || sent === undefined) return undefined;

@@ -11,6 +11,7 @@ import type { RecentHealth } from "./health-history";
 import type { AlarmInfo } from "../wire/routes";
 import type { AlarmDraft } from "./alarm-states";
 import { type Reading, readingAt } from "./cursor-time";
+import type { SampleAccess } from "../measure/sample-access";
 
 /** Frame to show: that of a sample, or the nearest of its kind. */
 export interface PacketAt {
@@ -59,6 +60,8 @@ export interface Deps {
   readonly alarms?: Signal<readonly AlarmInfo[]>;
   /** Statistics of a column over the window if the store holds only some of its samples; undefined until known. */
   readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
+  /** Samples of any range, if the store has only those around the cursor. */
+  readonly samples?: SampleAccess;
   /** All events, if the store has only those up to the reading position. */
   readonly allEvents?: readonly EventInfo[];
   /** Shows a moment, if that needs more than a change of the view. */

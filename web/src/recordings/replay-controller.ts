@@ -16,6 +16,7 @@ import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
 import { RecentHealth } from "../panels/health-history";
 import { type Reading, readingAt } from "../panels/cursor-time";
+import type { SampleAccess } from "../measure/sample-access";
 import type { Deps } from "../panels/panel-context";
 import type { Problem } from "../ui/http";
 import { type Place, seriesOf, takeSeries } from "./permalink";
@@ -41,6 +42,8 @@ export class ReplayController {
   readonly far: ReplayStore;
   /** Context of the panels, but for what the page adds: always with something on screen, and never stale. */
   readonly deps: Omit<Deps, "open" | "eventSort">;
+  /** Samples of any range. */
+  readonly samples: SampleAccess;
   readonly device: ReadonlySignal<DeviceInfo | undefined>;
   readonly bounds: Bounds;
   readonly markers = signal<readonly MarkerInfo[]>([]);
@@ -89,8 +92,19 @@ export class ReplayController {
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
     this.device = computed(() => this.near.devices.value.find(({ id }) => id === viewState.view.value.device));
+    this.samples = {
+      reads: (channel, t) => this.reads(channel, t),
+      ringOf: (channel, from, to) => this.ringOf(channel, from, to),
+      source: {
+        id: detail.info.id,
+        prefix: (device) => (detail.devices.length > 1 ? `${device}/` : ""),
+        sent: (id) => detail.channels.find((one) => one.id === id),
+        changeOf: (id) => this.near.changeOf(id),
+      },
+    };
     this.deps = {
       store: this.near,
+      samples: this.samples,
       recentHealth: this.#recentHealth,
       viewState,
       held: () => false,

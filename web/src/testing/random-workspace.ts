@@ -22,7 +22,7 @@ const NORMS = ["Acceleration.norm", "Rate of turn.norm"];
 const PLOTS = ["Position/ECEF", "Pressure", "Temperature"];
 
 const CUSTOM = ["1/Acceleration/x,2/Acceleration/x", "@1/Pressure,1/Free%20acceleration/z", "1.102/a%2Fb/y"];
-const PANELS = ["attitude", "events", "health", "values"];
+const PANELS = ["attitude", "events", "health", "values", "xy", "histogram"];
 const AREAS = ["main", "side", "below"];
 
 function randomLayout(next: Random): Record<string, unknown> {
@@ -49,6 +49,15 @@ const AXES = [
   { Pressure: { isLog: true }, Temperature: { range: [1, 5], isLog: true } },
 ];
 
+const XY = [
+  { x: ["Acceleration", "x"], y: ["Temperature", "value"], pairing: "nearest" },
+  { colour: "trail", draw: "points", isEqual: true, range: "cursors" },
+];
+const HISTOGRAMS = [
+  { channel: "Acceleration", columns: ["x", "norm"], scale: "density", bins: 50 },
+  { range: "cursors", within: 4, noCurve: true },
+];
+
 export function randomParts(next: Random): Record<string, unknown> {
   const hide = someOf(next, SERIES);
   const show = someOf(next, NORMS);
@@ -63,6 +72,8 @@ export function randomParts(next: Random): Record<string, unknown> {
     ...(plots.length > 0 ? { extraPlots: plots } : {}),
     ...(custom.length > 0 ? { customPlots: custom } : {}),
     ...(next() < 0.5 ? { yAxes: oneOf(next, AXES) } : {}),
+    ...(next() < 0.5 ? { histogram: oneOf(next, HISTOGRAMS) } : {}),
+    ...(next() < 0.5 ? { xy: oneOf(next, XY) } : {}),
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),
     ...(next() < 0.5 ? { frame: oneOf(next, ["ENU", "NED", "NWU"]) } : {}),
     ...(next() < 0.5 ? { sideFolded: true } : {}),

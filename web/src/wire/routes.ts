@@ -453,6 +453,48 @@ export interface PacketView {
   readonly packets: readonly PacketInfo[];
 }
 
+/** Pairs of two signals; times are seconds after `t0`. */
+export interface PairsInfo {
+  /** number of pairs, also of those left out */
+  readonly n: number;
+  /** unix seconds of the first pair */
+  readonly t0: number;
+  readonly time: readonly number[];
+  readonly x: readonly number[];
+  readonly y: readonly number[];
+  /** indices of pairs that no line may come to: after a gap, or a wrapped angle */
+  readonly starts: readonly number[];
+  readonly x_unit: string;
+  readonly y_unit: string;
+  /** the signal whose times these are; empty if both signals have the same times */
+  readonly leader: string;
+}
+
+/** A request for pairs of two signals. */
+export interface PairsRequest {
+  /** id of a live device or of a recording */
+  readonly source: string;
+  readonly x: PairsSignal;
+  readonly y: PairsSignal;
+  /** unix seconds; null for the beginning */
+  readonly t0?: number | null;
+  /** unix seconds; null for the end */
+  readonly t1?: number | null;
+  readonly base?: "device" | "arrival";
+  /** value of the signal with fewer samples at the times of the other */
+  readonly pairing?: "interpolated" | "nearest";
+  /** with more pairs than this, of each interval the first, the last and the extremes of x and y */
+  readonly points?: number;
+}
+
+/** A signal of a pair. */
+export interface PairsSignal {
+  /** `CHANNEL.COLUMN` or an expression; `DEVICE/…` if there are several */
+  readonly signal: string;
+  /** which one, if that names several, from 0 */
+  readonly part: number;
+}
+
 /** One serial port. */
 export interface PortInfo {
   readonly device: string;
@@ -1069,6 +1111,11 @@ export interface Routes {
   };
   /** Analyses with their options. */
   "GET /api/analysis": { readonly answer: readonly AnalysisInfo[]; };
+  /** Pairs of two signals at the same moments, for a plot of one over the other. */
+  "POST /api/analysis/pairs": {
+    readonly body: PairsRequest;
+    readonly answer: PairsInfo;
+  };
   /** Analyse signals of a recording, or of a live device as far as memory holds them. */
   "POST /api/analysis/{name}": {
     readonly path: { readonly name: string };

@@ -2,3 +2,5 @@
 import "./view-parts";
 import "./custom-plots";
 import "./y-axes";
+import "./xy";
+import "./histogram";

@@ -65,6 +65,12 @@ const BROKEN = [
   { frame: 3 },
   { yAxes: { Acceleration: { range: [5, 5] } } },
   { yAxes: { Acceleration: {} } },
+  { xy: { x: ["Acceleration"] } },
+  { xy: { colour: "rainbow" } },
+  { xy: {} },
+  { histogram: { bins: 0 } },
+  { histogram: { columns: [] } },
+  { histogram: { within: "4" } },
   { sideFolded: "yes" },
 ];
 

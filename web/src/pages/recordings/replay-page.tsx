@@ -1,7 +1,6 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
 import { useEffect } from "preact/hooks";
 import { mountLargeTrack } from "../../attitude/track-dialog";
-import type { MeasureDeps } from "../../measure/panel";
 import { onFrame } from "../../data/render-loop";
 import { GoTo, type GoToDeps } from "../../measure/go-to";
 import { MeasurePanel } from "../../measure/measure-panel";
@@ -124,7 +123,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
       under={
         <>
           <GoTo deps={goToDeps(replay)} />
-          <MeasurePanel deps={measureDeps(replay)} />
+          <MeasurePanel deps={{ viewState: replay.viewState, ...replay.samples }} />
           {replay.viewState.yAxisForm.value && <YAxisDialog viewState={replay.viewState} />}
         </>
       }
@@ -159,21 +158,6 @@ function goToDeps(replay: ReplayController): GoToDeps {
       return placesOf(replay.detail.events, kind, device());
     },
     halt: () => (replay.playing.value = false),
-  };
-}
-
-function measureDeps(replay: ReplayController): MeasureDeps {
-  const { info, devices } = replay.detail;
-  return {
-    viewState: replay.viewState,
-    reads: (channel, t) => replay.reads(channel, t),
-    ringOf: (channel, t0, t1) => replay.ringOf(channel, t0, t1),
-    source: {
-      id: info.id,
-      prefix: (device) => (devices.length > 1 ? `${device}/` : ""),
-      sent: (id) => replay.detail.channels.find((one) => one.id === id),
-      changeOf: (id) => replay.near.changeOf(id),
-    },
   };
 }
 

@@ -1,0 +1,14 @@
+/** The XY plot: one signal over another. Hidden until a person shows it. */
+import { latePanel } from "../ui/late-panel";
+import { TEXT } from "../texts/xy";
+import { registerPanel } from "./registry";
+
+registerPanel({
+  id: "xy",
+  title: TEXT.title,
+  where: "main",
+  order: 22,
+  class: "xy",
+  optional: true,
+  mount: (host, deps) => latePanel(async () => (await import("../xy/panel")).mountXy.bind(undefined, host, deps)),
+});
