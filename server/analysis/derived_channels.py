@@ -3,8 +3,8 @@
     bus.samples ─> rows of the channels that an expression uses ─> LiveExpression ─> bus.publish, as any other channel
 
 So rings, browsers, viewers and alarms have them without knowing of expressions. A definition waits until its device
-sends the signals that it uses, and begins with what memory holds of them, up to `MAX_PAST` samples. Expressions cannot
-use computed signals: none can use itself.
+sends the signals that it uses, and begins with what memory holds of them, up to `MAX_PAST` samples. Signals may use
+others of their device, but never themselves: what a signal publishes reaches those that use it as any other samples.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from server.analysis.live_expression import LiveExpression
 from server.analysis.live_streams import Piece
 from server.analysis.quantities import Quantity
 from server.analysis.signal_definitions import SignalDefinition, SignalDefinitions
+from server.analysis.signal_order import cycle_of, used_by
 from server.errors import DomainError
 from server.streaming.bus import TelemetryBus
 from server.streaming.channel_store import ChannelStore
@@ -94,11 +95,16 @@ class DerivedChannels:
         """Store a definition, and compute it from now on.
 
         Raises:
-            DomainError: the name is taken, the expression does not fit, or it cannot be stored.
+            DomainError: the name is taken, the expression does not fit or would use the signal itself, or it cannot be
+                stored.
         """
         if any(info.name == definition.name for info in self._plain(device.id)):
             hint = "Choose another name."
             raise DomainError("name", f"{device.name} sends a channel {definition.name:.60}.", hint)
+        if cycle := cycle_of(definition, self.definitions.of(device)):
+            way = " uses ".join(f"“{name}”" for name in cycle)
+            message = f"A signal cannot use itself: {way}."
+            raise DomainError("bad-expression", message, f"Leave “{cycle[1]}” out of the expression.")
         running = self._start(device.id, definition)
         self.definitions.put(device, definition)
         self._begin(device.id, running)
@@ -107,8 +113,14 @@ class DerivedChannels:
         """Remove a definition with its channel.
 
         Raises:
-            DomainError: "not-found" or "disk".
+            DomainError: "not-found", "disk", or "busy": others use it.
         """
+        others = self.definitions.of(device)
+        users = [f"“{one.name}”" for one in others if one.name != name and used_by(one, [name])]
+        if users:
+            verb = "uses" if len(users) == 1 else "use"
+            message = f"The signal {name:.60} cannot be removed: {', '.join(users)} {verb} it."
+            raise DomainError("busy", message, "Remove or edit what uses it first.")
         self.definitions.remove(device, name)
         self._problems.pop((device.id, name), None)
         running = self._running.pop((device.id, name), None)
@@ -120,7 +132,7 @@ class DerivedChannels:
         return [info for info in self._store.of_device(device).values() if info.message != MESSAGE]
 
     def _start(self, device: str, definition: SignalDefinition) -> _Running:
-        own = self._plain(device)
+        own = [info for info in self._store.of_device(device).values() if info.name != definition.name]
         others = [one.info for one in self._store.all if one.info.device != device and one.info.message != MESSAGE]
         rates = ChannelRates(self._store)
         live = LiveExpression(own, definition.expression, rates, others)
@@ -134,7 +146,8 @@ class DerivedChannels:
         before = self._running.get((device, name))
         described = channel_of(device, running.definition, running.live.probe)
         known = self._store.get(before.channel) if before is not None else None
-        if before is not None and known is not None and before.definition == running.definition:
+        is_same = before is not None and before.definition == running.definition
+        if before is not None and known is not None and is_same and before.live.channels == running.live.channels:
             running.channel, running.next = before.channel, before.next  # only the rate changed
         else:
             if before is not None:
@@ -143,14 +156,32 @@ class DerivedChannels:
         self._running[device, name] = running
         self._problems.pop((device, name), None)
         self._follow(device, running)
+        if before is not None and before.channel != running.channel:
+            self._begin_users(device, before.channel)
+
+    def _begin_users(self, device: str, channel: int) -> None:
+        """Begin anew the signals that use one whose channel is another one now, or that is gone."""
+        for key, running in list(self._running.items()):
+            if channel not in running.live.channels:
+                continue
+            try:
+                self._begin(device, self._start(device, running.definition))
+            except DomainError as error:
+                del self._running[key]
+                self._problems[key] = error
+                self._store.remove_channel(running.channel)
+                self._begin_users(device, running.channel)
 
     def _on_samples(self, channels: Iterable[int]) -> None:
         touched = set(channels)
-        if touched <= {running.channel for running in self._running.values()}:
-            return  # published from here
-        for (device, _), running in list(self._running.items()):
-            if running.is_behind or not touched.isdisjoint(running.live.channels):
-                self._follow(device, running)
+        from_here = touched <= {running.channel for running in self._running.values()}
+        for key, running in list(self._running.items()):
+            if self._running.get(key) is not running:
+                continue  # begun anew meanwhile
+            if (running.is_behind and not from_here) or not touched.isdisjoint(running.live.channels):
+                self._follow(key[0], running)
+        if from_here:
+            return
         now = self._bus.now()
         if now >= self._next_sweep:
             self._next_sweep = now + SWEEP_S

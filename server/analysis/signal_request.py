@@ -101,6 +101,7 @@ def requested_signals(
     zero_phase: bool,
     product: Product = unknown_product,
     device: str = "",
+    others: Sequence[ChannelInfo] = (),
 ) -> list[SignalColumn | ExpressionSignal]:
     """Signals that the words name: a column, a channel with all its columns, or an expression over them.
 
@@ -108,6 +109,7 @@ def requested_signals(
         zero_phase: filters and moving windows of expressions may look ahead.
         product: of a device.
         device: whose signals are meant where several devices have a channel of that name.
+        others: channels that have to be named with their device: `2/Acceleration`.
 
     Raises:
         DomainError: "not-found", "which-device" or "bad-expression".
@@ -116,17 +118,19 @@ def requested_signals(
     found: list[SignalColumn | ExpressionSignal] = []
     for word in words:
         try:
-            columns = columns_named(known, [word], device)
+            columns = columns_named(_meant(known, others, word), [word], device)
             found += [replace(one, data_sheet=data_sheet_of(one.info, one.at, product)) for one in columns]
         except DomainError:
             if not SIGNS.intersection(word) and not any(one in word for one in WORDS):
                 raise
-            found.append(expression_over(known, word, Context(zero_phase), device))
+            found.append(expression_over(known, word, Context(zero_phase), device, others))
     return found
 
 
-def expression_over(infos: Sequence[ChannelInfo], text: str, context: Context, device: str) -> ExpressionSignal:
-    """An expression over channels; `device`: as for `requested_signals`.
+def expression_over(
+    infos: Sequence[ChannelInfo], text: str, context: Context, device: str, others: Sequence[ChannelInfo] = ()
+) -> ExpressionSignal:
+    """An expression over channels; `device` and `others`: as for `requested_signals`.
 
     Raises:
         ExpressionError: a mistake in it, or a name that is none of these; says where.
@@ -135,8 +139,14 @@ def expression_over(infos: Sequence[ChannelInfo], text: str, context: Context, d
     named: dict[str, list[SignalColumn]] = {}
     for name in names_in(node):
         if name.name not in named:
-            named[name.name] = _columns(infos, name, device)
+            named[name.name] = _columns(_meant(infos, others, name.name), name, device)
     return ExpressionSignal(text, node, named, context)
+
+
+def _meant(infos: Sequence[ChannelInfo], others: Sequence[ChannelInfo], word: str) -> Sequence[ChannelInfo]:
+    """The channels among which a name is looked up."""
+    device, slash, _ = word.partition("/")
+    return [info for info in others if slash and info.device == device] or infos
 
 
 def _columns(infos: Sequence[ChannelInfo], name: Name, device: str) -> list[SignalColumn]:

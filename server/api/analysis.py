@@ -243,7 +243,10 @@ async def _signals(
     own = telemetry.store.of_device(body.source)
     if own:
         t0, t1 = time_range(body.t0, body.t1, telemetry.bus.now() + AHEAD_S)
-        requested = requested_signals(own.values(), body.signals, zero_phase=False, product=_products(services))
+        others = [one.info for one in telemetry.store.all if one.info.device != body.source]
+        requested = requested_signals(
+            own.values(), body.signals, zero_phase=False, product=_products(services), others=others
+        )
         columns = [column for one in requested for column in one.columns]
         return requested, live_samples(telemetry.store, columns, t0, t1, body.base)
     store = await recording_of(body.source, services)

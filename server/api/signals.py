@@ -70,9 +70,9 @@ async def put_signal(device: str, name: str, body: SignalText, services: TheServ
     return _shown(device, definition, services)
 
 
-@router.delete("/api/devices/{device}/signals/{name}", status_code=204, responses=responses(404, 422, 507))
+@router.delete("/api/devices/{device}/signals/{name}", status_code=204, responses=responses(404, 409, 422, 507))
 async def delete_signal(device: str, name: str, services: TheServices) -> None:
-    """Remove a computed signal with its channel."""
+    """Remove a computed signal with its channel; refused while other signals use it."""
     services.derived.remove(services.derived.device(device), name)
 
 

@@ -38,7 +38,7 @@ test("names with spaces are quoted", () => {
   expect([quoted("Acceleration.x"), quoted("Rate of turn.z")]).toEqual(["Acceleration.x", '"Rate of turn.z"']);
 });
 
-test("signals that the page derives, and computed ones, are not offered", () => {
+test("signals that the page derives, the signal itself, and what other devices compute are not offered", () => {
   const columns = (...names: readonly string[]) => names.map((name) => ({ name, bits: [] }));
   const channel = (id: number, name: string, message: string, names: readonly string[]) =>
     ({ info: { id, device: "1", name, message, kind: "vector", columns: columns(...names) } }) as unknown as Channel;
@@ -48,8 +48,10 @@ test("signals that the page derives, and computed ones, are not offered", () => 
     channel(3, "Total", "expression", ["value"]),
     channel(4, "Pressure", "M", ["value"]),
   ];
-  expect(expressionNames(all, "1")).toEqual(["Acceleration", "Acceleration.x", "Acceleration.y", "Pressure"]);
-  expect(expressionNames(all, "2")).toEqual([]);
+  const sent = ["Acceleration", "Acceleration.x", "Acceleration.y"];
+  expect(expressionNames(all, "1")).toEqual([...sent, "Total", "Pressure"]);
+  expect(expressionNames(all, "1", "Total")).toEqual([...sent, "Pressure"]);
+  expect(expressionNames(all, "2")).toEqual([...sent, "Pressure"].map((name) => `"1/${name}"`));
 });
 
 test("a mistake is marked from its character to the end of the word", () => {

@@ -21,11 +21,21 @@ export function quoted(name: string): string {
   return PLAIN.test(name) ? name : `"${name}"`;
 }
 
-/** Signals of a device; computed ones, and those that the page derives, cannot be part of an expression. */
-export function expressionNames(channels: readonly Channel[], device: string): readonly string[] {
-  const sent = channels.filter(({ info }) => info.device === device && info.id >= 0 && !isComputed(info));
-  return sent.flatMap((channel) => {
-    const { name, columns } = channel.info;
+/**
+ * Signals that an expression may use: those of its device, but not itself, and those that other devices send. What the page derives
+ * cannot be part of an expression.
+ */
+export function expressionNames(channels: readonly Channel[], device: string, self = ""): readonly string[] {
+  const sent = channels.filter(({ info }) => info.id >= 0);
+  const own = sent.filter(({ info }) => info.device === device && !(isComputed(info) && info.name === self));
+  const others = sent.filter(({ info }) => info.device !== device && !isComputed(info));
+  return [...namesOf(own, ""), ...others.flatMap((one) => namesOf([one], `${one.info.device}/`))];
+}
+
+function namesOf(channels: readonly Channel[], prefix: string): readonly string[] {
+  return channels.flatMap((channel) => {
+    const { columns } = channel.info;
+    const name = prefix + channel.info.name;
     const own = plottable(channel).flatMap((c) => columns[c] ?? []);
     const plain = own.filter((column) => column.name !== "norm").map((column) => quoted(`${name}.${column.name}`));
     return own.length > 1 ? [quoted(name), ...plain] : [quoted(name)];

@@ -33,7 +33,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
   const figures = useSignal<readonly SignalFigures[]>([]);
   const problem = useSignal<Problem | undefined>(undefined);
   const busy = useSignal(false);
-  const names = useComputed(() => expressionNames(deps.store.channels.value, device));
+  const names = useComputed(() => expressionNames(deps.store.channels.value, device, signal?.name));
   useEffect(() => {
     const cancel = new AbortController();
     void request("GET /api/signals/words", { signal: cancel.signal }).then((outcome) => {

@@ -1272,7 +1272,7 @@ export interface Routes {
     readonly body: SignalText;
     readonly answer: ComputedSignal;
   };
-  /** Remove a computed signal with its channel. */
+  /** Remove a computed signal with its channel; refused while other signals use it. */
   "DELETE /api/devices/{device}/signals/{name}": {
     readonly path: { readonly device: string; readonly name: string };
     readonly answer: undefined;
