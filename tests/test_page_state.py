@@ -19,7 +19,6 @@ LISTED: dict[str, tuple[set[str], str]] = {
     "data/render-loop.ts": ({"painters", "isRunning", "drawn"}, "a document draws all of its canvases in one frame"),
     "main.tsx": ({"store", "app"}, "the page starts here"),
     "pages/route.ts": ({"route"}, "a document has one address"),
-    "pages/shell.tsx": ({"configure", "recordings", "decks"}, "code of heavy parts, loaded once"),
     "panels/registry.ts": ({"panels"}, "filled while modules are loaded"),
     "plots/canvas-style.ts": ({"hatches"}, "a cache of patterns"),
     "recordings/visible-range.ts": ({"#lastPixels"}, "a first guess, until its plots have a width"),
@@ -34,7 +33,7 @@ STATEMENT = re.compile(
     r"^(?:export )?(?P<kind>const|let|var) (?P<name>\w+)(?P<rest>.*(?:\n(?:[ \t)\]}].*)?)*)", re.MULTILINE
 )
 STATE = re.compile(
-    r"\b(?:(?:signal|computed|late)\s*[<(]"
+    r"\b(?:(?:signal|computed)\s*[<(]"
     r"|new (?:Weak)?(?:Map|Set)(?:<[^()]*>)?\(\)"  # empty: to be filled
     r"|new (?!Map|Set|RegExp|URL|\w+Array)[A-Z])"
 )

@@ -78,11 +78,7 @@ def gyroscope_bias(turn: Samples, force: Samples = NO_SAMPLES, temperature: Samp
         matrix=np.eye(3).tolist(),
         matrix_uncertainty=0.0,
     )
-    report.figures = [
-        _figure(f"bias_{axis}", f"Bias {axis}", float(bias[k]), "°/s", float(uncertainty[k]))
-        for k, axis in enumerate("xyz")
-    ]
-    report.figures.append(_figure("rest", "Rest", seconds, "s"))
+    report.figures = [_figure("rest", "Rest", seconds, "s")]
     report.trace = _trace(own, bias)
     report.notes = ["The bias contains the turn of the Earth, up to 0.004 °/s."]
     report.notes += _temperature_notes(temperature, run.begin, run.end, report.figures)
@@ -112,8 +108,8 @@ def _trace(own: StepMeans, bias: np.ndarray) -> ResidualTrace:
     )
 
 
-def _figure(name: str, title: str, value: float, unit: str, uncertainty: float | None = None) -> CalibrationFigure:
-    return CalibrationFigure(name=name, title=title, value=value, uncertainty=uncertainty, unit=unit)
+def _figure(name: str, title: str, value: float, unit: str) -> CalibrationFigure:
+    return CalibrationFigure(name=name, title=title, value=value, uncertainty=None, unit=unit)
 
 
 def _temperature_notes(temperature: Samples, begin: float, end: float, figures: list[CalibrationFigure]) -> list[str]:

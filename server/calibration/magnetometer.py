@@ -140,7 +140,9 @@ def _refusal(fit: Ellipsoid | None, own: Samples, coverage: DirectionCoverage) -
     where = f" Missing: around {', '.join(coverage.missing)}." if coverage.missing else ""
     hint = f"Turn the sensor through the empty fields of the sphere.{where}"
     if coverage.share < coverage.needed:
-        message = f"Only {coverage.share:.0%} of all directions were seen; {coverage.needed:.0%} are needed."
+        message = (
+            f"Only {100 * coverage.share:.0f} % of all directions were seen; {100 * coverage.needed:.0f} % are needed."
+        )
         return CalibrationRefusal(message=message, hint=hint)
     if fit is None:
         message = "The samples do not lie on an ellipsoid."
@@ -150,13 +152,12 @@ def _refusal(fit: Ellipsoid | None, own: Samples, coverage: DirectionCoverage) -
         return CalibrationRefusal(message=message, hint=hint)
     residual = float(np.std(np.linalg.norm((own.values - fit.centre) @ fit.shape, axis=1)))
     if residual > MAX_RESIDUAL:
-        message = f"The field changed while the sensor was turned: {residual:.0%} remain after the fit."
+        message = f"The field changed while the sensor was turned: {100 * residual:.0f} % remain after the fit."
         return CalibrationRefusal(message=message, hint="Move away from iron, motors and cables, and start again.")
     error = worst_error(fit)
     if error > MAX_ERROR:
-        message = (
-            f"The corrected field is uncertain by {error:.1%} in its worst direction; {MAX_ERROR:.0%} are allowed."
-        )
+        percent, most = f"{100 * error:.1f} %", f"{100 * MAX_ERROR:.0f} %"
+        message = f"In its worst direction the corrected field is uncertain by {percent}; {most} are allowed."
         return CalibrationRefusal(message=message, hint=f"Go on turning the sensor slowly.{where}")
     return None
 

@@ -189,6 +189,18 @@ def health(studio: Studio) -> None:
         keep(page, "health", "section.health")
 
 
+@picture("calibration")
+def calibration(studio: Studio) -> None:
+    source = "sim:xbus?motion=tumble&hard_iron=0.3&soft_iron=0.1"
+    with studio.page(source, size=PHONE) as page:
+        until(page, READY)
+        page.locator(".bar .device-name").click()
+        page.get_by_role("button", name="Calibrate", exact=True).click()
+        page.get_by_role("button", name="Magnetometer").click()
+        until(page, "document.querySelectorAll('.calibration-halves .seen').length > 20")
+        keep(page, "calibration")
+
+
 @picture("add-device")
 def add_device(studio: Studio) -> None:
     with studio.page() as page:

@@ -23,6 +23,7 @@ export type Overlay =
   | "share-port"
   | "analysis"
   | "ros"
+  | "calibration"
   | "memory"
   | "alarm"
   | "packet"

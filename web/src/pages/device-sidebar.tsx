@@ -16,6 +16,7 @@ import { markOf, shortSource } from "../ui/page-state";
 import { linkNamed, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
+import { TEXT as CALIBRATION } from "../texts/calibration";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 import { TEXT as ROS } from "../texts/ros";
@@ -266,6 +267,16 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
       {device.parent === "" && linkNamed(device.link)?.shareable === true && (
         <button type="button" class="btn small" onClick={() => (app.overlay.value = "share-port")}>
           {TEXT.sharePort}
+        </button>
+      )}
+      {device.status === "live" && (
+        <button
+          type="button"
+          class="btn small"
+          title={CALIBRATION.open}
+          onClick={() => (app.overlay.value = "calibration")}
+        >
+          {CALIBRATION.calibrate}
         </button>
       )}
       {device.status === "live" && (

@@ -18,6 +18,7 @@ import {
   AddDevice,
   AlarmDialog,
   AnalysisDialog,
+  CalibrationDialog,
   Describe,
   ExportDialog,
   MemoryDialog,
@@ -158,6 +159,8 @@ function Overlays({ app }: { readonly app: App }) {
   }
   if (overlay.value === "share-port" && app.device.value)
     return <SharePort app={app} device={app.device.value} onClose={close} />;
+  if (overlay.value === "calibration" && app.device.value)
+    return <CalibrationDialog key={app.device.value.id} device={app.device.value} onClose={close} />;
   if (overlay.value === "ros" && app.device.value) return <RosTopics device={app.device.value} onClose={close} />;
   if (overlay.value === "analysis" && app.device.value) {
     const { id, name } = app.device.value;

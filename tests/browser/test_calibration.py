@@ -1,0 +1,81 @@
+"""The calibration coach in a real browser, on a phone beside a simulated sensor that really turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import yaml
+from playwright.sync_api import Page
+
+from protocols.simulator.setups import GYRO_BIAS, HARD_IRON
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.chromium import until
+from tests.server_process import ServerProcess
+
+PLACE = "document.querySelector('dialog[open]')"
+WORDS = f"{PLACE}?.innerText"
+SEEN = "document.querySelectorAll('.calibration-halves .seen').length"
+FOUND = "document.querySelector('.calibration-result') !== null"
+
+
+def coach(page: Page, kind: str, *, phone: bool) -> None:
+    """Open the coach, and start a calibration: three presses on a phone, two on a desktop."""
+    if phone:
+        page.locator(".bar .device-name").click()
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    page.get_by_role("button", name=kind).click()
+
+
+def test_a_magnetometer_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    server = serve("sim:xbus?rate=100&seed=1&motion=tumble&hard_iron=0.3&soft_iron=0.1")
+    page = opened(server, open_page, PHONE)
+    coach(page, "Magnetometer", phone=True)
+    until(page, f"{SEEN} > 3")
+    assert page.get_by_role("button", name="Finish now").is_disabled()
+    assert "Not yet: Only" in page.evaluate(WORDS)
+    assert page.evaluate("document.querySelectorAll('.calibration-halves circle').length") == 1
+    assert serious(page, PLACE) == []
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
+    small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{PLACE}.querySelectorAll"))
+    assert not small, small
+    seen = page.evaluate(SEEN)
+    page.reload()  # it goes on, and another page sees the same
+    page.locator(".bar .device-name").click()
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    until(page, f"{SEEN} >= {seen}")
+    until(page, FOUND)
+    assert "Residual after" in page.evaluate(WORDS)
+    assert serious(page, PLACE) == []
+    assert page.evaluate(f"{PLACE}.scrollWidth") <= PHONE[0]
+    with page.expect_download() as download:
+        page.get_by_role("link", name="YAML").click()
+    result = yaml.safe_load(download.value.path().read_text())["magnetometer"]
+    assert result["bias"]["data"] == pytest.approx(0.3 * HARD_IRON, abs=0.01)
+
+
+def test_a_gyroscope_on_a_desktop(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    page = opened(serve("sim:xbus?rate=100&seed=1&motion=rest&gyro_bias=0.5"), open_page, DESKTOP)
+    coach(page, "Gyroscope bias", phone=False)
+    until(page, f"{WORDS}.includes('At rest')")
+    until(page, f"!{PLACE}.querySelector('.btn.main').disabled")
+    page.get_by_role("button", name="Finish now").click()
+    until(page, FOUND)
+    rows = page.locator(".calibration-numbers tr").all_inner_texts()
+    bias = [float(row.split()[1].replace("−", "-")) for row in rows]
+    assert bias == pytest.approx(0.5 * np.array(GYRO_BIAS), abs=0.05)
+    page.keyboard.press("Escape")
+    until(page, f"{PLACE} === null")
+
+
+def test_a_turn_about_one_axis_gives_no_result(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    page = opened(serve("sim:isb?rate=100&seed=1&motion=turn"), open_page, DESKTOP)
+    coach(page, "Magnetometer", phone=False)
+    until(page, f"{WORDS}.includes('empty fields around')")
+    until(page, f"{SEEN} >= 9")
+    assert page.get_by_role("button", name="Finish now").is_disabled()
+    page.get_by_role("button", name="Stop").click()
+    until(page, "document.querySelector('.calibration-kinds') !== null")

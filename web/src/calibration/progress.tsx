@@ -1,0 +1,126 @@
+/** Live progress of a calibration: the sphere of directions, stillness, six positions, the drive. */
+import { number } from "../ui/format";
+import type { DirectionCoverage, DriveProgress, RestProgress, SixPositions } from "../wire/routes";
+import { cellPaths, placeOf } from "./sphere";
+import { TEXT } from "../texts/calibration";
+
+const RADIUS = 90;
+const ROOM = 112;
+
+export function Sphere({ coverage }: { readonly coverage: DirectionCoverage }) {
+  const paths = cellPaths(coverage.rings, RADIUS);
+  const place = placeOf(coverage.now);
+  const words = TEXT.coverage(number(100 * coverage.share, 0));
+  return (
+    <figure class="calibration-sphere">
+      <div class="calibration-halves" role="img" aria-label={words}>
+        {TEXT.axes.poles.map((name, half) => (
+          <svg key={name} viewBox={`${-ROOM} ${-ROOM} ${2 * ROOM} ${2 * ROOM}`} aria-hidden="true">
+            {paths.map((path, k) => (
+              <path key={path} class={coverage.seen[half * paths.length + k] ? "seen" : ""} d={path} />
+            ))}
+            <text x={RADIUS + 12} y={4}>
+              {TEXT.axes.right}
+            </text>
+            <text x={-RADIUS - 12} y={4}>
+              {TEXT.axes.left}
+            </text>
+            <text y={-RADIUS - 7}>{TEXT.axes.top}</text>
+            <text y={RADIUS + 17}>{TEXT.axes.bottom}</text>
+            <text class="pole" x={0} y={4}>
+              {name}
+            </text>
+            {place?.half === half && <circle cx={place.x * RADIUS} cy={-place.y * RADIUS} r={10} />}
+          </svg>
+        ))}
+      </div>
+      <figcaption>
+        {words} <span class="dim">{TEXT.present}</span>
+      </figcaption>
+    </figure>
+  );
+}
+
+export function Rest({ rest }: { readonly rest: RestProgress }) {
+  const still = Math.max(0, Math.min(1, 1 - rest.motion / 2));
+  return (
+    <div class={`calibration-rest ${rest.is_still ? "is-still" : ""}`}>
+      <b class="calibration-big" role="status">
+        {rest.is_still ? TEXT.still : TEXT.moving}
+      </b>
+      <Bar label={TEXT.stillness} share={still} />
+      <span class="calibration-seconds">
+        {TEXT.rested(number(Math.min(rest.seconds, rest.goal), 0), number(rest.goal, 0))}
+      </span>
+    </div>
+  );
+}
+
+export function Positions({ positions }: { readonly positions: SixPositions }) {
+  return (
+    <ul class="calibration-positions" aria-label={TEXT.positions}>
+      {positions.positions.map((one) => {
+        const share = Math.min(1, one.seconds / positions.seconds);
+        const isNow = positions.now === one.up;
+        return (
+          <li key={one.up} class={`${one.is_done ? "is-done" : ""} ${isNow ? "is-now" : ""}`}>
+            <svg viewBox="0 0 64 64" aria-hidden="true">
+              <rect x="10" y="14" width="44" height="44" rx="4" />
+              <rect class="fill" x="10" y={58 - 44 * share} width="44" height={44 * share} rx="4" />
+              <path d="M32 50V22M24 30l8-8 8 8" />
+            </svg>
+            <b>{TEXT.up(one.up)}</b>
+            <span>{one.is_done ? TEXT.isDone : isNow ? TEXT.isNow : ""}</span>
+          </li>
+        );
+      })}
+    </ul>
+  );
+}
+
+export function Drive({ drive }: { readonly drive: DriveProgress }) {
+  const rows = [
+    {
+      name: TEXT.rest,
+      share: drive.rest_s / drive.rest_needed_s,
+      words: TEXT.of(number(drive.rest_s, 0), number(drive.rest_needed_s, 0), "s"),
+    },
+    {
+      name: TEXT.speedChange,
+      share: drive.speed_change / drive.speed_needed,
+      words: TEXT.of(number(drive.speed_change, 1), number(drive.speed_needed, 1), "m/s"),
+    },
+    {
+      name: TEXT.turned,
+      share: drive.turn / drive.turn_allowed,
+      words: TEXT.atMost(number(drive.turn, 1), number(drive.turn_allowed, 0)),
+    },
+  ];
+  return (
+    <ul class="calibration-drive" aria-label={TEXT.drive}>
+      {rows.map(({ name, share, words }) => (
+        <li key={name}>
+          <span>{name}</span>
+          <Bar label={name} share={share} />
+          <span>{words}</span>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+export function Bar({ label, share }: { readonly label: string; readonly share: number }) {
+  const percent = Math.round(100 * Math.max(0, Math.min(1, share)));
+  return (
+    <div
+      class="calibration-bar"
+      role="progressbar"
+      aria-label={label}
+      aria-valuemin={0}
+      aria-valuemax={100}
+      aria-valuenow={percent}
+    >
+      <i style={{ width: `${percent}%` }} />
+    </div>
+  );
+}
