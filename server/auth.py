@@ -10,8 +10,9 @@ Three dangers, three checks, all before a route is reached:
     a foreign name that resolves   Host must be an address, a name of this machine, or listed, for everything but the
     to this machine (rebinding)    page's own files
 
-A view token can read, a control token can also change things. Five requests are POST only because they carry values
-(preview, fit rates, compare, analysis, calibration of a stretch): they change nothing, and a view token may send them.
+A view token can read, a control token can also change things. Some requests are POST only because they carry values
+(preview, fit rates, compare, analysis, comparison, calibration of a stretch): they change nothing, and a view token may
+send them.
 
 Wrong tokens are rate-limited: server/login_throttle.py explains how, and why a valid token is not locked out.
 
@@ -52,8 +53,9 @@ PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/viser", "/rerun", "/f
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MAX_BODY = 1024 * 1024
-# they carry values
-READ_ONLY_POST = re.compile(r"/api/(devices/[^/]+/(preview|fit-rates|compare)|(analysis|calibration)/[^/]+)\Z")
+READ_ONLY_POST = re.compile(  # they carry values
+    r"/api/(devices/[^/]+/(preview|fit-rates|compare)|(analysis|calibration)/[^/]+|comparison(/settings)?)\Z"
+)
 UPLOAD = ("PUT", "/api/recordings/upload")  # the only body that is not JSON: a recording, up to `upload_gb`
 UPLOAD_TYPE = "application/octet-stream"
 COOKIE_AGE_S = 90 * 24 * 3600

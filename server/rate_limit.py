@@ -38,7 +38,7 @@ ADDRESSES = 1024  # stored; the least recently used is removed first
 ALWAYS = "/healthz"
 READS = re.compile(
     r"GET /api/(recordings/[^/]+|devices/[^/]+(?=/query))(/(window|statistics|query|health|amount))?"
-    r"|POST /api/analysis/[^/]+"
+    r"|POST /api/(analysis/[^/]+|comparison)"
 )
 
 

@@ -170,7 +170,7 @@ async def pairs(body: PairsRequest, services: TheServices) -> PairsInfo:
         )
         for one in (body.x, body.y)
     ]
-    (x, read_x), (y, read_y) = [await _signals(one, services) for one in asked]
+    (x, read_x), (y, read_y) = [await requested_of(one, services) for one in asked]
 
     def work() -> PairsInfo:
         own_x, own_y = _part(x, read_x, body.x.part), _part(y, read_y, body.y.part)
@@ -213,7 +213,7 @@ async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Re
         known = ", ".join(("json", "arrow", *analysis.formats))
         raise DomainError("bad-value", f"format {body.format!r} is not allowed.", f"Give one of: {known}.")
     settings = analysis.settings(body.options)
-    requested, read = await _signals(body, services)
+    requested, read = await requested_of(body, services)
 
     def work(one: SignalColumn | ExpressionSignal) -> list[SignalFigures]:
         found = []
@@ -235,7 +235,7 @@ async def analyse(name: str, body: AnalysisRequest, services: TheServices) -> Re
     return Response(table, media_type=ARROW, headers={"cache-control": "no-store"})
 
 
-async def _signals(
+async def requested_of(
     body: AnalysisRequest, services: Services
 ) -> tuple[list[SignalColumn | ExpressionSignal], ReadSamples]:
     """The signals of a request, and what reads the samples of a column in a thread."""

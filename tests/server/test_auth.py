@@ -188,7 +188,10 @@ def test_routes_without_a_token() -> None:
         assert is_protected(path)
 
 
-LOOKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")} | {"/api/analysis/{name}"}
+LOOKING = {
+    *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
+    *("/api/analysis/{name}", "/api/calibration/{kind}", "/api/comparison", "/api/comparison/settings"),
+}
 
 
 def test_every_route_asks_for_the_right_role() -> None:

@@ -112,6 +112,7 @@ def test_readings_of_one_address_take_turns() -> None:
         for way, path in (
             *(("GET", f"{ONE}/{what}") for what in ("query", "statistics", "health", "amount")),
             ("POST", "/api/analysis/statistics"),
+            ("POST", "/api/comparison"),
         ):
             status, told = await ask(turnstile, path, method=way)
             assert (status, told["kind"]) == (429, "too-fast"), path

@@ -29,7 +29,10 @@ METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", 
 
 # POST, because they carry values: what would be sent, would it fit, in what do two sides differ, figures of a range.
 # They change nothing.
-ASKING = {"/api/analysis/{name}", *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare"))}
+ASKING = {
+    *("/api/analysis/{name}", "/api/calibration/{kind}", "/api/comparison", "/api/comparison/settings"),
+    *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
+}
 # Without a token: they hold nothing of the devices.
 OPEN = {"/healthz", "/{name:path}", "/docs", "/docs/{name}"}
 # WebSockets, all of which only look; a scene's panel is dealt with in test_viewer_secrets.py.

@@ -252,6 +252,69 @@ export interface ColumnStatistics {
   readonly max: number | null;
 }
 
+/** One side of a comparison: a range of a live device or of a recording. */
+export interface ComparedSide {
+  /** id of a live device or of a recording */
+  readonly source: string;
+  /** id of a device of the recording; needed if it has several */
+  readonly device: string;
+  /** unix seconds; null for the beginning */
+  readonly t0: number | null;
+  /** unix seconds; null for the end */
+  readonly t1: number | null;
+}
+
+/** One signal of both sides, and B − A. */
+export interface ComparedSignal {
+  readonly signal: string;
+  readonly signal_b: string;
+  readonly unit: string;
+  /** null for the attitude */
+  readonly a: Outline | null;
+  readonly b: Outline | null;
+  /** at times of A; null without an overlap */
+  readonly difference: Outline | null;
+  /** `n`, `mean`, `sigma`, `rms`, `min`, `max`; 95 % of the differences lie between `low` and `high`; of an attitude also `mounting`, the angle of the mean rotation between the two, and `remaining`, the rms without it */
+  readonly figures: Readonly<Record<string, number | null>>;
+  readonly notes: readonly string[];
+}
+
+/** Both sides on one axis of time. */
+export interface ComparisonAnswer {
+  /** s to add to the times of B */
+  readonly offset: number;
+  /** half of its 95 % interval, s; null unless correlated */
+  readonly uncertainty: number | null;
+  /** of the overlapping parts, -1 to 1 */
+  readonly correlation: number | null;
+  /** of the correlated parts, s */
+  readonly overlap: number | null;
+  readonly notes: readonly string[];
+  /** an attitude follows its columns, as the angle between both, ° */
+  readonly signals: readonly ComparedSignal[];
+}
+
+/** A request for a comparison of B with A, the reference. */
+export interface ComparisonRequest {
+  readonly a: ComparedSide;
+  readonly b: ComparedSide;
+  /** of A, as for an analysis */
+  readonly signals: readonly string[];
+  /** of B, in the same order; empty: as those of A */
+  readonly signals_b?: readonly string[];
+  /** `offset`: as given, 0 is by the clock; `start`: the first samples coincide; `correlation`: where the signals fit best */
+  readonly align?: "offset" | "start" | "correlation";
+  /** s to add to the times of B */
+  readonly offset?: number;
+  /** `correlation` searches as far as this on both sides of `offset`, s; null: all */
+  readonly search?: number | null;
+  /** signals to correlate, of both; empty: those compared */
+  readonly align_by?: readonly string[];
+  readonly base?: "device" | "arrival";
+  /** points of each outline at most */
+  readonly columns?: number;
+}
+
 /** A computed signal of a live device. */
 export interface ComputedSignal {
   /** of its channel */
@@ -422,6 +485,14 @@ export interface OptionInfo {
   readonly doc: string;
   /** words of which a request gives one; empty if the option is a number */
   readonly choices: readonly string[];
+}
+
+/** A signal for a plot: least and greatest value of each part of the time; null in gaps. */
+export interface Outline {
+  /** unix seconds, of the own clock of each side */
+  readonly time: readonly (number | null)[];
+  readonly low: readonly (number | null)[];
+  readonly high: readonly (number | null)[];
 }
 
 /** A frame, a rejected one, bytes between frames, or bytes sent to the device. */
@@ -668,6 +739,12 @@ export interface SettingsChange {
   readonly unread: readonly string[];
   /** name of the snapshot after it; empty if there is none */
   readonly snapshot: string;
+}
+
+/** A request for a comparison of settings. */
+export interface SettingsRequest {
+  readonly a: ComparedSide;
+  readonly b: ComparedSide;
 }
 
 /** A client of a share. */
@@ -1154,6 +1231,16 @@ export interface Routes {
     readonly path: { readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting" };
     readonly body: CalibrationRequest;
     readonly answer: CalibrationReport | string;
+  };
+  /** Compare signals of two sources, or of two ranges of one, aligned in time. */
+  "POST /api/comparison": {
+    readonly body: ComparisonRequest;
+    readonly answer: ComparisonAnswer;
+  };
+  /** Compare settings of two sides: as recorded, or of a live device as last read. `left` is A, `right` is B. */
+  "POST /api/comparison/settings": {
+    readonly body: SettingsRequest;
+    readonly answer: Difference;
   };
   /** All alarms with their states. */
   "GET /api/alarms": { readonly answer: readonly AlarmInfo[]; };
