@@ -78,6 +78,7 @@ SERVER: dict[str, set[str]] = {
     "library": {"wire_codec", "jit_cache", "links", "streaming", "devices", "config", "configuration"},
     "analysis": {"library", "streaming"},
     "calibration": {"analysis", "streaming"},
+    "evidence": {"analysis", "library", "page_files"},
     "alarms": {"analysis", "library", "streaming"},
     "decode_worker": {"analysis", "devices", "jit_cache", "library"},
     "fleet": {"devices", "library"},
@@ -101,8 +102,9 @@ SERVER: dict[str, set[str]] = {
         *("metrics", "page_files", "jit_cache", "reference", "shutdown", "streaming", "timings", "workspaces"),
     },
     "api": {
-        *("alarms", "analysis", "auth", "calibration", "configuration", "devices", "http_server", "integrations"),
+        *("alarms", "analysis", "auth", "calibration", "configuration", "devices", "evidence", "http_server"),
         *(
+            "integrations",
             "library",
             "links",
             "metrics",

@@ -57,7 +57,9 @@ SOURCES = (
     "src",
     "tsconfig.json",
     "vite.config.ts",
+    "vite.evidence.config.ts",
 )
+CONFIGS = ("vite.config.ts", "vite.evidence.config.ts")  # the page; then the viewer of evidence files, into its folder
 
 # Run by Node, whose zlib has brotli: files that do not shrink, or are too small to matter, are left alone.
 COMPRESS = """
@@ -146,9 +148,11 @@ def build(*, force: bool = False) -> bool:
     install(engine)
     STAMP.unlink(missing_ok=True)
     print("imuscope: vite build", file=sys.stderr, flush=True)
-    vite = _run([engine, MODULES / "vite" / "bin" / "vite.js", "build", "--logLevel", "warn"])
-    if vite.returncode:
-        raise BuildError(f"The page could not be built: {vite.stdout.strip()}")
+    for config in CONFIGS:
+        how = ["build", "--config", config, "--logLevel", "warn"]
+        vite = _run([engine, MODULES / "vite" / "bin" / "vite.js", *how])
+        if vite.returncode:
+            raise BuildError(f"The page could not be built: {vite.stdout.strip()}")
     (PAGE / NOTICES).write_text(notices(), encoding="utf-8")
     packed = _run([engine, "-e", COMPRESS, PAGE])
     if packed.returncode:

@@ -16,9 +16,11 @@ import contextlib
 import logging
 import shutil
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from recordings.exporters import FORMATS
 from recordings.mcap_writer import RecordingError
@@ -42,10 +44,29 @@ PROGRESS_INTERVAL_S = 0.25  # between two progress reports
 STOP_S = 0.8  # from SIGTERM to SIGKILL; less than the time for a shutdown of the server (server/shutdown.py)
 
 
+@dataclass(frozen=True, slots=True)
+class ExportWork:
+    """Work of a job.
+
+    Args:
+        format, words: as published.
+        module: of the subprocess, which writes like server/library/export_worker.py.
+        message: its request; `store`, `source`, `title` and `out` are added.
+        stem, suffix: of the file; several files become one zip.
+    """
+
+    format: str
+    words: str
+    module: str
+    message: Mapping[str, Any]
+    stem: str
+    suffix: str
+
+
 @dataclass(slots=True)
 class _Job:
     published: wire.ExportJob
-    request: ExportJobRequest
+    work: ExportWork
     folder: Path
     file: Path | None = None
     ended_at: float = 0.0
@@ -83,6 +104,20 @@ class ExportJobs:
             raise DomainError(
                 "bad-format", f"Unknown format {request.format:.40}.", f"Available: {', '.join(FORMATS)}."
             )
+        stem, suffix = file_stem(info.title, request.t0, request.t1), FORMATS[request.format].suffix
+        work = ExportWork(
+            request.format, _words(request), "server.library.export_worker", asdict(request), stem, suffix
+        )
+        return self.add_work(recording, work)
+
+    def add_work(self, recording: str, work: ExportWork) -> wire.ExportJob:
+        """Queue what makes files of a recording; it starts after the earlier ones.
+
+        Raises:
+            KeyError: unknown recording.
+            DomainError: it is still being recorded, or too many exports are waiting.
+        """
+        info = self._catalogue.info(recording)
         if info.recording:
             raise DomainError("busy", "The recording is still running.", "Stop the recording first.")
         if sum(job.published.state in ("waiting", "running") for job in self._jobs.values()) >= MAX_WAITING:
@@ -91,8 +126,8 @@ class ExportJobs:
             self._remove_expired()
         number = self._next
         self._next += 1
-        published = wire.ExportJob(number, recording, request.format, _words(request), "waiting")
-        job = self._jobs[number] = _Job(published, request, self._folder / f"{self._bus.run[:8]}-{number}")
+        published = wire.ExportJob(number, recording, work.format, work.words, "waiting")
+        job = self._jobs[number] = _Job(published, work, self._folder / f"{self._bus.run[:8]}-{number}")
         job.task = asyncio.get_running_loop().create_task(self._work(job, info.title), name=f"export {number}")
         self._tidy()
         self._publish()
@@ -163,9 +198,7 @@ class ExportJobs:
                 self._publish()
                 await self._columns.opened(published.recording)
                 files = await self._run(job, title)
-                job.file = await asyncio.to_thread(
-                    one_file, files, job.folder, f"{_stem(title, job.request)}-{published.format}"
-                )
+                job.file = await asyncio.to_thread(one_file, files, job.folder, f"{job.work.stem}-{published.format}")
                 published.state, published.progress, published.size = "done", 1.0, job.file.stat().st_size
                 published.file = job.file.name
         except asyncio.CancelledError:
@@ -193,13 +226,13 @@ class ExportJobs:
         job.folder.mkdir(parents=True, exist_ok=True)
         recording = job.published.recording
         worker_request = {
-            **asdict(job.request),
+            **job.work.message,
             "store": str(self._columns.store_of(recording)),
             "source": str(self._catalogue.library.known_path(recording)),
             "title": title,
-            "out": str(job.folder / f"{_stem(title, job.request)}{FORMATS[job.request.format].suffix}"),
+            "out": str(job.folder / f"{job.work.stem}{job.work.suffix}"),
         }
-        worker = await Worker.start("server.library.export_worker")
+        worker = await Worker.start(job.work.module)
         try:
             worker.request(worker_request)
             return await self._follow(worker, job)
@@ -239,18 +272,13 @@ class ExportJobs:
                 shutil.rmtree(job.folder, ignore_errors=True)
 
 
-def _stem(title: str, request: ExportJobRequest) -> str:
+def file_stem(title: str, t0: float | None, t1: float | None) -> str:
     """File name from a title, and for a part its range: run-20260101T120000Z-20260101T120130Z."""
     plain = "".join(c if c.isalnum() or c in "._-" else "-" for c in title)
     stem = plain.encode()[:80].decode(errors="ignore").strip("-.") or "recording"
-    ends = [datetime.fromtimestamp(t, UTC).strftime("%Y%m%dT%H%M%SZ") if t is not None else "" for t in _ends(request)]
+    within = (t if t is not None and 0 <= t < LAST_DATE else None for t in (t0, t1))  # as far as the calendar goes
+    ends = [datetime.fromtimestamp(t, UTC).strftime("%Y%m%dT%H%M%SZ") if t is not None else "" for t in within]
     return f"{stem}-{ends[0] or 'begin'}-{ends[1] or 'end'}" if any(ends) else stem
-
-
-def _ends(request: ExportJobRequest) -> tuple[float | None, float | None]:
-    """The time range, as far as the calendar can represent it."""
-    t0, t1 = (t if t is not None and 0 <= t < LAST_DATE else None for t in (request.t0, request.t1))
-    return t0, t1
 
 
 def _words(request: ExportJobRequest) -> str:

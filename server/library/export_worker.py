@@ -13,20 +13,26 @@ import math
 import os
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from recordings.bounds import TooLong, bounded
 from recordings.column_store import ColumnStore
 from recordings.exporters import ExportRequest, export
+from recordings.exporters.request import ExportStep
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
 
 STEP = 0.005
 
 
-def main() -> int:
-    """Write the export that standard input requests. Returns 0, or 1 after a reported error."""
+def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
+    """Run the work that standard input requests. Returns 0, or 1 after a reported error.
+
+    Args:
+        work: takes the request and a `step` that is called with the progress; returns the files written.
+    """
     with contextlib.suppress(OSError):
         os.nice(10)  # live devices and opening of recordings come first
     signal.signal(signal.SIGTERM, _end)
@@ -42,7 +48,7 @@ def main() -> int:
             _send(progress=round(min(share, 1.0), 3))
 
     try:
-        files = export(message["format"], request_of(message), Path(message["out"]), step)
+        files = work(message, step)
     except RecordingError as error:
         _send(message=error.message, hint=error.hint)
         return 1
@@ -57,6 +63,11 @@ def main() -> int:
         return 1
     _send(files=[str(file) for file in files])
     return 0
+
+
+def main() -> int:
+    """Write the export that standard input requests. Returns 0, or 1 after a reported error."""
+    return run(lambda message, step: export(message["format"], request_of(message), Path(message["out"]), step))
 
 
 def request_of(message: dict[str, Any]) -> ExportRequest:

@@ -9,8 +9,7 @@ from starlette.requests import Request
 from recordings.column_store import ExactRows
 from server.api.recording_data import _only_one
 from server.errors import DomainError
-from server.library.api_models import ExportJobRequest
-from server.library.export_jobs import _stem
+from server.library.export_jobs import file_stem
 from server.library.range_query import QueryResult, ordered
 from server.wire import ChannelInfo
 
@@ -35,8 +34,6 @@ def test_a_channel_named_twice_is_refused() -> None:
 
 
 def test_the_name_of_an_export_contains_its_range() -> None:
-    assert _stem("Drive 1", ExportJobRequest("csv")) == "Drive-1"
-    assert _stem("Drive", ExportJobRequest("csv", t0=1.76e9)) == "Drive-20251009T085320Z-end"
-    assert (
-        _stem("Drive", ExportJobRequest("csv", t0=1.76e9, t1=1.76e9 + 5)) == "Drive-20251009T085320Z-20251009T085325Z"
-    )
+    assert file_stem("Drive 1", None, None) == "Drive-1"
+    assert file_stem("Drive", 1.76e9, None) == "Drive-20251009T085320Z-end"
+    assert file_stem("Drive", 1.76e9, 1.76e9 + 5) == "Drive-20251009T085320Z-20251009T085325Z"

@@ -398,6 +398,39 @@ export interface DriveProgress {
   readonly turn_allowed: number;
 }
 
+/** One plot. */
+export interface EvidencePlot {
+  readonly title: string;
+  readonly unit: string;
+  readonly series: readonly EvidenceSeries[];
+  readonly low: number | null;
+  readonly high: number | null;
+}
+
+/** Choice of what the file shows; everything may be left out. */
+export interface EvidenceRequest {
+  readonly t0?: number | null;
+  readonly t1?: number | null;
+  readonly base?: "device" | "arrival";
+  readonly plots?: readonly EvidencePlot[] | null;
+  readonly cursor_a?: number | null;
+  readonly cursor_b?: number | null;
+  readonly with_position?: boolean;
+}
+
+/** One curve: a signal as `POST /api/analysis/{name}` names it, shown as `factor` · value + `offset`. */
+export interface EvidenceSeries {
+  readonly signal: string;
+  readonly part: number;
+  readonly factor: number;
+  readonly offset: number;
+  readonly label: string;
+  readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n" | "";
+  readonly dash: readonly number[];
+  readonly decimals: number;
+  readonly period: number;
+}
+
 /** A condition on signals: `norm(Acceleration) > 3 g`. */
 export interface ExpressionCondition {
   readonly kind: "expression";
@@ -1080,6 +1113,12 @@ export interface Routes {
   "POST /api/recordings/{recording}/exports": {
     readonly path: { readonly recording: string };
     readonly body: Defaulted<ExportJobRequest, "device" | "t0" | "t1" | "channels" | "base">;
+    readonly answer: ExportJob;
+  };
+  /** Begin to make evidence: one HTML file with plots, figures, notes, events and settings; a job like an export. */
+  "POST /api/recordings/{recording}/evidence": {
+    readonly path: { readonly recording: string };
+    readonly body: EvidenceRequest;
     readonly answer: ExportJob;
   };
   /** Estimated sizes of exports, from writing a sample of each. */

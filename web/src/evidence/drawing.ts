@@ -1,0 +1,198 @@
+/** Drawing of a plot: grid, losses, curves, notes and cursors. */
+import { tickLabel, timeStep } from "../plots/axis";
+import { Scale, ticks } from "../plots/scale";
+import { number } from "../ui/format";
+import type { Curve, Plot } from "./content";
+import { rowAt } from "./reading";
+
+/** What all plots show, in seconds from the beginning of the range. */
+export interface Shown {
+  readonly from: number;
+  readonly to: number;
+  readonly a: number | undefined;
+  readonly b: number | undefined;
+}
+
+/** What is marked in all plots. */
+export interface Marks {
+  /** Unix time of the beginning. */
+  readonly t0: number;
+  readonly losses: readonly (readonly [number, number])[];
+  readonly notes: readonly number[];
+}
+
+export const LEFT = 58;
+export const RIGHT = 12;
+const TOP = 6;
+const BOTTOM = 20;
+const DOTS_FROM = 9;
+
+type Colour = (name: string) => string;
+
+interface Frame {
+  readonly x: CanvasRenderingContext2D;
+  readonly width: number;
+  readonly height: number;
+  readonly shown: Shown;
+  readonly colour: Colour;
+  readonly lo: number;
+  readonly hi: number;
+}
+
+const xOf = ({ width, shown }: Frame, t: number): number =>
+  LEFT + ((t - shown.from) / (shown.to - shown.from)) * (width - LEFT - RIGHT);
+const yOf = ({ height, lo, hi }: Frame, v: number): number => TOP + ((hi - v) / (hi - lo)) * (height - TOP - BOTTOM);
+
+/** Extent of the curves in a window. */
+export function extentOf(plot: Plot, { from, to }: Shown): readonly [number, number] {
+  let [lo, hi] = [Infinity, -Infinity];
+  for (const { times, low, high } of plot.curves) {
+    const end = Math.min(times.length, rowAt(times, to) + 1);
+    for (let row = Math.max(0, rowAt(times, from) - 1); row < end; row++) {
+      const [l, h] = [low[row] ?? NaN, high[row] ?? NaN];
+      if (l < lo) lo = l;
+      if (h > hi) hi = h;
+    }
+  }
+  return [lo, hi];
+}
+
+export function draw(
+  x: CanvasRenderingContext2D,
+  width: number,
+  height: number,
+  plot: Plot,
+  shown: Shown,
+  marks: Marks,
+  colour: Colour,
+): void {
+  const period = Math.max(0, ...plot.curves.map((curve) => curve.period));
+  const scale = new Scale(1e-9, period);
+  const [low, high] = extentOf(plot, shown);
+  scale.update(low, high, 0, true);
+  const [lo, hi] = plot.fixed ?? [scale.lo, scale.hi];
+  const frame = { x, width, height, shown, colour, lo, hi };
+  x.fillStyle = colour("--bg");
+  x.fillRect(0, 0, width, height);
+  x.font = '11px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif';
+  grid(frame, marks.t0, plot.unit === "°");
+  x.save();
+  x.beginPath();
+  x.rect(LEFT, TOP, width - LEFT - RIGHT, height - TOP - BOTTOM);
+  x.clip();
+  x.fillStyle = colour("--loss");
+  x.globalAlpha = 0.16;
+  for (const [t0, t1] of marks.losses) {
+    const left = xOf(frame, t0);
+    x.fillRect(left, TOP, Math.max(1, xOf(frame, t1) - left), height - TOP - BOTTOM);
+  }
+  x.globalAlpha = 1;
+  for (const curve of plot.curves) line(frame, curve);
+  x.restore();
+  notes(frame, marks.notes);
+  cursor(frame, shown.a, "A");
+  cursor(frame, shown.b, "B");
+}
+
+function grid(frame: Frame, t0: number, degrees: boolean): void {
+  const { x, width, height, shown, colour, lo, hi } = frame;
+  x.textBaseline = "middle";
+  x.textAlign = "right";
+  for (const { value, decimals } of ticks(lo, hi, height - TOP - BOTTOM, degrees, 28)) {
+    const y = Math.round(yOf(frame, value)) + 0.5;
+    x.fillStyle = colour(value === 0 ? "--grid-zero" : "--grid");
+    x.fillRect(LEFT, y - 0.5, width - LEFT - RIGHT, 1);
+    x.fillStyle = colour("--ink-3");
+    x.fillText(number(value, decimals), LEFT - 6, y);
+  }
+  const room = width - LEFT - RIGHT;
+  const step = timeStep(shown.to - shown.from, room);
+  x.textAlign = "center";
+  for (let k = Math.ceil((t0 + shown.from) / step); k * step <= t0 + shown.to; k++) {
+    const px = xOf(frame, k * step - t0);
+    x.fillStyle = colour("--grid");
+    x.fillRect(Math.round(px), TOP, 1, height - TOP - BOTTOM);
+    const label = tickLabel(k * step, step);
+    const half = x.measureText(label).width / 2;
+    x.fillStyle = colour("--ink-3");
+    if (px - half > LEFT - 20 && px + half < width) x.fillText(label, px, height - BOTTOM / 2);
+  }
+}
+
+function line(frame: Frame, curve: Curve): void {
+  const { x, width, shown, colour } = frame;
+  const { times, low, high, breaks, period } = curve;
+  const first = Math.max(0, rowAt(times, shown.from) - 1);
+  const end = Math.min(times.length, rowAt(times, shown.to) + 1);
+  const room = width - LEFT - RIGHT;
+  const isDense = !curve.isExact || end - first > 2 * room;
+  x.strokeStyle = x.fillStyle = colour(`--${curve.colour}`);
+  x.lineWidth = 1.3;
+  x.setLineDash([...curve.dash]);
+  x.beginPath();
+  let isDown = false;
+  let y = 0;
+  if (!isDense) {
+    for (let row = first; row < end; row++) {
+      const v = low[row] ?? NaN;
+      const wraps = period > 0 && Math.abs(v - (low[row - 1] ?? v)) > period / 2;
+      if (!isDown || breaks.has(row) || wraps) x.moveTo(xOf(frame, times[row] ?? 0), yOf(frame, v));
+      else x.lineTo(xOf(frame, times[row] ?? 0), yOf(frame, v));
+      isDown = true;
+    }
+  } else {
+    for (let row = first; row < end; ) {
+      const px = Math.floor(xOf(frame, times[row] ?? 0)) + 0.5;
+      let [l, h] = [Infinity, -Infinity];
+      let isBroken = false;
+      do {
+        if ((low[row] ?? NaN) < l) l = low[row] ?? NaN;
+        if ((high[row] ?? NaN) > h) h = high[row] ?? NaN;
+        isBroken ||= breaks.has(row);
+        row++;
+      } while (row < end && xOf(frame, times[row] ?? 0) < px + 0.5);
+      const [top, bottom] = [yOf(frame, h), yOf(frame, l)];
+      const isNearTop = Math.abs(y - top) < Math.abs(y - bottom);
+      if (!isDown || isBroken) x.moveTo(px, top);
+      else x.lineTo(px, isNearTop ? top : bottom);
+      y = isDown && !isBroken && !isNearTop ? top : Math.max(bottom, top + 0.5);
+      x.lineTo(px, y);
+      isDown = true;
+    }
+  }
+  x.stroke();
+  x.setLineDash([]);
+  if (isDense || (end - first) * DOTS_FROM > room) return;
+  for (let row = first; row < end; row++) {
+    x.beginPath();
+    x.arc(xOf(frame, times[row] ?? 0), yOf(frame, low[row] ?? NaN), 2, 0, 7);
+    x.fill();
+  }
+}
+
+function notes(frame: Frame, times: readonly number[]): void {
+  const { x, shown, colour } = frame;
+  x.fillStyle = colour("--yours");
+  for (const t of times) {
+    if (t < shown.from || t > shown.to) continue;
+    const px = xOf(frame, t);
+    x.beginPath();
+    x.moveTo(px - 4, 0);
+    x.lineTo(px + 4, 0);
+    x.lineTo(px, TOP + 1);
+    x.fill();
+  }
+}
+
+function cursor(frame: Frame, t: number | undefined, name: "A" | "B"): void {
+  const { x, shown, colour, height } = frame;
+  if (t === undefined || t < shown.from || t > shown.to) return;
+  const px = Math.round(xOf(frame, t));
+  const isA = name === "A";
+  x.fillStyle = colour(isA ? "--invert-bg" : "--yours");
+  x.fillRect(px, TOP, 1, height - TOP - BOTTOM);
+  x.fillRect(px - 7, height - BOTTOM + 2, 15, 16);
+  x.fillStyle = colour(isA ? "--invert-ink" : "--yours-ink");
+  x.textAlign = "center";
+  x.fillText(name, px + 0.5, height - BOTTOM / 2 + 0.5);
+}

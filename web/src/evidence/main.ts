@@ -1,0 +1,68 @@
+/** Entry of the viewer in an evidence file: a bundle of its own, put into the file (server/evidence/document.py). */
+import "../ui/tokens.css";
+import "./evidence.css";
+import { type Content, plotsOf } from "./content";
+import { Viewer } from "./viewer";
+
+const textOf = (id: string): string => document.getElementById(id)?.textContent ?? "";
+
+function start(): void {
+  const host = document.getElementById("plots");
+  if (host === null) return;
+  const content = JSON.parse(textOf("content")) as Content;
+  const light = matchMedia("(prefers-color-scheme: light)");
+  const paint = (isPaper: boolean): void => {
+    document.documentElement.dataset["theme"] = isPaper || light.matches ? "light" : "dark";
+  };
+  paint(false);
+  const viewer = new Viewer(
+    content,
+    plotsOf(content, (number) => textOf(`block-${number}`)),
+    host,
+  );
+  light.addEventListener("change", () => {
+    paint(false);
+    viewer.repaint();
+  });
+  for (const [name, isPaper] of [["beforeprint", true] as const, ["afterprint", false] as const]) {
+    addEventListener(name, () => {
+      paint(isPaper);
+      viewer.paper(isPaper);
+    });
+  }
+  for (const button of document.querySelectorAll<HTMLElement>("button.time"))
+    button.addEventListener("click", () => {
+      viewer.goTo(Number(button.dataset["time"]));
+      host.scrollIntoView({ block: "nearest" });
+    });
+  window.addEventListener("keydown", (event) => onKey(event, viewer));
+}
+
+function onKey(event: KeyboardEvent, viewer: Viewer): void {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
+  if (event.target instanceof Element && event.target.closest(".wide, details") !== null) return;
+  const middle = viewer.timeAt(0.5);
+  const actions: Readonly<Record<string, () => void>> = {
+    ArrowLeft: () => viewer.pan(-0.1),
+    ArrowRight: () => viewer.pan(0.1),
+    "+": () => viewer.zoom(0.5),
+    "=": () => viewer.zoom(0.5),
+    "-": () => viewer.zoom(2),
+    "0": () => viewer.whole(),
+    a: () => viewer.setCursor("a", middle),
+    b: () => viewer.setCursor("b", middle),
+    ",": () => viewer.stepCursor("a", -1),
+    ".": () => viewer.stepCursor("a", 1),
+    "<": () => viewer.stepCursor("b", -1),
+    ">": () => viewer.stepCursor("b", 1),
+    ";": () => viewer.stepCursor("b", -1), // Shift with comma and period on other keyboards
+    ":": () => viewer.stepCursor("b", 1),
+    Escape: () => viewer.clear(),
+  };
+  const action = actions[event.key];
+  if (action === undefined) return;
+  event.preventDefault();
+  action();
+}
+
+start();
