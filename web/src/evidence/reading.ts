@@ -35,10 +35,13 @@ export interface Reading {
   readonly high: number;
 }
 
-/** The row at a time, or in the interval that it lies in: undefined without one. */
+/** Rounding of a time: a cursor this near before a sample is on it. */
+const EPS_S = 1e-6;
+
+/** The last sample up to a time, as on the page, or the interval that it lies in; undefined without samples. */
 export function readingAt(curve: Curve, t: number): Reading | undefined {
-  const row = curve.isExact ? nearestRow(curve, t) : Math.max(0, rowAt(curve.times, t + 1e-9) - 1);
-  const [low, high] = row === undefined ? [] : [curve.low[row], curve.high[row]];
+  const row = Math.max(0, rowAt(curve.times, t + EPS_S) - 1);
+  const [low, high] = [curve.low[row], curve.high[row]];
   return low === undefined || high === undefined ? undefined : { low, high };
 }
 
@@ -62,8 +65,7 @@ export function difference(curve: Curve, a: number, b: number): number | undefin
 /** Figures of the samples with a ≤ t ≤ b. */
 export function measured(curve: Curve, a: number, b: number): Measured {
   const { times, low, high, isExact, period } = curve;
-  // a cursor on a sample includes it, whatever the rounding of its time
-  const [from, to] = [rowAt(times, Math.min(a, b) - 1e-9), rowAt(times, Math.max(a, b) + 1e-9)];
+  const [from, to] = [rowAt(times, Math.min(a, b) - EPS_S), rowAt(times, Math.max(a, b) + EPS_S)];
   let [min, max, sum, x, y] = [Infinity, -Infinity, 0, 0, 0];
   for (let row = from; row < to; row++) {
     const [l, h] = [low[row] ?? NaN, high[row] ?? NaN];

@@ -196,7 +196,7 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
 }
 
 /** The plots with their series that are drawn. */
-function visible(plots: readonly PlotSpec[], hidden: ReadonlySet<string>): readonly PlotSpec[] {
+export function visible(plots: readonly PlotSpec[], hidden: ReadonlySet<string>): readonly PlotSpec[] {
   return plots
     .map((plot) => ({ ...plot, series: plot.series.filter(({ key }) => !hidden.has(key)) }))
     .filter(({ series }) => series.length > 0);

@@ -25,6 +25,7 @@ export type Overlay =
   | "ros"
   | "calibration"
   | "memory"
+  | "evidence"
   | "alarm"
   | "packet"
   | undefined;

@@ -68,6 +68,9 @@ function act(action: KeyAction, app: App): void {
     case "analysis":
       app.overlay.value = "analysis";
       return;
+    case "evidence":
+      app.overlay.value = "evidence";
+      return;
     case "signals":
       app.showsSignals.value = !app.showsSignals.value;
       return;

@@ -21,6 +21,7 @@ import {
   CalibrationDialog,
   Describe,
   ExportDialog,
+  LiveEvidence,
   MemoryDialog,
   Packet,
   RosTopics,
@@ -168,6 +169,7 @@ function Overlays({ app }: { readonly app: App }) {
   }
   if (overlay.value === "packet") return <Packet app={app} onClose={close} />;
   if (overlay.value === "memory") return <MemoryDialog app={app} onClose={close} />;
+  if (overlay.value === "evidence") return <LiveEvidence app={app} onClose={close} />;
   if (overlay.value === "alarm") return <AlarmDialog app={app} onClose={close} />;
   if (overlay.value === "describe" && describing.value)
     return <Describe app={app} payload={describing.value} onClose={close} />;

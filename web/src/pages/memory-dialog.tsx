@@ -12,6 +12,7 @@ import { ProblemNote } from "../ui/problem-note";
 import type { App } from "./app-state";
 import { showSaved } from "./record-button";
 import { exportingOf } from "./recordings/exporting";
+import { TEXT as EVIDENCE } from "../texts/evidence-dialog";
 import { TEXT } from "../texts/live";
 
 /** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
@@ -111,6 +112,15 @@ export function MemoryDialog({ app, onClose }: Props) {
         <p class="dim">{TEXT.memoryHint}</p>
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="ends">
+          <button
+            type="button"
+            class="btn edge"
+            disabled={busy.value || links.length === 0}
+            onClick={() => (app.overlay.value = "evidence")}
+          >
+            <Icon name="paper" />
+            {EVIDENCE.evidence}
+          </button>
           <button
             type="button"
             class="btn edge"

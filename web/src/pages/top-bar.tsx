@@ -14,6 +14,7 @@ import { href, PAGES, route } from "./route";
 import { Share } from "./share";
 import { COMMON } from "../texts/common";
 import { TEXT as ANALYSIS } from "../texts/analysis";
+import { TEXT as EVIDENCE } from "../texts/evidence-dialog";
 import { TEXT } from "../texts/live";
 
 /** Names of each page's folded panels. */
@@ -68,6 +69,17 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
         deps && <ArrangeButton app={app} deps={deps} />
       )}
       <Record app={app} />
+      {isLive && showsPlots(app.state.value) && (
+        <button
+          type="button"
+          class="btn icon desk evidence-button"
+          aria-label={EVIDENCE.evidence}
+          title={EVIDENCE.hintOfButton}
+          onClick={() => (app.overlay.value = "evidence")}
+        >
+          <Icon name="paper" />
+        </button>
+      )}
       {isLive && showsPlots(app.state.value) && <Share app={app} />}
       <button
         type="button"

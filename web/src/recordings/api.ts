@@ -1,6 +1,6 @@
 /** The routes of the library and of a recording, a function each. */
 import { addressOf, type Outcome, type Problem, problemOf, request, respond } from "../ui/http";
-import type { ColumnStatistics, HealthHistory } from "../wire/routes";
+import type { ColumnStatistics, EvidenceRequest, HealthHistory } from "../wire/routes";
 import type { StatisticsRequest } from "./statistics-feed";
 import type {
   EditRequest,
@@ -51,6 +51,8 @@ export const server = {
     request("GET /api/recordings/{recording}/settings", { path: { recording }, query: { device } }),
   export: (recording: string, body: ExportJobRequest) =>
     request("POST /api/recordings/{recording}/exports", { path: { recording }, body }),
+  evidence: (recording: string, body: EvidenceRequest) =>
+    request("POST /api/recordings/{recording}/evidence", { path: { recording }, body }),
   /** Measured on samples, which takes about a second. */
   exportSizes: (recording: string, body: ExportSelection) =>
     request("POST /api/recordings/{recording}/export-sizes", { path: { recording }, body }),

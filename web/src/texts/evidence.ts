@@ -17,7 +17,7 @@ export const TEXT = {
     `${title} in ${unit || "its unit"}, ${from} to ${to} UTC`,
   measured: "Measured between A and B",
   measuredHint: "Of the samples in this file.",
-  measuredThinned: "Of the samples in this file. Where only extremes are kept, Δ and mean are not known.",
+  measuredThinned: "Of the samples in this file. Where the file has only extremes, Δ and mean are missing.",
   heads: ["signal", "A", "B", "Δ", "min", "max", "mean", "samples"],
   extremes: (low: Value, high: Value) => `${low} … ${high}`,
 };

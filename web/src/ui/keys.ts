@@ -22,6 +22,7 @@ export type KeyAction =
         | "timeBase"
         | "help"
         | "analysis"
+        | "evidence"
         | "packet"
         | "signals"
         | "measure"
@@ -77,6 +78,7 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["L"], what: COMMON.keyLoop },
   { keys: ["S"], what: COMMON.keySignals },
   { keys: ["A"], what: COMMON.keyAnalysis },
+  { keys: ["E"], what: COMMON.keyEvidence },
   { keys: ["W"], what: COMMON.keyArrange },
   { keys: ["X"], what: COMMON.keyMaximise },
   { keys: ["Ctrl+Z", "Ctrl+Shift+Z"], what: COMMON.keyUndo },
@@ -103,6 +105,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   t: { do: "timeBase" },
   c: { do: "link" },
   a: { do: "analysis" },
+  e: { do: "evidence" },
   s: { do: "signals" },
   b: { do: "measure" },
   j: { do: "goTo" },

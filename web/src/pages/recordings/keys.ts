@@ -42,6 +42,9 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
     case "analysis":
       recording.app.overlay.value = "analysis";
       return true;
+    case "evidence":
+      recording.app.overlay.value = "evidence";
+      return true;
     case "signals":
       recording.app.showsSignals.value = !recording.app.showsSignals.peek();
       return true;

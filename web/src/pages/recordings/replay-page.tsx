@@ -17,7 +17,7 @@ import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ArrangeTools } from "../../workspace/arrange";
-import { AnalysisDialog, SignalsPanel, YAxisDialog } from "../dialogs";
+import { AnalysisDialog, RecordingEvidence, SignalsPanel, YAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
@@ -96,6 +96,15 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
         </Dialog>
       )}
       {overlay.value === "analysis" && <Analysis recording={recording} />}
+      {overlay.value === "evidence" && (
+        <RecordingEvidence
+          app={app}
+          info={info}
+          viewState={replay.viewState}
+          source={replay.samples.source}
+          onClose={() => (overlay.value = undefined)}
+        />
+      )}
       {app.showsSignals.value && (
         <SignalsPanel
           deps={recording.deps}

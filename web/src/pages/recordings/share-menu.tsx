@@ -9,6 +9,7 @@ import { RerunButton } from "../../views/rerun";
 import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type Range } from "./exporting";
 import { COMMON } from "../../texts/common";
+import { TEXT as EVIDENCE } from "../../texts/evidence-dialog";
 import { TEXT } from "../../texts/recordings";
 
 /** How long the last action is shown, ms. */
@@ -72,6 +73,15 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
       >
         <Icon name="upload" />
         {TEXT.export}
+      </button>
+      <button
+        type="button"
+        class="btn edge"
+        title={EVIDENCE.hintOfButton}
+        onClick={() => (app.overlay.value = "evidence")}
+      >
+        <Icon name="paper" />
+        {EVIDENCE.evidence}
       </button>
       <RerunButton replay={replay} shown={recording.rerun} />
       <a class="btn edge" href={server.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>

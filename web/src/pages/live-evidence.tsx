@@ -1,0 +1,47 @@
+/** Evidence of Live: what is in memory becomes a recording, of which the file is made. */
+import { useSignal } from "@preact/signals";
+import type { FigureSource } from "../measure/server-figures";
+import { server } from "../recordings/api";
+import type { Problem } from "../ui/http";
+import type { App } from "./app-state";
+import { EvidenceDialog, type Range } from "./recordings/evidence-dialog";
+import { TEXT } from "../texts/evidence-dialog";
+import { TEXT as LIVE } from "../texts/live";
+
+/** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
+const MARGIN_S = 1;
+
+export function LiveEvidence({ app, onClose }: { readonly app: App; readonly onClose: () => void }) {
+  const problem = useSignal<Problem | undefined>(undefined);
+  const source: FigureSource = {
+    id: "",
+    prefix: (device) => `${device}/`,
+    sent: (id) => app.store.sent(id),
+    changeOf: (id) => app.store.changeOf(id),
+  };
+  const save = async ({ t0, t1 }: Range): Promise<string | undefined> => {
+    const saved = await server.saveMemory({
+      devices: null,
+      seconds: null,
+      t0: t0 === null ? null : t0 - MARGIN_S,
+      t1: t1 === null ? null : t1 + MARGIN_S,
+      title: LIVE.partOfLive,
+    });
+    problem.value = saved.ok ? undefined : saved.problem;
+    return saved.ok ? saved.value.id : undefined;
+  };
+  return (
+    <EvidenceDialog
+      app={app}
+      title={TEXT.live}
+      viewState={app.viewState}
+      source={source}
+      wholeName={TEXT.allInMemory}
+      recordingOf={save}
+      problem={problem.value}
+      onClose={onClose}
+    >
+      <p class="dim">{TEXT.fromMemory}</p>
+    </EvidenceDialog>
+  );
+}

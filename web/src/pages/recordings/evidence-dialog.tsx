@@ -1,0 +1,120 @@
+/** Asks what evidence is to show, and makes it as a job of the server. */
+import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import type { ViewState } from "../../data/view-state";
+import type { FigureSource } from "../../measure/server-figures";
+import { server } from "../../recordings/api";
+import { Dialog } from "../../ui/dialog";
+import type { Problem } from "../../ui/http";
+import { Icon } from "../../ui/icons";
+import { ProblemNote } from "../../ui/problem-note";
+import { type App, run } from "../app-state";
+import { evidencePlots } from "./evidence-plots";
+import { Jobs } from "./export-jobs";
+import { TEXT } from "../../texts/evidence-dialog";
+import "./export.css";
+
+export type Part = "view" | "cursors" | "whole";
+
+/** A part of what is on screen; null: from the beginning, or to the end. */
+export interface Range {
+  readonly t0: number | null;
+  readonly t1: number | null;
+}
+
+interface Props {
+  readonly app: App;
+  readonly title: string;
+  readonly viewState: ViewState;
+  readonly source: FigureSource;
+  /** Name of the whole. */
+  readonly wholeName: string;
+  /** The recording with that range; undefined when it failed, and a problem was shown. */
+  readonly recordingOf: (range: Range) => Promise<string | undefined>;
+  readonly problem?: Problem | undefined;
+  readonly children?: ComponentChildren;
+  readonly onClose: () => void;
+}
+
+export function EvidenceDialog(props: Props) {
+  const { app, title, viewState, source, wholeName, recordingOf, problem, children, onClose } = props;
+  const { view, cursor, measure, actions } = viewState;
+  const part = useSignal<Part>("view");
+  const leavesOut = useSignal(false);
+  const busy = useSignal(false);
+  const made = useSignal<string | undefined>(undefined);
+  // live, the view goes on while the dialog is open: what was on screen when it was opened is meant
+  const now = useSignal(takeView()).value;
+  function takeView() {
+    const t1 = actions.rightEdge();
+    const a = cursor.peek()?.kind === "pinned" ? actions.cursorTime() : undefined;
+    return {
+      view: { t0: t1 - view.peek().span, t1 },
+      a: a ?? null,
+      b: (a === undefined ? undefined : measure.peek()) ?? null,
+      base: view.peek().timeBase,
+      plots: evidencePlots(viewState, source),
+    };
+  }
+  const { a, b, plots } = now;
+  const range: Range =
+    part.value === "view"
+      ? now.view
+      : part.value === "cursors" && a !== null && b !== null
+        ? { t0: Math.min(a, b), t1: Math.max(a, b) }
+        : { t0: null, t1: null };
+  const make = async (): Promise<void> => {
+    busy.value = true;
+    const recording = await recordingOf(range);
+    if (recording !== undefined) {
+      const job = await run(
+        app,
+        server.evidence(recording, {
+          ...range,
+          base: now.base,
+          plots: plots.plots,
+          cursor_a: a,
+          cursor_b: b,
+          with_position: !leavesOut.value,
+        }),
+      );
+      const { exports } = app.store;
+      if (job && !exports.peek().some(({ id }) => id === job.id)) exports.value = [...exports.peek(), job];
+      made.value = recording;
+    }
+    busy.value = false;
+  };
+  const names = { view: TEXT.inView, cursors: TEXT.betweenCursors, whole: wholeName };
+  const parts: readonly Part[] = b === null ? ["view", "whole"] : ["view", "cursors", "whole"];
+  return (
+    <Dialog title={TEXT.title(title)} onClose={onClose}>
+      <div class="export evidence">
+        <div class="segmented full-width" role="group" aria-label={TEXT.part}>
+          {parts.map((one) => (
+            <button type="button" key={one} aria-pressed={part.value === one} onClick={() => (part.value = one)}>
+              {names[one]}
+            </button>
+          ))}
+        </div>
+        <p class="dim">{TEXT.what}</p>
+        {children}
+        <label class="leave-out">
+          <input
+            type="checkbox"
+            checked={leavesOut.value}
+            onChange={(event) => (leavesOut.value = event.currentTarget.checked)}
+          />
+          <b>{TEXT.leaveOut}</b>
+          <small>{TEXT.leaveOutHint}</small>
+        </label>
+        {plots.without.length > 0 && <p class="dim">{TEXT.without(plots.without.join(", "))}</p>}
+        {problem && <ProblemNote problem={problem} />}
+        <button type="button" class="btn main start-export" disabled={busy.value} onClick={() => void make()}>
+          <Icon name="paper" />
+          {busy.value ? TEXT.making : TEXT.make}
+        </button>
+        {(made.value ?? source.id) !== "" && <Jobs app={app} recording={made.value ?? source.id} />}
+      </div>
+    </Dialog>
+  );
+}
