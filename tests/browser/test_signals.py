@@ -26,10 +26,16 @@ def test_a_signal_is_plotted_in_two_actions_dragged_and_kept_by_a_reload(
     page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .more-quantities"))
     until(page, f"{OWN} === 2")
     page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .plot").first)
+    gutter = "document.querySelector('.y-gutter.right')"
+    fixed = f"{gutter}?.getAttribute('aria-label') ?? ''"
+    zoom = f"{gutter}?.dispatchEvent(new KeyboardEvent('keydown', {{key: '+', bubbles: true, cancelable: true}}))"
+    until(page, f"({zoom}, /^y axis of Acceleration, right, fixed from .* °.s$/.test({fixed}))")  # once it is drawn
+    assert page.get_by_role("button", name="y axis of Acceleration, automatic").count() > 0  # the left one as before
+    page.get_by_role("treeitem", name="Magnetic field").drag_to(page.locator(".stack .plot").first)
     until(page, f"{PANEL}.querySelector('[role=status]').innerText.includes('Put it on a new plot')")
-    until(page, "location.hash.split('plot=').length === 3")
+    until(page, "location.hash.split('plot=').length === 4")
     page.reload()
-    until(page, f"{OWN} === 2")
+    until(page, f"{OWN} === 2 && /right, fixed/.test({fixed})")
     until(page, "[...document.querySelectorAll('.stack .series-value')].at(-1).innerText.trim() !== '—'")
 
 

@@ -212,13 +212,24 @@ const keyOf = (plots: readonly PlotSpec[]): string =>
 
 function build(body: HTMLTableSectionElement, plots: readonly PlotSpec[]): Line[] {
   body.replaceChildren();
-  return plots.flatMap((plot) => {
+  return plots.flatMap(byUnit).flatMap((plot) => {
     const title = el("th", { scope: "rowgroup" }, plot.title);
     const group = el("tr", { class: "group-row" }, title);
     for (const key of FIGURE_KEYS) group.append(el("td", { class: "num" }, unit(unitOf(key, plot.unit))));
     body.append(group);
     return plot.series.map((series) => lineOf(body, plot, series));
   });
+}
+
+/** A plot with two units is measured as two. */
+function byUnit(plot: PlotSpec): readonly PlotSpec[] {
+  const { right, series } = plot;
+  const of = (isRight: boolean): readonly Series[] => series.filter((one) => (one.isRight === true) === isRight);
+  if (right === undefined) return [plot];
+  return [
+    { ...plot, series: of(false) },
+    { ...plot, unit: right.unit, series: of(true) },
+  ].filter((one) => one.series.length > 0);
 }
 
 function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): Line {

@@ -92,6 +92,8 @@ export class Legend {
     const value = new LiveText();
     const text = el("span", { class: "series-value" });
     text.append(value.node);
+    const info = series.channel.info.columns[series.column];
+    const rightUnit = series.isRight ? info?.unit || series.channel.info.unit : "";
     const name = series.channel.info.title || series.channel.info.name;
     const button = el(
       "button",
@@ -100,8 +102,9 @@ export class Legend {
       letter,
       " ",
       text,
+      ...(rightUnit === "" ? [] : [unit(rightUnit)]),
     );
-    button.title = TEXT.toggleSeries(name, series.label);
+    button.title = TEXT.toggleSeries(series.isRight ? TEXT.onRightAxis(name, "") : name, series.label);
     button.addEventListener("click", (event) => this.#toggle(series.key, event.shiftKey));
     return { series, button, value, text, width: 0 };
   }

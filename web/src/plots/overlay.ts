@@ -163,7 +163,7 @@ function dots(
     for (const series of plot.spec.series) {
       const value = hidden.has(series.key) ? NaN : valueAt(series, t, w.base, reads);
       if (value !== value) continue;
-      const y = plot.y(value);
+      const y = plot.y(value, series.isRight);
       if (!plot.shows(y, look)) continue;
       x.beginPath();
       x.arc(px, plot.top + y, 3, 0, 7);

@@ -21,8 +21,18 @@ export interface Series {
   readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n";
   /** Dashes distinguish series without axis colours; empty for a solid line. */
   readonly dash: readonly number[];
+  /** Of the plot's second unit: read on its right axis. */
+  readonly isRight?: boolean;
   /** The norm of the others: shown in the legend, drawn only on request. */
   readonly norm: boolean;
+  readonly decimals: number;
+}
+
+/** The axis on the right of a plot, for signals of a second unit. */
+export interface RightAxis {
+  /** Of its choices among those of all axes. */
+  readonly key: string;
+  readonly unit: string;
   readonly decimals: number;
 }
 
@@ -35,6 +45,8 @@ export interface PlotSpec {
   readonly frame: string;
   readonly series: readonly Series[];
   readonly decimals: number;
+  /** The axis of a second unit. */
+  readonly right?: RightAxis;
   /** Share of the height (design, "Grid"). */
   readonly weight: number;
   /** Shown initially. */
@@ -313,6 +325,7 @@ export function sameSeries(a: PlotSpec, b: PlotSpec): boolean {
   return (
     a.key === b.key &&
     a.frame === b.frame &&
+    a.right?.unit === b.right?.unit &&
     a.series.length === b.series.length &&
     a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key)
   );

@@ -11,22 +11,22 @@
  */
 import type { Extent } from "../data/minmax-pyramid";
 import type { Ring } from "../data/ring-buffer";
-import type { YAxis } from "../data/view-state";
 import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
 import { Legend, type Toggle, valueAt } from "./legend";
 import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
-import { Scale, ticks } from "./scale";
-import type { PlotSpec, Series } from "./plot-selection";
-import { traceDots, traceSeries, type Vertical, yOf } from "./trace";
-import { isLogarithmic, logTicks } from "./y-axis";
-import { type AxisState, type DrawnAxis, showAxis, yGutter } from "./y-gutter";
+import type { PlotSpec, RightAxis, Series } from "./plot-selection";
+import { traceDots, traceSeries } from "./trace";
+import { ValueAxis } from "./value-axis";
+import type { AxisState } from "./y-gutter";
 import { timeGrid } from "./axis";
 import { xOf, type TimeWindow } from "./time-window";
 import { TEXT } from "../texts/plots";
 
 const LEGEND_HEIGHT = 26;
+/** Height of a row of the legend beside a plot, and of its title, px. */
+const [ROW_PX, ROOM_PX] = [15.5, 26];
 const LINE = 1.15;
 /** Least distance of letters at the right end and of tick labels, px. */
 const LETTERS_APART = 11.5;
@@ -35,10 +35,6 @@ const LABELS_APART = 12;
 const CONDENSED = 0.68;
 /** New samples alone redraw a window that stands still this often, ms. */
 const STILL_MS = 100;
-/** The narrowest logarithmic axis that follows the data, decades. */
-const LEAST_DECADES = 0.05;
-const STANDARD_GRAVITY = 9.80665;
-
 interface Shown {
   readonly series: Series;
   readonly columns: PixelColumns;
@@ -53,27 +49,19 @@ export class Plot {
   /** Place in the stack, CSS px. */
   top = 0;
   visible = true;
-  /** The control over the labels of the y axis. */
-  readonly gutter: HTMLButtonElement;
   /** The title reaches under the tick labels, so the uppermost is omitted. */
   wideTitle = false;
-  readonly #scale: Scale;
-  /** Scale of the powers of ten, on a logarithmic axis. */
-  readonly #decades = new Scale(LEAST_DECADES);
-  #lowest = NaN;
-  #highest = NaN;
+  readonly left: ValueAxis;
+  /** Of the second unit. */
+  readonly right: ValueAxis | undefined;
   readonly #rings: readonly Ring[];
   #shown: readonly Shown[] = [];
   #hidden: ReadonlySet<string> | undefined;
   readonly #extent: Extent = { lo: 0, hi: 0 };
-  #vertical: Vertical = { top: 0, hi: 1, k: 1 };
   #stamp = "";
   #revision = -1;
   #drawnAt = -Infinity;
   #zoom = NaN;
-  #axis: YAxis | undefined;
-  #isLog = false;
-  #drawn: DrawnAxis | undefined;
 
   constructor(
     readonly spec: PlotSpec,
@@ -85,14 +73,14 @@ export class Plot {
     const unit = spec.unit === "" ? "" : TEXT.inUnit(spec.unit);
     const canvas = el("canvas", { role: "img", "aria-label": TEXT.plotOverTime(spec.title, unit) });
     const kind = spec.weight < 0.7 ? "plot low" : "plot";
-    this.gutter = yGutter(spec, state, () => this.#drawn);
-    this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas, this.gutter);
-    showAxis(this.gutter, spec, this.#axis);
+    this.left = new ValueAxis(spec, periodOf(spec.series.filter(({ isRight }) => !isRight)), state);
+    this.right = spec.right && rightAxis(spec, spec.right, state);
+    const gutters = [this.left.gutter, ...(this.right ? [this.right.gutter] : [])];
+    this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas, ...gutters);
     this.root.style.setProperty("--weight", String(spec.weight));
-    this.root.style.setProperty("--least", `${Math.round(40 + 32 * spec.weight)}px`);
+    const least = Math.max(Math.round(40 + 32 * spec.weight), hasOwn(spec) ? ROOM_PX + ROW_PX * spec.series.length : 0);
+    this.root.style.setProperty("--least", `${least}px`);
     this.sheet = new CanvasLayer(canvas);
-    const periods = spec.series.map(({ channel, column }) => channel.info.columns[column]!.period);
-    this.#scale = new Scale(20 * 10 ** -spec.decimals, Math.min(...periods));
     this.#rings = [...new Set(spec.series.map(({ channel }) => channel.ring))];
   }
 
@@ -115,9 +103,9 @@ export class Plot {
     return look.narrow ? LEGEND_HEIGHT : 0;
   }
 
-  /** Position of a value, CSS px from the plot's top. */
-  y(value: number): number {
-    return yOf(this.#vertical, value);
+  /** Position of a value, CSS px from the plot's top. @param isRight on the right axis */
+  y(value: number, isRight = false): number {
+    return (isRight && this.right ? this.right : this.left).y(value);
   }
 
   /** Whether a height is within the drawing: a fixed range leaves values outside. */
@@ -129,7 +117,7 @@ export class Plot {
   draw(w: TimeWindow, look: Palette, hidden: ReadonlySet<string>, now: number, theme: number): void {
     if (!this.visible || this.sheet.height < 10) return;
     if (hidden !== this.#hidden) this.#choose(hidden);
-    this.#follow(this.state.yAxes.peek().get(this.spec.key));
+    for (const axis of this.#axes) if (axis.follow()) this.#stamp = "";
     const shown = this.#shown;
     const revision = this.#rings.reduce((sum, ring) => sum + ring.revision, 0);
     const stamp = `${w.g1} ${w.dt} ${w.base} ${theme}`;
@@ -141,52 +129,35 @@ export class Plot {
     this.#paint(shown, w, look);
   }
 
-  /** Take over another choice of the axis. */
-  #follow(axis: YAxis | undefined): void {
-    if (axis === this.#axis) return;
-    if (axis?.isLog !== this.#axis?.isLog) this.#scale.reset();
-    this.#axis = axis;
-    this.#stamp = "";
-    showAxis(this.gutter, this.spec, axis);
-  }
-
-  /** Ends of the axis: powers of ten on a logarithmic one. */
-  #ends(): { readonly lo: number; readonly hi: number } {
-    const range = this.#axis?.range;
-    if (range === undefined) return this.#isLog ? this.#decades : this.#scale;
-    return this.#isLog ? { lo: Math.log10(range[0]), hi: Math.log10(range[1]) } : { lo: range[0], hi: range[1] };
+  get #axes(): readonly ValueAxis[] {
+    return this.right ? [this.left, this.right] : [this.left];
   }
 
   /** Read the extent of the window; true if the scale changed. */
   #rescale(shown: readonly Shown[], w: TimeWindow, now: number): boolean {
-    let lo = Infinity;
-    let hi = -Infinity;
-    for (const { series, columns } of shown) {
-      const { ring } = columns;
-      ring.pyramids[series.column]!.query(ring.row(w.t0, w.base), ring.row(w.t1, w.base), this.#extent);
-      if (this.#extent.lo < lo) lo = this.#extent.lo;
-      if (this.#extent.hi > hi) hi = this.#extent.hi;
-    }
     const zoomed = w.dt !== this.#zoom;
     this.#zoom = w.dt;
-    this.#lowest = lo;
-    this.#highest = hi;
-    const wasLog = this.#isLog;
-    this.#isLog = isLogarithmic(this.#axis, lo);
-    const changed = this.#isLog
-      ? this.#decades.update(Math.log10(lo), Math.log10(hi), now, zoomed)
-      : this.#scale.update(lo, hi, now, zoomed);
-    return changed || wasLog !== this.#isLog;
+    let changed = false;
+    for (const axis of this.#axes) {
+      let lo = Infinity;
+      let hi = -Infinity;
+      for (const { series, columns } of shown) {
+        if ((series.isRight === true) !== (axis === this.right)) continue;
+        const { ring } = columns;
+        ring.pyramids[series.column]!.query(ring.row(w.t0, w.base), ring.row(w.t1, w.base), this.#extent);
+        if (this.#extent.lo < lo) lo = this.#extent.lo;
+        if (this.#extent.hi > hi) hi = this.#extent.hi;
+      }
+      if (axis.rescale(lo, hi, now, zoomed)) changed = true;
+    }
+    return changed;
   }
 
   #paint(shown: readonly Shown[], w: TimeWindow, look: Palette): void {
     const { sheet } = this;
     const x = sheet.begin();
     const top = this.inset(look) + 6;
-    const { lo, hi } = this.#ends();
-    const height = sheet.height - top - 5;
-    this.#vertical = { top, hi, k: height / (hi - lo), isLog: this.#isLog };
-    this.#drawn = { range: this.#isLog ? [10 ** lo, 10 ** hi] : [lo, hi], isLog: this.#isLog, top, height };
+    for (const axis of this.#axes) axis.place(top, sheet.height - top - 5);
     this.#grid(x, w, look);
     x.save();
     x.beginPath();
@@ -200,12 +171,14 @@ export class Plot {
       const { series, columns, at } = shown[i]!;
       x.strokeStyle = x.fillStyle = look.colour[series.colour];
       x.setLineDash(series.dash as number[]);
-      traceSeries(x, columns, at, w, this.#vertical);
-      traceDots(x, columns, at, w, this.#vertical);
+      const { vertical } = series.isRight && this.right ? this.right : this.left;
+      traceSeries(x, columns, at, w, vertical);
+      traceDots(x, columns, at, w, vertical);
     }
     x.restore();
     this.#letters(x, shown, w, look);
-    if (this.#axis?.range !== undefined) this.#outside(x, w, look, this.#axis.range);
+    if (this.right) this.#rightLabels(x, this.right, w, look);
+    for (const axis of this.#axes) this.#outside(x, w, look, axis);
   }
 
   #grid(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette): void {
@@ -219,7 +192,7 @@ export class Plot {
     x.textBaseline = "middle";
     const room = look.narrow ? look.gutter - 8 : look.gutter - 125;
     const used: number[] = [];
-    for (const { text, value } of this.#labels(look)) {
+    for (const { text, value } of this.left.labels(sheet.height - inset)) {
       const y = sheet.snap(this.y(value));
       x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
       x.fillRect(w.left, y, w.width, Math.max(hair, 1));
@@ -239,29 +212,40 @@ export class Plot {
     x.fillRect(sheet.snap(w.left + w.width), inset, 1, sheet.height);
   }
 
-  /** Labels of the y axis: zero and, for an acceleration, 1 g take precedence. */
-  #labels(look: Palette): { readonly value: number; readonly text: string }[] {
-    const { lo, hi } = this.#ends();
-    if (this.#isLog) return [...logTicks(lo, hi)];
-    const all = ticks(lo, hi, this.sheet.height - this.inset(look), this.spec.unit === "°");
-    const labels = all.map(({ value, decimals }) => ({ value, text: number(value, decimals) }));
-    const [first, second] = [all[0], all[1]];
-    const wide = first !== undefined && second !== undefined && Math.abs(second.value - first.value) >= 2;
-    if (this.spec.unit !== "m/s²" || !wide || hi < STANDARD_GRAVITY || lo > STANDARD_GRAVITY) return labels;
-    const g = { value: STANDARD_GRAVITY, text: "g" };
-    const near = labels.filter(({ value }) => Math.abs(value - STANDARD_GRAVITY) > (hi - lo) / 40); // a line at 10 would touch it
-    return near[0]?.value === 0 ? [near[0], g, ...near.slice(1)] : [g, ...near];
+  /** Labels of the right axis, over the end of the traces, and its unit. */
+  #rightLabels(x: CanvasRenderingContext2D, axis: ValueAxis, w: TimeWindow, look: Palette): void {
+    const [inset, right] = [this.inset(look), w.left + w.width];
+    setFont(x, look, look.small);
+    x.textAlign = "right";
+    x.textBaseline = "middle";
+    const write = (text: string, y: number): void => {
+      const width = x.measureText(text).width;
+      x.globalAlpha = 0.8;
+      x.fillStyle = look.colour.bg;
+      x.fillRect(right - width - 10, y - 6, width + 4, 12);
+      x.globalAlpha = 1;
+      x.fillStyle = look.colour["ink-2"];
+      x.fillText(text, right - 8, y);
+      x.fillRect(right - 4, this.sheet.snap(y), 4, 1);
+    };
+    const used: number[] = [inset + 8];
+    if (axis.spec.unit !== "") write(axis.spec.unit, inset + 8);
+    for (const { text, value } of axis.labels(this.sheet.height - inset)) {
+      const y = this.sheet.snap(axis.y(value));
+      if (y < inset + 5 || y > this.sheet.height - 5 || used.some((one) => Math.abs(one - y) < LABELS_APART)) continue;
+      used.push(y);
+      write(text, y);
+    }
   }
 
   /** Values outside of a fixed range: the furthest in the window, at the edge beyond which it is. */
-  #outside(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette, [low, high]: readonly [number, number]): void {
+  #outside(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette, axis: ValueAxis): void {
+    if (axis.range === undefined) return;
+    const [low, high] = axis.range;
+    const { decimals } = axis.spec;
     const shown = [
-      {
-        isThere: this.#highest > high,
-        text: `▲ ${number(this.#highest, this.spec.decimals)}`,
-        y: this.inset(look) + 8,
-      },
-      { isThere: this.#lowest < low, text: `▼ ${number(this.#lowest, this.spec.decimals)}`, y: this.sheet.height - 8 },
+      { isThere: axis.highest > high, text: `▲ ${number(axis.highest, decimals)}`, y: this.inset(look) + 8 },
+      { isThere: axis.lowest < low, text: `▼ ${number(axis.lowest, decimals)}`, y: this.sheet.height - 8 },
     ];
     setFont(x, look, 10.5, 650);
     x.textAlign = "right";
@@ -269,7 +253,8 @@ export class Plot {
     for (const { isThere, text, y } of shown) {
       if (!isThere) continue;
       const width = x.measureText(text).width + 8;
-      const right = w.left + w.width - 2;
+      const isLeft = this.right !== undefined && axis === this.left;
+      const right = isLeft ? w.left + 2 + width : w.left + w.width - 2;
       x.fillStyle = look.colour["status-warn"];
       x.fillRect(right - width, y - 7, width, 14);
       x.fillStyle = look.colour["status-warn-ink"];
@@ -280,7 +265,7 @@ export class Plot {
   /** Label each trace at its end with a letter, not by colour alone; letters are moved apart. */
   #letters(x: CanvasRenderingContext2D, shown: readonly Shown[], w: TimeWindow, look: Palette): void {
     const letters = shown
-      .map(({ series }) => ({ series, y: this.y(lastIn(series, w)) }))
+      .map(({ series }) => ({ series, y: this.y(lastIn(series, w), series.isRight) }))
       .filter(({ y }) => y === y)
       .sort((a, b) => a.y - b.y);
     for (let round = 0; round < 6; round++) {
@@ -304,6 +289,25 @@ export class Plot {
       x.fillText(text.length > 3 ? fitting(x, text, look.tail - 5) : text, w.left + w.width + 4, y);
     }
   }
+}
+
+/** Whether a person put signals on it, of which the legend must have room for each. */
+const hasOwn = ({ custom, right }: PlotSpec): boolean => custom !== undefined || right !== undefined;
+
+/** Value at which all of them wrap; 0: not all do. */
+function periodOf(series: readonly Series[]): number {
+  const periods = series.map(({ channel, column }) => channel.info.columns[column]!.period);
+  return periods.length === 0 ? 0 : Math.min(...periods);
+}
+
+function rightAxis(spec: PlotSpec, { key, unit, decimals }: RightAxis, state: AxisState): ValueAxis {
+  const axis = new ValueAxis(
+    { key, unit, decimals, title: TEXT.rightOf(spec.title) },
+    periodOf(spec.series.filter(({ isRight }) => isRight)),
+    state,
+  );
+  axis.gutter.classList.add("right");
+  return axis;
 }
 
 /** The newest value in the window. */

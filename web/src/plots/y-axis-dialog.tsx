@@ -2,15 +2,25 @@
 import { useSignal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { Dialog } from "../ui/dialog";
+import type { PlotSpec } from "./plot-selection";
 import { rangeOf } from "./y-axis";
 import { setYAxis } from "./y-gutter";
 import { TEXT } from "../texts/plots";
 
 export function YAxisDialog({ viewState }: { readonly viewState: ViewState }) {
   const form = viewState.yAxisForm.value;
-  const spec = viewState.actions.plots().find(({ key }) => key === form?.key);
+  const spec = viewState.actions
+    .plots()
+    .flatMap(axesOf)
+    .find(({ key }) => key === form?.key);
   if (form === undefined || spec === undefined) return null;
   return <Form key={form.key} viewState={viewState} plot={spec} range={form.range} />;
+}
+
+/** The left axis of a plot, and that of its second unit. */
+function axesOf({ key, title, unit, right }: PlotSpec): readonly Props["plot"][] {
+  const own = { key, title, unit };
+  return right ? [own, { key: right.key, title: TEXT.rightOf(title), unit: right.unit }] : [own];
 }
 
 interface Props {

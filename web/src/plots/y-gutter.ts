@@ -4,10 +4,10 @@
  */
 import { el } from "../ui/dom";
 import type { ViewSignals, YAxis } from "../data/view-state";
-import type { PlotSpec } from "./plot-selection";
 import { figure } from "../analysis/axes";
 import { shifted, type YRange, zoomed } from "./y-axis";
 import { TEXT } from "../texts/plots";
+import "./y-axis.css";
 
 /** Change of the range per px of wheel. */
 const WHEEL = 0.0015;
@@ -25,11 +25,18 @@ export interface DrawnAxis {
   readonly height: number;
 }
 
+/** The axis that a control is for; its key is that of its choice. */
+export interface GutterSpec {
+  readonly key: string;
+  readonly title: string;
+  readonly unit: string;
+}
+
 /** State of the view that an axis reads and writes. */
 export type AxisState = Pick<ViewSignals, "yAxes" | "yAxisForm">;
 
 /** @param drawn the axis as drawn; undefined before the first frame */
-export function yGutter(spec: PlotSpec, state: AxisState, drawn: () => DrawnAxis | undefined): HTMLButtonElement {
+export function yGutter(spec: GutterSpec, state: AxisState, drawn: () => DrawnAxis | undefined): HTMLButtonElement {
   const mark = el("span", { class: "y-mark" });
   const button = el("button", { type: "button", class: "y-gutter", title: TEXT.yAxisHint }, mark);
   const fingers = new Map<number, number>();
@@ -116,7 +123,7 @@ const KEYS: Readonly<Record<string, readonly [zoom: number, move: number]>> = {
 };
 
 /** Show in the control what was chosen. */
-export function showAxis(button: HTMLButtonElement, spec: PlotSpec, axis: YAxis | undefined): void {
+export function showAxis(button: HTMLButtonElement, spec: GutterSpec, axis: YAxis | undefined): void {
   const range = axis?.range?.map((value) => figure(value));
   const words = range
     ? TEXT.yAxisFixed(spec.title, range[0] ?? "", range[1] ?? "", spec.unit)

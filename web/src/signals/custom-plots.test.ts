@@ -68,11 +68,38 @@ test("a signal is added once, and the last one removed takes the plot away", () 
   expect(removed(both, target, [y, x])).toEqual([]);
 });
 
-test("a signal of another unit is refused with a sentence that names both", () => {
-  expect(misfit(["m/s²"], "m/s²", "Acc")).toBeUndefined();
-  const words = misfit(["°/s"], "m/s²", "Acc");
-  expect(words).toContain("°/s");
-  expect(words).toContain("m/s²");
+test("a second unit has the right axis, a third one is refused with a sentence that names all", () => {
+  const plot = { title: "Acc", unit: "m/s²" };
+  expect(misfit(["m/s²"], plot)).toBeUndefined();
+  expect(misfit(["°/s"], plot)).toBeUndefined();
+  const right = { key: "", unit: "°/s", decimals: 2 };
+  expect(misfit(["°/s", "m/s²"], { ...plot, right })).toBeUndefined();
+  expect(misfit(["°C"], { ...plot, right })).toBe(
+    "A plot has at most two units: Acc has m/s² and °/s, this signal is in °C. Put it on a new plot.",
+  );
+});
+
+test("signals of two units: the first unit is on the left, and takes the left again when it is alone", () => {
+  const gyro = channel("1", "Rate", "°/s");
+  const channels = [...CHANNELS, gyro, channel("1", "Temp", "°C", ["x"])];
+  const mixed = own(signal("1", "Acc", "x"), signal("1", "Rate", "x"), signal("1", "Temp", "x"));
+  const plot = only(withCustomPlots([], [mixed], channels, "1"));
+  expect([plot.unit, plot.right?.unit, plot.right?.key]).toEqual(["m/s²", "°/s", "custom:p1 right"]);
+  expect(plot.series.map(({ label, isRight }) => `${label} ${isRight === true}`)).toEqual([
+    "Acc x false",
+    "Rate x true",
+  ]);
+  const rest = only(withCustomPlots([], [own(signal("1", "Rate", "x"))], channels, "1"));
+  expect([rest.unit, rest.right]).toEqual(["°/s", undefined]);
+});
+
+test("a signal of another unit is added to the right axis of a device's plot", () => {
+  const channels = [...CHANNELS, channel("1", "Temp", "°C", ["x"])];
+  const { custom: _, ...base } = only(withCustomPlots([], [own(signal("1", "Acc", "x"))], channels, "1"));
+  const plots = [{ ...base, key: "Acc" }];
+  const custom = added([], { kind: "device", device: "1", plot: "Acc" }, [signal("1", "Temp", "x")]);
+  const plot = only(withCustomPlots(plots, custom, channels, "1"));
+  expect([plot.unit, plot.right]).toMatchObject(["m/s²", { key: "Acc right", unit: "°C" }]);
 });
 
 test("a link brings the plots back, whatever the names are", () => {

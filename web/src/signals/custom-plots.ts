@@ -1,5 +1,5 @@
 /**
- * Plots that a person put together: signals of one unit, of any devices, on one time axis. They are plain data in the view, and so is
+ * Plots that a person put together: signals of one or two units, of any devices, on one time axis. They are plain data in the view, and so is
  * what was added to a plot of a device:
  *
  *     { id: "p1", signals: [{ device: "1", channel: "Acceleration", column: "x" }, …] }      a plot of its own
@@ -22,6 +22,8 @@ export interface Found {
 /** Dashes and colours in turn: twelve signals look different. */
 const COLOURS = ["axis-x", "axis-y", "axis-z", "axis-n"] as const;
 const DASHES: readonly (readonly number[])[] = [[], [5, 3], [1.5, 2.5]];
+/** A plot has a left axis and a right one. */
+const MAX_UNITS = 2;
 const WEIGHT = 0.9;
 const PREFIX = "custom:";
 
@@ -58,31 +60,49 @@ export function withCustomPlots(
   if (custom.length === 0) return plots;
   const added = plots.map((plot) => {
     const extra = custom.filter(({ on }) => on !== undefined && on.device === device && on.plot === plot.key);
-    const found = extra.flatMap(({ signals }) => foundIn(channels, signals, plot.unit));
-    return found.length === 0 ? plot : { ...plot, series: [...plot.series, ...seriesOf(found, plot.series)] };
+    const found = foundIn(
+      channels,
+      extra.flatMap(({ signals }) => signals),
+      plot.unit,
+    );
+    if (found.length === 0) return plot;
+    const series = [...plot.series, ...seriesOf(found, plot.series, plot.unit)];
+    return { ...plot, series, ...rightOf(plot.key, series) };
   });
   return [...added, ...custom.flatMap((one) => (one.on === undefined ? ownPlot(one, channels) : []))];
 }
 
 function foundIn(channels: readonly Channel[], signals: readonly SignalRef[], unit?: string): readonly Found[] {
   const found = signals.flatMap((one) => find(channels, one) ?? []);
-  const of = unit ?? (found[0] && unitOf(found[0]));
-  return found.filter((one) => unitOf(one) === of); // a device that came back may send another unit
+  const units = new Set([...(unit === undefined ? [] : [unit]), ...found.map(unitOf)]);
+  const both = [...units].slice(0, MAX_UNITS);
+  return found.filter((one) => both.includes(unitOf(one))); // a device that came back may send another unit
+}
+
+/** The right axis, if some of the series need it. */
+function rightOf(key: string, series: readonly Series[]): Pick<PlotSpec, "right"> {
+  const own = series.filter(({ isRight }) => isRight);
+  const [first] = own;
+  if (first === undefined) return {};
+  const decimals = Math.max(...own.map((one) => one.decimals));
+  return { right: { key: `${key} right`, unit: unitOf(first), decimals } };
 }
 
 function ownPlot({ id, signals }: CustomPlot, channels: readonly Channel[]): readonly PlotSpec[] {
   const found = foundIn(channels, signals);
   if (found[0] === undefined) return [];
-  const series = seriesOf(found, []);
+  const series = seriesOf(found, [], unitOf(found[0]));
+  const key = `${PREFIX}${id}`;
   const frames = new Set(found.map(({ channel }) => channel.info.frame.split(" ")[0] ?? ""));
   return [
     {
-      key: `${PREFIX}${id}`,
+      key,
       title: titleOf(found),
       unit: unitOf(found[0]),
       frame: frames.size === 1 ? [...frames].join() : "",
       series,
-      decimals: Math.max(0, ...series.map(({ decimals }) => decimals)),
+      decimals: Math.max(0, ...series.filter(({ isRight }) => !isRight).map(({ decimals }) => decimals)),
+      ...rightOf(key, series),
       weight: WEIGHT,
       primary: false,
       group: "",
@@ -97,8 +117,11 @@ function titleOf(found: readonly Found[]): string {
   return [...new Set(found.map(({ channel }) => nameOf(channel)))].join(", ");
 }
 
-/** Each signal in its axis' colour, or the next one free; the name of its channel is part of its label where several are together. */
-function seriesOf(found: readonly Found[], beside: readonly Series[]): readonly Series[] {
+/**
+ * Each signal in its axis' colour, or the next one free; the name of its channel is part of its label where several are together. Those
+ * of another unit than `unit` are on the right axis.
+ */
+function seriesOf(found: readonly Found[], beside: readonly Series[], unit: string): readonly Series[] {
   const used = new Set(beside.map(({ colour, dash }) => `${colour} ${DASHES.findIndex((one) => same(one, dash))}`));
   const channels = new Set([...beside.map(({ channel }) => channel), ...found.map(({ channel }) => channel)]);
   const devices = new Set([...channels].map(({ info }) => info.device));
@@ -119,6 +142,7 @@ function seriesOf(found: readonly Found[], beside: readonly Series[]): readonly 
       colour: look.colour,
       dash: DASHES[look.dash] ?? [],
       norm: false,
+      ...(unitOf({ channel, column }) === unit ? {} : { isRight: true }),
       decimals: decimalsOf(info),
     };
     return [series];
@@ -207,10 +231,16 @@ function freeId(custom: readonly CustomPlot[]): string {
   return `p${k}`;
 }
 
-/** A sentence why signals of these units cannot be on a plot of that unit; undefined if they can. */
-export function misfit(units: readonly string[], unit: string, plot: string): string | undefined {
-  const other = units.find((one) => one !== unit);
-  return other === undefined ? undefined : TEXT.otherUnit(other || TEXT.noUnit, plot, unit || TEXT.noUnit);
+/** A sentence why signals of these units cannot be on that plot as well; undefined if they can. */
+export function misfit(
+  units: readonly string[],
+  { title, unit, right }: Pick<PlotSpec, "title" | "unit" | "right">,
+): string | undefined {
+  const own = right ? [unit, right.unit] : [unit];
+  const others = [...new Set(units)].filter((one) => !own.includes(one));
+  if (own.length + others.length <= MAX_UNITS) return undefined;
+  const words = (some: readonly string[]): string => some.map((one) => one || TEXT.noUnit).join(TEXT.and);
+  return TEXT.otherUnit(words(others), title, words(own));
 }
 
 // ── in a link ─────────────────────────────────────────────────────────────────────────────────────────────────────────

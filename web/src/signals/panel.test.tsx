@@ -60,12 +60,18 @@ test("keys unfold a channel, choose a column and plot it; the pressed plot takes
   await waitFor(() => expect(signals(opened)).toEqual([]));
 });
 
-test("a plot of another unit refuses a signal with a sentence", async () => {
+test("a second unit gets the right axis of a plot, and a third one is refused with a sentence", async () => {
   const opened = await openTree();
   fireEvent.click(rowNamed("1/Acceleration"));
   fireEvent.click(await screen.findByRole("button", { name: "Rate of turn", pressed: false }));
-  expect(await screen.findByText(/this signal is in m\/s², Rate of turn in °\/s/)).toBeTruthy();
-  expect(signals(opened)).toEqual([]);
+  await waitFor(() => expect(signals(opened)).toEqual([["x", "y", "z"]]));
+  const right = await screen.findByRole("button", { name: "y axis of Rate of turn, right, automatic" });
+  expect(right.closest(".plot")?.getAttribute("data-key")).toBe("RateOfTurn");
+  expect(right.closest(".plot")?.querySelector(".legend")?.textContent).toContain("m/s²");
+  fireEvent.click(rowNamed("1/MagneticField"));
+  fireEvent.click(await screen.findByRole("button", { name: "Rate of turn", pressed: false }));
+  expect(await screen.findByText(/at most two units: Rate of turn has °\/s and m\/s², this signal is in/)).toBeTruthy();
+  expect(signals(opened)).toEqual([["x", "y", "z"]]);
 });
 
 test("a channel dropped under the plots makes a new plot, which its own button removes", async () => {

@@ -260,7 +260,7 @@ function Targets({ row, plots, custom, device, onPut, onTakeOff, children }: Tar
       </button>
       {plots.map((plot) => {
         const held = heldOf(custom, targetOf(plot, device), refs).length === refs.length;
-        const fits = misfit(unitsOf(row), plot.unit, plot.title) === undefined;
+        const fits = misfit(unitsOf(row), plot) === undefined;
         return (
           <button
             type="button"
@@ -342,8 +342,8 @@ export function putOn(
   device: string,
 ): { readonly plots: readonly CustomPlot[] | undefined; readonly said: string } {
   const [units, name] = [unitsOf(row), nameOf(row)];
-  if (units.length > 1) return { plots: undefined, said: TEXT.differentUnits };
-  const problem = plot && misfit(units, plot.unit, plot.title);
+  if (units.length > 2) return { plots: undefined, said: TEXT.differentUnits };
+  const problem = plot && misfit(units, plot);
   if (problem !== undefined) return { plots: undefined, said: problem };
   const target: Target = plot === undefined ? { kind: "new" } : targetOf(plot, device);
   const said = plot === undefined ? TEXT.addedNew(name) : TEXT.addedTo(name, plot.title);

@@ -41,6 +41,7 @@ export const TEXT = {
   unverified: "unverified",
   frameOf: (frame: Value) => `Frame: ${frame}.`,
   toggleSeries: (name: Value, label: Value) => `${name} ${label}: click to hide or show, Shift-click to show alone`,
+  onRightAxis: (name: Value, label: Value) => `${name} ${label}, right axis`,
   removePlot: (title: Value) => `Remove the plot ${title}`,
   change: (difference: Value) => `Δ ${difference}`,
 
@@ -64,6 +65,7 @@ export const TEXT = {
 
   // y axis
   yAxisHint: "Wheel or two fingers: zoom; drag: move; click: range; double click: automatic",
+  rightOf: (title: Value) => `${title}, right`,
   yAxisOf: (title: Value) => `y axis of ${title}`,
   yAxisAutomatic: (title: Value) => `y axis of ${title}, automatic`,
   yAxisFixed: (title: Value, low: Value, high: Value, unit: Value) =>

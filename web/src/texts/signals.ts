@@ -6,7 +6,8 @@ export const TEXT = {
   ofDevice: (signal: Value, device: Value) => `${signal} (${device})`,
   noUnit: "no unit",
   otherUnit: (unit: Value, plot: Value, of: Value) =>
-    `A plot has one unit: this signal is in ${unit}, ${plot} in ${of}. Put it on a new plot.`,
+    `A plot has at most two units: ${plot} has ${of}, this signal is in ${unit}. Put it on a new plot.`,
+  and: " and ",
 
   // tree
   signals: "Signals",
@@ -25,7 +26,7 @@ export const TEXT = {
   addedNew: (name: Value) => `${name} is on a new plot.`,
   addedTo: (name: Value, plot: Value) => `${name} is on the plot ${plot}.`,
   removedFrom: (name: Value, plot: Value) => `${name} is off the plot ${plot}.`,
-  differentUnits: "Its columns differ in their units. Select one of them.",
+  differentUnits: "Its columns have more than two units. Select one of them.",
   resting: "no samples",
 
   // computed signals
