@@ -47,17 +47,26 @@ def cltool(folder: Path, scratch: Path) -> str:
     CLTool opens ports that have a driver, and, with its option REMOTE_SOCAT_PORTS, those in /dev/remote.
     """
     program = owned("cltool", "CLTool of inertialsense/inertial-sense-sdk 2.7.1, with -DREMOTE_SOCAT_PORTS")
-    try:
-        REMOTE.mkdir(exist_ok=True)
-    except PermissionError:
-        raise DiffersError(f"{REMOTE} cannot be made: run this as root, or make it and own it") from None
-    with simulated("isb?baud=921600", REMOTE / "imuscope") as port:
+    with simulated("isb?baud=921600", remote_folder() / "imuscope") as port:
         words = ["-c", port, "-baud=921600", "-did", "DID_INS_1", "DID_PIMU", "-lon", "-lt=raw", "-dur=10"]
         run([program, *words, "-lp", str(scratch / "log")], scratch)
     logs = sorted((scratch / "log").rglob("*.raw"))
     if not logs or not any(log.stat().st_size > 10_000 for log in logs):
         raise DiffersError("CLTool wrote no log of the device")
     return f"{sum(log.stat().st_size for log in logs)} bytes logged"
+
+
+def remote_folder() -> Path:
+    """The folder that CLTool takes serial ports from.
+
+    Raises:
+        DiffersError: it cannot be made.
+    """
+    try:
+        REMOTE.mkdir(exist_ok=True)
+    except PermissionError:
+        raise DiffersError(f"{REMOTE} cannot be made: run this as root, or make it and own it") from None
+    return REMOTE
 
 
 def xsens_go(folder: Path, scratch: Path) -> str:

@@ -6,6 +6,9 @@
     python -m tests.interop.run cltool            Inertial Sense SDK's CLTool 2.7.1, compiled with REMOTE_SOCAT_PORTS,
                                                   which must be on PATH; as root, for a port in /dev/remote
     python -m tests.interop.run xsens-go          the `xsens` command of einride/xsens-go, which must be on PATH
+    python -m tests.interop.run mtdevice-shared, xda-shared, cltool-shared, xsens-go-shared
+                                                  the same programs on a port that a server holds and shares (--share),
+                                                  records and configures meanwhile
     python -m tests.interop.run mcap              pymcap-cli 0.34.0 (pip), on recordings and exports of ours
     python -m tests.interop.run rerun             the rerun command that is installed with imuscope, on an .rrd export
     python -m tests.interop.run pygnssutils       pygnssutils 1.3.1 (pip) as the NTRIP caster of a device
@@ -29,7 +32,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tests.interop import files, hosts, ros2, ros2_source
+from tests.interop import files, hosts, ros2, ros2_source, shared_port
 from tests.interop.running import ROOT, DiffersError
 
 PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
@@ -37,6 +40,10 @@ PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
     "xda": hosts.xda,
     "cltool": hosts.cltool,
     "xsens-go": hosts.xsens_go,
+    "mtdevice-shared": shared_port.mtdevice_shared,
+    "xda-shared": shared_port.xda_shared,
+    "cltool-shared": shared_port.cltool_shared,
+    "xsens-go-shared": shared_port.xsens_go_shared,
     "hiroz": ros2.hiroz,
     "hiroz-source": ros2_source.hiroz_source,
     "mcap": files.mcap,
