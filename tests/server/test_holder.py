@@ -277,6 +277,19 @@ def test_an_imx_is_configured_by_what_it_stores_and_streams() -> None:
     assert effects("isb", stream + write + stop) == ["change"] * 3
 
 
+def test_an_imx_is_configured_by_sentences_too() -> None:
+    driver = PROTOCOLS["isb"].driver
+    assert driver is not None
+    known = DeviceContext(product="IMX-5")
+    asked = driver.frame("INFO", {}, known) + driver.frame("ASCE", {}, known)
+    assert effects("isb", asked) == []
+    messages = {"options": 0, "messages": [{"id": 7, "period": 1}]}
+    for name, values in {"STPB": {}, "STPC": {}, "PERS": {}, "SRST": {}, "ASCE": messages}.items():
+        assert effects("isb", b"noise" + asked + driver.frame(name, values, known) + asked) == ["change"], name
+    correction = driver.frame("GET_DID_INS_1", {}, known)
+    assert effects("isb", b"$STP\x00" + correction + b"$" + b"x" * 600 + driver.frame("STPC", {}, known)) == ["change"]
+
+
 def test_every_stored_data_set_counts_as_configuration() -> None:
     assert {did for did, row in STORED.items() if row.write} <= SETTINGS
 
