@@ -4,6 +4,7 @@
  */
 import { type Signal, signal } from "@preact/signals";
 import type { WorldFrame } from "./rotations";
+import { DEFAULT_ORDER } from "../plots/plot-order";
 import { DEFAULT_LAYOUT, type Layout } from "../workspace/layout";
 import { ViewActions } from "./view-actions";
 
@@ -54,6 +55,12 @@ export interface GoToBar {
   /** As typed: a time or a condition. */
   readonly text: string;
   readonly kind: Destination;
+}
+
+/** The order of the plots, by key, and chosen heights, px, as far as a person chose them (plots/plot-order.ts). */
+export interface PlotOrder {
+  readonly order?: readonly string[];
+  readonly heights?: Readonly<Record<string, number>>;
 }
 
 /** What a person chose for the y axis of a plot; without a range it follows the data. */
@@ -115,6 +122,7 @@ export interface ViewSignals {
   readonly customPlots: Signal<readonly CustomPlot[]>;
   /** Frame in which attitude is shown; undefined: as the device sends it. Views of one store share it: the store converts its samples. */
   readonly frame: Signal<WorldFrame | undefined>;
+  readonly plotOrder: Signal<PlotOrder>;
   readonly xy: Signal<XyChoice>;
   readonly histogram: Signal<HistogramChoice>;
   /** Where the panels are. */
@@ -140,6 +148,7 @@ export function createViewState(like?: ViewSignals): ViewState {
     extraPlots: signal(like?.extraPlots.peek() ?? new Set<string>()),
     customPlots: signal(like?.customPlots.peek() ?? []),
     frame: like?.frame ?? signal<WorldFrame | undefined>(undefined),
+    plotOrder: signal<PlotOrder>(like?.plotOrder.peek() ?? DEFAULT_ORDER),
     xy: signal<XyChoice>(like?.xy.peek() ?? {}),
     histogram: signal<HistogramChoice>(like?.histogram.peek() ?? {}),
     layout: signal(like?.layout.peek() ?? DEFAULT_LAYOUT),

@@ -16,11 +16,11 @@
 import { computed, effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
-import type { CustomPlot, ViewState } from "../data/view-state";
+import type { CustomPlot, PlotOrder, ViewState } from "../data/view-state";
 import { withCustomPlots } from "../signals/custom-plots";
 import type { Openers } from "../panels/panel-context";
 import { clock } from "../ui/format";
-import { el, throttle, unit } from "../ui/dom";
+import { el, throttle } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
 import { drawGlass, type Pane } from "./overlay";
@@ -31,7 +31,10 @@ import { alarmsOn, stampOf, type AlarmMarks, type AlarmSource } from "./alarm-ma
 import { type MarkLine, markersOf } from "./markers";
 import { HistoryStrip } from "./history-strip";
 import { palette, type Palette, CanvasLayer } from "./canvas-style";
+import { MoreQuantities } from "./more-quantities";
 import { Plot } from "./plot";
+import { addGrips } from "./plot-grips";
+import { heightOf, inOrder } from "./plot-order";
 import { protocolAmong } from "../wire/capabilities";
 import { plain, type PlotSpec, plotsOf, sameSeries, type Series } from "./plot-selection";
 import { timeWindow, type TimeWindow } from "./time-window";
@@ -56,8 +59,6 @@ export interface StackDeps {
 
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
-/** With more further quantities than this they are grouped by message. */
-const MAX_OFFERED = 12;
 /** A longer title reaches the tick labels, px from the left. */
 const TITLE_PX = 126;
 
@@ -70,7 +71,7 @@ class Stack {
   readonly #alarms: () => AlarmMarks;
   readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": COMMON.plots });
   readonly #glass = new CanvasLayer(el("canvas", { class: "cursor-layer", "aria-hidden": "true" }));
-  readonly #more = el("div", { class: "more-quantities", role: "group", "aria-label": TEXT.moreQuantities });
+  readonly #more: MoreQuantities;
   readonly #lanesBox = el("div", { class: "lane-box" });
   readonly #lanesHost = el("div", { class: "lanes" });
   readonly #lanesSheet = new CanvasLayer(el("canvas", { role: "img", "aria-label": TEXT.statusLanesLabel }));
@@ -100,7 +101,6 @@ class Stack {
   #panes: readonly Pane[] = [];
   /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
   #still = 0;
-  readonly #openSignals: (() => void) | undefined;
   readonly #openPacket: Openers["packet"] | undefined;
 
   constructor(
@@ -109,7 +109,6 @@ class Stack {
   ) {
     this.#markers = markers ?? markersOf(store, viewState);
     this.#alarms = alarmsOn(store, viewState, alarms);
-    this.#openSignals = open && (() => open.signals());
     this.#openPacket = open?.packet;
     this.#store = store;
     this.#state = viewState;
@@ -118,14 +117,13 @@ class Stack {
     this.#names = new LaneNames(this.#lanesBox, () => this.#slowly());
     this.#lanesBox.append(this.#lanesSheet.canvas);
     this.#lanesHost.append(this.#lanesBox, this.#names.say);
-    this.#more.addEventListener("wheel", (event) => {
-      if (event.deltaX !== 0 || this.#more.scrollWidth <= this.#more.clientWidth) return;
-      event.preventDefault(); // the wheel scrolls along the row, which has no scroll bar
-      this.#more.scrollLeft += event.deltaY;
+    this.#more = new MoreQuantities(viewState, open && (() => open.signals()), {
+      shown: (key) => this.#plots.find(({ spec }) => spec.key === key)?.root.scrollIntoView({ block: "nearest" }),
+      resized: () => (this.#layoutDue = true),
     });
     const axis = el("div", { class: "axis" }, this.#axis.canvas);
     const over = el("div", { class: "history-strip" }, this.#over.canvas);
-    this.#root.append(this.#more, this.#lanesHost, axis, over, this.#glass.canvas);
+    this.#root.append(this.#more.root, this.#lanesHost, axis, over, this.#glass.canvas);
     host.append(this.#root);
     this.#look = palette(this.#root);
     this.#seen = new IntersectionObserver((entries) => {
@@ -143,6 +141,7 @@ class Stack {
       this.#layoutDue = true;
     };
     const device = computed(() => this.#state.view.value.device); // the rest of the view changes with every drag
+    const order = computed(() => this.#state.plotOrder.value.order);
     const resized = new ResizeObserver(relook);
     resized.observe(this.#root);
     const themed = new MutationObserver(relook);
@@ -161,8 +160,10 @@ class Stack {
       }),
       effect(() => {
         const { extraPlots, customPlots } = this.#state;
+        void order.value;
         this.#choose(this.#store.channels.value, device.value, extraPlots.value, customPlots.value);
       }),
+      effect(() => this.#size(this.#state.plotOrder.value)),
       effect(() => {
         for (const plot of this.#plots) plot.legend.show(this.#state.hiddenSeries.value);
       }),
@@ -191,7 +192,7 @@ class Stack {
     const protocol = protocolAmong(this.#store.devices.peek(), device);
     this.#specs = plotsOf(this.#channels, protocol?.plots);
     const chosen = this.#specs.filter(({ primary, key }) => primary !== extra.has(key));
-    const wanted = withCustomPlots(chosen, custom, channels, device);
+    const wanted = inOrder(withCustomPlots(chosen, custom, channels, device), this.#state.plotOrder.peek());
     const before = this.#plots;
     this.#plots = wanted.map((spec) => before.find((plot) => sameSeries(plot.spec, spec)) ?? this.#plot(spec));
     for (const plot of before) {
@@ -200,11 +201,12 @@ class Stack {
       plot.root.remove();
     }
     for (const plot of this.#plots) {
-      this.#more.before(plot.root);
+      this.#more.root.before(plot.root);
       this.#seen.observe(plot.root);
     }
     this.#hideNorms();
-    this.#offer(extra);
+    this.#size(this.#state.plotOrder.peek());
+    this.#more.offer(this.#specs, extra);
     this.#lanes.keep(this.#channels);
     this.#strip.follow(this.#specs[0]);
     this.#theme += 1;
@@ -218,7 +220,19 @@ class Stack {
       this.#root.focus({ preventScroll: true }); // the button is gone
     };
     const toggle = (key: string, alone: boolean): void => actions.toggleKey(key, alone);
-    return new Plot(spec, toggle, this.#state, spec.custom === undefined ? undefined : remove);
+    const plot = new Plot(spec, toggle, this.#state, spec.custom === undefined ? undefined : remove);
+    addGrips(plot, this.#state, () => this.#plots);
+    return plot;
+  }
+
+  /** Give each plot the height that was chosen. */
+  #size(of: PlotOrder): void {
+    for (const { root, spec } of this.#plots) {
+      const height = heightOf(of, spec.key);
+      root.style.flex = height === undefined ? "" : `0 0 ${height}px`;
+      root.style.minHeight = height === undefined ? "" : `${height}px`;
+    }
+    this.#layoutDue = true;
   }
 
   #hideNorms(): void {
@@ -229,65 +243,6 @@ class Stack {
     if (fresh.length > 0)
       this.#state.hiddenSeries.value = new Set([...this.#state.hiddenSeries.peek(), ...fresh.map(({ key }) => key)]);
     for (const plot of this.#plots) plot.legend.show(this.#state.hiddenSeries.peek());
-  }
-
-  /** The row of further quantities; grouped by message if they are many. */
-  #offer(extra: ReadonlySet<string>): void {
-    const others = this.#specs.filter(({ primary }) => !primary);
-    this.#more.hidden = others.length === 0 && this.#openSignals === undefined;
-    const open = new Set(
-      [...this.#more.querySelectorAll("details[open]")].map((details) => details.getAttribute("data-group")),
-    );
-    const groups = new Map<string, PlotSpec[]>();
-    for (const spec of others) {
-      const group = others.length > MAX_OFFERED ? spec.group : "";
-      groups.set(group, [...(groups.get(group) ?? []), spec]);
-    }
-    this.#more.classList.toggle("grouped", groups.size > 1);
-    this.#more.replaceChildren(TEXT.moreQuantities);
-    if (this.#openSignals) {
-      const all = el("button", { type: "button", title: TEXT.allSignalsHint }, TEXT.allSignals);
-      all.addEventListener("click", this.#openSignals);
-      this.#more.append(all);
-    }
-    for (const [group, specs] of groups) {
-      const buttons = specs.map((spec) => this.#offerOne(spec, extra.has(spec.key), group));
-      if (group === "") {
-        this.#more.append(...buttons);
-        continue;
-      }
-      const details = el(
-        "details",
-        { "data-group": group },
-        el("summary", {}, group, unit(String(specs.length))),
-        ...buttons,
-      );
-      details.open = open.has(group);
-      details.addEventListener("toggle", () => (this.#layoutDue = true));
-      this.#more.append(details);
-    }
-  }
-
-  #offerOne({ key, title, unit: unitText, frame, series }: PlotSpec, on: boolean, group: string): HTMLElement {
-    const suffix = ` · ${group}`;
-    const words = group !== "" && title.endsWith(suffix) ? title.slice(0, -suffix.length) : title;
-    const button = el("button", { type: "button", "aria-pressed": String(on), "data-plot": key }, words);
-    const tail = [unitText, frame].filter(Boolean).join(" ");
-    if (tail !== "") button.append(unit(tail));
-    if (series[0]?.channel.info.verified === false)
-      button.append(
-        el("span", { class: "warned", title: TEXT.unverifiedHint }, " ▲"),
-        el("span", { class: "visually-hidden" }, TEXT.unverified),
-      );
-    button.addEventListener("click", () => {
-      const next = new Set(this.#state.extraPlots.peek());
-      if (!next.delete(key)) next.add(key);
-      this.#state.extraPlots.value = next;
-      // the row was rendered again: restore focus to the pressed button
-      this.#more.querySelector<HTMLElement>(`[data-plot="${CSS.escape(key)}"]`)?.focus();
-      this.#plots.find((plot) => plot.spec.key === key)?.root.scrollIntoView({ block: "nearest" });
-    });
-    return button;
   }
 
   update(now: number): void {

@@ -53,6 +53,12 @@ const XY = [
   { x: ["Acceleration", "x"], y: ["Temperature", "value"], pairing: "nearest" },
   { colour: "trail", draw: "points", isEqual: true, range: "cursors" },
 ];
+const ORDERS = [
+  { order: ["Temperature", "Acceleration", "custom:p1"], heights: { Acceleration: 200, Temperature: 40 } },
+  { heights: { "Position/ECEF": 333 } },
+  { order: ["Pressure"] },
+];
+
 const HISTOGRAMS = [
   { channel: "Acceleration", columns: ["x", "norm"], scale: "density", bins: 50 },
   { range: "cursors", within: 4, noCurve: true },
@@ -72,6 +78,7 @@ export function randomParts(next: Random): Record<string, unknown> {
     ...(plots.length > 0 ? { extraPlots: plots } : {}),
     ...(custom.length > 0 ? { customPlots: custom } : {}),
     ...(next() < 0.5 ? { yAxes: oneOf(next, AXES) } : {}),
+    ...(next() < 0.5 ? { plotOrder: oneOf(next, ORDERS) } : {}),
     ...(next() < 0.5 ? { histogram: oneOf(next, HISTOGRAMS) } : {}),
     ...(next() < 0.5 ? { xy: oneOf(next, XY) } : {}),
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),

@@ -59,6 +59,10 @@ export const TEXT = {
   secondsUntil: (span: Value, end: Value) => `${span} s until ${end} UTC`,
   timeAxisState: (range: Value, cursor: Value) => `Time axis, ${range}${cursor}`,
 
+  // order and heights
+  heightHint: "Drag: height of the plot; double click: automatic",
+  moveHint: "Drag the title to move the plot",
+
   // plot
   inUnit: (unit: Value) => ` in ${unit}`,
   plotOverTime: (title: Value, unit: Value) => `${title}${unit} over time`,

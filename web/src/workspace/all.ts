@@ -2,5 +2,6 @@
 import "./view-parts";
 import "./custom-plots";
 import "./y-axes";
+import "./plot-order";
 import "./xy";
 import "./histogram";

@@ -12,6 +12,8 @@ import { TEXT } from "../texts/workspace";
 import { type Area, AREAS, DEFAULT_LAYOUT, inArea, isShown, maximise, moveBy, moveTo, show } from "./layout";
 import { panelsOf } from "./panels";
 import { sessionOf, type WorkspaceSession } from "./session";
+import { DEFAULT_ORDER } from "../plots/plot-order";
+import { PlotList } from "./plot-list";
 import { StoredSection } from "./stored-section";
 
 interface Props {
@@ -54,6 +56,7 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
   useEffect(() => ref.current?.focus(), []);
   void session.steps.value;
   const all = panelsOf(deps);
+  const { plotOrder } = deps.viewState;
   const layout = deps.viewState.layout.value;
   const hidden = all.filter((panel) => !isShown(layout, panel));
   const tool = (icon: IconName, label: string, act: () => void, disabled = false) => (
@@ -75,14 +78,20 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
         {AREAS.map((area) => (
           <AreaList key={area} session={session} area={area} all={all} panels={inArea(layout, area, all)} />
         ))}
+        <PlotList deps={deps} />
         {hidden.length > 0 && <AreaList session={session} area="hidden" all={all} panels={hidden} />}
       </div>
       <div class="arrange-foot">
         <button
           type="button"
           class="btn edge"
-          disabled={layout === DEFAULT_LAYOUT}
-          onClick={() => session.change(() => DEFAULT_LAYOUT)}
+          disabled={layout === DEFAULT_LAYOUT && plotOrder.value === DEFAULT_ORDER}
+          onClick={() => {
+            session.change(() => {
+              plotOrder.value = DEFAULT_ORDER;
+              return DEFAULT_LAYOUT;
+            });
+          }}
         >
           {TEXT.defaultLayout}
         </button>
