@@ -247,15 +247,20 @@ class Library:
 
     # ── changing ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def edit(self, recording: str, edits: Edits) -> LibraryEntry:
+    def edit(self, recording: str, edits: Edits, notes_before: str | None = None) -> LibraryEntry:
         """Apply the changes that are not None; markers are added to the existing ones.
+
+        Args:
+            notes_before: notes that are replaced; None: any.
 
         Raises:
             KeyError: not found.
+            ChangedError: the notes are others by now.
             RecordingError: they cannot be stored.
         """
         with self._lock:
             entry = self.get(recording)
+            sidecar.expect_notes(entry.edits, notes_before)
             self._store(entry, edits.over(sidecar.read(entry.path)))
             return self.get(recording)
 

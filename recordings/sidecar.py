@@ -83,6 +83,16 @@ class Edits:
         return out
 
 
+class ChangedError(RecordingError):
+    """Change of what is to be replaced since it was read."""
+
+
+def expect_notes(edits: Edits, before: str | None) -> None:
+    """Raise ChangedError unless the notes are those that somebody read; None: any."""
+    if before is not None and (edits.notes or "") != before:
+        raise ChangedError("The notes were changed elsewhere.", "Read them again, and add your words to them.")
+
+
 CSV_EDIT = "# imuscope edit: "  # starts the first line of an exported CSV file
 FIRST_MARKER = 1_000_001  # ids of markers added later start here: those of the file itself are counted from 1
 

@@ -208,8 +208,10 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
         refused = "status of 422" in message.text and "/api/recordings/upload" in message.location.get("url", "")
         if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text and not refused:
             asked = "status of 409" in message.text and message.location.get("url", "").endswith("/apply")
-            # somebody else saved the workspace before, and the page offers what to do
-            changed = "status of 412" in message.text and "/api/workspaces/" in message.location.get("url", "")
+            # somebody else saved the workspace or the notes before, and the page offers what to do
+            address = message.location.get("url", "")
+            is_shared = "/api/workspaces/" in address or "/api/recordings/" in address
+            changed = "status of 412" in message.text and is_shared
             if not asked and not changed:  # it needs confirmation before it writes, and the page shows the dialog
                 complaints.append(f"console: {message.text} ({message.location.get('url', 'no address')})")
 

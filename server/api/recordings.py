@@ -107,7 +107,7 @@ async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> Non
         raise RecordingError("Upload incomplete.", "Send it again.")
 
 
-@router.patch("/{recording}", responses=responses(404, 409, 422, 507))
+@router.patch("/{recording}", responses=responses(404, 409, 412, 422, 507))
 async def edit_recording(recording: str, body: EditRequest, services: TheServices) -> RecordingInfo:
     """Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id."""
     _bounded(body.title, MAX_TITLE, "The title")
@@ -122,7 +122,7 @@ async def edit_recording(recording: str, body: EditRequest, services: TheService
     )
     title = None if body.title is None else " ".join(body.title.split())
     edits = sidecar.Edits(title, tags, body.notes, body.pinned)
-    entry = await _in_thread(recording, lambda: services.catalogue.library.edit(recording, edits))
+    entry = await _in_thread(recording, lambda: services.catalogue.library.edit(recording, edits, body.notes_before))
     name = body.file
     if name is not None:
         if services.catalogue.is_recording(entry):
@@ -240,6 +240,8 @@ async def _in_thread(recording: str, work: Callable[[], Changed]) -> Changed:
         return await asyncio.to_thread(work)
     except KeyError:
         raise unknown_recording(recording) from None
+    except sidecar.ChangedError as error:
+        raise DomainError("changed", error.message, error.hint) from None
     except NamingError as error:
         raise DomainError("name", error.message, error.hint) from None
     except RecordingError as error:

@@ -16,6 +16,7 @@ from datetime import UTC, datetime
 from html import escape
 from typing import Any
 
+from server.evidence.note_times import pieces_of
 from server.evidence.series import Blocks
 
 DASH = "—"
@@ -127,7 +128,9 @@ def _figure_table(content: Content, key: str, caption: str) -> str:
 
 def _notes(content: Content) -> str:
     notes = content["notes"]
-    text = f'<p class="text">{escape(notes["text"])}</p>' if notes["text"] else ""
+    pieces = pieces_of(notes["text"], content["recorded"][0] or content["t0"])
+    words = "".join(escape(piece) if t0 is None else _button(t0, piece, t1) for piece, t0, t1 in pieces)
+    text = f'<p class="text">{words}</p>' if words else ""
     rows = [f"<li>{_at(one['time'])} <b>{escape(one['kind'])}</b> {escape(one['text'])}</li>" for one in notes["times"]]
     listed = f'<ul class="times">{"".join(rows)}</ul>' if rows else ""
     return _section("Notes", text + listed or "<p>None.</p>")
@@ -251,7 +254,12 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "
 
 def _at(time: float) -> str:
     """A time that leads to its place in the plots."""
-    return f'<button type="button" class="time" data-time="{time!r}">{_moment(time, date=False)}</button>'
+    return _button(time, _moment(time, date=False))
+
+
+def _button(time: float, words: str, end: float | None = None) -> str:
+    until = "" if end is None else f' data-end="{end!r}"'
+    return f'<button type="button" class="time" data-time="{time!r}"{until}>{escape(words)}</button>'
 
 
 def _number(value: Any) -> str:

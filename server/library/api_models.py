@@ -159,6 +159,7 @@ class EditRequest:
     title: str | None = None
     tags: list[str] | None = None
     notes: str | None = None
+    notes_before: str | None = None  # notes that were read: refused with 412 if they are others by now; null: replaced
     pinned: bool | None = None
     file: str | None = None  # new name of the file, which changes the id; the suffix stays
 

@@ -12,6 +12,7 @@ import pytest
 
 from recordings.mcap_writer import RecordingError
 from server.evidence.content import About
+from server.evidence.note_times import pieces_of
 from server.evidence.position import REDACTED, Scrubber
 from server.evidence.request import EvidencePlot, EvidenceSeries
 from server.evidence.series import gaps_in, intervals_for, tick_of
@@ -174,6 +175,21 @@ def test_what_others_wrote_cannot_run(tmp_path: Path) -> None:
     assert tags.scripts.count(None) == 1
     assert content_in(text)["title"] == HOSTILE
     assert "default-src 'none'; script-src 'sha256-" in text
+
+
+def test_times_in_notes_lead_to_the_plots(tmp_path: Path) -> None:
+    store = drive(tmp_path / "store")  # begins at 08:53:20 UTC
+    notes = "kerb [08:53:22.5], turn [08:53:23 – 08:53:24.25], <b>[08:53]</b> [2025-13-40 08:53:23]"
+    text = made(store, tmp_path / "out.html", About("A drive", notes))
+    assert f'data-time="{START + 2.5!r}">08:53:22.5</button>, turn' in text
+    assert f'data-time="{START + 3!r}" data-end="{START + 4.25!r}">08:53:23 – 08:53:24.25</button>' in text
+    assert "&lt;b&gt;[08:53]&lt;/b&gt; [2025-13-40 08:53:23]" in text
+
+
+def test_a_time_after_midnight_is_on_the_next_day() -> None:
+    late = 1_760_054_395.0  # 23:59:55 UTC
+    assert pieces_of("[00:00:05]", late) == [("00:00:05", late + 10, None)]
+    assert pieces_of("a [23:59:55 - 00:00:05]", late) == [("a ", None, None), ("23:59:55 - 00:00:05", late, late + 10)]
 
 
 def test_gaps_are_judged_by_the_usual_step() -> None:

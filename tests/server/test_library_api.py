@@ -74,6 +74,12 @@ def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: InProcess
     assert client.patch(f"{URL}/a", json={"notes": "3 laps"}).json()["pinned"] is True
     assert [one["id"] for one in listed(running, "laps yard")] == ["a"]
     assert listed(running, "drone") == []
+    refused = client.patch(f"{URL}/a", json={"notes": "mine", "notes_before": "2 laps"})
+    assert (refused.status_code, refused.json()["kind"]) == (412, "changed")
+    assert listed(running)[0]["notes"] == "3 laps"
+    assert client.patch(f"{URL}/a", json={"notes": "3 laps, dry", "notes_before": "3 laps"}).json()["notes"] == (
+        "3 laps, dry"
+    )
     marker = client.post(f"{URL}/a/markers", json={"text": "later", "time": 1.76e9 + 0.5, "kind": "note"})
     assert marker.status_code == 201
     assert listed(running)[0]["markers"] == 2

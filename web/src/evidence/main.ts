@@ -32,7 +32,8 @@ function start(): void {
   }
   for (const button of document.querySelectorAll<HTMLElement>("button.time"))
     button.addEventListener("click", () => {
-      viewer.goTo(Number(button.dataset["time"]));
+      const { time, end } = button.dataset;
+      viewer.goTo(Number(time), end === undefined ? undefined : Number(end));
       host.scrollIntoView({ block: "nearest" });
     });
   window.addEventListener("keydown", (event) => onKey(event, viewer));

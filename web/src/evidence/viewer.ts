@@ -92,9 +92,16 @@ export class Viewer {
     this.show(0, this.#span);
   }
 
-  /** Show a moment, and put A there. */
-  goTo(unix: number): void {
+  /** Show a moment, and put A there; or a range between A and B. */
+  goTo(unix: number, end?: number): void {
     const t = unix - this.#marks.t0;
+    if (end !== undefined) {
+      const to = end - this.#marks.t0;
+      const room = (to - t) / 4;
+      this.show(t - room, to + room);
+      this.setCursor("b", to);
+      return this.setCursor("a", t);
+    }
     const half = (this.shown.to - this.shown.from) / 2;
     if (t < this.shown.from || t > this.shown.to) this.show(t - half, t + half);
     this.setCursor("a", t);

@@ -157,6 +157,8 @@ export interface EditRequest {
   readonly title: string | null;
   readonly tags: readonly string[] | null;
   readonly notes: string | null;
+  /** notes that were read: refused with 412 if they are others by now; null: replaced */
+  readonly notes_before: string | null;
   readonly pinned: boolean | null;
   /** new name of the file, which changes the id; the suffix stays */
   readonly file: string | null;

@@ -1153,7 +1153,7 @@ export interface Routes {
   /** Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id. */
   "PATCH /api/recordings/{recording}": {
     readonly path: { readonly recording: string };
-    readonly body: Defaulted<EditRequest, "title" | "tags" | "notes" | "pinned" | "file">;
+    readonly body: Defaulted<EditRequest, "title" | "tags" | "notes" | "notes_before" | "pinned" | "file">;
     readonly answer: RecordingInfo;
   };
   /** Move a recording to the bin, from where it can be restored for 7 days. */
