@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated
 
 from fastapi import APIRouter, Depends
@@ -11,12 +12,16 @@ from pydantic import BaseModel, Field
 from server.alarms.along_time import notes_on
 from server.alarms.definitions import AlarmDefinition, ExpressionCondition, StoredAlarm
 from server.alarms.instance import AlarmState
+from server.alarms.preview import AlarmPreview, judge_of, preview_of, recorded_preview, rows_in_memory
 from server.alarms.service import AlarmService
 from server.alarms.webhooks import shown_url
+from server.analysis.channel_rates import ChannelRates
 from server.analysis.expression_syntax import ExpressionError
+from server.api.analysis import recording_of
 from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.errors import DomainError
+from server.library.recording_detail import channels_of
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])
 
@@ -46,6 +51,15 @@ class AlarmCheck(BaseModel):
     end: int | None = None
     notes: list[str] = Field(default=[], description="sentences about the condition, such as that a filter is causal")
     devices: list[str] = Field(default=[], description="names of the present devices that it was checked with")
+
+
+class AlarmPreviewRequest(BaseModel):
+    """A request for a preview of an alarm."""
+
+    definition: AlarmDefinition
+    source: str = Field(max_length=200, description="id of a live device, or of a recording")
+    device: str = Field("", max_length=40, description="device of the recording; empty for its first")
+    seconds: float = Field(600.0, gt=0, le=86_400, description="of a live device: this long, as far as memory holds it")
 
 
 class AcknowledgeRequest(BaseModel):
@@ -83,6 +97,24 @@ async def check_alarm(body: AlarmDefinition, alarms: TheAlarms) -> AlarmCheck:
         return AlarmCheck(valid=False, message=error.message, hint=error.hint, begin=error.begin, end=error.end)
     except DomainError as error:
         return AlarmCheck(valid=False, message=error.message, hint=error.hint)
+
+
+@router.post("/preview", responses=responses(404, 422))
+async def preview_alarm(body: AlarmPreviewRequest, services: TheServices) -> AlarmPreview:
+    """Preview how often an alarm would have been raised, live in the last minutes or in a whole recording.
+
+    The filter for devices does not count, and a latched alarm counts each time.
+    """
+    store = services.telemetry.store
+    if own := store.of_device(body.source):
+        judge = judge_of(body.definition, list(own.values()), ChannelRates(store))
+        rows = rows_in_memory(store, judge.channels, body.seconds)
+        return await asyncio.to_thread(preview_of, body.definition, judge, [rows])
+    columns = await recording_of(body.source, services)
+    infos = list(channels_of(columns).values())
+    device = body.device or next((info.device for info in infos), "")
+    chosen = [info for info in infos if info.device == device]
+    return await asyncio.to_thread(recorded_preview, body.definition, columns, chosen)
 
 
 @router.get("/{alarm}", responses=responses(404, 422))

@@ -8,6 +8,7 @@ import { protocolOf } from "../wire/capabilities";
 import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../wire/routes";
 import type { ChannelInfo, DeviceInfo } from "../wire/types";
 import { ANY, definitionOf, fieldsOf, lastingName, nameOf, type Fields, type Figure } from "./alarm-fields";
+import { AlarmPreview } from "./alarm-preview";
 import { NumberField, RecordingChoice } from "./alarm-recording";
 import type { App } from "./app-state";
 import { COMMON } from "../texts/common";
@@ -22,7 +23,7 @@ interface Props {
 
 export function AlarmDialog({ app, onClose }: Props) {
   const draft = app.alarmDraft.value;
-  const device = app.device.value;
+  const device = draft.device ?? app.device.value;
   const fields = useSignal(fieldsOf(draft, device));
   const check = useSignal<AlarmCheck | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
@@ -161,6 +162,7 @@ export function AlarmDialog({ app, onClose }: Props) {
             onInput={(event) => set({ webhook: event.currentTarget.value })}
           />
         </label>
+        <AlarmPreview stamp={check.value?.valid === true ? stamp : undefined} source={device?.id} />
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="alarm-end">
           <button type="submit" class="btn main" disabled={isEmpty || check.value?.valid === false}>

@@ -1,7 +1,7 @@
 /** Alarms in words and symbols, the drafts of new ones, and the intervals in which they were raised, from events. Pure. */
 import { number } from "../ui/format";
 import type { AlarmDefinition, AlarmInfo, AlarmState } from "../wire/routes";
-import type { EventInfo, Level } from "../wire/types";
+import type { DeviceInfo, EventInfo, Level } from "../wire/types";
 import { TEXT } from "../texts/alarms";
 
 /** What is known of an alarm when its form opens; with an `id` it is a stored one. */
@@ -10,6 +10,8 @@ export interface AlarmDraft {
   readonly definition?: AlarmDefinition;
   /** The condition of a new one. */
   readonly expression?: string;
+  /** The device that it is for; absent: the selected one. */
+  readonly device?: DeviceInfo | undefined;
 }
 
 export interface AlarmOnDevice {

@@ -6,6 +6,8 @@ import { type Opened, openPage } from "../testing/live-page";
 import { type Answers, recorded } from "../testing/recorded";
 
 const known = recorded("xbus");
+/** Dialogs and the tree are fetched when they are opened. */
+const PATIENCE = { timeout: 20_000 };
 const rows = (): readonly HTMLElement[] => screen.getAllByRole("treeitem");
 const names = (): readonly string[] => rows().map((row) => row.getAttribute("data-row") ?? "");
 const signals = ({ app }: Opened) => app.viewState.customPlots.value.map((plot) => plot.signals.map((s) => s.column));
@@ -18,10 +20,10 @@ function rowNamed(name: string): HTMLElement {
 
 async function openTree(answers: Answers = {}): Promise<Opened> {
   const opened = await openPage(known, { answers });
-  await screen.findByRole("button", { name: "All signals…" });
+  await screen.findByRole("button", { name: "All signals…" }, PATIENCE);
   fireEvent.keyDown(document.body, { key: "s", code: "KeyS" });
-  const search = await screen.findByRole("searchbox");
-  await waitFor(() => expect(document.activeElement).toBe(search));
+  const search = await screen.findByRole("searchbox", {}, PATIENCE);
+  await waitFor(() => expect(document.activeElement).toBe(search), PATIENCE);
   return opened;
 }
 
@@ -58,6 +60,15 @@ test("keys unfold a channel, choose a column and plot it; the pressed plot takes
   const plots = await within(targets).findAllByRole("button", { name: "Acceleration", pressed: true });
   fireEvent.click(plots.at(-1) as Element);
   await waitFor(() => expect(signals(opened)).toEqual([]));
+});
+
+test("an alarm on a signal begins with the signal and a limit", async () => {
+  const opened = await openTree({ "POST /api/alarms/check": {} });
+  fireEvent.click(rowNamed("1/Acceleration"));
+  fireEvent.click(await screen.findByRole("button", { name: "Alarm when…" }, PATIENCE));
+  const condition = await screen.findByLabelText<HTMLInputElement>("Condition", {}, PATIENCE);
+  expect(condition.value).toMatch(/^norm\(Acceleration\) > [\d.]+ m\/s²$/);
+  expect(opened.app.alarmDraft.value.device?.id).toBe("1");
 });
 
 test("a second unit gets the right axis of a plot, and a third one is refused with a sentence", async () => {

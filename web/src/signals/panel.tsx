@@ -15,6 +15,7 @@ import type { ComputedSignal } from "../wire/routes";
 import type { ChannelInfo } from "../wire/types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/signals";
+import { alarmCondition, canAlarm } from "./alarm-condition";
 import { added, heldOf, misfit, refOf, removed, type Target, targetOf, unitOf, withCustomPlots } from "./custom-plots";
 import { isComputed } from "./completion";
 import { listenForDrops } from "./drag";
@@ -101,6 +102,8 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   };
   void tick.value;
   const at = reading(deps);
+  const alarm = (row: TreeRow): void =>
+    deps.open.alarm({ expression: alarmCondition(row, reading(deps)), device: row.device });
   return (
     <section ref={root} class="signals-panel" aria-label={TEXT.signals} onKeyDown={onKey}>
       <div class="head">
@@ -161,6 +164,11 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         onPut={put}
         onTakeOff={takeOff}
       >
+        {isLive && chosen.value && canAlarm(chosen.value) && (
+          <button type="button" class="btn edge" onClick={() => chosen.value && alarm(chosen.value)}>
+            {TEXT.alarmWhen}
+          </button>
+        )}
         {isLive && chosen.value?.channel && isComputed(chosen.value.channel.info) && (
           <Computed
             deps={deps}

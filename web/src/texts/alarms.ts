@@ -50,6 +50,9 @@ export const TEXT = {
   kinds: { expression: "Signals", flag: "Flag", health: "Link figure" },
   condition: "Condition",
   conditionHelp: "For example norm(Acceleration) > 3 g, or rms(Acceleration.z, 1 s) > 0.5 g.",
+  wouldNotRaise: (span: Value) => `Would not have been raised in the last ${span}.`,
+  wouldRaise: (times: number, span: Value, worst: string) =>
+    `Would have been raised ${times === 1 ? "once" : count(times, "time")} in the last ${span}${worst && `; worst ${worst}`}.`,
   clear: "Limit to clear",
   clearHelp: "Optional, for example 2.5 g. Between both limits the alarm stays as it is.",
   status: "Status word",

@@ -83,6 +83,28 @@ export interface AlarmInfo {
   readonly states: readonly AlarmState[];
 }
 
+/** Result of a preview: the times an alarm would have been raised. Values are in `unit`. */
+export interface AlarmPreview {
+  readonly times: number;
+  readonly t0: number | null;
+  readonly t1: number | null;
+  readonly worst: number | null;
+  readonly unit: string;
+  readonly seconds: number;
+  readonly intervals: readonly RaisedInterval[];
+}
+
+/** A request for a preview of an alarm. */
+export interface AlarmPreviewRequest {
+  readonly definition: AlarmDefinition;
+  /** id of a live device, or of a recording */
+  readonly source: string;
+  /** device of the recording; empty for its first */
+  readonly device?: string;
+  /** of a live device: this long, as far as memory holds it */
+  readonly seconds?: number;
+}
+
 /** State of an alarm of one device; values are in `unit`. */
 export interface AlarmState {
   readonly device: string;
@@ -1292,6 +1314,11 @@ export interface Routes {
   "POST /api/alarms/check": {
     readonly body: AlarmDefinition;
     readonly answer: AlarmCheck;
+  };
+  /** Preview how often an alarm would have been raised, live in the last minutes or in a whole recording. */
+  "POST /api/alarms/preview": {
+    readonly body: AlarmPreviewRequest;
+    readonly answer: AlarmPreview;
   };
   /** One alarm with its states. */
   "GET /api/alarms/{alarm}": {

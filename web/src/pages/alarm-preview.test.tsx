@@ -1,0 +1,34 @@
+// @vitest-environment happy-dom
+/** The preview of an alarm: what it asks, and what it says. */
+import { cleanup, render, screen, waitFor } from "@testing-library/preact";
+import { afterEach, expect, test, vi } from "vitest";
+import { answering } from "../testing/recorded";
+import { AlarmPreview, previewWords } from "./alarm-preview";
+
+const found = { times: 3, t0: 1000, t1: 1588, worst: 34.25, unit: "m/s²", seconds: 2, intervals: [] };
+const condition = { kind: "expression", expression: "Acceleration.x > 1 g", clear: "" };
+
+afterEach(() => {
+  cleanup();
+  vi.unstubAllGlobals();
+});
+
+test("the sentence has how often, in which time, and the worst value", () => {
+  expect(previewWords(found)).toBe("Would have been raised 3 times in the last 9.8 min; worst 34.250 m/s².");
+  expect(previewWords({ ...found, times: 1, worst: null })).toBe("Would have been raised once in the last 9.8 min.");
+  expect(previewWords({ ...found, times: 0 })).toBe("Would not have been raised in the last 9.8 min.");
+  expect(previewWords({ ...found, t0: null, t1: null })).toBe("");
+});
+
+test("a valid definition is judged on the device, one that is not valid and one of a link figure are not", async () => {
+  const asked = answering({ "POST /api/alarms/preview": found });
+  const stamp = JSON.stringify({ name: "Shock", condition });
+  const { rerender } = render(<AlarmPreview stamp={undefined} source="1" />);
+  rerender(<AlarmPreview stamp={JSON.stringify({ condition: { kind: "health" } })} source="1" />);
+  rerender(<AlarmPreview stamp={stamp} source="1" />);
+  await waitFor(() => expect(screen.getByRole("status").textContent).toContain("raised 3 times"));
+  expect(asked).toHaveLength(1);
+  expect(asked[0]?.body).toEqual({ definition: { name: "Shock", condition }, source: "1", seconds: 600 });
+  rerender(<AlarmPreview stamp={undefined} source="1" />);
+  await waitFor(() => expect(screen.getByRole("status").textContent).toBe(""));
+});
