@@ -4,7 +4,7 @@ import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { type Opened, openPage } from "../testing/live-page";
 import { recorded } from "../testing/recorded";
-import { KEY_LINES } from "../ui/keys";
+import { KEY_GROUPS } from "../ui/keys";
 
 const PATIENCE = { timeout: 20_000 };
 const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
@@ -117,7 +117,7 @@ test.each(["the key", "the button"])("%s opens every key there is, and they rest
   const shown = [...help.querySelectorAll("dt")].map((one) =>
     [...one.querySelectorAll("kbd")].map(({ textContent }) => textContent),
   );
-  expect(shown).toEqual(KEY_LINES.map(({ keys }) => keys));
+  expect(shown).toEqual(KEY_GROUPS.flatMap(({ lines }) => lines.map(({ keys }) => keys)));
   expect(within(help).getAllByRole("link").length).toBe(2);
   press(" ", { code: "Space" });
   expect(app.viewState.view.value.live).toBe(true);

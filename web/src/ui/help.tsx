@@ -1,24 +1,31 @@
 /** The `?` overlay: every key, printed from the table that handles them. */
 import { Fragment } from "preact";
 import { Dialog } from "./dialog";
-import { KEY_LINES } from "./keys";
+import { KEY_GROUPS } from "./keys";
 import { COMMON } from "../texts/common";
 
 export function Help({ onClose }: { readonly onClose: () => void }) {
   return (
     <Dialog title={COMMON.keyboard} onClose={onClose}>
-      <dl class="keys">
-        {KEY_LINES.map((line) => (
-          <Fragment key={line.what}>
-            <dt>
-              {line.keys.map((key) => (
-                <kbd key={key}>{key}</kbd>
+      <div class="key-groups">
+        {KEY_GROUPS.map(({ title, lines }) => (
+          <section key={title}>
+            <h3>{title}</h3>
+            <dl class="keys">
+              {lines.map((line) => (
+                <Fragment key={line.what}>
+                  <dt>
+                    {line.keys.map((key) => (
+                      <kbd key={key}>{key}</kbd>
+                    ))}
+                  </dt>
+                  <dd>{line.what}</dd>
+                </Fragment>
               ))}
-            </dt>
-            <dd>{line.what}</dd>
-          </Fragment>
+            </dl>
+          </section>
         ))}
-      </dl>
+      </div>
       <p class="hint" style={{ marginTop: "16px" }}>
         {COMMON.plotHelp}
       </p>

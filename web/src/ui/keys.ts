@@ -56,37 +56,68 @@ export interface KeyLine {
   readonly what: string;
 }
 
-export const KEY_LINES: readonly KeyLine[] = [
-  { keys: ["Space"], what: COMMON.keyLiveOrPause },
-  { keys: ["←", "→"], what: COMMON.keyPanTenth },
-  { keys: ["Shift ←", "Shift →"], what: COMMON.keyPanWindow },
-  { keys: [",", "."], what: COMMON.keyStep },
-  { keys: ["B"], what: COMMON.keyMeasure },
-  { keys: ["Shift ,", "Shift ."], what: COMMON.keyStepMeasure },
-  { keys: ["J"], what: COMMON.keyGoTo },
-  { keys: ["N", "Shift N"], what: COMMON.keyPlace },
-  { keys: ["P"], what: COMMON.keyPacket },
-  { keys: ["[", "]"], what: COMMON.keySpan },
-  { keys: ["+", "−"], what: COMMON.keyZoom },
-  { keys: ["F"], what: COMMON.keyFit },
-  { keys: ["Home", "End"], what: COMMON.keyStartNow },
-  { keys: ["T"], what: COMMON.keyTimeBase },
-  { keys: ["1 … 9"], what: COMMON.keySeries },
-  { keys: ["Shift 1 … 9"], what: COMMON.keySeriesAlone },
-  { keys: ["Shift R"], what: COMMON.keyRecord },
-  { keys: ["M", "Shift M"], what: COMMON.keyMarker },
-  { keys: ["L"], what: COMMON.keyLoop },
-  { keys: ["S"], what: COMMON.keySignals },
-  { keys: ["A"], what: COMMON.keyAnalysis },
-  { keys: ["E"], what: COMMON.keyEvidence },
-  { keys: ["W"], what: COMMON.keyArrange },
-  { keys: ["X"], what: COMMON.keyMaximise },
-  { keys: ["Ctrl+Z", "Ctrl+Shift+Z"], what: COMMON.keyUndo },
-  { keys: ["C"], what: COMMON.keyLink },
-  { keys: ["G L", "G C", "G R"], what: COMMON.keyPages },
-  { keys: ["/"], what: COMMON.keySearch },
-  { keys: ["?"], what: COMMON.keyboard },
-  { keys: ["Esc"], what: COMMON.keyClose },
+/** What the overlay prints, by subject. */
+export interface KeyGroup {
+  readonly title: string;
+  readonly lines: readonly KeyLine[];
+}
+
+export const KEY_GROUPS: readonly KeyGroup[] = [
+  {
+    title: COMMON.keysOfTime,
+    lines: [
+      { keys: ["Space"], what: COMMON.keyLiveOrPause },
+      { keys: ["←", "→"], what: COMMON.keyPanTenth },
+      { keys: ["Shift ←", "Shift →"], what: COMMON.keyPanWindow },
+      { keys: [",", "."], what: COMMON.keyStep },
+      { keys: ["[", "]"], what: COMMON.keySpan },
+      { keys: ["+", "−"], what: COMMON.keyZoom },
+      { keys: ["F"], what: COMMON.keyFit },
+      { keys: ["Home", "End"], what: COMMON.keyStartNow },
+      { keys: ["T"], what: COMMON.keyTimeBase },
+      { keys: ["J"], what: COMMON.keyGoTo },
+      { keys: ["N", "Shift N"], what: COMMON.keyPlace },
+      { keys: ["L"], what: COMMON.keyLoop },
+    ],
+  },
+  {
+    title: COMMON.keysOfMeasuring,
+    lines: [
+      { keys: ["B"], what: COMMON.keyMeasure },
+      { keys: ["Shift ,", "Shift ."], what: COMMON.keyStepMeasure },
+      { keys: ["P"], what: COMMON.keyPacket },
+      { keys: ["A"], what: COMMON.keyAnalysis },
+    ],
+  },
+  {
+    title: COMMON.keysOfLayout,
+    lines: [
+      { keys: ["1 … 9"], what: COMMON.keySeries },
+      { keys: ["Shift 1 … 9"], what: COMMON.keySeriesAlone },
+      { keys: ["S"], what: COMMON.keySignals },
+      { keys: ["W"], what: COMMON.keyArrange },
+      { keys: ["X"], what: COMMON.keyMaximise },
+      { keys: ["Ctrl+Z", "Ctrl+Shift+Z"], what: COMMON.keyUndo },
+    ],
+  },
+  {
+    title: COMMON.keysOfRecording,
+    lines: [
+      { keys: ["Shift R"], what: COMMON.keyRecord },
+      { keys: ["M", "Shift M"], what: COMMON.keyMarker },
+      { keys: ["E"], what: COMMON.keyEvidence },
+      { keys: ["C"], what: COMMON.keyLink },
+    ],
+  },
+  {
+    title: COMMON.keysOfPages,
+    lines: [
+      { keys: ["G L", "G C", "G R"], what: COMMON.keyPages },
+      { keys: ["/"], what: COMMON.keySearch },
+      { keys: ["?"], what: COMMON.keyboard },
+      { keys: ["Esc"], what: COMMON.keyClose },
+    ],
+  },
 ];
 
 const SIMPLE: Readonly<Record<string, KeyAction>> = {
