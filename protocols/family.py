@@ -19,6 +19,7 @@ from protocols.decode_options import DecodeOption, settings_of
 from protocols.editor_choices import RateTable
 from protocols.events import Batch, Decoder, Reply
 from protocols.framing import Bytes, Ints, Scan
+from protocols.mounting import MountingSetting
 from protocols.schema import Message
 from protocols.sensor_properties import SensorProperties
 from protocols.simulator.family import SimulatorInfo
@@ -239,6 +240,7 @@ class ProtocolInfo:
         absent: flags of its status words, by name, which a product does not have.
         position: the newest position in a batch; None without one.
         corrections: how its devices accept RTCM; None if they do not.
+        mounting: the setting that takes a mounting rotation; None if there is none.
         log_header, log_formats: of the vendor's own files.
         simulator: its simulated devices; None for none.
         refusals: reasons for refusing intact frames (framing.REFUSED) → their meaning, and what to do.
@@ -286,6 +288,7 @@ class ProtocolInfo:
     absent: Callable[[str], tuple[str, ...]] = lambda product: ()
     position: Callable[[Batch], PositionFix | None] = lambda batch: None
     corrections: CorrectionInput | None = None
+    mounting: MountingSetting | None = None
     log_header: LogHeader | None = None
     log_formats: tuple[LogFormat, ...] = ()
     simulator: SimulatorInfo | None = None

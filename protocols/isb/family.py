@@ -18,6 +18,7 @@ from protocols.isb.device_info import identity
 from protocols.isb.driver import IsbDriver
 from protocols.isb.frames import DATA, build, get_data, scan, stop
 from protocols.isb.inspect import IsbFrameLister
+from protocols.isb.mounting import MOUNTING
 from protocols.isb.sensors import sensors_of
 from protocols.isb.streams import OF_GPX, STREAMS
 from protocols.isb.supported import supported
@@ -171,6 +172,7 @@ FAMILY = ProtocolInfo(
         ),
     ),
     sensors=sensors_of,
+    mounting=MOUNTING,
     simulator=SIMULATOR,
     hints=FamilyHints(attitude="Stream INS 1, INS 2, INS 3 or INS 4 to show the horizon."),
     abbreviations=("GPX",),

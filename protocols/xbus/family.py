@@ -29,6 +29,7 @@ from protocols.xbus.frames import MASTER, build, scan
 from protocols.xbus.inspect import XbusFrameLister
 from protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
 from protocols.xbus.messages import ROWS
+from protocols.xbus.mounting import MOUNTING
 from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
 from protocols.xbus.products import absent, as_built, has, model_of
 from protocols.xbus.sensors import sensors_of
@@ -291,6 +292,7 @@ FAMILY = ProtocolInfo(
         _is_rejection,
         "an MTi-680G",
     ),
+    mounting=MOUNTING,
     log_header=LogHeader(
         {CONFIGURATION: "configuration", EMTS_DATA: "emts"},
         head,

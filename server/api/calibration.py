@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
+from protocols.registry import PROTOCOLS
+from protocols.sensor_properties import SensorProperties
 from recordings.column_store import Base
 from server.analysis.signals import ReadSamples, SignalColumn, live_samples, recorded_samples
 from server.api.analysis import AHEAD_S, MAX_TIME, recording_of, time_range
@@ -26,9 +28,11 @@ from server.calibration.kinds import (
     evaluated,
     method_for,
 )
+from server.calibration.mounting import VerticalAxis
 from server.calibration.report import CalibrationKind, CalibrationReport
 from server.calibration.session import SessionState
 from server.calibration.triads import Samples, Triad, finite
+from server.devices.protocol_set import sensors_of
 from server.errors import DomainError
 from server.library.recording_detail import channels_of
 from server.services import Services
@@ -50,12 +54,26 @@ class AvailableCalibration(BaseModel):
     hint: str
 
 
+class CalibrationWrite(BaseModel):
+    """The setting of the device that takes the result; sent with `POST /api/devices/{device}/apply` like any change."""
+
+    setting: str
+    title: str
+    note: str = Field(description="sentence on its effect")
+    values: dict[str, Any] | None = Field(description="of the setting; null while `problem` says why not")
+    problem: str
+    hint: str
+
+
 class CalibrationState(BaseModel):
     """Calibrations of a live device, and the one under way."""
 
     available: list[AvailableCalibration]
     is_running: bool = Field(description="false before one is started, and once it has ended")
     report: CalibrationReport | None = Field(description="of the last one started; null if there is none")
+    write: CalibrationWrite | None = Field(
+        description="how the device takes the result; null without a result, or if it takes none"
+    )
 
 
 class CalibrationOptionsBody(BaseModel):
@@ -66,10 +84,15 @@ class CalibrationOptionsBody(BaseModel):
     field: float = Field(
         0.0, ge=0, le=1e6, description="strength of the magnetic field there, in the unit of the signal; 0: unknown"
     )
+    gravity: float = Field(0.0, ge=0, le=20, description="m/s² there; 0: unknown (accelerometer)")
+    square: bool = Field(False, description="the housing is square and rests on a level table (accelerometer)")
+    vertical: Literal["up", "down"] | None = Field(
+        None, description="where z of the vehicle points; null: as the device has it (mounting)"
+    )
 
-    def options(self) -> CalibrationOptions:
+    def options(self, usual: VerticalAxis = "up") -> CalibrationOptions:
         """As the calibrations read them."""
-        return CalibrationOptions(field=self.field)
+        return CalibrationOptions(self.field, self.gravity, self.square, self.vertical or usual)
 
 
 class StartCalibrationRequest(CalibrationOptionsBody):
@@ -102,21 +125,24 @@ async def get_calibration(device: str, services: TheServices) -> CalibrationStat
     """
     inputs = services.calibrations.inputs(device)
     session = services.calibrations.get(device)
-    return _state(inputs, None if session is None else await session.state())
+    return _state(device, services, inputs, None if session is None else await session.state())
 
 
 @router.post("/devices/{device}/calibration", responses=responses(404, 409, 422))
 async def start_calibration(device: str, body: StartCalibrationRequest, services: TheServices) -> CalibrationState:
     """Start a calibration of a live device, in place of an earlier one. It uses the samples from now on."""
-    session = services.calibrations.start(device, body.kind, body.options())
-    return _state(services.calibrations.inputs(device), await session.state())
+    inputs = services.calibrations.inputs(device)
+    info = services.telemetry.bus.devices.latest[device]
+    usual = vertical_of(sensors_of(info.protocol, info.product))
+    session = services.calibrations.start(device, body.kind, body.options(usual))
+    return _state(device, services, inputs, await session.state())
 
 
 @router.post("/devices/{device}/calibration/finish", responses=responses(404, 422))
 async def finish_calibration(device: str, services: TheServices) -> CalibrationState:
     """End the calibration with the samples until now. Refused while they do not determine a result."""
     state = await services.calibrations.of(device).finish()
-    return _state(services.calibrations.inputs(device), state)
+    return _state(device, services, services.calibrations.inputs(device), state)
 
 
 @router.delete("/devices/{device}/calibration", status_code=204, responses=responses(404, 422))
@@ -154,13 +180,15 @@ async def calibrate_stretch(
 ) -> Response | CalibrationReport:
     """Calibrate with a stretch of a recording, or of a live device as far as memory holds it."""
     method, triads, name, read = await _stretch(kind, body, services)
+    info = services.telemetry.bus.devices.latest.get(body.source)
+    usual = vertical_of(sensors_of(info.protocol, info.product)) if info else "up"
 
     def work() -> CalibrationReport:
         samples: dict[str, Samples] = {}
         for key, triad in triads.items():
             columns = [read(SignalColumn(triad.info, at)) for at in triad.at]
             samples[key] = finite(columns[0][0], np.stack([values for _, values in columns], axis=1) * triad.factor)
-        return evaluated(method, triads, samples, body.options())
+        return evaluated(method, triads, samples, body.options(usual))
 
     report = await asyncio.to_thread(work)
     return report if body.format == "report" else _file(report, name, body.format)
@@ -198,11 +226,42 @@ def _of_one_device(infos: Iterable[ChannelInfo], device: str) -> list[ChannelInf
     return [info for info in known if info.device == (device or info.device)]
 
 
-def _state(inputs: CalibrationInputs, state: SessionState | None) -> CalibrationState:
+def _state(device: str, services: Services, inputs: CalibrationInputs, state: SessionState | None) -> CalibrationState:
     return CalibrationState(
         available=[_available(method, inputs) for method in METHODS.values()],
         is_running=state is not None and state.is_running,
         report=None if state is None else state.report,
+        write=None if state is None or state.is_running else _write(device, services, state.report),
+    )
+
+
+def vertical_of(sensors: SensorProperties) -> VerticalAxis:
+    """Direction of z of a product's body."""
+    return "down" if sensors.axes == "FRD" else "up"
+
+
+def _write(device: str, services: Services, report: CalibrationReport) -> CalibrationWrite | None:
+    """The setting that takes the result of a mounting calibration, with its values."""
+    try:
+        controller = services.controllers.get(device)
+    except KeyError:
+        return None
+    family = PROTOCOLS.get(services.telemetry.bus.devices.latest[device].protocol)
+    target = family.mounting if family is not None else None
+    if report.kind != "mounting" or report.correction is None or target is None:
+        return None
+    row = controller.rows.get(target.setting)
+    if row is None or all(field.name != target.field for field in row.fields):
+        return None
+    present = controller.values.get(target.setting)
+    values = None if present is None else dict(target.values(np.array(report.correction.matrix), present))
+    return CalibrationWrite(
+        setting=target.setting,
+        title=row.title or row.name,
+        note=target.note,
+        values=values,
+        problem="The settings of the device have not been read yet." if values is None else "",
+        hint="Read them first." if values is None else "",
     )
 
 

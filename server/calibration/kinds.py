@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from server.calibration.accelerometer import six_positions
 from server.calibration.gyroscope import gyroscope_bias
 from server.calibration.magnetometer import magnetometer_iron
+from server.calibration.mounting import VerticalAxis, mounting_rotation
 from server.calibration.report import CalibrationKind, CalibrationReport
 from server.calibration.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
 from server.errors import DomainError
@@ -45,9 +47,15 @@ class CalibrationOptions:
 
     Attributes:
         field: strength of the magnetic field there, in the unit of the magnetometer; 0 if unknown.
+        gravity: there, m/s²; 0 if unknown.
+        square: the housing is square and rests on a level table (accelerometer).
+        vertical: where z of the vehicle points (mounting).
     """
 
     field: float = 0.0
+    gravity: float = 0.0
+    square: bool = False
+    vertical: VerticalAxis = "up"
 
 
 Evaluate = Callable[[Mapping[str, Samples], Mapping[str, Triad], CalibrationOptions], CalibrationReport]
@@ -95,11 +103,28 @@ def _magnetometer(
     return magnetometer_iron(samples["magnetometer"], triads["magnetometer"].unit, options.field)
 
 
+def _accelerometer(
+    samples: Mapping[str, Samples], triads: Mapping[str, Triad], options: CalibrationOptions
+) -> CalibrationReport:
+    del triads
+    turn = samples.get("gyroscope", NO_SAMPLES)
+    return six_positions(samples["accelerometer"], turn, options.gravity, square=options.square)
+
+
+def _mounting(
+    samples: Mapping[str, Samples], triads: Mapping[str, Triad], options: CalibrationOptions
+) -> CalibrationReport:
+    del triads
+    return mounting_rotation(samples["accelerometer"], samples["gyroscope"], options.vertical)
+
+
 METHODS: Mapping[str, CalibrationMethod] = {
     one.kind: one
     for one in (
         CalibrationMethod("gyroscope", "Gyroscope bias", "gyroscope", _gyroscope, uses=("accelerometer", TEMPERATURE)),
         CalibrationMethod("magnetometer", "Magnetometer", "magnetometer", _magnetometer),
+        CalibrationMethod("accelerometer", "Accelerometer", "accelerometer", _accelerometer, uses=("gyroscope",)),
+        CalibrationMethod("mounting", "Mounting rotation", "accelerometer", _mounting, needs=("gyroscope",)),
     )
 }
 

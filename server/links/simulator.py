@@ -29,10 +29,11 @@ So a test with a simulator covers the same code as a sensor: the port, the readi
     ?reset_s=30                     every 30 s the device resets: its clock restarts, and so does the sequence of an
                                     IDTP device
     ?unplug_s=30 ?away_s=5          unplugged after 30 s, plugged in again, freshly powered, 5 s later
-    ?motion=tumble                  an MTi or IMX that is turned through all directions; also rest, and turn, about the
-                                    vertical
+    ?motion=tumble                  an MTi or IMX that is turned through all directions; also rest, turn (about the
+                                    vertical), positions (on six sides), straight (a drive)
     ?hard_iron=0.3 ?soft_iron=0.1   iron near its magnetometer: offset and distortion, as shares of the Earth's field
-    ?gyro_bias=0.5                  its gyroscope has a bias of 0.5 °/s
+    ?gyro_bias=0.5 ?acc_bias=0.2    biases in °/s and m/s²; ?acc_scale=0.02 a scale error
+    ?mount=30                       it is turned in the vehicle by 30° about (1, −2, 3)
     ?seed=1                         different noise, different sequence of faults
 """
 

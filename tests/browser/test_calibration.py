@@ -9,7 +9,7 @@ import pytest
 import yaml
 from playwright.sync_api import Page
 
-from protocols.simulator.setups import GYRO_BIAS, HARD_IRON
+from protocols.simulator.setups import GYRO_BIAS, HARD_IRON, SensorSetup
 from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess
@@ -79,3 +79,36 @@ def test_a_turn_about_one_axis_gives_no_result(
     assert page.get_by_role("button", name="Finish now").is_disabled()
     page.get_by_role("button", name="Stop").click()
     until(page, "document.querySelector('.calibration-kinds') !== null")
+
+
+def test_a_mounting_rotation_is_written_to_the_device(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    server = serve("sim:xbus?rate=100&seed=1&motion=straight&mount=30")
+    page = opened(server, open_page, DESKTOP)
+    coach(page, "Mounting rotation", phone=False)
+    until(page, FOUND)
+    write = page.locator(".calibration-write")
+    write.get_by_role("button", name="Read the settings").click()
+    until(
+        page, f"[...{PLACE}.querySelectorAll('.calibration-write button')].some(b => /^(Write|Cont)/.test(b.innerText))"
+    )
+    if write.get_by_role("button", name="Continue").count():
+        write.get_by_role("button", name="Continue").click()
+    write.get_by_role("button", name="Write to the device").click()
+    write.get_by_role("button", name="Continue").click()  # every consumer of the data must be adapted
+    until(page, f"{PLACE}.querySelector('.calibration-write')?.innerText.includes('snapshots in Configure')")
+    values = page.evaluate("fetch('/api/devices/1/values').then(answer => answer.json())")["values"]
+    stored = values["AlignmentRotation.RotSensor"]
+    wanted = SensorSetup(mount=30).q_vehicle_from_sensor
+    assert [stored[name] for name in ("q0", "q1", "q2", "q3")] == pytest.approx(wanted, abs=0.02)
+
+
+def test_six_positions_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    page = opened(serve("sim:isb?rate=100&seed=1&motion=positions&acc_bias=0.3"), open_page, PHONE)
+    coach(page, "Accelerometer", phone=True)
+    until(page, "document.querySelectorAll('.calibration-positions .is-done').length >= 2")
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
+    assert serious(page, PLACE) == []
+    until(page, FOUND)
+    assert "Rests used" in page.evaluate(WORDS)

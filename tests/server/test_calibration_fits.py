@@ -278,7 +278,9 @@ def test_a_motion_turns_as_its_gyroscope_says(name: str) -> None:
     turned = 2 * step[:, 1:] * np.sign(step[:, :1]) / 0.001
     assert np.abs(turned - (truth.rate[1:] + truth.rate[:-1]) / 2).max() < 2e-3
     assert np.linalg.norm(truth.field, axis=1) == pytest.approx(1.0)
-    assert np.linalg.norm(truth.force, axis=1) == pytest.approx(trajectory.GRAVITY)
+    felt = truth.force - trajectory.to_body(q, truth.acceleration)
+    assert np.linalg.norm(felt, axis=1) == pytest.approx(trajectory.GRAVITY)
+    assert np.abs(np.gradient(truth.velocity, 0.001, axis=0) - truth.acceleration)[1:-1].max() < 1e-3
 
 
 def test_errors_of_a_setup_are_those_that_the_calibrations_find() -> None:

@@ -190,7 +190,7 @@ class SignalSamples:
     @cached_property
     def force(self) -> Floats:
         """Specific force, (n, 3) m/s², forward, right, down."""
-        felt = self.motion.force + self._shaking("acc-road", trajectory.SHAKING_FORCE)
+        felt = self.run.setup.force(self.motion.force) + self._shaking("acc-road", trajectory.SHAKING_FORCE)
         felt = felt + self._error("acc", trajectory.ACCELEROMETER)
         return np.asarray(np.clip(felt, -FORCE_RANGE, FORCE_RANGE) * FLIP)
 

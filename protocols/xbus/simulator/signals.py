@@ -222,7 +222,7 @@ class ItemValues:
     @cached_property
     def force(self) -> tuple[Floats, Array]:
         """Measured specific force, clamped to the range, and where it was clamped."""
-        felt = self.motion.force + self._shaking("acc-road", trajectory.SHAKING_FORCE)
+        felt = self.run.setup.force(self.motion.force) + self._shaking("acc-road", trajectory.SHAKING_FORCE)
         return _clip(felt + self._error("acc", trajectory.ACCELEROMETER), ACCELERATION_RANGE)
 
     @cached_property

@@ -4,7 +4,7 @@ import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/pr
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { answering, type Asked } from "../testing/recorded";
 import type { CalibrationReport, CalibrationState } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
+import type { DeviceInfo, DeviceJobs, Job } from "../wire/types";
 import { CalibrationDialog } from "./dialog";
 import { digits } from "./result";
 import { cellPaths, placeOf } from "./sphere";
@@ -72,12 +72,19 @@ const state = (report: CalibrationReport | null, isRunning: boolean): Calibratio
   available: AVAILABLE,
   is_running: isRunning,
   report,
+  write: null,
 });
 const ROUTE = "/api/devices/1/calibration";
 
 function open(answers: Record<string, unknown>): readonly Asked[] {
   const asked = answering(answers);
-  render(<CalibrationDialog device={{ id: "1", name: "MTi-630" } as DeviceInfo} onClose={() => undefined} />);
+  render(
+    <CalibrationDialog
+      device={{ id: "1", name: "MTi-630" } as DeviceInfo}
+      jobs={undefined}
+      onClose={() => undefined}
+    />,
+  );
   return asked;
 }
 
@@ -167,6 +174,38 @@ test("rest, positions and drive are shown as far as a calibration has them", asy
   expect(done?.textContent).toBe("+x updone");
   expect(now?.textContent).toBe("−x upnow");
   expect(screen.getByRole("list", { name: "Drive" }).textContent).toContain("1.0 of 4.0 m/s");
+});
+
+test("a result is written like any change: asked once, then carried out, with its job", async () => {
+  const apply = "POST /api/devices/1/apply";
+  const write = { setting: "Rot", title: "Alignment", note: "It moves.", values: { q0: 1 }, problem: "", hint: "" };
+  const job = { id: 7, title: "Write 1 setting", state: "done", message: "Read back equal.", step: "" } as Job;
+  const harm = { kind: "confirm", message: "All data move.", hint: "Send it again." };
+  const answers: Record<string, unknown> = {
+    [`GET ${ROUTE}`]: { ...state({ ...FOUND, kind: "mounting" }, false), write },
+    [apply]: new Response(JSON.stringify(harm), { status: 409, headers: { "content-type": "application/json" } }),
+  };
+  const asked = answering(answers);
+  const jobs = { device: "1", running: null, queue: [], done: [job], pending_rollback: null } as unknown as DeviceJobs;
+  const device = { id: "1", name: "MTi-630" } as DeviceInfo;
+  render(<CalibrationDialog device={device} jobs={jobs} onClose={() => undefined} />);
+  fireEvent.click(await screen.findByRole("button", { name: "Write to the device" }));
+  expect((await screen.findByRole("alert")).textContent).toContain("All data move.");
+  expect(screen.queryByRole("status")).toBeNull();
+  answering({ ...answers, [apply]: job }).push(...asked);
+  fireEvent.click(screen.getByRole("button", { name: "Continue" }));
+  expect((await screen.findByRole("status")).textContent).toContain("Read back equal. The settings of before");
+});
+
+test("a device that was not read is read first", async () => {
+  const problem = "The settings of the device have not been read yet.";
+  const write = { setting: "Rot", title: "Alignment", note: "", values: null, problem, hint: "Read them first." };
+  const asked = open({
+    [`GET ${ROUTE}`]: { ...state({ ...FOUND, kind: "mounting" }, false), write },
+    "POST /api/devices/1/read": { id: 3 },
+  });
+  fireEvent.click(await screen.findByRole("button", { name: "Read the settings" }));
+  await waitFor(() => expect(asked.some(({ path }) => path === "/api/devices/1/read")).toBe(true));
 });
 
 test("a refusal of the server is shown", async () => {

@@ -4,15 +4,17 @@
  * The server holds the calibration; this page asks how it stands, so that a reload or a second phone shows the same.
  */
 import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { Dialog } from "../ui/dialog";
 import { addressOf, type Outcome, type Problem, request } from "../ui/http";
 import { Message } from "../ui/message";
 import { ProblemNote } from "../ui/problem-note";
 import type { AvailableCalibration, CalibrationReport, CalibrationState } from "../wire/routes";
-import type { DeviceInfo } from "../wire/types";
+import type { DeviceInfo, DeviceJobs } from "../wire/types";
 import { Bar, Drive, Positions, Rest, Sphere } from "./progress";
 import { Result } from "./result";
+import { Write } from "./write";
 import { TEXT } from "../texts/calibration";
 import "./calibration.css";
 
@@ -21,12 +23,13 @@ const FORMATS = ["yaml", "json", "csv", "c"] as const;
 
 interface Props {
   readonly device: DeviceInfo;
+  readonly jobs: DeviceJobs | undefined;
   readonly onClose: () => void;
 }
 
 type Kind = CalibrationReport["kind"];
 
-export function CalibrationDialog({ device, onClose }: Props) {
+export function CalibrationDialog({ device, jobs, onClose }: Props) {
   const state = useSignal<CalibrationState | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
   /** Whether the choice is shown although there is a result. */
@@ -80,6 +83,7 @@ export function CalibrationDialog({ device, onClose }: Props) {
           <Ended
             report={report}
             device={device}
+            write={now.write && <Write key={now.write.setting} device={device.id} write={now.write} jobs={jobs} />}
             again={() => void start(report.kind)}
             others={() => (chooses.value = true)}
           />
@@ -158,11 +162,12 @@ function Coach({ report, finish, stop }: CoachProps) {
 interface EndedProps {
   readonly report: CalibrationReport;
   readonly device: DeviceInfo;
+  readonly write: ComponentChildren;
   readonly again: () => void;
   readonly others: () => void;
 }
 
-function Ended({ report, device, again, others }: EndedProps) {
+function Ended({ report, device, write, again, others }: EndedProps) {
   const { correction, refusal } = report;
   return (
     <>
@@ -175,6 +180,7 @@ function Ended({ report, device, again, others }: EndedProps) {
           {refusal && <ProblemNote problem={refusal} />}
         </div>
       )}
+      {write}
       <div class="calibration-buttons">
         {correction && (
           <span class="calibration-export" role="group" aria-label={TEXT.export}>

@@ -161,7 +161,14 @@ function Overlays({ app }: { readonly app: App }) {
   if (overlay.value === "share-port" && app.device.value)
     return <SharePort app={app} device={app.device.value} onClose={close} />;
   if (overlay.value === "calibration" && app.device.value)
-    return <CalibrationDialog key={app.device.value.id} device={app.device.value} onClose={close} />;
+    return (
+      <CalibrationDialog
+        key={app.device.value.id}
+        device={app.device.value}
+        jobs={app.store.jobs.value.get(app.device.value.id)}
+        onClose={close}
+      />
+    );
   if (overlay.value === "ros" && app.device.value) return <RosTopics device={app.device.value} onClose={close} />;
   if (overlay.value === "analysis" && app.device.value) {
     const { id, name } = app.device.value;

@@ -52,4 +52,11 @@ export const TEXT = {
   after: "after",
   export: "Export",
   formats: { yaml: "YAML", json: "JSON", csv: "CSV", c: "C header" } as Readonly<Record<string, string>>,
+  write: "Write to the device",
+  writes: (setting: Value) => `Setting: ${setting}.`,
+  readFirst: "Read the settings",
+  proceed: "Continue",
+  cancel: "Cancel",
+  waiting: "Waiting…",
+  written: "The settings of before are among the snapshots in Configure, from where they can be restored.",
 };

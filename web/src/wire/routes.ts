@@ -222,6 +222,12 @@ export interface CalibrationReport {
 export interface CalibrationRequest {
   /** strength of the magnetic field there, in the unit of the signal; 0: unknown */
   readonly field?: number;
+  /** m/s² there; 0: unknown (accelerometer) */
+  readonly gravity?: number;
+  /** the housing is square and rests on a level table (accelerometer) */
+  readonly square?: boolean;
+  /** where z of the vehicle points; null: as the device has it (mounting) */
+  readonly vertical?: "up" | "down" | null;
   /** id of a live device or of a recording */
   readonly source: string;
   /** of a recording with several devices: which one */
@@ -242,6 +248,20 @@ export interface CalibrationState {
   readonly is_running: boolean;
   /** of the last one started; null if there is none */
   readonly report: CalibrationReport | null;
+  /** how the device takes the result; null without a result, or if it takes none */
+  readonly write: CalibrationWrite | null;
+}
+
+/** The setting of the device that takes the result; sent with `POST /api/devices/{device}/apply` like any change. */
+export interface CalibrationWrite {
+  readonly setting: string;
+  readonly title: string;
+  /** sentence on its effect */
+  readonly note: string;
+  /** of the setting; null while `problem` says why not */
+  readonly values: Readonly<Record<string, unknown>> | null;
+  readonly problem: string;
+  readonly hint: string;
 }
 
 /** A value before and after; empty if it was not known. */
@@ -871,6 +891,12 @@ export interface SixPositions {
 export interface StartCalibrationRequest {
   /** strength of the magnetic field there, in the unit of the signal; 0: unknown */
   readonly field?: number;
+  /** m/s² there; 0: unknown (accelerometer) */
+  readonly gravity?: number;
+  /** the housing is square and rests on a level table (accelerometer) */
+  readonly square?: boolean;
+  /** where z of the vehicle points; null: as the device has it (mounting) */
+  readonly vertical?: "up" | "down" | null;
   readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting";
 }
 

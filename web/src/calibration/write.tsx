@@ -1,0 +1,70 @@
+/** Writing a result to the device: an ordinary change of its settings, with its warning, job and snapshot. */
+import { useSignal } from "@preact/signals";
+import { type Problem, request } from "../ui/http";
+import { Message } from "../ui/message";
+import { ProblemNote } from "../ui/problem-note";
+import type { CalibrationWrite } from "../wire/routes";
+import type { DeviceJobs, Job } from "../wire/types";
+import { TEXT } from "../texts/calibration";
+
+interface Props {
+  readonly device: string;
+  readonly write: CalibrationWrite;
+  readonly jobs: DeviceJobs | undefined;
+}
+
+export function Write({ device, write, jobs }: Props) {
+  const problem = useSignal<Problem | undefined>(undefined);
+  const job = useSignal<number | undefined>(undefined);
+  const path = { device };
+  const { setting, values } = write;
+  const send = async (confirmed: boolean): Promise<void> => {
+    problem.value = undefined;
+    const outcome = values
+      ? await request("POST /api/devices/{device}/apply", {
+          path,
+          body: { changes: { [setting]: values }, reason: TEXT.names["mounting"] ?? "", confirmed },
+        })
+      : await request("POST /api/devices/{device}/read", { path, body: { confirmed } });
+    if (outcome.ok) job.value = outcome.value.id;
+    else problem.value = outcome.problem;
+  };
+  const asks = problem.value?.kind === "confirm";
+  const running = jobWith(jobs, job.value);
+  const isBusy = running !== undefined && (running.state === "waiting" || running.state === "running");
+  return (
+    <section class="calibration-write" aria-label={TEXT.write}>
+      <p>
+        {TEXT.writes(write.title)} <Message text={values ? write.note : `${write.problem} ${write.hint}`} />
+      </p>
+      {problem.value && <ProblemNote problem={asks ? { ...problem.value, hint: "" } : problem.value} />}
+      <div class="calibration-buttons">
+        {asks ? (
+          <>
+            <button type="button" class="btn edge" onClick={() => void send(true)}>
+              {TEXT.proceed}
+            </button>
+            <button type="button" class="btn" onClick={() => (problem.value = undefined)}>
+              {TEXT.cancel}
+            </button>
+          </>
+        ) : (
+          <button type="button" class="btn main" disabled={isBusy} onClick={() => void send(false)}>
+            {values ? TEXT.write : TEXT.readFirst}
+          </button>
+        )}
+      </div>
+      {running && (
+        <p role="status">
+          <b>{running.title}</b> <Message text={running.message || running.step || TEXT.waiting} />{" "}
+          {running.state === "done" && values && TEXT.written}
+        </p>
+      )}
+    </section>
+  );
+}
+
+function jobWith(jobs: DeviceJobs | undefined, id: number | undefined): Job | undefined {
+  if (jobs === undefined || id === undefined) return undefined;
+  return [...(jobs.running ? [jobs.running] : []), ...jobs.queue, ...jobs.done].find((job) => job.id === id);
+}
