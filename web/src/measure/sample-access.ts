@@ -16,6 +16,8 @@ export function liveSource(store: Pick<Store, "sent" | "changeOf">, device: stri
 }
 
 export interface SampleAccess {
+  /** What is on screen, at screen resolution. */
+  readonly drawn: Store;
   /** As the plots' (plot-stack.ts). */
   readonly reads: Reads;
   /** The ring with all samples of a channel in a range; undefined: the server has them. */

@@ -93,6 +93,7 @@ export class ReplayController {
     this.progress.value = detail.progress;
     this.device = computed(() => this.near.devices.value.find(({ id }) => id === viewState.view.value.device));
     this.samples = {
+      drawn: this.drawn,
       reads: (channel, t) => this.reads(channel, t),
       ringOf: (channel, from, to) => this.ringOf(channel, from, to),
       source: {

@@ -22,7 +22,7 @@ const NORMS = ["Acceleration.norm", "Rate of turn.norm"];
 const PLOTS = ["Position/ECEF", "Pressure", "Temperature"];
 
 const CUSTOM = ["1/Acceleration/x,2/Acceleration/x", "@1/Pressure,1/Free%20acceleration/z", "1.102/a%2Fb/y"];
-const PANELS = ["attitude", "events", "health", "values", "xy", "histogram"];
+const PANELS = ["attitude", "events", "health", "values", "xy", "histogram", "track", "analysis"];
 const AREAS = ["main", "side", "below"];
 
 function randomLayout(next: Random): Record<string, unknown> {

@@ -98,6 +98,7 @@ export const TEXT = {
   lossesUnknown: "The publisher does not number its messages: lost ones cannot be counted.",
 
   // satellite data
+  track: "Track",
   satellites: "Satellites",
   system: (value: Value) => `System ${value}`,
 
