@@ -1,0 +1,87 @@
+"""A single sample beyond a limit, in an hour of 1 kHz, is an alarm and is in the buckets of every zoom."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
+from server.alarms.conditions import ExpressionJudge
+from server.alarms.definitions import AlarmDefinition, ExpressionCondition
+from server.alarms.machine import AlarmMachine, AlarmTiming
+from server.alarms.preview import recorded_preview
+from server.wire import ChannelInfo, ColumnInfo
+
+RATE, HOUR, BEGIN = 1000.0, 3_600_000, 1_760_000_000.0
+LIMIT = 50.0
+SHOWN = 200  # single samples beyond the limit
+INFO = ChannelInfo(1, "1", "M", "Force", "Force", "scalar", "N", "", [ColumnInfo("value", "f4", "N")])
+CONDITION = ExpressionCondition(expression="Force > 50 N")
+PLACES = np.sort(np.random.default_rng(5).choice(HOUR // 10, SHOWN, replace=False)) * 10 + 3
+TIME = BEGIN + np.arange(HOUR) / RATE
+
+
+def force() -> np.ndarray:
+    """Noise far within the limit, and single samples beyond it, each with a value of its own."""
+    values = np.random.default_rng(6).uniform(-1, 1, HOUR).astype(np.float32)
+    values[PLACES] = 100 + np.arange(SHOWN)
+    return values
+
+
+FORCE = force()
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
+    writer = ColumnStoreWriter(tmp_path_factory.mktemp("hour") / "store")
+    writer.channel(1, ChannelLayout(("f4",), (False,)))
+    for begin in range(0, HOUR, 50_000):
+        at = slice(begin, begin + 50_000)
+        writer.append(1, [TIME[at] + 0.002, TIME[at], FORCE[at]])
+    return writer.finish({"channels": []})
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    which=st.integers(0, SHOWN - 1),
+    span=st.floats(-2, np.log10(3600)).map(lambda power: 10**power),
+    share=st.floats(0.001, 0.999),
+    width=st.integers(30, 4000),
+)
+def test_it_is_in_the_bucket_of_its_time_at_every_zoom(
+    store: ColumnStore, which: int, span: float, share: float, width: int
+) -> None:
+    when = TIME[PLACES[which]]
+    t0 = when - share * span
+    found = store.query(1, t0, t0 + span, width)
+    if isinstance(found, ExactRows):
+        assert found.columns[0].max() >= 100 + which
+        return
+    pixel = span / width
+    near = np.abs(np.clip(when, found.t, np.append(found.t[1:], t0 + span)) - when) <= pixel
+    assert found.high[0][near].max() >= 100 + which
+
+
+def test_each_is_an_alarm_in_the_recording(store: ColumnStore) -> None:
+    found = recorded_preview(AlarmDefinition(name="Shock", condition=CONDITION), store, [INFO])
+    assert found.times == SHOWN
+    assert found.worst == 100 + SHOWN - 1
+    np.testing.assert_allclose([one.t0 for one in found.intervals], TIME[PLACES[: len(found.intervals)]], atol=1e-6)
+
+
+@settings(max_examples=10, deadline=None)
+@given(sizes=st.lists(st.integers(1, 5000), max_size=8))
+def test_each_is_an_alarm_live_in_whatever_batches_it_comes(sizes: list[int]) -> None:
+    values, times = FORCE[:20_000], TIME[:20_000]
+    judge, machine = ExpressionJudge(CONDITION, [INFO], 3.0), AlarmMachine(AlarmTiming())
+    at, turn, raised, wanted = 0, 0, [], [*sizes, 3000]
+    while at < len(values):
+        rows = slice(at, at + wanted[turn % len(wanted)])
+        judged = judge.judge({1: [times[rows], times[rows], values[rows]]})
+        raised += [one.time for one in machine.feed(*judged) if one.kind == "raised"]
+        at, turn = rows.stop, turn + 1
+    expected = times[values > LIMIT].tolist()
+    assert expected
+    assert raised == expected
