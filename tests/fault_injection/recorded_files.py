@@ -18,11 +18,12 @@ def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
     writer.close()
 
 
-def received(path: Path) -> bytes:
+def received(path: Path, topic: str = "rx/1") -> bytes:
+    """Bytes from a device in a finished recording; with `tx/1`, those to it."""
     with McapReader(path) as found:
         pieces = []
         for block in found.blocks():
-            channel = found.topic("rx/1")
+            channel = found.topic(topic)
             if channel is not None:
                 pieces.append(block.joined(block.of(channel.id))[0])
         return b"".join(pieces)
