@@ -56,7 +56,7 @@ class Studio:
 
     def __init__(self, browser: Browser, folder: Path) -> None:
         self._browser = browser
-        self._folder = folder
+        self.folder = folder
         self._servers: dict[tuple[str, ...], ServerProcess] = {}
         self._born: dict[tuple[str, ...], float] = {}
         self.recording = ""
@@ -64,7 +64,7 @@ class Studio:
     def server(self, *sources: str) -> ServerProcess:
         """The server of these sources; without any, with the simulators of a first start."""
         if sources not in self._servers:
-            self._servers[sources] = ServerProcess(*sources, data=self._folder / str(len(self._servers)))
+            self._servers[sources] = ServerProcess(*sources, data=self.folder / str(len(self._servers)))
             self._born[sources] = time.monotonic()
         return self._servers[sources]
 
@@ -302,6 +302,24 @@ def export(studio: Studio) -> None:
         until(page, "document.querySelector('.formats') !== null")
         time.sleep(3)
         keep(page, "export", "[role=dialog], dialog")
+
+
+@picture("evidence")
+def evidence(studio: Studio) -> None:
+    """The file itself, with both cursors."""
+    with opened(studio) as page:
+        page.keyboard.press("e")
+        page.get_by_role("button", name="Make the file").click()
+        until(page, "document.querySelector('dialog .jobs a') !== null")
+        with page.expect_download() as coming:
+            page.locator("dialog .jobs a").click()
+        page.goto(Path(coming.value.path()).rename(studio.folder / "evidence.html").as_uri())
+        until(page, "document.querySelectorAll('.plot canvas').length > 2")
+        canvas = page.locator(".plot canvas").first
+        canvas.click(position={"x": 500, "y": 60})
+        canvas.click(position={"x": 760, "y": 60}, modifiers=["Shift"])
+        page.mouse.move(5, 5)
+        keep(page, "evidence")
 
 
 def main() -> None:

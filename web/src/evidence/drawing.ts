@@ -26,6 +26,8 @@ export const RIGHT = 12;
 const TOP = 6;
 const BOTTOM = 20;
 const DOTS_FROM = 9;
+/** Half the letter of a cursor on the axis, and a margin. */
+const FLAG_PX = 10;
 
 type Colour = (name: string) => string;
 
@@ -107,6 +109,7 @@ function grid(frame: Frame, t0: number, degrees: boolean): void {
   }
   const room = width - LEFT - RIGHT;
   const step = timeStep(shown.to - shown.from, room);
+  const flags = [shown.a, shown.b].flatMap((t) => (t === undefined ? [] : [xOf(frame, t)]));
   x.textAlign = "center";
   for (let k = Math.ceil((t0 + shown.from) / step); k * step <= t0 + shown.to; k++) {
     const px = xOf(frame, k * step - t0);
@@ -115,7 +118,8 @@ function grid(frame: Frame, t0: number, degrees: boolean): void {
     const label = tickLabel(k * step, step);
     const half = x.measureText(label).width / 2;
     x.fillStyle = colour("--ink-3");
-    if (px - half > LEFT - 20 && px + half < width) x.fillText(label, px, height - BOTTOM / 2);
+    const isCovered = flags.some((flag) => Math.abs(flag - px) < half + FLAG_PX);
+    if (px - half > LEFT - 20 && px + half < width && !isCovered) x.fillText(label, px, height - BOTTOM / 2);
   }
 }
 

@@ -28,6 +28,8 @@ function start(): void {
     addEventListener(name, () => {
       paint(isPaper);
       viewer.paper(isPaper);
+      // on paper nobody can open them
+      if (isPaper) for (const details of document.querySelectorAll("details")) details.open = true;
     });
   }
   for (const button of document.querySelectorAll<HTMLElement>("button.time"))

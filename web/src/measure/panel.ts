@@ -221,14 +221,14 @@ function build(body: HTMLTableSectionElement, plots: readonly PlotSpec[]): Line[
   });
 }
 
-/** A plot with two units is measured as two. */
-function byUnit(plot: PlotSpec): readonly PlotSpec[] {
+/** A plot with two units as two, each with the key of its axis. */
+export function byUnit(plot: PlotSpec): readonly PlotSpec[] {
   const { right, series } = plot;
   const of = (isRight: boolean): readonly Series[] => series.filter((one) => (one.isRight === true) === isRight);
   if (right === undefined) return [plot];
   return [
     { ...plot, series: of(false) },
-    { ...plot, unit: right.unit, series: of(true) },
+    { ...plot, key: right.key, unit: right.unit, series: of(true) },
   ].filter((one) => one.series.length > 0);
 }
 

@@ -1,5 +1,5 @@
 /** The plots on screen as evidence asks for them. */
-import { visible } from "../../measure/panel";
+import { byUnit, visible } from "../../measure/panel";
 import { type FigureSource, wantedOf } from "../../measure/server-figures";
 import type { ViewState } from "../../data/view-state";
 import type { EvidencePlot, EvidenceSeries } from "../../wire/routes";
@@ -12,21 +12,23 @@ export interface EvidencePlots {
 
 export function evidencePlots({ actions, hiddenSeries, yAxes }: ViewState, source: FigureSource): EvidencePlots {
   const without: string[] = [];
-  const plots = visible(actions.plots(), hiddenSeries.peek()).flatMap((plot): EvidencePlot[] => {
-    const series = plot.series.flatMap((one): EvidenceSeries[] => {
-      const wanted = wantedOf(one, source);
-      if (wanted === undefined) {
-        without.push(`${plot.title} ${one.label}`);
-        return [];
-      }
-      const { word: signal, part, factor, offset, period } = wanted;
-      const { label, colour, dash, decimals } = one;
-      return [{ signal, part, factor, offset, period, label, colour, dash: [...dash], decimals }];
+  const plots = visible(actions.plots(), hiddenSeries.peek())
+    .flatMap(byUnit)
+    .flatMap((plot): EvidencePlot[] => {
+      const series = plot.series.flatMap((one): EvidenceSeries[] => {
+        const wanted = wantedOf(one, source);
+        if (wanted === undefined) {
+          without.push(`${plot.title} ${one.label}`);
+          return [];
+        }
+        const { word: signal, part, factor, offset, period } = wanted;
+        const { label, colour, dash, decimals } = one;
+        return [{ signal, part, factor, offset, period, label, colour, dash: [...dash], decimals }];
+      });
+      if (series.length === 0) return [];
+      const [low, high] = yAxes.peek().get(plot.key)?.range ?? [null, null];
+      const title = plot.frame === "" ? plot.title : `${plot.title} · ${plot.frame}`;
+      return [{ title, unit: plot.unit, series, low, high }];
     });
-    if (series.length === 0) return [];
-    const [low, high] = yAxes.peek().get(plot.key)?.range ?? [null, null];
-    const title = plot.frame === "" ? plot.title : `${plot.title} · ${plot.frame}`;
-    return [{ title, unit: plot.unit, series, low, high }];
-  });
   return { plots, without };
 }
