@@ -4,6 +4,7 @@ import type { App } from "./app-state";
 import { showsPlots } from "../ui/page-state";
 import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
+import { compareView } from "../compare/sides";
 import { go, PAGES, type PageName, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
@@ -70,6 +71,9 @@ function act(action: KeyAction, app: App): void {
       return;
     case "evidence":
       app.overlay.value = "evidence";
+      return;
+    case "compare":
+      if (view.value.device !== undefined) compareView(app.viewState, view.value.device);
       return;
     case "signals":
       app.showsSignals.value = !app.showsSignals.value;

@@ -1,4 +1,5 @@
 /** The frame of all pages: the current page, the tabs of a phone, and notices shown on every page. */
+import { isComparison } from "../compare/sides";
 import { Icon } from "../ui/icons";
 import { late } from "../ui/late";
 import type { App } from "./app-state";
@@ -10,12 +11,14 @@ import { TEXT } from "../texts/live";
 const loading = <div class="app" aria-busy="true" />;
 const ConfigurePage = late(async () => (await import("./configure/page")).ConfigurePage, loading);
 const RecordingsPage = late(async () => (await import("./recordings/page")).RecordingsPage, loading);
+const ComparePage = late(async () => (await import("../compare/page")).ComparePage, loading);
 const Decks = late(async () => (await import("./configure/rollback-banner")).Decks);
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;
   const temporary = [...app.store.jobs.value.values()].some((jobs) => jobs.pending_rollback !== null);
-  const Page = page === "live" ? LivePage : page === "configure" ? ConfigurePage : RecordingsPage;
+  const Library = isComparison(route.value) ? ComparePage : RecordingsPage;
+  const Page = page === "live" ? LivePage : page === "configure" ? ConfigurePage : Library;
   return (
     <>
       <Page app={app} />

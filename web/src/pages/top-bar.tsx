@@ -1,4 +1,5 @@
 /** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
+import { compareView } from "../compare/sides";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
 import { number, rate, span } from "../ui/format";
@@ -15,6 +16,7 @@ import { Share } from "./share";
 import { COMMON } from "../texts/common";
 import { TEXT as ANALYSIS } from "../texts/analysis";
 import { TEXT as EVIDENCE } from "../texts/evidence-dialog";
+import { TEXT as COMPARE } from "../texts/compare";
 import { TEXT } from "../texts/live";
 
 /** Names of each page's folded panels. */
@@ -61,6 +63,17 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
           onClick={() => (app.overlay.value = "analysis")}
         >
           <Icon name="wave" />
+        </button>
+      )}
+      {isLive && showsPlots(app.state.value) && app.device.value && (
+        <button
+          type="button"
+          class="btn icon desk"
+          aria-label={COMPARE.compare}
+          title={COMPARE.open}
+          onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}
+        >
+          <Icon name="compare" />
         </button>
       )}
       {isLive && showsPlots(app.state.value) ? (

@@ -23,6 +23,7 @@ export type KeyAction =
         | "help"
         | "analysis"
         | "evidence"
+        | "compare"
         | "packet"
         | "signals"
         | "measure"
@@ -87,6 +88,7 @@ export const KEY_GROUPS: readonly KeyGroup[] = [
       { keys: ["Shift ,", "Shift ."], what: COMMON.keyStepMeasure },
       { keys: ["P"], what: COMMON.keyPacket },
       { keys: ["A"], what: COMMON.keyAnalysis },
+      { keys: ["D"], what: COMMON.keyCompare },
     ],
   },
   {
@@ -137,6 +139,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   c: { do: "link" },
   a: { do: "analysis" },
   e: { do: "evidence" },
+  d: { do: "compare" },
   s: { do: "signals" },
   b: { do: "measure" },
   j: { do: "goTo" },

@@ -1,6 +1,7 @@
 /** Keys of an open recording: those of Live, with playback instead of live mode. */
 import type { ReplayController } from "../../recordings/replay-controller";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../ui/keys";
+import { compareView } from "../../compare/sides";
 import { exportingOf } from "./exporting";
 import { beginMarker } from "./markers";
 import type { OpenRecording } from "./open-recording";
@@ -44,6 +45,9 @@ function act(recording: OpenRecording, action: KeyAction): boolean {
       return true;
     case "evidence":
       recording.app.overlay.value = "evidence";
+      return true;
+    case "compare":
+      compareView(replay.viewState, view.peek().device ?? "", replay.detail.info.id);
       return true;
     case "signals":
       recording.app.showsSignals.value = !recording.app.showsSignals.peek();

@@ -1,5 +1,6 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
 import type { ReplayController } from "../../recordings/replay-controller";
+import { compareView } from "../../compare/sides";
 import { server } from "../../recordings/api";
 import { copyText } from "../../ui/copy";
 import { Icon } from "../../ui/icons";
@@ -10,6 +11,7 @@ import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type Range } from "./exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT as EVIDENCE } from "../../texts/evidence-dialog";
+import { TEXT as COMPARE } from "../../texts/compare";
 import { TEXT } from "../../texts/recordings";
 
 /** How long the last action is shown, ms. */
@@ -84,6 +86,15 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
         {EVIDENCE.evidence}
       </button>
       <RerunButton replay={replay} shown={recording.rerun} />
+      <button
+        type="button"
+        class="btn edge"
+        title={COMPARE.open}
+        onClick={() => compareView(replay.viewState, replay.viewState.view.peek().device ?? "", info.id)}
+      >
+        <Icon name="compare" />
+        {COMPARE.compare}
+      </button>
       <a class="btn edge" href={server.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
         <Icon name="download" />
         {COMMON.download}

@@ -1,0 +1,223 @@
+/** State of one comparison page: the place, what the sources hold, and the server's last answer. */
+import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
+import { signalNames } from "../analysis/figures";
+import type { Channel } from "../data/channels";
+import { isOpening, server } from "../recordings/api";
+import { titleOf } from "../recordings/library-filter";
+import type { RecordingDetail, RecordingInfo } from "../recordings/types";
+import { type Problem, request } from "../ui/http";
+import type { ComparedSide, ComparisonAnswer, ComparisonRequest } from "../wire/routes";
+import type { App } from "../pages/app-state";
+import { type ComparePlace, likelyOther, readComparison, requestedSide, type Side } from "./sides";
+
+/** Polling interval while a recording is decoded for the first time, ms. */
+const OPENING_MS = 400;
+
+/** A moment of a source at which both may be aligned. */
+export interface Moment {
+  readonly time: number;
+  readonly text: string;
+}
+
+export interface CompareModel {
+  readonly app: App;
+  readonly place: Signal<ComparePlace>;
+  readonly recordings: Signal<readonly RecordingInfo[] | undefined>;
+  readonly details: Signal<ReadonlyMap<string, RecordingDetail>>;
+  readonly answer: Signal<ComparisonAnswer | undefined>;
+  readonly problem: Signal<Problem | undefined>;
+  readonly busy: Signal<"" | "computing" | "correlating">;
+  /** Of the offset, while it is the one that was correlated. */
+  readonly aligned: Signal<ComparisonAnswer | undefined>;
+  /** s that B is being dragged by. */
+  readonly dragged: Signal<number>;
+  /** Place with a B, once the sources are known. */
+  readonly ready: ReadonlySignal<(ComparePlace & { readonly b: Side }) | undefined>;
+}
+
+export function compareModel(app: App, query: string): CompareModel {
+  const place = signal(readComparison(query));
+  const recordings: CompareModel["recordings"] = signal(undefined);
+  const details: CompareModel["details"] = signal(new Map());
+  const ready = computed(() => {
+    const { a, b, ...rest } = place.value;
+    const known = recordings.value;
+    if (b === undefined && known === undefined) return undefined;
+    const product = productOf(app, details.value, a);
+    const other = b ?? likelyOther(a, product, app.store.devices.value, known ?? []);
+    const sides = { a: withDevice(a, details.value), b: withDevice(other, details.value) };
+    const names = namesOf(app, details.value, sides.a);
+    const isKnown = [sides.a, sides.b].every(({ source }) => isLive(app, source) || details.value.has(source));
+    return isKnown ? { ...rest, ...sides, signal: rest.signal || (names[0] ?? "") } : undefined;
+  });
+  return {
+    app,
+    place,
+    recordings,
+    details,
+    ready,
+    answer: signal(undefined),
+    problem: signal(undefined),
+    busy: signal(""),
+    aligned: signal(undefined),
+    dragged: signal(0),
+  };
+}
+
+export const isLive = (app: App, source: string): boolean => app.store.devices.value.some(({ id }) => id === source);
+
+function productOf(app: App, details: ReadonlyMap<string, RecordingDetail>, { source, device }: Side): string {
+  const live = app.store.devices.value.find(({ id }) => id === source);
+  const recorded = details.get(source)?.devices;
+  return (live ?? recorded?.find(({ id }) => id === device) ?? recorded?.[0])?.product ?? "";
+}
+
+/** The side with a device, if its recording has several. */
+function withDevice(side: Side, details: ReadonlyMap<string, RecordingDetail>): Side {
+  const devices = details.get(side.source)?.devices ?? [];
+  if (devices.length < 2 || devices.some(({ id }) => id === side.device)) return side;
+  return { ...side, device: devices[0]?.id ?? "" };
+}
+
+/** Sources of the place that are neither in the library nor a live device, once both are known. */
+export function unknownSources({ app, place, recordings }: CompareModel): readonly string[] {
+  const known = recordings.value;
+  if (known === undefined || app.store.connection.value !== "open") return [];
+  const { a, b } = place.value;
+  return [a.source, b?.source ?? a.source].filter(
+    (source, i, all) => !isLive(app, source) && !known.some(({ id }) => id === source) && all.indexOf(source) === i,
+  );
+}
+
+/** Signals of a side that can be compared, the most wanted one first. */
+export function namesOf(
+  app: App,
+  details: ReadonlyMap<string, RecordingDetail>,
+  { source, device }: Side,
+): readonly string[] {
+  if (isLive(app, source)) return signalNames(app.store.channels.value, source);
+  const detail = details.get(source);
+  const own = device || detail?.devices[0]?.id;
+  return signalNames(detail?.channels.map((info) => ({ info }) as Channel) ?? [], own);
+}
+
+/** Title of a source. */
+export function sourceTitle(app: App, recordings: readonly RecordingInfo[] | undefined, source: string): string {
+  const live = app.store.devices.value.find(({ id }) => id === source);
+  const recording = recordings?.find(({ id }) => id === source);
+  return live?.name ?? (recording ? titleOf(recording) : source);
+}
+
+/** Begin and end of what a side can show, unix s. */
+export function boundsOf(model: CompareModel, { source, last }: Side): readonly [number, number] {
+  const detail = model.details.value.get(source);
+  const now = model.app.store.serverNow();
+  return detail ? [detail.t0, detail.t1] : [now - (last ?? 0), now];
+}
+
+/** Markers and events of a side, in order of time. */
+export function momentsOf(model: CompareModel, side: Side): readonly Moment[] {
+  const detail = model.details.value.get(side.source);
+  const events = detail?.events ?? model.app.store.events.value;
+  const own = side.device || (detail ? "" : side.source);
+  const named = events.filter(({ device }) => own === "" || device === own).map(({ time, text }) => ({ time, text }));
+  const markers = detail?.markers.map(({ time, text }) => ({ time, text })) ?? [];
+  return [...markers, ...named].sort((x, y) => x.time - y.time).slice(-200);
+}
+
+/** Loads what the place needs: the library, and the details of its recordings. Returns what ends it. */
+export function loadSources(model: CompareModel): () => void {
+  const { app, place, recordings, details, problem } = model;
+  let over = false;
+  const asked = new Set<string>();
+  const load = async (id: string): Promise<void> => {
+    const outcome = await server.detail(id);
+    if (over) return;
+    if (!outcome.ok) {
+      asked.delete(id);
+      problem.value = outcome.problem;
+      return;
+    }
+    if (isOpening(outcome.value) || outcome.value.progress < 1) setTimeout(() => !over && void load(id), OPENING_MS);
+    else details.value = new Map(details.peek()).set(id, outcome.value);
+  };
+  const want = (source: string | undefined): void => {
+    if (!source || asked.has(source) || isLive(app, source)) return;
+    asked.add(source);
+    void load(source);
+  };
+  void server.list().then((outcome) => {
+    if (over) return;
+    if (outcome.ok) recordings.value = outcome.value;
+    else problem.value = outcome.problem;
+  });
+  const followed = computed(() => {
+    const { a, b } = place.value;
+    const known = recordings.value;
+    if (known === undefined) return []; // a live device is not asked for as a recording before it is known
+    const recorded = (source: string): boolean => known.some(({ id }) => id === source);
+    if (b !== undefined) return [a.source, b.source].filter(recorded);
+    const other = likelyOther(a, productOf(app, details.value, a), app.store.devices.value, known);
+    return [a.source, other.source].filter(recorded);
+  });
+  const stop = followed.subscribe((sources) => sources.forEach(want));
+  return () => {
+    over = true;
+    stop();
+  };
+}
+
+/** The request of a place; without an offset by the clock, or from the starts if the clocks do not overlap. */
+export function requestOf(
+  model: CompareModel,
+  { a, b, signal: name, signalB, offset }: ComparePlace & { readonly b: Side },
+): ComparisonRequest {
+  const now = model.app.store.serverNow();
+  const [first, second] = [requestedSide(a, now), requestedSide(b, now)];
+  const [own, other] = [boundsOf(model, a), boundsOf(model, b)];
+  const ends = [
+    [first.t0 ?? own[0], first.t1 ?? own[1]],
+    [second.t0 ?? other[0], second.t1 ?? other[1]],
+  ] as const;
+  const overlaps = Math.min(ends[0][1], ends[1][1]) > Math.max(ends[0][0], ends[1][0]);
+  return {
+    a: first,
+    b: second,
+    signals: [name],
+    signals_b: signalB ? [signalB] : [],
+    ...(offset === undefined ? { align: overlaps ? "offset" : "start", offset: 0 } : { align: "offset", offset }),
+    columns: 800,
+  };
+}
+
+/** Asks for the comparison; `align`: at the offset that correlates best, which becomes the place's. */
+export async function compareNow(model: CompareModel, signal_: AbortSignal, align = false): Promise<void> {
+  const { ready, answer, problem, busy, place, aligned } = model;
+  const wanted = ready.peek();
+  if (!wanted?.signal) return;
+  busy.value = align ? "correlating" : "computing";
+  const body = requestOf(model, wanted);
+  const outcome = await request("POST /api/comparison", {
+    body: align ? { ...body, align: "correlation", offset: 0, search: null } : body,
+    signal: signal_,
+  });
+  if (signal_.aborted) return;
+  busy.value = "";
+  problem.value = outcome.ok ? undefined : outcome.problem;
+  if (!outcome.ok) return;
+  answer.value = outcome.value;
+  if (!align) return;
+  aligned.value = outcome.value;
+  const isOneLive = (wanted.a.last === undefined) !== (wanted.b.last === undefined);
+  // beside a recording the aligned range of a live device stays in sight; two live devices go on together
+  const hold = (side: Side, { t0, t1 }: ComparedSide): Side =>
+    isOneLive && side.last !== undefined && t0 !== null && t1 !== null
+      ? { source: side.source, device: side.device, begin: t0, end: t1 }
+      : side;
+  place.value = {
+    ...wanted,
+    a: hold(wanted.a, body.a),
+    b: hold(wanted.b, body.b),
+    offset: outcome.value.offset,
+  };
+}

@@ -1,0 +1,202 @@
+/** A chart of outlines over time: A and B on one axis, of which B can be dragged; or their difference. */
+import { useSignal } from "@preact/signals";
+import { useRef } from "preact/hooks";
+import { type Axis, axisOf, figure, share, ticks, valueAtShare } from "../analysis/axes";
+import { useWidth } from "../analysis/use-width";
+import type { Outline } from "../wire/routes";
+
+export interface Trace {
+  /** Class of its colour. */
+  readonly side: "side-a" | "side-b" | "difference";
+  readonly name: string;
+  readonly outline: Outline;
+  /** s to add to its times. */
+  readonly offset: number;
+}
+
+interface Props {
+  readonly label: string;
+  readonly title: string;
+  readonly unit: string;
+  readonly traces: readonly Trace[];
+  /** What stands at 0 of the axis, unix s, and the ends of the axis, s after it. */
+  readonly origin: number;
+  readonly ends: readonly [number, number];
+  readonly height: number;
+  /** Present offset, and what changes it; a chart without them cannot be dragged. */
+  readonly move?: { readonly offset: number; readonly by: (seconds: number, isDone: boolean) => void };
+  readonly dragged?: number;
+}
+
+const LEFT = 64;
+const RIGHT = 12;
+const TOP = 18;
+const BOTTOM = 20;
+/** Share of the axis that an arrow key moves B by. */
+const NUDGE = 1 / 2000;
+
+export function OverlayChart({ label, title, unit, traces, origin, ends, height, move, dragged = 0 }: Props) {
+  const host = useRef<HTMLDivElement>(null);
+  const width = useWidth(host);
+  const pointer = useSignal<number | undefined>(undefined);
+  const grip = useRef<number | undefined>(undefined);
+  const inner = { width: width.value - LEFT - RIGHT, height: height - TOP - BOTTOM };
+  const x: Axis = { kind: "linear", low: ends[0], high: ends[1] };
+  const y = axisOf(
+    "linear",
+    traces.flatMap(({ outline }) => [...outline.low, ...outline.high]),
+  );
+  const perPixel = (ends[1] - ends[0]) / inner.width;
+  const begin = (event: PointerEvent): void => {
+    if (!move || event.button !== 0) return;
+    grip.current = event.clientX;
+    host.current?.setPointerCapture?.(event.pointerId);
+  };
+  const drag = (event: PointerEvent): void => {
+    if (grip.current !== undefined) return move?.by((event.clientX - grip.current) * perPixel, false);
+    const box = host.current?.getBoundingClientRect();
+    const at = box ? (event.clientX - box.left - LEFT) / inner.width : -1;
+    pointer.value = at >= 0 && at <= 1 ? valueAtShare(x, at) : undefined;
+  };
+  const end = (event: PointerEvent): void => {
+    if (grip.current === undefined) return;
+    const seconds = (event.clientX - grip.current) * perPixel;
+    grip.current = undefined;
+    move?.by(seconds, true);
+  };
+  const press = (event: KeyboardEvent): void => {
+    const way = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
+    if (!move || way === 0 || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    event.stopPropagation();
+    move.by(way * (ends[1] - ends[0]) * NUDGE * (event.shiftKey ? 10 : 1), true);
+  };
+  const slides = move
+    ? {
+        tabIndex: 0,
+        "aria-valuenow": Number(move.offset.toFixed(6)),
+        "aria-valuetext": `${figure(move.offset)} s`,
+      }
+    : {};
+  return (
+    // biome-ignore lint/a11y/noStaticElementInteractions: it has a role, a slider as long as B can be moved
+    // biome-ignore lint/a11y/useAriaPropsSupportedByRole: both roles have a name
+    <div
+      class={`analysis-chart overlay-chart ${move ? "movable" : ""}`}
+      ref={host}
+      style={{ minHeight: `${height}px` }}
+      onPointerDown={begin}
+      onPointerMove={drag}
+      onPointerUp={end}
+      onPointerCancel={end}
+      onPointerLeave={() => (pointer.value = undefined)}
+      onKeyDown={press}
+      role={move ? "slider" : "img"}
+      aria-label={label}
+      {...slides}
+    >
+      <svg width={width.value} height={height} aria-hidden="true">
+        <g transform={`translate(${LEFT} ${TOP})`}>
+          {y && <Grid x={x} y={y} {...inner} />}
+          <svg {...inner} overflow="hidden">
+            {y &&
+              traces.map(({ side, outline, offset, name }) => (
+                <g
+                  key={name}
+                  class={side}
+                  transform={side === "side-b" ? `translate(${(dragged / perPixel).toFixed(1)} 0)` : ""}
+                >
+                  <path class="trace" d={path(outline, offset - origin, { x, y }, inner)} />
+                </g>
+              ))}
+            {pointer.value !== undefined && (
+              <line
+                class="crosshair"
+                x1={share(x, pointer.value) * inner.width}
+                x2={share(x, pointer.value) * inner.width}
+                y2={inner.height}
+              />
+            )}
+          </svg>
+        </g>
+        <text class="title" x={LEFT} y={12}>
+          {title} {unit}
+        </text>
+        <text class="title" x={LEFT + inner.width} y={12} text-anchor="end">
+          {pointer.value !== undefined && reading(traces, pointer.value + origin, unit, pointer.value)}
+        </text>
+      </svg>
+    </div>
+  );
+}
+
+interface Inner {
+  readonly width: number;
+  readonly height: number;
+}
+
+function Grid({ x, y, width, height }: { readonly x: Axis; readonly y: Axis } & Inner) {
+  return (
+    <g class="grid">
+      {ticks(x, Math.max(2, Math.floor(width / 90))).map(({ at, text }) => (
+        <g key={text} transform={`translate(${at * width} 0)`}>
+          <line y2={height} />
+          <text y={height + 15} text-anchor="middle">
+            {text}
+          </text>
+        </g>
+      ))}
+      {ticks(y, Math.max(2, Math.floor(height / 30))).map(({ at, text }) => (
+        <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
+          <line x2={width} />
+          <text x={-8} dy="0.32em" text-anchor="end">
+            {text}
+          </text>
+        </g>
+      ))}
+    </g>
+  );
+}
+
+/** A line through least and greatest values, broken in gaps. */
+export function path(
+  { time, low, high }: Outline,
+  shift: number,
+  axes: { readonly x: Axis; readonly y: Axis },
+  { width, height }: Inner,
+): string {
+  const parts: string[] = [];
+  let isNew = true;
+  time.forEach((at, i) => {
+    const [least, most] = [low[i], high[i]];
+    if (at === null || least === null || most === null || least === undefined || most === undefined) {
+      isNew = true;
+      return;
+    }
+    const px = (share(axes.x, at + shift) * width).toFixed(1);
+    const [top, bottom] = [most, least].map((value) => ((1 - share(axes.y, value)) * height).toFixed(1));
+    parts.push(`${isNew ? "M" : "L"}${px} ${top}${top === bottom ? "" : `L${px} ${bottom}`}`);
+    isNew = false;
+  });
+  return parts.join("");
+}
+
+/** The values of the traces at a time, unix s. */
+function reading(traces: readonly Trace[], at: number, unit: string, shown: number): string {
+  const values = traces.map(({ name, outline, offset }) => {
+    const i = nearest(outline.time, at - offset);
+    const [low, high] = [outline.low[i], outline.high[i]];
+    const value = low !== null && high !== null && low !== undefined && high !== undefined ? (low + high) / 2 : null;
+    return `${name} ${figure(value)} ${unit}`;
+  });
+  return [`${figure(shown)} s`, ...values].join("   ");
+}
+
+function nearest(times: readonly (number | null)[], at: number): number {
+  let [best, least] = [-1, Number.POSITIVE_INFINITY];
+  times.forEach((time, i) => {
+    const off = time === null ? Number.POSITIVE_INFINITY : Math.abs(time - at);
+    if (off < least) [best, least] = [i, off];
+  });
+  return best;
+}

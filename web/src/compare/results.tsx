@@ -1,0 +1,207 @@
+/** Figures of a comparison: statistics of the differences, spectra of both, and the settings of both. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { figure } from "../analysis/axes";
+import { Chart, type Curve, type Numbers } from "../analysis/chart";
+import type { Difference } from "../forms/types";
+import { type Problem, request } from "../ui/http";
+import { Message } from "../ui/message";
+import { ProblemNote } from "../ui/problem-note";
+import type { ComparedSignal, SignalFigures } from "../wire/routes";
+import { type CompareModel, requestOf } from "./model";
+import type { ComparePlace, Side } from "./sides";
+import { TEXT as ANALYSIS } from "../texts/analysis";
+import { TEXT } from "../texts/compare";
+
+type Ready = ComparePlace & { readonly b: Side };
+
+const FIGURES = ["mean", "sigma", "rms", "min", "max"] as const;
+const shown = (value: number | null | undefined, unit: string): string => `${figure(value)} ${unit}`.trim();
+
+export function Statistics({ signals }: { readonly signals: readonly ComparedSignal[] }) {
+  const rows = signals.filter(({ figures }) => figures["n"] !== undefined);
+  const attitude = rows.find(({ figures }) => figures["mounting"] !== undefined);
+  if (rows.length === 0) return null;
+  return (
+    <section aria-label={TEXT.statistics}>
+      <h2>{TEXT.statistics}</h2>
+      <div class="compare-table">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">{TEXT.quantity}</th>
+              {FIGURES.map((name) => (
+                <th scope="col" key={name}>
+                  {TEXT.figure[name]}
+                </th>
+              ))}
+              <th scope="col">{TEXT.figure.limits}</th>
+              <th scope="col">{TEXT.figure.n}</th>
+            </tr>
+          </thead>
+          <tbody>
+            {rows.map(({ signal, unit, a, figures }) => (
+              <tr key={signal}>
+                <th scope="row">{a === null ? TEXT.attitude : signal}</th>
+                {FIGURES.map((name) => (
+                  <td key={name}>{shown(figures[name], unit)}</td>
+                ))}
+                <td>{TEXT.to95(figure(figures["low"]), shown(figures["high"], unit))}</td>
+                <td>{figures["n"]}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+      {attitude && (
+        <p>{TEXT.mounting(shown(attitude.figures["mounting"], "°"), shown(attitude.figures["remaining"], "°"))}</p>
+      )}
+    </section>
+  );
+}
+
+interface Props {
+  readonly model: CompareModel;
+  readonly wanted: Ready;
+}
+
+/** Power spectral densities of both sides, on request. */
+export function Spectra({ model, wanted }: Props) {
+  const isOpen = useSignal(false);
+  return (
+    <details onToggle={(event) => (isOpen.value = event.currentTarget.open)}>
+      <summary>{TEXT.spectra}</summary>
+      {isOpen.value && <BothSpectra model={model} wanted={wanted} />}
+    </details>
+  );
+}
+
+function BothSpectra({ model, wanted }: Props) {
+  const found = useSignal<readonly (readonly SignalFigures[])[] | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const { a, b, signals, signals_b: others = [] } = requestOf(model, wanted);
+  const key = JSON.stringify([wanted.a, wanted.b, signals, others]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: what the request depends on is in the key
+  useEffect(() => {
+    const cancel = new AbortController();
+    found.value = undefined;
+    const psd = (side: typeof a, names: readonly string[]) =>
+      request("POST /api/analysis/{name}", {
+        path: { name: "psd" },
+        body: { ...side, signals: names, options: { scale: "amplitude" } },
+        signal: cancel.signal,
+      });
+    void Promise.all([psd(a, signals), psd(b, others.length > 0 ? others : signals)]).then((outcomes) => {
+      if (cancel.signal.aborted) return;
+      const [first, second] = outcomes;
+      problem.value = first?.ok === false ? first.problem : second?.ok === false ? second.problem : undefined;
+      if (first?.ok && second?.ok) found.value = [first.value, second.value] as readonly (readonly SignalFigures[])[];
+    });
+    return () => cancel.abort();
+  }, [key]);
+  if (problem.value) return <ProblemNote problem={problem.value} />;
+  if (!found.value) return <p aria-busy="true">{TEXT.computing}</p>;
+  const [first, second] = found.value;
+  return (
+    <>
+      {first?.map((one, i) => (
+        <Chart
+          key={one.signal}
+          label={ANALYSIS.chart(TEXT.spectra, one.signal)}
+          curves={[spectrum("A", "side-a", one), ...(second?.[i] ? [spectrum("B", "side-b", second[i])] : [])]}
+          xKind="log"
+          xTitle={ANALYSIS.frequency}
+          xUnit="Hz"
+          yTitle={one.signal}
+          yUnit={one.units["psd"] ?? ""}
+        />
+      ))}
+    </>
+  );
+}
+
+function spectrum(name: string, colour: string, { figures }: SignalFigures): Curve {
+  const of = (key: string): Numbers => ((figures[key] as Numbers | undefined) ?? []).slice(1);
+  return { name, colour, x: of("frequency"), y: of("psd"), low: of("low"), high: of("high") };
+}
+
+/** Settings of both sides as a diff, on request. */
+export function Settings({ wanted }: { readonly wanted: Ready }) {
+  const isOpen = useSignal(false);
+  return (
+    <details onToggle={(event) => (isOpen.value = event.currentTarget.open)}>
+      <summary>{TEXT.settings}</summary>
+      {isOpen.value && <SettingsDiff key={`${sideKey(wanted.a)} ${sideKey(wanted.b)}`} wanted={wanted} />}
+    </details>
+  );
+}
+
+const sideKey = ({ source, device }: Side): string => `${source}/${device}`;
+
+function SettingsDiff({ wanted }: { readonly wanted: Ready }) {
+  const found = useSignal<Difference | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: other sides have another key
+  useEffect(() => {
+    const cancel = new AbortController();
+    const { a, b } = wanted;
+    const whole = ({ source, device }: Side) => ({ source, device, t0: null, t1: null });
+    const body = { a: whole(a), b: whole(b) };
+    void request("POST /api/comparison/settings", { body, signal: cancel.signal }).then((outcome) => {
+      if (cancel.signal.aborted) return;
+      if (outcome.ok) found.value = outcome.value;
+      else problem.value = outcome.problem;
+    });
+    return () => cancel.abort();
+  }, []);
+  if (problem.value) return <ProblemNote problem={problem.value} />;
+  const difference = found.value;
+  if (!difference) return <p aria-busy="true">{TEXT.readingSettings}</p>;
+  const missing = Object.entries(difference.missing ?? {});
+  return (
+    <>
+      <p role="status">
+        <b>{difference.rows.length === 0 ? TEXT.noDifference : TEXT.differences(difference.rows.length)}</b>
+        {TEXT.agree(difference.same)}
+      </p>
+      {difference.rows.length > 0 && (
+        <div class="compare-table">
+          <table>
+            <thead>
+              <tr>
+                <th scope="col">{TEXT.setting}</th>
+                <th scope="col" class="side-a">
+                  {difference.left}
+                </th>
+                <th scope="col" class="side-b">
+                  {difference.right}
+                </th>
+              </tr>
+            </thead>
+            <tbody>
+              {difference.rows.map((row) => (
+                <tr key={`${row.setting} ${row.path}`}>
+                  <th scope="row">{row.title}</th>
+                  <td>{row.left || TEXT.missing}</td>
+                  <td>{row.right || TEXT.missing}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </div>
+      )}
+      {missing.length > 0 && (
+        <>
+          <p class="dim">{TEXT.notCompared(missing.length)}:</p>
+          <ul class="dim">
+            {missing.map(([name, reason]) => (
+              <li key={name}>
+                <span class="mono">{name}</span>: <Message text={reason} />
+              </li>
+            ))}
+          </ul>
+        </>
+      )}
+    </>
+  );
+}
