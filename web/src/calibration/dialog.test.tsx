@@ -55,6 +55,8 @@ const FOUND: CalibrationReport = {
   figures: [
     { name: "before", title: "Residual before", value: 17.77, uncertainty: null, unit: "µT" },
     { name: "share", title: "", value: 31.67, uncertainty: null, unit: "%" },
+    { name: "yaw", title: "Yaw", value: 23.456, uncertainty: 0.078, unit: "°" },
+    { name: "rests", title: "Rests used", value: 6, uncertainty: null, unit: "" },
   ],
   notes: ["Valid as mounted."],
   trace: { title: "Strength of the field", unit: "µT", target: 48, before: [30, 60], after: [48, 48.1] },
@@ -139,6 +141,9 @@ test("the result has figures, bias, matrix, the residual before and after, and f
   open({ [`GET ${ROUTE}`]: state(FOUND, false) });
   const result = await screen.findByRole("region", { name: "Result" });
   expect(result.textContent).toContain("17.8 µT · 31.7 %");
+  expect(result.textContent).toContain("Rests used6");
+  expect(result.textContent).toContain("23.456 ± 0.078°");
+  expect(result.textContent).not.toContain("6.00");
   expect(result.textContent).toContain("12.345± 0.020");
   expect(result.textContent).toContain("1.100000.020000.00000");
   expect(result.querySelectorAll("polyline")).toHaveLength(2);

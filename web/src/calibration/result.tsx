@@ -16,8 +16,7 @@ export function Result({
   readonly correction: SensorCorrection;
 }) {
   // as many decimals as the least certain axis has sense for
-  const sigma = Math.max(...correction.bias_uncertainty);
-  const decimals = sigma > 0 ? Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(sigma)))) : 5;
+  const decimals = decimalsFor(Math.max(...correction.bias_uncertainty));
   return (
     <section class="calibration-result" aria-label={TEXT.result}>
       <dl class="calibration-figures">
@@ -30,23 +29,25 @@ export function Result({
       </dl>
       {report.trace && <Trace trace={report.trace} />}
       <div class="calibration-numbers">
-        <table>
-          <caption>
-            {TEXT.bias}
-            <span class="unit">{correction.unit}</span>
-          </caption>
-          <tbody>
-            {AXES.map((axis, k) => (
-              <tr key={axis}>
-                <th scope="row" class={`axis-${axis}`}>
-                  {axis}
-                </th>
-                <td>{number(correction.bias[k], decimals)}</td>
-                <td class="dim">± {number(correction.bias_uncertainty[k], decimals)}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
+        {correction.bias.some((value) => value !== 0) && (
+          <table>
+            <caption>
+              {TEXT.bias}
+              <span class="unit">{correction.unit}</span>
+            </caption>
+            <tbody>
+              {AXES.map((axis, k) => (
+                <tr key={axis}>
+                  <th scope="row" class={`axis-${axis}`}>
+                    {axis}
+                  </th>
+                  <td>{number(correction.bias[k], decimals)}</td>
+                  <td class="dim">± {number(correction.bias_uncertainty[k], decimals)}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        )}
         {!isIdentity(correction.matrix) && (
           <table>
             <caption>{TEXT.matrix}</caption>
@@ -78,13 +79,25 @@ export function Result({
 function lines(figures: readonly CalibrationFigure[]): readonly { readonly title: string; readonly words: string }[] {
   const found: { title: string; words: string }[] = [];
   for (const figure of figures) {
-    const sigma = figure.uncertainty === null ? "" : ` ± ${digits(figure.uncertainty, 2)}`;
-    const words = `${digits(figure.value)}${sigma} ${figure.unit}`.trim();
+    const words = `${valueOf(figure)}${figure.unit === "°" ? "" : " "}${figure.unit}`.trim();
     const last = found.at(-1);
     if (figure.title === "" && last) last.words += ` · ${words}`;
     else found.push({ title: figure.title, words });
   }
   return found;
+}
+
+/** A count as it is; a value with an uncertainty with the decimals of that; else three digits. */
+function valueOf({ value, uncertainty, unit }: CalibrationFigure): string {
+  if (unit === "" && Number.isInteger(value)) return number(value, 0);
+  if (uncertainty === null) return digits(value);
+  const decimals = decimalsFor(uncertainty);
+  return `${number(value, decimals)} ± ${number(uncertainty, decimals)}`;
+}
+
+/** Decimals that show two digits of an uncertainty. */
+function decimalsFor(sigma: number): number {
+  return sigma > 0 ? Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(sigma)))) : 5;
 }
 
 function isIdentity(matrix: readonly (readonly number[])[]): boolean {
