@@ -20,7 +20,7 @@ import { XyTools } from "./tools";
 import { TEXT } from "../texts/xy";
 import "./xy.css";
 
-/** Pictures a second while samples come; a cursor that moves is followed every frame. */
+/** Pictures a second while samples come or the view moves; the pointer is followed every frame. */
 const PER_SECOND = 12;
 const COLOURS = 6;
 
@@ -75,7 +75,7 @@ class XyPlot {
     const isMoved = stamp !== this.#stamp;
     const revision = pair.x.channel.ring.revision + pair.y.channel.ring.revision;
     const isChanged = view.live || this.#server !== undefined || revision !== this.#revision;
-    if (!isMoved && !this.#isDue && !(isChanged && this.#often(now))) return;
+    if (!this.#isDue && !((isMoved || isChanged) && this.#often(now))) return;
     this.#revision = revision;
     if (isMoved) this.#colourKey();
     [this.#stamp, this.#isDue] = [stamp, false];
