@@ -68,7 +68,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
       {isLive && showsPlots(app.state.value) && app.device.value && (
         <button
           type="button"
-          class="btn icon desk"
+          class="btn icon compare-button"
           aria-label={COMPARE.compare}
           title={COMPARE.open}
           onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}
