@@ -65,7 +65,7 @@ class _ComputedSignals:
             DomainError: it does not fit the recording.
         """
         if any(info.device == device and info.name == definition.name for info in self._infos):
-            raise DomainError("name", "the device sends a channel of that name.")
+            raise DomainError("name", "the device sends a channel of that name.", "Give the signal another name.")
         signal = expression_over(self._infos, definition.expression, WHOLE, device)
         value = signal.quantity(self._read)
         assert value.time is not None  # it is no number

@@ -191,7 +191,8 @@ def _compared(sides: Sequence[_Side], by: Sequence[_Side], body: ComparisonReque
         reach = math.inf if body.search is None else body.search
         pairs = (a, b) if by is sides else tuple(side.signals() for side in by)
         if len(pairs[0]) != len(pairs[1]):
-            raise DomainError("not-alike", "Both sides have different columns of the signals to correlate.", "")
+            hint = "Correlate signals that both sides have."
+            raise DomainError("not-alike", "The sides have different columns of the signals to correlate.", hint)
         matched = list(zip(*pairs, strict=True))
         aligned = align(matched, body.offset - reach, body.offset + reach)
     rows = [_signal(one, other, aligned.offset, body.columns) for one, other in zip(a, b, strict=True)]
@@ -264,8 +265,8 @@ async def compare_settings(body: SettingsRequest, services: TheServices) -> Diff
     try:
         found = compare(driver, first.context, first.side, second.side)
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError):  # a file of another origin
-        message = "The recorded settings do not match the tables of their protocol."
-        raise DomainError("bad-snapshot", message, "Look at them in each recording.") from None
+        said = "The recorded settings do not match the tables of their protocol."
+        raise DomainError("bad-snapshot", said, "Look at them in each recording.") from None
     rows = [_plain_row(row) for row in found.rows]
     return Difference(found.left, found.right, rows, found.same, missing=found.missing, product=found.product)
 

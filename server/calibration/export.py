@@ -38,10 +38,9 @@ def exported(report: CalibrationReport, device: str, name: str) -> tuple[str, Ca
     if form is None:
         raise DomainError("bad-value", f"format {name!r:.40} is not allowed.", f"Give one of: {', '.join(FORMATS)}.")
     if report.correction is None:
-        refusal = report.refusal
-        raise DomainError(
-            "no-result", refusal.message if refusal else "There is no result.", refusal.hint if refusal else ""
-        )
+        if report.refusal is not None:
+            raise DomainError("no-result", report.refusal.message, report.refusal.hint)
+        raise DomainError("no-result", "The calibration has no result yet.", "Go on until it is done.")
     return form.write(report, device), form
 
 

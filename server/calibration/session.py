@@ -174,7 +174,8 @@ class CalibrationSessions:
             DomainError: "not-found": unknown device.
         """
         if device not in self._bus.devices.latest:
-            raise DomainError("not-found", f"Device {device:.40} not found.", "Devices: `GET /api/devices`.")
+            hint = "It may have been removed; choose one of the list."
+            raise DomainError("not-found", f"Device {device:.40} not found.", hint)
         return CalibrationInputs.of(self._store.of_device(device).values())
 
     def start(self, device: str, kind: str, options: CalibrationOptions) -> CalibrationSession:
@@ -204,7 +205,7 @@ class CalibrationSessions:
         """
         session = self._sessions.get(device)
         if session is None:
-            hint = "Start one: `POST /api/devices/{device}/calibration`."
+            hint = "Start one; one that was running ended with the server."
             raise DomainError("not-found", f"Device {device:.40} has no calibration.", hint)
         return session
 

@@ -30,7 +30,15 @@ METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", 
 # POST, because they carry values: what would be sent, would it fit, in what do two sides differ, figures of a range.
 # They change nothing.
 ASKING = {
-    *("/api/analysis/{name}", "/api/calibration/{kind}", "/api/comparison", "/api/comparison/settings"),
+    *(
+        "/api/analysis/{name}",
+        "/api/analysis/pairs",
+        "/api/alarms/check",
+        "/api/alarms/preview",
+        "/api/calibration/{kind}",
+        "/api/comparison",
+        "/api/comparison/settings",
+    ),
     *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
 }
 # Without a token: they hold nothing of the devices.
