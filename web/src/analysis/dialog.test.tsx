@@ -56,9 +56,13 @@ const CHANNELS = [
   channel("Other", "vector", "2"),
 ];
 
-function open(answers: Record<string, unknown>, isLive = false, prefix = ""): readonly Asked[] {
+function open(
+  answers: Record<string, unknown>,
+  isLive = false,
+  prefix = "",
+  viewState = createViewState(),
+): readonly Asked[] {
   const asked = answering(answers);
-  const viewState = createViewState();
   viewState.view.value = { device: "1", live: isLive, end: 1000, span: 20, timeBase: "arrival" };
   const store = { channels: signal(CHANNELS), serverNow: () => 2000 };
   const deps = { store, viewState } as unknown as Deps;
@@ -185,6 +189,18 @@ test("live figures are asked for again", async () => {
   const asked = open({ [`${ROUTE}/psd`]: [figures("x")] }, true);
   await waitFor(() => expect(asked.length).toBeGreaterThan(1), { timeout: 5000 });
   expect(bodies(asked)[1]).toMatchObject({ t0: 1980, t1: 2000 });
+});
+
+test("the figures of a recording follow its window, and are not asked for again while it stands", async () => {
+  const viewState = createViewState();
+  const asked = open({ [`${ROUTE}/psd`]: [figures("x")] }, false, "", viewState);
+  await waitFor(() => expect(asked.length).toBe(1));
+  viewState.view.value = { ...viewState.view.value, end: 900 };
+  await waitFor(() => expect(asked.length).toBe(2), { timeout: 5000 });
+  expect(bodies(asked)[1]).toMatchObject({ t0: 880, t1: 900 });
+  viewState.view.value = { ...viewState.view.value, timeBase: "device" };
+  await waitFor(() => expect(bodies(asked)[2]).toMatchObject({ base: "device" }), { timeout: 5000 });
+  expect(asked.length).toBe(3);
 });
 
 test("channels that are numbers are offered, acceleration first", () => {

@@ -4,7 +4,7 @@ import type { Deps } from "../panels/panel-context";
 import { Dialog } from "../ui/dialog";
 import { type Problem, request } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
-import type { SignalFigures } from "../wire/routes";
+import type { AnalysisRequest, SignalFigures } from "../wire/routes";
 import { hasCursors, inertialNames, type Name, type Range, signalNames, signalsIn, timesOf } from "./figures";
 import { type Answered, Result } from "./results";
 import { TEXT } from "../texts/analysis";
@@ -16,7 +16,7 @@ const LENGTHS = [0, 64, 256, 1024, 4096, 16384, 65536];
 const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"];
 /** Pause after typing, ms. */
 const TYPED_MS = 350;
-/** Live figures are computed this often, ms, as far as the server keeps up. */
+/** Figures of a range that moves are computed this often, ms, as far as the server keeps up. */
 const LIVE_MS = 250;
 /** Pictures have a hundred times as many figures. */
 const HEAVY_MS = 1000;
@@ -78,10 +78,22 @@ export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "titl
     const range = choice.range.value;
     const cancel = new AbortController();
     let timer: ReturnType<typeof setTimeout> | undefined;
-    const ask = async (): Promise<void> => {
-      const times = timesOf(range, viewState, store.serverNow());
-      const base = viewState.view.peek().timeBase;
-      const whole = { ...body, ...times, source, base };
+    const rangeNow = () => ({
+      ...timesOf(range, viewState, store.serverNow()),
+      base: viewState.view.peek().timeBase,
+    });
+    let asked = "";
+    const look = async (): Promise<void> => {
+      const times = rangeNow();
+      const grows = isLive && (range === "everything" || (range === "window" && viewState.view.peek().live));
+      if (grows || JSON.stringify(times) !== asked) {
+        asked = JSON.stringify(times);
+        await ask({ ...body, ...times, source });
+      }
+      const pause = range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : LIVE_MS;
+      if (!cancel.signal.aborted) timer = setTimeout(() => void look(), pause);
+    };
+    const ask = async (whole: AnalysisRequest): Promise<void> => {
       const outcome = await request("POST /api/analysis/{name}", {
         path: { name },
         body: whole,
@@ -91,12 +103,9 @@ export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "titl
       busy.value = false;
       problem.value = outcome.ok ? undefined : outcome.problem;
       if (outcome.ok) answered.value = { name, figures: outcome.value as readonly SignalFigures[], body: whole };
-      const moves = range === "everything" || (range === "window" && viewState.view.peek().live);
-      const pause = range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : LIVE_MS;
-      if (isLive && moves) timer = setTimeout(() => void ask(), pause);
     };
     busy.value = true;
-    timer = setTimeout(() => void ask(), answered.peek() === undefined ? 0 : TYPED_MS);
+    timer = setTimeout(() => void look(), answered.peek() === undefined ? 0 : TYPED_MS);
     return () => {
       clearTimeout(timer);
       cancel.abort();

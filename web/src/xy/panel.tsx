@@ -49,6 +49,9 @@ class XyPlot {
   #scales = { x: new Scale(1), y: new Scale(1) };
   #series: { readonly key: string; readonly of: PairSeries } | undefined;
   #pairs: Pairs = NO_PAIRS;
+  /** What the pairs in memory were taken of: the same again gives the same pairs. */
+  #taken = "";
+  #told = "";
   #place: Placed | undefined;
   /** The pair under the pointer. */
   #aimed = -1;
@@ -74,15 +77,21 @@ class XyPlot {
     const stamp = `${state} ${document.documentElement.dataset["theme"]}`;
     const isMoved = stamp !== this.#stamp;
     const revision = pair.x.channel.ring.revision + pair.y.channel.ring.revision;
-    const isChanged = view.live || this.#server !== undefined || revision !== this.#revision;
-    if (!this.#isDue && !((isMoved || isChanged) && this.#often(now))) return;
+    const mayChange = view.live || this.#server !== undefined || revision !== this.#revision;
+    if (!this.#isDue && !((isMoved || mayChange) && this.#often(now))) return;
     this.#revision = revision;
     if (isMoved) this.#colourKey();
+    const isWanted = this.#isDue || isMoved;
     [this.#stamp, this.#isDue] = [stamp, false];
     this.#show({ ...pair, key: keyOf(pair) });
     const [t0, t1] = rangeOf(viewState.xy.peek(), a, b, viewState.actions.rightEdge(), view.span);
+    const before = this.#pairs;
     const isNewest = this.#load(pair, t0, t1, now);
-    this.#draw(pair, t0, t1, now, isNewest);
+    const isRescaled = this.#rescale(now);
+    const told = `${isNewest} ${this.#server?.problem?.message}`;
+    if (!isWanted && !isRescaled && this.#pairs === before && told === this.#told) return;
+    this.#told = told;
+    this.#draw(pair, t0, t1, isNewest);
   }
 
   dispose(): void {
@@ -98,7 +107,7 @@ class XyPlot {
     if (shown?.key === this.#shown?.key) return;
     this.#shown = shown;
     this.#aimed = -1;
-    this.#pairs = NO_PAIRS;
+    [this.#pairs, this.#taken] = [NO_PAIRS, ""];
     if (shown) this.#scales = { x: scaleOf(shown.x), y: scaleOf(shown.y) };
   }
 
@@ -112,22 +121,30 @@ class XyPlot {
     if (ringX && ringY) {
       const key = `${keyOf({ x, y })} ${base} ${how}`;
       const known = this.#series;
-      if (known?.key !== key || !known.of.isOf(ringX, ringY))
-        this.#series = { key, of: new PairSeries(columnOf(x, ringX), columnOf(y, ringY), how, base) };
+      const isKnown = known?.key === key && known.of.isOf(ringX, ringY);
+      const taken = `${ringX.revision} ${ringY.revision} ${t0} ${t1}`;
+      if (isKnown && taken === this.#taken) return true;
+      if (!isKnown) this.#series = { key, of: new PairSeries(columnOf(x, ringX), columnOf(y, ringY), how, base) };
+      this.#taken = taken;
       this.#pairs = this.#series?.of.between(t0, t1) ?? NO_PAIRS;
       return true;
     }
+    this.#taken = "";
     const found = this.#server?.of({ x, y, how, range: { t0, t1, base } }, now);
     this.#pairs = found?.pairs ?? NO_PAIRS;
     return found?.isNewest ?? false;
   }
 
-  #draw({ x, y }: Omit<Shown, "key">, t0: number, t1: number, now: number, isNewest: boolean): void {
+  /** Whether the values need other axes, or have not needed so long ones for a while. */
+  #rescale(now: number): boolean {
+    const isOther = this.#scales.x.update(...extent(this.#pairs.x), now, false);
+    return this.#scales.y.update(...extent(this.#pairs.y), now, false) || isOther;
+  }
+
+  #draw({ x, y }: Omit<Shown, "key">, t0: number, t1: number, isNewest: boolean): void {
     const { viewState } = this.#deps;
     const { colour, draw, isEqual } = viewState.xy.peek();
     const pairs = this.#pairs;
-    this.#scales.x.update(...extent(pairs.x), now, false);
-    this.#scales.y.update(...extent(pairs.y), now, false);
     const names = { x: nameWithUnit(x), y: nameWithUnit(y) };
     const [a, b] = [viewState.actions.cursorTime(), viewState.measure.peek()];
     const marks = [
