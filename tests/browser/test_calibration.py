@@ -17,6 +17,7 @@ from tests.server_process import ServerProcess
 PLACE = "document.querySelector('dialog[open]')"
 WORDS = f"{PLACE}?.innerText"
 SEEN = "document.querySelectorAll('.calibration-halves .seen').length"
+TUMBLING = "sim:xbus?rate=100&seed=1&motion=tumble&hard_iron=0.3&soft_iron=0.1"
 FOUND = "document.querySelector('.calibration-result') !== null"
 
 
@@ -28,9 +29,10 @@ def coach(page: Page, kind: str, *, phone: bool) -> None:
     page.get_by_role("button", name=kind).click()
 
 
-def test_a_magnetometer_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    server = serve("sim:xbus?rate=100&seed=1&motion=tumble&hard_iron=0.3&soft_iron=0.1")
-    page = opened(server, open_page, PHONE)
+def test_a_magnetometer_is_begun_on_a_phone(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    page = opened(serve(TUMBLING), open_page, PHONE)
     coach(page, "Magnetometer", phone=True)
     until(page, f"{SEEN} > 3")
     assert page.get_by_role("button", name="Finish now").is_disabled()
@@ -45,6 +47,12 @@ def test_a_magnetometer_on_a_phone(serve: Callable[..., ServerProcess], open_pag
     page.locator(".bar .device-name").click()
     page.get_by_role("button", name="Calibrate", exact=True).click()
     until(page, f"{SEEN} >= {seen}")
+
+
+@pytest.mark.slow
+def test_a_magnetometer_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    page = opened(serve(TUMBLING), open_page, PHONE)
+    coach(page, "Magnetometer", phone=True)
     until(page, FOUND)
     assert "Residual after" in page.evaluate(WORDS)
     assert serious(page, PLACE) == []
@@ -104,6 +112,7 @@ def test_a_mounting_rotation_is_written_to_the_device(
     assert [stored[name] for name in ("q0", "q1", "q2", "q3")] == pytest.approx(wanted, abs=0.02)
 
 
+@pytest.mark.slow
 def test_six_positions_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
     page = opened(serve("sim:isb?rate=100&seed=1&motion=positions&acc_bias=0.3"), open_page, PHONE)
     coach(page, "Accelerometer", phone=True)

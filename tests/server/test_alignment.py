@@ -173,11 +173,11 @@ def test_a_constant_has_no_offset() -> None:
     assert raised.value.kind == "no-result"
 
 
-def test_half_an_hour_at_1_khz_is_aligned() -> None:
+def test_minutes_at_1_khz_are_aligned() -> None:
     random = np.random.default_rng(9)
-    time = np.arange(0, 1800, 0.001)
-    moves = np.repeat(random.normal(0, 1, 3600), 500)
+    time = np.arange(0, 360, 0.001)
+    moves = np.repeat(random.normal(0, 1, 720), 500)
     smooth = np.convolve(moves, np.ones(200) / 200, "same")
-    a, b = smooth[: 1500 * 1000], smooth[300 * 1000 :]
+    a, b = smooth[: 300 * 1000], smooth[60 * 1000 :]
     found = align([(signal(time[: len(a)], a), signal(time[: len(b)], b + white(random, len(b), 0.1)))])
-    assert found.offset == pytest.approx(300.0, abs=1e-3)
+    assert found.offset == pytest.approx(60.0, abs=1e-3)

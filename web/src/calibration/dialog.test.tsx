@@ -202,15 +202,22 @@ test("a result is written like any change: asked once, then carried out, with it
   expect((await screen.findByRole("status")).textContent).toContain("Read back equal. The settings of before");
 });
 
-test("a device that was not read is read first", async () => {
+test("a device that was not read is read first, which writes nothing", async () => {
   const problem = "The settings of the device have not been read yet.";
   const write = { setting: "Rot", title: "Alignment", note: "", values: null, problem, hint: "Read them first." };
-  const asked = open({
-    [`GET ${ROUTE}`]: { ...state({ ...FOUND, kind: "mounting" }, false), write },
-    "POST /api/devices/1/read": { id: 3 },
-  });
+  const found = state({ ...FOUND, kind: "mounting" }, false);
+  let now: object = { ...found, write };
+  const asked = answering({ [`GET ${ROUTE}`]: () => now, "POST /api/devices/1/read": { id: 3 } });
+  const job = { id: 3, title: "Read the settings", state: "done", message: "12 settings read.", step: "" } as Job;
+  const jobs = { device: "1", running: null, queue: [], done: [job], pending_rollback: null } as unknown as DeviceJobs;
+  const device = { id: "1", name: "MTi-630" } as DeviceInfo;
+  render(<CalibrationDialog device={device} jobs={jobs} onClose={() => undefined} />);
   fireEvent.click(await screen.findByRole("button", { name: "Read the settings" }));
   await waitFor(() => expect(asked.some(({ path }) => path === "/api/devices/1/read")).toBe(true));
+  now = { ...found, write: { ...write, values: { q0: 1 }, problem: "" } };
+  await screen.findByRole("button", { name: "Write to the device" }, { timeout: 20_000 });
+  expect(screen.getByRole("status").textContent).toContain("12 settings read.");
+  expect(screen.getByRole("status").textContent).not.toContain("The settings of before");
 });
 
 test("a refusal of the server is shown", async () => {

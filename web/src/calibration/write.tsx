@@ -15,7 +15,7 @@ interface Props {
 
 export function Write({ device, write, jobs }: Props) {
   const problem = useSignal<Problem | undefined>(undefined);
-  const job = useSignal<number | undefined>(undefined);
+  const job = useSignal<{ readonly id: number; readonly isWrite: boolean } | undefined>(undefined);
   const path = { device };
   const { setting, values } = write;
   const send = async (confirmed: boolean): Promise<void> => {
@@ -26,11 +26,11 @@ export function Write({ device, write, jobs }: Props) {
           body: { changes: { [setting]: values }, reason: TEXT.names["mounting"] ?? "", confirmed },
         })
       : await request("POST /api/devices/{device}/read", { path, body: { confirmed } });
-    if (outcome.ok) job.value = outcome.value.id;
+    if (outcome.ok) job.value = { id: outcome.value.id, isWrite: values !== null };
     else problem.value = outcome.problem;
   };
   const asks = problem.value?.kind === "confirm";
-  const running = jobWith(jobs, job.value);
+  const running = jobWith(jobs, job.value?.id);
   const isBusy = running !== undefined && (running.state === "waiting" || running.state === "running");
   return (
     <section class="calibration-write" aria-label={TEXT.write}>
@@ -57,7 +57,7 @@ export function Write({ device, write, jobs }: Props) {
       {running && (
         <p role="status">
           <b>{running.title}</b> <Message text={running.message || running.step || TEXT.waiting} />{" "}
-          {running.state === "done" && values && TEXT.written}
+          {running.state === "done" && job.value?.isWrite && TEXT.written}
         </p>
       )}
     </section>
