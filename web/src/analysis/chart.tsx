@@ -128,21 +128,20 @@ function Drawn({ curve: one, axes, width, height }: DrawnProps) {
   const reference = one.reference ? curve(one.x, one.reference, axes, width, height) : [];
   return (
     <g class={one.colour}>
-      {above.map((part, i) => (
-        <path key={path(part)} class="interval" d={`${path(part)}${path([...(below[i] ?? [])].reverse(), "L")}Z`} />
-      ))}
-      {model.map((part) => (
-        <path key={path(part)} class="model" d={path(part)} />
-      ))}
-      {reference.map((part) => (
-        <path key={path(part)} class="reference" d={path(part)} />
-      ))}
-      {parts.map((part) => (
-        <path key={path(part)} class="trace" d={path(part)} />
-      ))}
+      {above.length > 0 && (
+        <path
+          class="interval"
+          d={above.map((part, i) => `${path(part)}${path([...(below[i] ?? [])].reverse(), "L")}Z`).join("")}
+        />
+      )}
+      {model.length > 0 && <path class="model" d={joined(model)} />}
+      {reference.length > 0 && <path class="reference" d={joined(reference)} />}
+      {parts.length > 0 && <path class="trace" d={joined(parts)} />}
     </g>
   );
 }
+
+const joined = (parts: readonly (readonly Point[])[]): string => parts.map((part) => path(part)).join("");
 
 function path(points: readonly Point[], first = "M"): string {
   return points.map(([x, y], i) => `${i === 0 ? first : "L"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");

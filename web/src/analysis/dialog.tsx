@@ -18,6 +18,8 @@ const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"];
 const TYPED_MS = 350;
 /** Figures of a range that moves are computed this often, ms, as far as the server keeps up. */
 const LIVE_MS = 250;
+/** Over a recording the server reads the samples from disk each time. */
+const RECORDED_MS = 1000;
 /** Pictures have a hundred times as many figures. */
 const HEAVY_MS = 1000;
 /** Those of everything in memory change slowly. */
@@ -90,7 +92,8 @@ export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "titl
         asked = JSON.stringify(times);
         await ask({ ...body, ...times, source });
       }
-      const pause = range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : LIVE_MS;
+      const pause =
+        range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : isLive ? LIVE_MS : RECORDED_MS;
       if (!cancel.signal.aborted) timer = setTimeout(() => void look(), pause);
     };
     const ask = async (whole: AnalysisRequest): Promise<void> => {

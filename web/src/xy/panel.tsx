@@ -20,8 +20,11 @@ import { XyTools } from "./tools";
 import { TEXT } from "../texts/xy";
 import "./xy.css";
 
-/** Pictures a second while samples come or the view moves; the pointer is followed every frame. */
-const PER_SECOND = 12;
+/**
+ * Pictures a second while samples come or the view moves: without a graphics card one takes 60 ms of a core. The pointer is
+ * followed every frame.
+ */
+const PER_SECOND = 5;
 const COLOURS = 6;
 
 interface Shown {
