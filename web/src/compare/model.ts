@@ -46,9 +46,9 @@ export function compareModel(app: App, query: string): CompareModel {
     const product = productOf(app, details.value, a);
     const other = b ?? likelyOther(a, product, app.store.devices.value, known ?? []);
     const sides = { a: withDevice(a, details.value), b: withDevice(other, details.value) };
-    const names = namesOf(app, details.value, sides.a);
     const isKnown = [sides.a, sides.b].every(({ source }) => isLive(app, source) || details.value.has(source));
-    return isKnown ? { ...rest, ...sides, signal: rest.signal || (names[0] ?? "") } : undefined;
+    if (!isKnown) return undefined;
+    return { ...rest, ...sides, ...(rest.signal ? {} : likelySignals(app, details.value, sides)) };
   });
   return {
     app,
@@ -99,6 +99,17 @@ export function namesOf(
   const detail = details.get(source);
   const own = device || detail?.devices[0]?.id;
   return signalNames(detail?.channels.map((info) => ({ info }) as Channel) ?? [], own);
+}
+
+/** The most wanted signal of A, and of B another one if that is called otherwise there. */
+function likelySignals(
+  app: App,
+  details: ReadonlyMap<string, RecordingDetail>,
+  { a, b }: { readonly a: Side; readonly b: Side },
+): Pick<ComparePlace, "signal" | "signalB"> {
+  const [own, others] = [namesOf(app, details, a), namesOf(app, details, b)];
+  const [first = ""] = own;
+  return { signal: first, signalB: others.includes(first) ? "" : (others[0] ?? "") };
 }
 
 /** Title of a source. */

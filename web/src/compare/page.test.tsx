@@ -49,13 +49,13 @@ const ANSWER: ComparisonAnswer = {
 };
 const ROUTE = "POST /api/comparison";
 
-function open(query: string, answers: Record<string, unknown> = {}): readonly Asked[] {
+function open(query: string, answers: Record<string, unknown> = {}, otherName = "Quaternion"): readonly Asked[] {
   const asked = answering({ "GET /api/recordings": [], [ROUTE]: ANSWER, ...answers });
   const device = (id: string) => ({ id, name: `MTi ${id}`, product: "MTi", serial_number: id, status: "live" });
-  const channel = (id: string) => ({ info: { name: "Quaternion", kind: "quaternion", device: id, source: "" } });
+  const channel = (id: string, name: string) => ({ info: { name, kind: "quaternion", device: id, source: "" } });
   const store = {
     devices: signal([device("1"), device("2")]),
-    channels: signal([channel("1"), channel("2")]),
+    channels: signal([channel("1", "Quaternion"), channel("2", otherName)]),
     connection: signal("open"),
     silentSince: signal(undefined),
     events: signal([
@@ -96,6 +96,13 @@ test("two live devices are compared by the clock, with plots, gaps, statistics a
   expect(screen.getByText(/nothing is compared across a gap/)).toBeTruthy();
   expect(screen.getByText("0.31 … 0.69 °")).toBeTruthy();
   await waitFor(() => expect(location.hash).toContain("b=2"));
+});
+
+test("a signal that B has under another name is proposed", async () => {
+  const asked = open("a=1&al=30", {}, "DID_INS_2.qn2b");
+  await screen.findByRole("slider", { name: /^Quaternion.w of A and B/ });
+  expect(bodies(asked)[0]).toMatchObject({ signals: ["Quaternion"], signals_b: ["DID_INS_2.qn2b"] });
+  await waitFor(() => expect(location.hash).toContain("signalb=DID_INS_2.qn2b"));
 });
 
 test("B is moved by keys, by hand, and at events", async () => {
