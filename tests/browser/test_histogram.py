@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, reload, serious
 from tests.browser.test_recordings import ask, recorded
 from tests.browser.test_recordings import opened as opened_recording
 from tests.browser.test_xy import show
@@ -37,7 +37,7 @@ def test_a_histogram_of_live_signals(serve: Callable[..., ServerProcess], open_p
     page.get_by_role("button", name="Density", exact=True).click()
     until(page, f"{PANEL}.innerText.includes('Density, 1/(m/s²)')")
     assert serious(page, PANEL) == []
-    page.reload()
+    reload(page)
     until(page, f"{OUTLINES} === 1 && {PANEL}.innerText.includes('Density, 1/(m/s²)')")
 
 

@@ -64,6 +64,12 @@ def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[in
     return page
 
 
+def reload(page: Page) -> None:
+    """Reload a page once its address holds the view, which it follows within a fraction of a second."""
+    until(page, "window.imuscopeAddress?.()")
+    page.reload()
+
+
 # While a page is looked at nothing is drawn: drawing took most of the time.
 LOOK = """async (options) => {
   const draw = window.requestAnimationFrame, held = [];

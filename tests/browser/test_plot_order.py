@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, reload, serious
 from tests.browser.test_workspaces import SHEET, SOURCE, drag
 from tests.chromium import until
 from tests.server_process import ServerProcess
@@ -36,7 +36,7 @@ def test_plots_are_moved_and_sized(serve: Callable[..., ServerProcess], open_pag
     page.get_by_role("button", name="Make Rate of turn taller").press("Enter")
     until(page, f"{HEIGHT} === {sized + 24}")
     assert serious(page, SHEET) == []
-    page.reload()
+    reload(page)
     until(page, f"{KEYS} === '{DEFAULT}' && {HEIGHT} === {sized + 24}")
     page.keyboard.press("w")
     page.get_by_role("button", name="Automatic height of Rate of turn").click()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, reload, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
@@ -34,7 +34,7 @@ def test_a_signal_is_plotted_in_two_actions_dragged_and_kept_by_a_reload(
     page.get_by_role("treeitem", name="Magnetic field").drag_to(page.locator(".stack .plot").first)
     until(page, f"{PANEL}.querySelector('[role=status]').innerText.includes('Put it on a new plot')")
     until(page, "location.hash.split('plot=').length === 4")
-    page.reload()
+    reload(page)
     until(page, f"{OWN} === 2 && /right, fixed/.test({fixed})")
     until(page, "[...document.querySelectorAll('.stack .series-value')].at(-1).innerText.trim() !== '—'")
 

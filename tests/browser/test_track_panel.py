@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, reload, serious
 from tests.browser.test_xy import show
 from tests.chromium import until
 from tests.server_process import ServerProcess
@@ -22,7 +22,7 @@ def test_the_track_stands_under_the_plots(serve: Callable[..., ServerProcess], o
     until(page, PLACE)
     assert page.evaluate(f"{PANEL}.querySelector('canvas').clientHeight") > 100
     assert serious(page, PANEL) == []
-    page.reload()
+    reload(page)
     until(page, PLACE)
 
 

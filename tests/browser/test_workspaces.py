@@ -7,7 +7,7 @@ from pathlib import Path
 
 from playwright.sync_api import Locator, Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, reload, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
@@ -121,7 +121,7 @@ def test_a_workspace_is_stored_chosen_and_shared(
     page.keyboard.press("c")
     link = page.evaluate("location.href")
     assert all(f"{name}=" in link for name in ("t0", "t1", "cursor", "measure", "workspace"))
-    page.reload()
+    reload(page)
     until(page, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
 
     # another person: the default of the family, and an edit at the same time

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, reload, serious
 from tests.browser.test_recordings import ask, recorded
 from tests.browser.test_recordings import opened as opened_recording
 from tests.chromium import until
@@ -53,7 +53,7 @@ def test_one_signal_over_another(serve: Callable[..., ServerProcess], open_page:
     assert serious(page, PANEL) == []
 
     # what was chosen comes back with a reload, and can be undone
-    page.reload()
+    reload(page)
     until(page, f"/nearest sample/.test({ABOUT})")
     page.get_by_role("button", name="Trail").click()
     until(page, f"{PANEL}.querySelector('.xy-key').hidden")

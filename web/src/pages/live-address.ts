@@ -10,10 +10,8 @@ import { copyText } from "../ui/copy";
 import { applyLinkText, linkTextOf } from "../workspace/parts";
 import { sessionOf } from "../workspace/session";
 import { type App, select } from "./app-state";
+import { keepAddress } from "./keep-address";
 import { href, route } from "./route";
-
-/** Update interval of the address, ms. */
-const ADDRESS_MS = 1000;
 
 /** Content of a link to the view. */
 export function livePlace(of: ViewState): Place {
@@ -75,14 +73,14 @@ export function startLiveAddress(app: App): void {
   route.subscribe(({ page, query }) => {
     if (page === "live" && location.hash !== ours) take(query);
   });
-  setInterval(() => {
+  const next = (): string | undefined => {
     const isThere = location.hash === "" || location.hash === "#/" || location.hash.startsWith("#/?");
-    if (route.peek().page !== "live" || !isThere || viewState.view.peek().device === undefined) return;
-    const next = liveHref(app);
-    if (next === location.hash) return;
-    ours = next;
-    history.replaceState(null, "", next);
-  }, ADDRESS_MS);
+    const isShown = route.peek().page === "live" && isThere && viewState.view.peek().device !== undefined;
+    return isShown ? liveHref(app) : undefined;
+  };
+  keepAddress(next, (hash) => {
+    ours = hash;
+  });
 }
 
 /** Copy the link to the view; false if the browser refuses: the address above is the link. */

@@ -12,6 +12,8 @@ declare global {
     imuscope?: Pick<ViewState, "view" | "cursor" | "measure" | "actions"> & { readonly store: Store };
     /** The recording that is open. */
     imuscopeReplay?: ReplayController | undefined;
+    /** Whether the address says what the view on screen shows. */
+    imuscopeAddress?: () => boolean;
   }
 }
 
@@ -37,4 +39,8 @@ export function showLive(store: Store, viewState: ViewState): void {
 
 export function showReplay(replay: ReplayController | undefined): void {
   if (navigator.webdriver) window.imuscopeReplay = replay;
+}
+
+export function showAddress(isCurrent: () => boolean): void {
+  if (navigator.webdriver) window.imuscopeAddress = isCurrent;
 }

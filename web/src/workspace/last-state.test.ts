@@ -45,6 +45,15 @@ it("what this browser showed last goes before it, and a change is stored", async
   await waitFor(() => expect(JSON.parse(localStorage.getItem(KEY) ?? "{}").parts).toEqual({}), PATIENCE);
 });
 
+it("a page that is left stores what was changed a moment ago", async () => {
+  localStorage.setItem(KEY, JSON.stringify(stored(["Temperature"])));
+  const { app, plots } = await begun();
+  await waitFor(() => expect(plots()).toEqual(["Temperature"]), PATIENCE);
+  app.viewState.extraPlots.value = new Set(["Pressure"]);
+  dispatchEvent(new Event("pagehide"));
+  expect(JSON.parse(localStorage.getItem(KEY) ?? "{}").parts).toEqual({ extraPlots: ["Pressure"] });
+});
+
 it("a link goes before both, and a damaged state is told and changes nothing", async () => {
   localStorage.setItem(KEY, JSON.stringify(stored(["Temperature"])));
   const linked = await begun(true);

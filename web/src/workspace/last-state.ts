@@ -57,15 +57,18 @@ export function startLastState(app: App, isLinked: boolean): () => void {
     family = protocol;
     if (isFirst) void begin(protocol);
   });
-  const timer = setInterval(() => {
+  const keep = (): void => {
     if (!isReady || family === undefined) return;
     const now = textNow();
     if (now === text) return;
     text = now;
     store(family, now);
-  }, STORE_MS);
+  };
+  const timer = setInterval(keep, STORE_MS);
+  addEventListener("pagehide", keep);
   return () => {
     stop();
     clearInterval(timer);
+    removeEventListener("pagehide", keep);
   };
 }

@@ -24,6 +24,7 @@ import { useWorkspace } from "../../workspace/use-workspace";
 import { ReplayScene, SceneLine } from "../../views/viser";
 import { Bar } from "../top-bar";
 import { Side } from "../side-panels";
+import { keepAddress } from "../keep-address";
 import { href, route } from "../route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
@@ -39,9 +40,6 @@ import { Transport } from "./transport";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-/** Update interval of the address, ms: a reload restores the view. */
-const ADDRESS_MS = 1000;
-
 export function ReplayPage({ recording }: { readonly recording: OpenRecording }) {
   const { replay, app } = recording;
   const { info } = replay.detail;
@@ -53,7 +51,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
     const stops = [
       onFrame((now) => replay.tick(now)),
       listenForKeys(recording, () => root.current),
-      keepAddress(app, replay),
+      followAddress(app, replay),
     ];
     return () => stops.forEach((stop) => stop());
   }, []);
@@ -195,15 +193,14 @@ function mountPlots(host: HTMLElement, replay: ReplayController, deps: Pick<Deps
 }
 
 /** Keep the address up to date while paused; a link opened over it moves there. */
-function keepAddress(app: App, replay: ReplayController): () => void {
+function followAddress(app: App, replay: ReplayController): () => void {
   const { id } = replay.detail.info;
   let ours = location.hash;
-  const timer = setInterval(() => {
-    const next = recordingHref(app, replay);
-    if (replay.playing.peek() || next === ours || location.hash !== ours) return;
-    ours = next;
-    history.replaceState(null, "", next);
-  }, ADDRESS_MS);
+  const next = (): string | undefined =>
+    replay.playing.peek() || location.hash !== ours ? undefined : recordingHref(app, replay);
+  const stop = keepAddress(next, (hash) => {
+    ours = hash;
+  });
   const moved = route.subscribe(({ recording, query }) => {
     if (recording !== id || location.hash === ours) return;
     ours = location.hash;
@@ -212,7 +209,7 @@ function keepAddress(app: App, replay: ReplayController): () => void {
     takeWorkspace(app, replay, place);
   });
   return () => {
-    clearInterval(timer);
+    stop();
     moved();
   };
 }
