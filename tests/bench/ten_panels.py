@@ -35,7 +35,7 @@ from tests.bench.opening import make  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
-PANELS = ("xy", "histogram", "analysis", "notes")
+PANELS = ("xy", "histogram", "spectrum", "notes")
 LAYOUT = {"layout": {"panels": {name: {"shown": True} for name in PANELS}}}
 SHOWN = "document.querySelectorAll('[data-panel]').length"
 FRAMES = """async seconds => {

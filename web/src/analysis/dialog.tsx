@@ -1,19 +1,20 @@
 /** The analysis dialog: spectrum, Allan deviation or statistics of a signal or an expression, over a range of the view. */
 import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/signals";
+import { useId } from "preact/hooks";
+import type { AnalysisPanel } from "../data/view-state";
 import type { Deps } from "../panels/panel-context";
 import { Dialog } from "../ui/dialog";
 import { type Problem, request } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../wire/routes";
-import { hasCursors, inertialNames, type Name, type Range, signalNames, signalsIn, timesOf } from "./figures";
+import { type Change, type ChoiceState, LENGTHS, useChoice, type WholeChoice, wholeChoice, WINDOWS } from "./choice";
+import { hasCursors, type Name, type Range, signalNames, signalsIn, timesOf } from "./figures";
 import { type Answered, Result } from "./results";
 import { TEXT } from "../texts/analysis";
 import "./analysis.css";
 
 const NAMES: readonly Name[] = ["psd", "spectrogram", "allan", "statistics"];
 const RANGES: readonly Range[] = ["window", "cursors", "everything"];
-const LENGTHS = [0, 64, 256, 1024, 4096, 16384, 65536];
-const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"];
 /** Pause after typing, ms. */
 const TYPED_MS = 350;
 /** Figures of a range that moves are computed this often, ms, as far as the server keeps up. */
@@ -38,17 +39,6 @@ interface Props {
   readonly onClose: () => void;
 }
 
-interface Choice {
-  readonly name: Signal<Name>;
-  readonly text: Signal<string>;
-  readonly range: Signal<Range>;
-  readonly window: Signal<string>;
-  readonly length: Signal<number>;
-  readonly scale: Signal<string>;
-  readonly xKind: Signal<"linear" | "log">;
-  readonly motion: Signal<string>;
-}
-
 export function AnalysisDialog({ title, onClose, ...rest }: Props) {
   return (
     <Dialog title={TEXT.analysisOf(title)} wide onClose={onClose}>
@@ -57,27 +47,28 @@ export function AnalysisDialog({ title, onClose, ...rest }: Props) {
   );
 }
 
+interface ViewProps extends Omit<Props, "title" | "onClose"> {
+  /** The only analysis that is shown; what is chosen for it is part of the workspace. Default: all, one at a time. */
+  readonly only?: AnalysisPanel;
+}
+
 /** The analysis without the dialog around it. */
-export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "title" | "onClose">) {
+export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) {
   const { viewState, store } = deps;
   const names = useComputed(() => signalNames(store.channels.value, viewState.view.value.device));
-  const choice: Choice = {
-    name: useSignal<Name>("psd"),
-    text: useSignal(names.peek()[0] ?? ""),
-    range: useSignal<Range>(hasCursors(viewState) ? "cursors" : "window"),
-    window: useSignal("hann"),
-    length: useSignal(0),
-    scale: useSignal("amplitude"),
-    xKind: useSignal<"linear" | "log">("linear"),
-    motion: useSignal("exclude"),
-  };
+  const shown = useSignal<Name>(only ?? "psd");
+  const state = useChoice(viewState, only);
+  // of the dialog: cursors that are set when it is opened are what is looked at
+  const between = useSignal(only === undefined && hasCursors(viewState)).peek();
+  const choice = useComputed(() => wholeChoice(shown.value, state.choice.value, names.value, between));
   const answered = useSignal<Answered | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
   const busy = useSignal(true);
-  const wanted = useComputed(() => bodyOf(choice, prefix));
+  const wanted = useComputed(() => bodyOf(shown.value, choice.value, prefix));
   useSignalEffect(() => {
     const { name, body } = wanted.value;
-    const range = choice.range.value;
+    const range = choice.value.range;
+    if (choice.value.signals === "") return undefined; // no channel yet
     const cancel = new AbortController();
     let timer: ReturnType<typeof setTimeout> | undefined;
     const rangeNow = () => ({
@@ -88,7 +79,8 @@ export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "titl
     const look = async (): Promise<void> => {
       const times = rangeNow();
       const grows = isLive && (range === "everything" || (range === "window" && viewState.view.peek().live));
-      if (grows || JSON.stringify(times) !== asked) {
+      const isSeen = document.visibilityState !== "hidden";
+      if (isSeen && (grows || JSON.stringify(times) !== asked)) {
         asked = JSON.stringify(times);
         await ask({ ...body, ...times, source });
       }
@@ -116,10 +108,17 @@ export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "titl
   });
   return (
     <div class="analysis">
-      <Controls choice={choice} names={names.value} hasCursors={hasCursors(viewState)} />
+      <Controls
+        shown={shown}
+        isOnly={only !== undefined}
+        choice={choice.value}
+        set={state.set}
+        names={names.value}
+        hasCursors={hasCursors(viewState)}
+      />
       {problem.value && <ProblemNote problem={problem.value} />}
       {answered.value ? (
-        <Result xKind={choice.xKind.value} {...answered.value} />
+        <Result xKind={choice.value.frequencyAxis} {...answered.value} />
       ) : (
         busy.value && <p>{TEXT.computing}</p>
       )}
@@ -127,46 +126,49 @@ export function AnalysisView({ deps, source, prefix, isLive }: Omit<Props, "titl
   );
 }
 
-function bodyOf(choice: Choice, prefix: string) {
-  const name = choice.name.value;
-  const signals = signalsIn(choice.text.value).map((one) => (/^[\p{L}_][\w .]*$/u.test(one) ? prefix + one : one));
-  return { name, body: { signals, options: optionsOf(choice) } };
+function bodyOf(name: Name, choice: WholeChoice, prefix: string) {
+  const signals = signalsIn(choice.signals).map((one) => (/^[\p{L}_][\w .]*$/u.test(one) ? prefix + one : one));
+  return { name, body: { signals, options: optionsOf(name, choice) } };
 }
 
-function optionsOf({ name, window, length, scale, motion }: Choice): Record<string, string | number> {
-  const segments = { window: window.value, length: length.value, scale: scale.value };
-  if (name.value === "psd") return segments;
-  if (name.value === "spectrogram") return { ...segments, overlap: 0.75, columns: COLUMNS };
-  return name.value === "allan" ? { motion: motion.value } : {};
+function optionsOf(name: Name, { window, length, scale, motion }: WholeChoice): Record<string, string | number> {
+  if (name === "psd") return { window, length, scale };
+  if (name === "spectrogram") return { window, length, scale, overlap: 0.75, columns: COLUMNS };
+  return name === "allan" ? { motion } : {};
 }
 
-interface ControlsProps {
-  readonly choice: Choice;
+interface ControlsProps extends Pick<ChoiceState, "set"> {
+  readonly shown: Signal<Name>;
+  /** No other analysis can be chosen. */
+  readonly isOnly: boolean;
+  readonly choice: WholeChoice;
   readonly names: readonly string[];
   readonly hasCursors: boolean;
 }
 
-function Controls({ choice, names, hasCursors: cursors }: ControlsProps) {
-  const { name, text, range } = choice;
-  const choose = (next: Name): void => {
-    name.value = next;
-    if (next !== "allan") return;
-    if (range.value === "window") range.value = "everything";
-    if (text.value === names[0]) text.value = inertialNames(names).join(", "); // all axes at once
-  };
+function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: ControlsProps) {
+  const name = shown.value;
+  const list = useId();
+  const option = <K extends "window" | "scale" | "frequencyAxis" | "motion">(
+    key: K,
+    label: string,
+    values: readonly WholeChoice[K][],
+  ) => <Select label={label} value={choice[key]} values={values} set={(value) => set({ [key]: value } as Change)} />;
   return (
     <>
       <div class="analysis-row">
-        <div class="segmented" role="group" aria-label={TEXT.kind}>
-          {NAMES.map((one) => (
-            <button type="button" key={one} aria-pressed={name.value === one} onClick={() => choose(one)}>
-              {TEXT[one]}
-            </button>
-          ))}
-        </div>
+        {!isOnly && (
+          <div class="segmented" role="group" aria-label={TEXT.kind}>
+            {NAMES.map((one) => (
+              <button type="button" key={one} aria-pressed={name === one} onClick={() => (shown.value = one)}>
+                {TEXT[one]}
+              </button>
+            ))}
+          </div>
+        )}
         <div class="segmented" role="group" aria-label={TEXT.range}>
           {RANGES.filter((one) => one !== "cursors" || cursors).map((one) => (
-            <button type="button" key={one} aria-pressed={range.value === one} onClick={() => (range.value = one)}>
+            <button type="button" key={one} aria-pressed={choice.range === one} onClick={() => set({ range: one })}>
               {TEXT.ranges[one]}
             </button>
           ))}
@@ -177,71 +179,54 @@ function Controls({ choice, names, hasCursors: cursors }: ControlsProps) {
         <span class="field">
           <input
             type="text"
-            list="analysis-signals"
-            value={text.value}
+            list={list}
+            value={choice.signals}
             spellcheck={false}
             autocomplete="off"
-            onInput={(event) => (text.value = event.currentTarget.value)}
+            onInput={(event) => set({ signals: event.currentTarget.value })}
           />
         </span>
-        <datalist id="analysis-signals">
+        <datalist id={list}>
           {names.map((one) => (
             <option key={one} value={one} />
           ))}
         </datalist>
         <small class="dim">{TEXT.signalHint}</small>
       </label>
-      {(name.value === "psd" || name.value === "spectrogram") && (
+      {(name === "psd" || name === "spectrogram") && (
         <div class="analysis-row">
-          <Select label={TEXT.windowFunction} value={choice.window} values={WINDOWS} />
-          <Lengths length={choice.length} />
-          <Select label={TEXT.scale} value={choice.scale} values={["amplitude", "power"]} />
-          {name.value === "psd" && (
-            <Select label={TEXT.frequencyAxis} value={choice.xKind} values={["linear", "log"]} />
-          )}
+          {option("window", TEXT.windowFunction, WINDOWS)}
+          <Select
+            label={TEXT.segment}
+            value={choice.length}
+            values={LENGTHS}
+            set={(value) => set({ length: Number(value) })}
+          />
+          {option("scale", TEXT.scale, ["amplitude", "power"])}
+          {name === "psd" && option("frequencyAxis", TEXT.frequencyAxis, ["linear", "log"])}
         </div>
       )}
-      {name.value === "allan" && (
-        <div class="analysis-row">
-          <Select label={TEXT.motion} value={choice.motion} values={["exclude", "include"]} />
-        </div>
-      )}
+      {name === "allan" && <div class="analysis-row">{option("motion", TEXT.motion, ["exclude", "include"])}</div>}
     </>
   );
 }
 
-interface SelectProps<T extends string> {
+interface SelectProps<T extends string | number> {
   readonly label: string;
-  readonly value: Signal<T>;
+  readonly value: T;
   readonly values: readonly T[];
+  readonly set: (value: string) => void;
 }
 
-function Select<T extends string>({ label, value, values }: SelectProps<T>) {
+function Select<T extends string | number>({ label, value, values, set }: SelectProps<T>) {
   return (
     <label class="analysis-option">
       <span>{label}</span>
       <span class="select">
-        <select value={value.value} onChange={(event) => (value.value = event.currentTarget.value as T)}>
+        <select value={String(value)} onChange={(event) => set(event.currentTarget.value)}>
           {values.map((one) => (
-            <option key={one} value={one}>
-              {TEXT.choices[one] ?? one}
-            </option>
-          ))}
-        </select>
-      </span>
-    </label>
-  );
-}
-
-function Lengths({ length }: { readonly length: Signal<number> }) {
-  return (
-    <label class="analysis-option">
-      <span>{TEXT.segment}</span>
-      <span class="select">
-        <select value={String(length.value)} onChange={(event) => (length.value = Number(event.currentTarget.value))}>
-          {LENGTHS.map((one) => (
             <option key={one} value={String(one)}>
-              {one === 0 ? TEXT.automatic : one}
+              {TEXT.choices[String(one)] ?? (one === 0 ? TEXT.automatic : one)}
             </option>
           ))}
         </select>

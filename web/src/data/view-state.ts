@@ -100,6 +100,22 @@ export interface HistogramChoice {
   readonly noCurve?: true;
 }
 
+/** What an analysis is shown of and how, as far as a person chose it; what is absent is at its default (analysis/choice.ts). */
+export interface AnalysisChoice {
+  /** Signals and expressions, as typed. */
+  readonly signals?: string;
+  readonly range?: "window" | "cursors" | "everything";
+  readonly window?: string;
+  /** Samples of a segment; absent: automatic. */
+  readonly length?: number;
+  readonly scale?: "power";
+  readonly frequencyAxis?: "log";
+  readonly motion?: "include";
+}
+
+/** Panels that show one analysis each. */
+export type AnalysisPanel = "psd" | "spectrogram" | "allan";
+
 export interface ViewSignals {
   readonly view: Signal<View>;
   readonly cursor: Signal<Cursor>;
@@ -125,6 +141,7 @@ export interface ViewSignals {
   readonly plotOrder: Signal<PlotOrder>;
   readonly xy: Signal<XyChoice>;
   readonly histogram: Signal<HistogramChoice>;
+  readonly analyses: Signal<{ readonly [panel in AnalysisPanel]?: AnalysisChoice }>;
   /** Where the panels are. */
   readonly layout: Signal<Layout>;
 }
@@ -151,6 +168,7 @@ export function createViewState(like?: ViewSignals): ViewState {
     plotOrder: signal<PlotOrder>(like?.plotOrder.peek() ?? DEFAULT_ORDER),
     xy: signal<XyChoice>(like?.xy.peek() ?? {}),
     histogram: signal<HistogramChoice>(like?.histogram.peek() ?? {}),
+    analyses: signal(like?.analyses.peek() ?? {}),
     layout: signal(like?.layout.peek() ?? DEFAULT_LAYOUT),
   };
   return { ...signals, actions: new ViewActions(signals) };

@@ -22,7 +22,7 @@ const NORMS = ["Acceleration.norm", "Rate of turn.norm"];
 const PLOTS = ["Position/ECEF", "Pressure", "Temperature"];
 
 const CUSTOM = ["1/Acceleration/x,2/Acceleration/x", "@1/Pressure,1/Free%20acceleration/z", "1.102/a%2Fb/y"];
-const PANELS = ["attitude", "events", "health", "values", "xy", "histogram", "track", "analysis"];
+const PANELS = ["attitude", "events", "health", "values", "xy", "histogram", "track", "analysis", "spectrum", "allan"];
 const AREAS = ["main", "side", "below"];
 
 function randomLayout(next: Random): Record<string, unknown> {
@@ -64,6 +64,11 @@ const HISTOGRAMS = [
   { range: "cursors", within: 4, noCurve: true },
 ];
 
+const ANALYSES = [
+  { allan: { motion: "include", signals: "RateOfTurn" }, psd: { frequencyAxis: "log", length: 1024, scale: "power" } },
+  { spectrogram: { range: "everything", signals: "norm(Acceleration), RateOfTurn.x", window: "flattop" } },
+];
+
 export function randomParts(next: Random): Record<string, unknown> {
   const hide = someOf(next, SERIES);
   const show = someOf(next, NORMS);
@@ -80,6 +85,7 @@ export function randomParts(next: Random): Record<string, unknown> {
     ...(next() < 0.5 ? { yAxes: oneOf(next, AXES) } : {}),
     ...(next() < 0.5 ? { plotOrder: oneOf(next, ORDERS) } : {}),
     ...(next() < 0.5 ? { histogram: oneOf(next, HISTOGRAMS) } : {}),
+    ...(next() < 0.5 ? { analyses: oneOf(next, ANALYSES) } : {}),
     ...(next() < 0.5 ? { xy: oneOf(next, XY) } : {}),
     ...(next() < 0.5 ? { timeBase: "arrival" } : {}),
     ...(next() < 0.5 ? { frame: oneOf(next, ["ENU", "NED", "NWU"]) } : {}),

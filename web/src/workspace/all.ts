@@ -5,3 +5,4 @@ import "./y-axes";
 import "./plot-order";
 import "./xy";
 import "./histogram";
+import "./analyses";

@@ -1,0 +1,62 @@
+/** What of an analysis a person chooses, with its defaults. A panel's choice is part of the workspace, that of the dialog is its own. */
+import { type ReadonlySignal, useComputed, useSignal } from "@preact/signals";
+import type { AnalysisChoice, AnalysisPanel, ViewState } from "../data/view-state";
+import { inertialNames, type Name, type Range } from "./figures";
+
+export const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"] as const;
+/** Samples of a segment; 0: automatic. */
+export const LENGTHS = [0, 64, 256, 1024, 4096, 16384, 65536] as const;
+
+/** A choice with what is at its default. */
+export interface WholeChoice extends Required<Omit<AnalysisChoice, "scale" | "frequencyAxis" | "motion">> {
+  readonly range: Range;
+  readonly scale: "amplitude" | "power";
+  readonly frequencyAxis: "linear" | "log";
+  readonly motion: "exclude" | "include";
+}
+
+/** @param names channels that can be analysed, the most wanted one first @param between range where two cursors are set */
+export function wholeChoice(
+  name: Name,
+  choice: AnalysisChoice,
+  names: readonly string[],
+  between: boolean,
+): WholeChoice {
+  const isAllan = name === "allan";
+  const defaults = {
+    signals: isAllan ? inertialNames(names).join(", ") : (names[0] ?? ""), // noise is judged of all axes at once
+    range: between ? "cursors" : isAllan ? "everything" : "window",
+    window: "hann",
+    length: 0,
+    scale: "amplitude",
+    frequencyAxis: "linear",
+    motion: "exclude",
+  } as const;
+  return { ...defaults, ...choice };
+}
+
+/** Values that are the default are not held, so that a workspace has only what a person changed. */
+const DEFAULTS = { window: "hann", length: 0, scale: "amplitude", frequencyAxis: "linear", motion: "exclude" };
+
+export type Change = { readonly [name in keyof WholeChoice]?: WholeChoice[name] };
+
+export interface ChoiceState {
+  readonly choice: ReadonlySignal<AnalysisChoice>;
+  readonly set: (part: Change) => void;
+}
+
+/** @param panel whose choice it is; undefined: of the component that calls this */
+export function useChoice({ analyses }: ViewState, panel: AnalysisPanel | undefined): ChoiceState {
+  const own = useSignal<AnalysisChoice>({});
+  const choice = useComputed(() => (panel ? (analyses.value[panel] ?? {}) : own.value));
+  const set = (part: Change): void => {
+    const next = Object.fromEntries(
+      Object.entries({ ...choice.peek(), ...part }).filter(
+        ([name, value]) => DEFAULTS[name as keyof typeof DEFAULTS] !== value,
+      ),
+    ) as AnalysisChoice;
+    if (!panel) own.value = next;
+    else analyses.value = { ...analyses.peek(), [panel]: next };
+  };
+  return { choice, set };
+}
