@@ -12,21 +12,23 @@ Gravity differs by 0.5 % between equator and pole, and the scale with it, unless
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from server.calibration.directions import AXES, AXIS_VECTORS
 from server.calibration.report import (
-    CalibrationFigure,
     CalibrationRefusal,
     CalibrationReport,
     ResidualTrace,
     RestPosition,
     SensorCorrection,
     SixPositions,
+    begun,
+    figure,
 )
-from server.calibration.stillness import mean_and_uncertainty, step_means, stillness, within
+from server.calibration.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
 from server.calibration.triads import NO_SAMPLES, Floats, Samples
 
 STANDARD_GRAVITY = 9.80665
@@ -59,37 +61,21 @@ def six_positions(
     """
     means = step_means(force)
     rest = stillness(step_means(turn) if len(turn) else None, means)
-    found: list[RestOnSide] = []
-    for run in rest.runs:
-        own = within(means, run, MARGIN_S)
-        if len(own) < 5:
-            continue
-        mean, sigma = mean_and_uncertainty(own)
-        shares = AXIS_VECTORS @ mean / max(float(np.linalg.norm(mean)), 1e-9)
-        if shares.max() >= NEAR:
-            found.append(RestOnSide(int(shares.argmax()), run.seconds, mean, sigma))
+    found = list(_rests_on_sides(means, rest.runs))
     seconds = [max((one.seconds for one in found if one.side == side), default=0.0) for side in range(6)]
     done = [one >= HOLD_S for one in seconds]
     is_still = rest.motion <= 1
-    now = _side_now(means.means[-5:].mean(axis=0)) if len(means) >= 5 and is_still else -1
+    now = _side_of(means.means[-5:].mean(axis=0)) if len(means) >= 5 and is_still else -1
     missing = [AXES[side] for side in range(6) if not done[side]]
-    report = CalibrationReport(
-        kind="accelerometer",
-        sensor="",
-        unit="m/s²",
-        t0=float(force.time[0]) if len(force) else 0.0,
-        seconds=float(force.time[-1] - force.time[0]) if len(force) else 0.0,
-        samples=len(force),
-        progress=sum(min(1.0, one / HOLD_S) for one in seconds) / 6,
-        advice=_advice(missing, now, seconds, is_still),
-        positions=SixPositions(
-            positions=[
-                RestPosition(up=axis, seconds=one, is_done=one >= HOLD_S)
-                for axis, one in zip(AXES, seconds, strict=True)
-            ],
-            now=AXES[now] if now >= 0 else "",
-            seconds=HOLD_S,
-        ),
+    progress = sum(min(1.0, one / HOLD_S) for one in seconds) / 6
+    advice = _advice(missing, now, seconds, is_still)
+    report = begun("accelerometer", "m/s²", force, progress=progress, advice=advice)
+    report.positions = SixPositions(
+        positions=[
+            RestPosition(up=axis, seconds=one, is_done=one >= HOLD_S) for axis, one in zip(AXES, seconds, strict=True)
+        ],
+        now=AXES[now] if now >= 0 else "",
+        seconds=HOLD_S,
     )
     if missing:
         report.refusal = CalibrationRefusal(
@@ -109,7 +95,18 @@ def six_positions(
     return report
 
 
-def _side_now(mean: Floats) -> int:
+def _rests_on_sides(means: StepMeans, runs: Iterable[RestRun]) -> Iterator[RestOnSide]:
+    for run in runs:
+        own = within(means, run, MARGIN_S)
+        if len(own) < 5:
+            continue
+        mean, sigma = mean_and_uncertainty(own)
+        if (side := _side_of(mean)) >= 0:
+            yield RestOnSide(side, run.seconds, mean, sigma)
+
+
+def _side_of(mean: Floats) -> int:
+    """Number of the axis that points up; -1: none within 30°."""
     shares = AXIS_VECTORS @ mean / max(float(np.linalg.norm(mean)), 1e-9)
     return int(shares.argmax()) if shares.max() >= NEAR else -1
 
@@ -166,7 +163,7 @@ def _fill_square(report: CalibrationReport, used: list[RestOnSide], gravity: flo
     sigma = spread * np.sqrt(np.diagonal(np.linalg.inv(rows.T @ rows)))
     both = np.concatenate((np.full(3, sigma[0]), sigma[1:]))
     _finish(report, used, gravity, bias, np.linalg.inv(response), both, is_free=False)
-    report.figures.append(_figure("placement", "Placement", placement, "°"))
+    report.figures.append(figure("placement", "Placement", placement, "°"))
 
 
 def _start(used: list[RestOnSide], gravity: float) -> tuple[Floats, Floats]:
@@ -208,15 +205,15 @@ def _finish(
     corrected = np.linalg.norm((means - bias) @ matrix.T, axis=1)
     before, after = (float(np.sqrt(np.mean(np.square(size - gravity)))) for size in (raw, corrected))
     report.figures = [
-        _figure("residual_before", "Residual before", before, "m/s²"),
-        _figure("residual_before_share", "", 100 * before / gravity, "%"),
+        figure("residual_before", "Residual before", before, "m/s²"),
+        figure("residual_before_share", "", 100 * before / gravity, "%"),
     ]
     if not is_free:  # six rests fit exactly, which says nothing
         report.figures += [
-            _figure("residual_after", "Residual after", after, "m/s²"),
-            _figure("residual_after_share", "", 100 * after / gravity, "%"),
+            figure("residual_after", "Residual after", after, "m/s²"),
+            figure("residual_after_share", "", 100 * after / gravity, "%"),
         ]
-    report.figures.append(_figure("rests", "Rests used", float(len(used)), ""))
+    report.figures.append(figure("rests", "Rests used", float(len(used)), ""))
     report.trace = ResidualTrace(
         title="Gravity in each rest",
         unit="m/s²",
@@ -224,7 +221,3 @@ def _finish(
         before=raw.tolist(),
         after=corrected.tolist(),
     )
-
-
-def _figure(name: str, title: str, value: float, unit: str) -> CalibrationFigure:
-    return CalibrationFigure(name=name, title=title, value=value, uncertainty=None, unit=unit)

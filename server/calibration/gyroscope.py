@@ -15,6 +15,8 @@ from server.calibration.report import (
     ResidualTrace,
     RestProgress,
     SensorCorrection,
+    begun,
+    figure,
 )
 from server.calibration.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
 from server.calibration.triads import NO_SAMPLES, Samples
@@ -38,22 +40,9 @@ def gyroscope_bias(turn: Samples, force: Samples = NO_SAMPLES, temperature: Samp
     run = rest.longest
     seconds = run.seconds if run else 0.0
     is_still = rest.motion <= 1
-    report = CalibrationReport(
-        kind="gyroscope",
-        sensor="",
-        unit="°/s",
-        t0=float(turn.time[0]) if len(turn) else 0.0,
-        seconds=float(turn.time[-1] - turn.time[0]) if len(turn) else 0.0,
-        samples=len(turn),
-        progress=min(1.0, seconds / GOAL_S),
-        advice=_advice(seconds, is_still),
-        rest=RestProgress(
-            is_still=is_still,
-            motion=min(rest.motion, 99.0),
-            seconds=seconds,
-            needed=NEEDED_S,
-            goal=GOAL_S,
-        ),
+    report = begun("gyroscope", "°/s", turn, progress=min(1.0, seconds / GOAL_S), advice=_advice(seconds, is_still))
+    report.rest = RestProgress(
+        is_still=is_still, motion=min(rest.motion, 99.0), seconds=seconds, needed=NEEDED_S, goal=GOAL_S
     )
     if run is None or seconds < NEEDED_S:
         report.refusal = CalibrationRefusal(
@@ -78,7 +67,7 @@ def gyroscope_bias(turn: Samples, force: Samples = NO_SAMPLES, temperature: Samp
         matrix=np.eye(3).tolist(),
         matrix_uncertainty=0.0,
     )
-    report.figures = [_figure("rest", "Rest", seconds, "s")]
+    report.figures = [figure("rest", "Rest", seconds, "s")]
     report.trace = _trace(own, bias)
     report.notes = ["The bias contains the turn of the Earth, up to 0.004 °/s."]
     report.notes += _temperature_notes(temperature, run.begin, run.end, report.figures)
@@ -108,16 +97,12 @@ def _trace(own: StepMeans, bias: np.ndarray) -> ResidualTrace:
     )
 
 
-def _figure(name: str, title: str, value: float, unit: str) -> CalibrationFigure:
-    return CalibrationFigure(name=name, title=title, value=value, uncertainty=None, unit=unit)
-
-
 def _temperature_notes(temperature: Samples, begin: float, end: float, figures: list[CalibrationFigure]) -> list[str]:
     inside = temperature.values[(temperature.time >= begin) & (temperature.time <= end), 0]
     if not len(inside):
         return ["The temperature is unknown. The bias changes with it: repeat this when the sensor is warmer."]
     mean, change = float(np.mean(inside)), float(np.max(inside) - np.min(inside))
-    figures.append(_figure("temperature", "Temperature", mean, "°C"))
+    figures.append(figure("temperature", "Temperature", mean, "°C"))
     if change > WARMING:
         return [f"The temperature changed by {change:.1f} °C in the rest. Let the sensor warm up and repeat."]
     return [f"Valid near {mean:.0f} °C: the bias changes with temperature."]

@@ -26,12 +26,13 @@ from numpy.typing import NDArray
 
 from server.calibration.directions import CELLS, CENTRES, RINGS, cells_of, missing_axes, unit_vectors
 from server.calibration.report import (
-    CalibrationFigure,
     CalibrationRefusal,
     CalibrationReport,
     DirectionCoverage,
     ResidualTrace,
     SensorCorrection,
+    begun,
+    figure,
 )
 from server.calibration.triads import Floats, Samples
 
@@ -76,21 +77,13 @@ def magnetometer_iron(samples: Samples, unit: str, field: float = 0.0) -> Calibr
     Args:
         field: strength of the field there, in the unit of the samples; 0 if unknown.
     """
-    report = CalibrationReport(
-        kind="magnetometer",
-        sensor="",
-        unit=unit,
-        t0=float(samples.time[0]) if len(samples) else 0.0,
-        seconds=float(samples.time[-1] - samples.time[0]) if len(samples) else 0.0,
-        samples=len(samples),
-        progress=0.0,
-        advice="Turn the sensor slowly through all directions.",
-        coverage=_coverage(np.zeros(CELLS, np.bool_), np.empty(0)),
-    )
+    advice = "Turn the sensor slowly through all directions."
+    report = begun("magnetometer", unit, samples, progress=0.0, advice=advice)
+    report.coverage = _coverage(np.zeros(CELLS, np.bool_), np.empty(0))
     if len(samples) < MIN_SAMPLES:
         report.refusal = CalibrationRefusal(
             message=f"{len(samples)} samples are too few; {MIN_SAMPLES} are needed.",
-            hint="Turn the sensor slowly through all directions.",
+            hint=advice,
         )
         return report
     centre = provisional_centre(samples.values)
@@ -190,15 +183,15 @@ def _fill(report: CalibrationReport, fit: Ellipsoid, own: Samples, samples: Samp
     stretch = np.linalg.eigvalsh(matrix)
     error = worst_error(fit)
     report.figures = [
-        _figure("residual_before", "Residual before", before, report.unit),
-        _figure("residual_before_share", "", 100 * before / target, "%"),
-        _figure("residual_after", "Residual after", after, report.unit),
-        _figure("residual_after_share", "", 100 * after / strength, "%"),
-        _figure("hard_iron", "Hard iron and offset", float(np.linalg.norm(fit.centre)), report.unit),
-        _figure("soft_iron", "Soft iron and scale", 100 * float(stretch[-1] / stretch[0] - 1), "%"),
-        _figure("field", "Field", strength, report.unit),
-        _figure("worst_error", "Uncertainty of direction", float(np.degrees(error)), "°"),
-        _figure("condition", "Condition number", fit.condition, ""),
+        figure("residual_before", "Residual before", before, report.unit),
+        figure("residual_before_share", "", 100 * before / target, "%"),
+        figure("residual_after", "Residual after", after, report.unit),
+        figure("residual_after_share", "", 100 * after / strength, "%"),
+        figure("hard_iron", "Hard iron and offset", float(np.linalg.norm(fit.centre)), report.unit),
+        figure("soft_iron", "Soft iron and scale", 100 * float(stretch[-1] / stretch[0] - 1), "%"),
+        figure("field", "Field", strength, report.unit),
+        figure("worst_error", "Uncertainty of direction", float(np.degrees(error)), "°"),
+        figure("condition", "Condition number", fit.condition, ""),
     ]
     report.notes = [
         "Magnitudes do not show how the magnetometer is turned against the other sensors; the matrix does not turn it.",
@@ -206,10 +199,6 @@ def _fill(report: CalibrationReport, fit: Ellipsoid, own: Samples, samples: Samp
     ]
     if not field:
         report.notes.append("The matrix keeps the mean strength of the field, because the true one was not given.")
-
-
-def _figure(name: str, title: str, value: float, unit: str) -> CalibrationFigure:
-    return CalibrationFigure(name=name, title=title, value=value, uncertainty=None, unit=unit)
 
 
 # -- fits --------------------------------------------------------------------------------------------------------------

@@ -17,11 +17,12 @@ from typing import Literal
 import numpy as np
 
 from server.calibration.report import (
-    CalibrationFigure,
     CalibrationRefusal,
     CalibrationReport,
     DriveProgress,
     SensorCorrection,
+    begun,
+    figure,
 )
 from server.calibration.stillness import RestRun, StepMeans, mean_and_uncertainty, step_means, stillness, within
 from server.calibration.triads import Floats, Samples
@@ -70,28 +71,26 @@ def mounting_rotation(force: Samples, turn: Samples, vertical: VerticalAxis = "u
     longest = max((run.seconds for run in rest.runs), default=0.0)
     rested = best.rest_s if best else longest
     change, turned = (best.speed_change, best.turn) if best else (0.0, 0.0)
-    report = CalibrationReport(
-        kind="mounting",
-        sensor="",
-        unit="",
-        t0=float(force.time[0]) if len(force) else 0.0,
-        seconds=float(force.time[-1] - force.time[0]) if len(force) else 0.0,
-        samples=len(force),
-        progress=0.4 * min(1.0, rested / REST_S) + (0.6 * min(1.0, change / SPEED_CHANGE) if rested >= REST_S else 0),
-        advice=_advice(rested, change, turned),
-        drive=DriveProgress(
-            rest_s=min(rested, REST_S),
-            rest_needed_s=REST_S,
-            speed_change=change,
-            speed_needed=SPEED_CHANGE,
-            turn=turned,
-            turn_allowed=MAX_TURN,
-        ),
+    driven = 0.6 * min(1.0, change / SPEED_CHANGE) if rested >= REST_S else 0.0
+    progress = 0.4 * min(1.0, rested / REST_S) + driven
+    report = begun("mounting", "", force, progress=progress, advice=_advice(rested, change, turned))
+    report.drive = DriveProgress(
+        rest_s=min(rested, REST_S),
+        rest_needed_s=REST_S,
+        speed_change=change,
+        speed_needed=SPEED_CHANGE,
+        turn=turned,
+        turn_allowed=MAX_TURN,
     )
     report.refusal = _refusal(rested, best, forces)
     if report.refusal is not None or best is None:
         report.progress = min(report.progress, 0.95)
         return report
+    _fill(report, best, vertical)
+    return report
+
+
+def _fill(report: CalibrationReport, best: DriveFit, vertical: VerticalAxis) -> None:
     left = np.cross(best.up, best.forward)
     rows = [best.forward, left, best.up] if vertical == "up" else [best.forward, -left, -best.up]
     matrix = np.array(rows)
@@ -105,11 +104,11 @@ def mounting_rotation(force: Samples, turn: Samples, vertical: VerticalAxis = "u
         matrix_uncertainty=float(max(best.up_sigma, best.forward_sigma)),
     )
     report.figures = [
-        _figure("roll", "Roll", float(roll), "°", tilt),
-        _figure("pitch", "Pitch", float(pitch), "°", tilt),
-        _figure("yaw", "Yaw", float(yaw), "°", heading),
-        _figure("speed_change", "Change of speed", best.speed_change, "m/s"),
-        _figure("turn", "Turned", best.turn, "°"),
+        figure("roll", "Roll", float(roll), "°", tilt),
+        figure("pitch", "Pitch", float(pitch), "°", tilt),
+        figure("yaw", "Yaw", float(yaw), "°", heading),
+        figure("speed_change", "Change of speed", best.speed_change, "m/s"),
+        figure("turn", "Turned", best.turn, "°"),
     ]
     axes = "x forward, y left, z up" if vertical == "up" else "x forward, y right, z down"
     report.notes = [
@@ -117,7 +116,6 @@ def mounting_rotation(force: Samples, turn: Samples, vertical: VerticalAxis = "u
         "The ground was taken as level: a slope of 1° turns roll or pitch by 1°.",
         "The drive was taken to begin forwards.",
     ]
-    return report
 
 
 def _fits(forces: StepMeans, turns: StepMeans, runs: list[RestRun]) -> list[DriveFit]:
@@ -242,7 +240,3 @@ def euler_angles(matrix: Floats) -> Floats:
             np.arctan2(matrix[1, 0], matrix[0, 0]),
         ]
     )
-
-
-def _figure(name: str, title: str, value: float, unit: str, uncertainty: float | None = None) -> CalibrationFigure:
-    return CalibrationFigure(name=name, title=title, value=value, uncertainty=uncertainty, unit=unit)

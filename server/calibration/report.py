@@ -9,6 +9,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
+from server.calibration.triads import Samples
+
 CalibrationKind = Literal["gyroscope", "magnetometer", "accelerometer", "mounting"]
 
 Vector = list[float]
@@ -124,3 +126,23 @@ class CalibrationReport(BaseModel):
     rest: RestProgress | None = None
     positions: SixPositions | None = None
     drive: DriveProgress | None = None
+
+
+def begun(kind: CalibrationKind, unit: str, samples: Samples, *, progress: float, advice: str) -> CalibrationReport:
+    """A report on these samples, without a result yet."""
+    first, last = (float(samples.time[0]), float(samples.time[-1])) if len(samples) else (0.0, 0.0)
+    return CalibrationReport(
+        kind=kind,
+        sensor="",
+        unit=unit,
+        t0=first,
+        seconds=last - first,
+        samples=len(samples),
+        progress=progress,
+        advice=advice,
+    )
+
+
+def figure(name: str, title: str, value: float, unit: str, uncertainty: float | None = None) -> CalibrationFigure:
+    """A number of the result, with its standard uncertainty if it has one."""
+    return CalibrationFigure(name=name, title=title, value=value, uncertainty=uncertainty, unit=unit)
