@@ -21,6 +21,7 @@ from server.api import (
     devices,
     errors,
     exports,
+    fleet,
     forms,
     foxglove,
     map_tiles,
@@ -47,6 +48,7 @@ from server.auth import Access, Guard
 from server.config import Config
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sessions import OpenLink
+from server.fleet.robots import Robots
 from server.links import open_link
 from server.page_files import Files
 from server.previous_names import PreviousPaths
@@ -75,6 +77,7 @@ ROUTED = (
     comparison,
     alarms,
     workspaces,
+    fleet,
     ports,
     status,
     capabilities,
@@ -104,18 +107,20 @@ def create_app(
     now_ns: Callable[[], int] | None = None,
     page_files: Files | None = None,
     timings: ViewerTimings | None = None,
+    robots: Robots | None = None,
 ) -> ASGIApp:
     """The application, guarded.
 
     Args:
         open_link, protocol_set, now_ns, page_files, timings: links, protocols, clock, page and time limits; tests pass
             their own.
+        robots: makes it a fleet server.
 
     Raises:
         DecodeOptionError: the configuration has an invalid option of a source.
     """
     page_files, timings = page_files or Files(), timings or ViewerTimings()
-    services = build_services(config, access, open_link, protocol_set, now_ns, page_files, timings)
+    services = build_services(config, access, open_link, protocol_set, now_ns, page_files, timings, robots)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

@@ -33,6 +33,7 @@ from server.devices.protocol_set import all_protocols, sensors_of
 from server.devices.protocol_set import protocols as installed_protocols
 from server.devices.sequence_store import SequenceStore
 from server.devices.sessions import OpenLink, Sessions
+from server.fleet.robots import Robots
 from server.integrations.foxglove import Foxglove
 from server.integrations.map_tiles import TileSource
 from server.integrations.rerun import Rerun
@@ -63,6 +64,7 @@ class Services:
     Args:
         reading: default decode options of sources and recordings.
         scan_lock: held during a port scan, because a port can be opened only once.
+        robots: those of a fleet; None if this is no fleet server.
         history_lock: held while history is sent to a browser, so that several pages are served one after the other.
     """
 
@@ -94,6 +96,7 @@ class Services:
     timings: ViewerTimings
     folder_lock: DataFolderLock
     workspaces: WorkspaceStore
+    robots: Robots | None = None
     protocols: Callable[[], dict[str, str]] = installed_protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     history_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -155,6 +158,7 @@ def build_services(
     now_ns: Callable[[], int] | None,
     page_files: Files,
     timings: ViewerTimings,
+    robots: Robots | None = None,
 ) -> Services:
     """Create the services without starting them. Arguments and errors as for `create_app`."""
     wall_ns = now_ns or time.time_ns
@@ -217,4 +221,5 @@ def build_services(
         timings=timings,
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),
+        robots=robots,
     )

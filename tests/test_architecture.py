@@ -95,6 +95,7 @@ SERVER: dict[str, set[str]] = {
             "config",
             "configuration",
             "devices",
+            "fleet",
             "integrations",
             "library",
             "links",
@@ -104,6 +105,7 @@ SERVER: dict[str, set[str]] = {
     "api": {
         *("alarms", "analysis", "auth", "calibration", "configuration", "devices", "evidence", "http_server"),
         *(
+            "fleet",
             "integrations",
             "library",
             "links",
@@ -118,7 +120,18 @@ SERVER: dict[str, set[str]] = {
         ),
     },
     "app": {
-        *("api", "auth", "config", "devices", "links", "page_files", "rate_limit", "security_headers", "services"),
+        *(
+            "api",
+            "auth",
+            "config",
+            "devices",
+            "fleet",
+            "links",
+            "page_files",
+            "rate_limit",
+            "security_headers",
+            "services",
+        ),
         "timings",
     },
     "commands": {

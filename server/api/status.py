@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from server.api.dependencies import TheServices
 from server.auth import Role
@@ -32,6 +32,7 @@ class Build(BaseModel):
     run: str
     protocols: list[str]
     role: Role  # of the token of this request
+    fleet: bool = Field(description="whether this is a fleet server, which shows robots instead of devices")
 
 
 class HealthStatus(BaseModel):
@@ -53,6 +54,7 @@ async def get_build(request: Request, services: TheServices) -> Build:
         run=services.telemetry.bus.run,
         protocols=list(services.protocols()),
         role=request.state.role,
+        fleet=services.robots is not None,
     )
 
 

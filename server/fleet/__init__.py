@@ -1,4 +1,6 @@
-"""Recordings of many robots in one store, and questions about them. Needs `imuscope[fleet]`.
+"""Many robots: their recordings in one store with questions about them, and their present state on one page.
+
+The store needs `imuscope[fleet]`.
 
     store.py       where it is: a folder, S3, Azure or Google Cloud Storage; its errors in words
     tables.py      the tables and their columns
@@ -9,6 +11,9 @@
     query.py       SQL over the tables, read-only and limited
     questions.py   prepared questions
     results.py     answers as a table, CSV, JSON or Arrow
+
+    robots.py      the robots that a fleet server knows, and what changed of them
+    summaries.py   a robot at a glance
 
 docs/fleet.md describes the layout of a store for other programs.
 """

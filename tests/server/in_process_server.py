@@ -16,6 +16,7 @@ from server.config import Config
 from server.connections import ConnectionLimits
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sessions import OpenLink
+from server.fleet.robots import Robots
 from server.page_files import Files
 from server.services import Services
 from server.timings import ViewerTimings
@@ -35,6 +36,7 @@ class InProcessServer:
         page_files: Files | None = None,
         timings: ViewerTimings | None = None,
         limits: ConnectionLimits | None = None,
+        robots: Robots | None = None,
     ) -> None:
         self._app = create_app(
             config,
@@ -43,6 +45,7 @@ class InProcessServer:
             protocol_set=protocol_set,
             page_files=page_files,
             timings=timings,
+            robots=robots,
         )
         self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)

@@ -173,6 +173,8 @@ export interface Build {
   readonly run: string;
   readonly protocols: readonly string[];
   readonly role: "view" | "control";
+  /** whether this is a fleet server, which shows robots instead of devices */
+  readonly fleet: boolean;
 }
 
 /** A number of the result. */
@@ -507,6 +509,19 @@ export interface FlagCondition {
   readonly is_set: boolean;
 }
 
+/** Robots of a fleet: all, or those that changed after a revision. */
+export interface FleetRobots {
+  /** to be sent as `after` with the next request */
+  readonly revision: number;
+  /** clock of the fleet server, unix s */
+  readonly time: number;
+  /** all robots are listed: any other that the client knows has gone */
+  readonly complete: boolean;
+  /** names of robots that were removed since */
+  readonly gone: readonly string[];
+  readonly robots: readonly RobotSummary[];
+}
+
 /** A figure of a link beyond a limit. */
 export interface HealthCondition {
   readonly kind: "health";
@@ -725,6 +740,71 @@ export interface RestProgress {
   readonly needed: number;
   /** seconds at which the calibration is complete */
   readonly goal: number;
+}
+
+/** An alarm of a robot that is raised. */
+export interface RobotAlarm {
+  readonly name: string;
+  readonly level: "info" | "warning" | "error";
+  /** missing: raised, and at present without data */
+  readonly state: "raised" | "acknowledged" | "missing";
+  /** id of the robot's device; empty if it is for none */
+  readonly device: string;
+}
+
+/** A device of a robot. */
+export interface RobotDevice {
+  /** as on the robot's own page */
+  readonly id: string;
+  readonly name: string;
+  readonly product: string;
+  readonly serial_number: string;
+  readonly firmware: string;
+  /** empty while it is unknown */
+  readonly protocol: string;
+  readonly status: "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
+  /** samples/s of the fastest message, within 1 % */
+  readonly rate: number;
+  /** samples/s that it is configured for; null if unknown */
+  readonly expected_rate: number | null;
+  /** share of samples lost in the last minute, 0 … 1; null if it cannot be told */
+  readonly loss: number | null;
+  /** samples lost since the robot's server was started */
+  readonly lost: number;
+  /** fix of its receiver of satellites, in words; empty if it has none */
+  readonly fix: string;
+  /** °C */
+  readonly temperature: number | null;
+  /** its clock against that of its host */
+  readonly clock_ppm: number | null;
+  /** ± of the mapping from device time to host time */
+  readonly clock_uncertainty_ms: number | null;
+}
+
+/** A robot at a glance. */
+export interface RobotSummary {
+  readonly name: string;
+  /** empty if it is in none */
+  readonly group: string;
+  readonly state: "live" | "lost";
+  /** unix s of the fleet server: when it came, or was lost */
+  readonly since: number;
+  /** round trip between robot and fleet server; null if unknown */
+  readonly latency_ms: number | null;
+  /** of its imuscope */
+  readonly version: string;
+  /** of its own page; empty if it gave none */
+  readonly address: string;
+  readonly recording: boolean;
+  /** of its data folder; null if unknown */
+  readonly disk_free_bytes: number | null;
+  /** compared with the profile of its group */
+  readonly settings: "unknown" | "as-profile" | "drifted";
+  /** number of settings that differ from the profile */
+  readonly drifted: number;
+  /** those that are raised */
+  readonly alarms: readonly RobotAlarm[];
+  readonly devices: readonly RobotDevice[];
 }
 
 /** State of the publisher. */
@@ -1391,6 +1471,11 @@ export interface Routes {
     readonly path: { readonly family: string };
     readonly body: DefaultWorkspaceRequest;
     readonly answer: Readonly<Record<string, string>>;
+  };
+  /** Robots of the fleet, at a glance. */
+  "GET /api/fleet/robots": {
+    readonly query?: { readonly after?: number | null | undefined };
+    readonly answer: FleetRobots;
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };

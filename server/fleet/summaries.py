@@ -1,0 +1,117 @@
+"""Robots at a glance: the summaries that the page of a fleet shows, and how far a figure must move to be a change.
+
+A figure that wobbles, such as a rate of 99.98, 100.03, 99.97 Hz, would make a robot that is well a change each second.
+So a figure keeps its value until it differs from it by a step: 1 % of a rate, 0.5 °C, 20 % of a latency. Zero and
+"unknown" are never kept: the first lost sample is seen at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+from server import wire
+
+RobotState = Literal["live", "lost"]
+SettingsState = Literal["unknown", "as-profile", "drifted"]
+AlarmRaisedState = Literal["raised", "acknowledged", "missing"]
+
+
+class RobotAlarm(BaseModel):
+    """An alarm of a robot that is raised."""
+
+    name: str
+    level: wire.Level
+    state: AlarmRaisedState = Field(description="missing: raised, and at present without data")
+    device: str = Field(description="id of the robot's device; empty if it is for none")
+
+
+class RobotDevice(BaseModel):
+    """A device of a robot."""
+
+    id: str = Field(description="as on the robot's own page")
+    name: str
+    product: str
+    serial_number: str
+    firmware: str
+    protocol: str = Field(description="empty while it is unknown")
+    status: wire.DeviceStatus
+    rate: float = Field(description="samples/s of the fastest message, within 1 %")
+    expected_rate: float | None = Field(description="samples/s that it is configured for; null if unknown")
+    loss: float | None = Field(description="share of samples lost in the last minute, 0 … 1; null if it cannot be told")
+    lost: int = Field(description="samples lost since the robot's server was started")
+    fix: str = Field(description="fix of its receiver of satellites, in words; empty if it has none")
+    temperature: float | None = Field(description="°C")
+    clock_ppm: float | None = Field(description="its clock against that of its host")
+    clock_uncertainty_ms: float | None = Field(description="± of the mapping from device time to host time")
+
+
+class RobotSummary(BaseModel):
+    """A robot at a glance."""
+
+    name: str
+    group: str = Field(description="empty if it is in none")
+    state: RobotState
+    since: float = Field(description="unix s of the fleet server: when it came, or was lost")
+    latency_ms: float | None = Field(description="round trip between robot and fleet server; null if unknown")
+    version: str = Field(description="of its imuscope")
+    address: str = Field(description="of its own page; empty if it gave none")
+    recording: bool
+    disk_free_bytes: int | None = Field(description="of its data folder; null if unknown")
+    settings: SettingsState = Field(description="compared with the profile of its group")
+    drifted: int = Field(description="number of settings that differ from the profile")
+    alarms: list[RobotAlarm] = Field(description="those that are raised")
+    devices: list[RobotDevice]
+
+
+class FleetRobots(BaseModel):
+    """Robots of a fleet: all, or those that changed after a revision."""
+
+    revision: int = Field(description="to be sent as `after` with the next request")
+    time: float = Field(description="clock of the fleet server, unix s")
+    complete: bool = Field(description="all robots are listed: any other that the client knows has gone")
+    gone: list[str] = Field(description="names of robots that were removed since")
+    robots: list[RobotSummary]
+
+
+_STEPS: Mapping[str, tuple[float, float]] = {
+    "rate": (0.01, 0.1),
+    "expected_rate": (0.001, 0.01),
+    "loss": (0.1, 0.0001),
+    "temperature": (0.0, 0.5),
+    "clock_ppm": (0.02, 0.5),
+    "clock_uncertainty_ms": (0.25, 0.02),
+}
+"""Figure of a device → the relative and the absolute step; the larger one counts."""
+
+
+def settled(new: RobotSummary, shown: RobotSummary | None) -> RobotSummary:
+    """`new`, with the figures of `shown` where they differ by less than a step; others are rounded to three digits."""
+    before = {} if shown is None else {one.id: one for one in shown.devices}
+    free = _settled(new.disk_free_bytes, None if shown is None else shown.disk_free_bytes, 0.01, 1e7)
+    return new.model_copy(
+        update={
+            "latency_ms": _settled(new.latency_ms, None if shown is None else shown.latency_ms, 0.2, 5.0),
+            "disk_free_bytes": None if free is None else int(free),
+            "devices": [_device(one, before.get(one.id)) for one in new.devices],
+        }
+    )
+
+
+def _device(new: RobotDevice, shown: RobotDevice | None) -> RobotDevice:
+    changes = {
+        name: _settled(getattr(new, name), None if shown is None else getattr(shown, name), *steps)
+        for name, steps in _STEPS.items()
+    }
+    return new.model_copy(update=changes)
+
+
+def _settled(new: float | None, shown: float | None, relative: float, absolute: float) -> float | None:
+    if new is None or not math.isfinite(new):
+        return None
+    if shown is not None and (new == 0) == (shown == 0) and abs(new - shown) < max(relative * abs(shown), absolute):
+        return shown
+    return float(f"{new:.3g}") if abs(new) < 1000 else float(round(new))
