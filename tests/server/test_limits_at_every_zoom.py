@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,27 +21,33 @@ LIMIT = 50.0
 SHOWN = 200  # single samples beyond the limit
 INFO = ChannelInfo(1, "1", "M", "Force", "Force", "scalar", "N", "", [ColumnInfo("value", "f4", "N")])
 CONDITION = ExpressionCondition(expression="Force > 50 N")
-PLACES = np.sort(np.random.default_rng(5).choice(HOUR // 10, SHOWN, replace=False)) * 10 + 3
-TIME = BEGIN + np.arange(HOUR) / RATE
 
 
-def force() -> np.ndarray:
-    """Noise far within the limit, and single samples beyond it, each with a value of its own."""
+@cache
+def places() -> np.ndarray:
+    """Rows of the single samples."""
+    return np.sort(np.random.default_rng(5).choice(HOUR // 10, SHOWN, replace=False)) * 10 + 3
+
+
+@cache
+def hour() -> tuple[np.ndarray, np.ndarray]:
+    """Times, and noise far within the limit with the single samples beyond it, each with a value of its own.
+
+    Not made while the tests are collected, which every process of them does.
+    """
     values = np.random.default_rng(6).uniform(-1, 1, HOUR).astype(np.float32)
-    values[PLACES] = 100 + np.arange(SHOWN)
-    return values
-
-
-FORCE = force()
+    values[places()] = 100 + np.arange(SHOWN)
+    return BEGIN + np.arange(HOUR) / RATE, values
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
     writer = ColumnStoreWriter(tmp_path_factory.mktemp("hour") / "store")
     writer.channel(1, ChannelLayout(("f4",), (False,)))
+    times, values = hour()
     for begin in range(0, HOUR, 50_000):
         at = slice(begin, begin + 50_000)
-        writer.append(1, [TIME[at] + 0.002, TIME[at], FORCE[at]])
+        writer.append(1, [times[at] + 0.002, times[at], values[at]])
     return writer.finish({"channels": []})
 
 
@@ -53,7 +61,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
 def test_it_is_in_the_bucket_of_its_time_at_every_zoom(
     store: ColumnStore, which: int, span: float, share: float, width: int
 ) -> None:
-    when = TIME[PLACES[which]]
+    when = hour()[0][places()[which]]
     t0 = when - share * span
     found = store.query(1, t0, t0 + span, width)
     if isinstance(found, ExactRows):
@@ -68,13 +76,14 @@ def test_each_is_an_alarm_in_the_recording(store: ColumnStore) -> None:
     found = recorded_preview(AlarmDefinition(name="Shock", condition=CONDITION), store, [INFO])
     assert found.times == SHOWN
     assert found.worst == 100 + SHOWN - 1
-    np.testing.assert_allclose([one.t0 for one in found.intervals], TIME[PLACES[: len(found.intervals)]], atol=1e-6)
+    expected = hour()[0][places()[: len(found.intervals)]]
+    np.testing.assert_allclose([one.t0 for one in found.intervals], expected, atol=1e-6)
 
 
 @settings(max_examples=10, deadline=None)
 @given(sizes=st.lists(st.integers(1, 5000), max_size=8))
 def test_each_is_an_alarm_live_in_whatever_batches_it_comes(sizes: list[int]) -> None:
-    values, times = FORCE[:20_000], TIME[:20_000]
+    times, values = (all_of[:20_000] for all_of in hour())
     judge, machine = ExpressionJudge(CONDITION, [INFO], 3.0), AlarmMachine(AlarmTiming())
     at, turn, raised, wanted = 0, 0, [], [*sizes, 3000]
     while at < len(values):
