@@ -75,7 +75,12 @@ async def live_frames(
     settings = session.reading.settings(family.name)
     read = live_bytes(link, session.link.preamble)
     view = await asyncio.to_thread(
-        packets_around, device, family, settings, read, moment, names=names, kind=kind or None, beside=beside
+        packets_around,
+        *(device, family, settings, read, moment),
+        names=names,
+        kind=kind or None,
+        beside=beside,
+        newest_ns=span[1],
     )
     return _found(view)
 

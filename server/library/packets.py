@@ -176,6 +176,7 @@ def packets_around(
     names: Iterable[str] = (),
     kind: Kind | None = None,
     beside: int = 8,
+    newest_ns: int | None = None,
 ) -> PacketView | None:
     """The frame of a moment and its neighbours.
 
@@ -184,6 +185,7 @@ def packets_around(
         names: of the message or the quantity of the sample; () for any frame.
         kind: only such a one is looked for.
         beside: number of neighbours on each side.
+        newest_ns: arrival of the newest byte; None if that is not known. A frame near it has no more neighbours.
 
     Returns:
         None if there are no bytes at that time.
@@ -198,7 +200,8 @@ def packets_around(
         found += [packet for run in runs if run.direction == "tx" for packet in _sent(run, family)]
         found.sort(key=lambda packet: packet.arrival)
         at = _place(found, moment, wanted, kind)
-        has_all = at >= beside and len(found) - at > beside
+        is_last = newest_ns is not None and moment.arrival_ns + window_ns > newest_ns
+        has_all = at >= beside and (is_last or len(found) - at > beside)
         if has_all or sum(len(run.data) for run in runs) > ENOUGH_BYTES:
             break
     if not found:

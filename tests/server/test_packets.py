@@ -162,6 +162,23 @@ def test_rejects_foreign_bytes_and_sent_ones_are_between_the_frames() -> None:
     assert [packet.kind for packet in at_reject.packets] == ["reject"]
 
 
+def test_the_newest_frame_is_found_without_reading_all_of_memory() -> None:
+    memory = LinkMemory(lambda: None, 1e9)
+    for number in range(400):
+        memory.append([Chunk(sample(number), number * 10 * MS)], "rx")
+    newest_ns, asked = 3990 * MS, []
+    read = live_bytes(memory, b"")
+
+    def counted(since_ns: int, until_ns: int) -> Any:
+        asked.append(until_ns - since_ns)
+        return read(since_ns, until_ns)
+
+    view = packets_around("1", PROTOCOLS["xbus"], {}, counted, SampleArrival(newest_ns), beside=24, newest_ns=newest_ns)
+    assert view is not None
+    assert [packet.fields["PacketCounter"] for packet in view.packets] == list(range(375, 400))
+    assert (view.at, asked) == (24, [1000 * MS])
+
+
 def test_a_family_without_a_driver_has_its_frame_as_a_whole() -> None:
     from dataclasses import replace
 

@@ -154,47 +154,43 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
     label: string,
     values: readonly WholeChoice[K][],
   ) => <Select label={label} value={choice[key]} values={values} set={(value) => set({ [key]: value } as Change)} />;
-  return (
-    <>
-      <div class="analysis-row">
-        {!isOnly && (
-          <div class="segmented" role="group" aria-label={TEXT.kind}>
-            {NAMES.map((one) => (
-              <button type="button" key={one} aria-pressed={name === one} onClick={() => (shown.value = one)}>
-                {TEXT[one]}
-              </button>
-            ))}
-          </div>
-        )}
-        <div class="segmented" role="group" aria-label={TEXT.range}>
-          {RANGES.filter((one) => one !== "cursors" || cursors).map((one) => (
-            <button type="button" key={one} aria-pressed={choice.range === one} onClick={() => set({ range: one })}>
-              {TEXT.ranges[one]}
-            </button>
-          ))}
-        </div>
-      </div>
-      <label class="analysis-signal">
-        <span>{TEXT.signal}</span>
-        <span class="field">
-          <input
-            type="text"
-            list={list}
-            value={choice.signals}
-            spellcheck={false}
-            autocomplete="off"
-            onInput={(event) => set({ signals: event.currentTarget.value })}
-          />
-        </span>
-        <datalist id={list}>
-          {names.map((one) => (
-            <option key={one} value={one} />
-          ))}
-        </datalist>
-        <small class="dim">{TEXT.signalHint}</small>
-      </label>
-      {(name === "psd" || name === "spectrogram") && (
-        <div class="analysis-row">
+  const range = (
+    <div class="segmented" role="group" aria-label={TEXT.range}>
+      {RANGES.filter((one) => one !== "cursors" || cursors).map((one) => (
+        <button type="button" key={one} aria-pressed={choice.range === one} onClick={() => set({ range: one })}>
+          {TEXT.ranges[one]}
+        </button>
+      ))}
+    </div>
+  );
+  const signals = (
+    <label class="analysis-signal">
+      <span class={isOnly ? "visually-hidden" : ""}>{TEXT.signal}</span>
+      <span class="field">
+        <input
+          type="text"
+          list={list}
+          title={TEXT.signalHint}
+          value={choice.signals}
+          spellcheck={false}
+          autocomplete="off"
+          onInput={(event) => set({ signals: event.currentTarget.value })}
+        />
+      </span>
+      <datalist id={list}>
+        {names.map((one) => (
+          <option key={one} value={one} />
+        ))}
+      </datalist>
+      {!isOnly && <small class="dim">{TEXT.signalHint}</small>}
+    </label>
+  );
+  const options = name !== "statistics" && (
+    <div class="analysis-row">
+      {name === "allan" ? (
+        option("motion", TEXT.motion, ["exclude", "include"])
+      ) : (
+        <>
           {option("window", TEXT.windowFunction, WINDOWS)}
           <Select
             label={TEXT.segment}
@@ -204,9 +200,38 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
           />
           {option("scale", TEXT.scale, ["amplitude", "power"])}
           {name === "psd" && option("frequencyAxis", TEXT.frequencyAxis, ["linear", "log"])}
-        </div>
+        </>
       )}
-      {name === "allan" && <div class="analysis-row">{option("motion", TEXT.motion, ["exclude", "include"])}</div>}
+    </div>
+  );
+  // a panel is low: its chart comes before what is seldom changed
+  if (isOnly)
+    return (
+      <>
+        <div class="analysis-row">
+          {range}
+          {signals}
+        </div>
+        <details class="analysis-more">
+          <summary>{TEXT.options}</summary>
+          {options}
+        </details>
+      </>
+    );
+  return (
+    <>
+      <div class="analysis-row">
+        <div class="segmented" role="group" aria-label={TEXT.kind}>
+          {NAMES.map((one) => (
+            <button type="button" key={one} aria-pressed={name === one} onClick={() => (shown.value = one)}>
+              {TEXT[one]}
+            </button>
+          ))}
+        </div>
+        {range}
+      </div>
+      {signals}
+      {options}
     </>
   );
 }

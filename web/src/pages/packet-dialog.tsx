@@ -6,10 +6,11 @@ import type { PacketAt } from "../panels/panel-context";
 import { copyText } from "../ui/copy";
 import { Dialog } from "../ui/dialog";
 import { clock, number } from "../ui/format";
-import { type Outcome, type Problem, request } from "../ui/http";
+import type { Problem } from "../ui/http";
 import { Icon } from "../ui/icons";
 import { ProblemNote } from "../ui/problem-note";
 import type { PacketInfo, PacketView } from "../wire/routes";
+import { fetchFrames, type FramesAsk, titleOf } from "../bytes/frames";
 import type { App } from "./app-state";
 import { rowsOf } from "./packet-rows";
 import { TEXT } from "../texts/packets";
@@ -25,21 +26,7 @@ interface Props {
   readonly onClose: () => void;
 }
 
-/** What is asked for: a sample first, then frames by their arrival and place among those that arrived together. */
-interface Ask {
-  readonly time: number;
-  readonly base: "device" | "arrival";
-  readonly channel?: number;
-  readonly rank?: number;
-  readonly kind?: "reject";
-}
-
-function fetchPackets({ device, recording }: PacketAt, ask: Ask): Promise<Outcome<PacketView>> {
-  const query = { ...ask, beside: BESIDE };
-  return recording === undefined
-    ? request("GET /api/devices/{device}/frames", { path: { device: device.split(".")[0] ?? device }, query })
-    : request("GET /api/recordings/{recording}/frames", { path: { recording }, query: { ...query, device } });
-}
+type Ask = Omit<FramesAsk, "beside">;
 
 /** The dialog of a page. */
 export function Packet({ app, onClose }: { readonly app: App; readonly onClose: () => void }) {
@@ -50,8 +37,14 @@ export function Packet({ app, onClose }: { readonly app: App; readonly onClose: 
 }
 
 export function PacketDialog({ at, name, onClose }: Props) {
-  const { time, base, channel, kind } = at;
-  const ask = useSignal<Ask>({ time, base, ...(channel === undefined ? {} : { channel }), ...(kind ? { kind } : {}) });
+  const { time, base, channel, kind, rank } = at;
+  const ask = useSignal<Ask>({
+    time,
+    base,
+    ...(channel === undefined ? {} : { channel }),
+    ...(rank === undefined ? {} : { rank }),
+    ...(kind ? { kind } : {}),
+  });
   const view = useSignal<PacketView | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
   const place = useSignal(0);
@@ -61,7 +54,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: signals and the place of the sample stay the same
   useEffect(() => {
     let over = false;
-    void fetchPackets(at, asked).then((outcome) => {
+    void fetchFrames(at, { ...asked, beside: BESIDE }).then((outcome) => {
       if (over) return;
       problem.value = outcome.ok ? undefined : outcome.problem;
       if (!outcome.ok) return;
@@ -130,8 +123,6 @@ export function PacketDialog({ at, name, onClose }: Props) {
     </Dialog>
   );
 }
-
-const titleOf = ({ kind, name }: PacketInfo): string => name || TEXT.kind[kind];
 
 interface FrameProps {
   readonly packet: PacketInfo;

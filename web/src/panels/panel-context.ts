@@ -23,6 +23,8 @@ export interface PacketAt {
   /** Channel of the sample; absent: any frame. */
   readonly channel?: number;
   readonly kind?: "reject";
+  /** Without a channel: place among the frames that arrived together. */
+  readonly rank?: number;
   /** Name of the device; absent: as the store has it. */
   readonly name?: string;
   /** RecordingInfo.id; absent: a live device. */

@@ -12,6 +12,7 @@ export const TEXT = {
   allan: "Allan deviation",
   signal: "Signals or expressions",
   signalHint: "For example norm(Acceleration) or highpass(Acceleration.z, 2 Hz); several with commas between them.",
+  options: "Options",
   range: "Range",
   ranges: { window: "Window", cursors: "Between the cursors", everything: "Everything" },
   windowFunction: "Window function",
