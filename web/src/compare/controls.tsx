@@ -1,5 +1,6 @@
 /** What is compared, and how both are aligned. */
 import { useSignal } from "@preact/signals";
+import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { figure } from "../analysis/axes";
 import { boundsOf, type CompareModel, isLive, momentsOf, namesOf, sourceTitle } from "./model";
@@ -27,9 +28,7 @@ export function Controls({ model, wanted, correlate }: Props) {
     <>
       <div class="compare-sides">
         <SidePicker model={model} name="A" title={TEXT.sideA} side={wanted.a} choose={(a) => change({ a })} />
-        <button type="button" class="btn icon edge" aria-label={TEXT.swap} title={TEXT.swap} onClick={swap}>
-          <Icon name="loop" />
-        </button>
+        <IconButton icon="loop" label={TEXT.swap} class="edge" onClick={swap} />
         <SidePicker model={model} name="B" title={TEXT.sideB} side={wanted.b} choose={(b) => change({ b })} />
       </div>
       <div class="compare-sides">

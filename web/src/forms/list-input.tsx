@@ -1,4 +1,5 @@
 /** A list to fill in: entries that can be added, removed and put in another order; each a record, a word of flags, or a number. */
+import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { wasAt } from "./edits";
 import { Editor, Fields } from "./field";
@@ -46,32 +47,23 @@ export function ListInput({ sheet, field, path }: InputProps) {
             </details>
             {!fixed && (
               <span class="list-actions">
-                <button
-                  type="button"
-                  class="btn icon"
-                  aria-label={TEXT.moveEntryUp(place + 1)}
+                <IconButton
+                  icon="up"
+                  label={TEXT.moveEntryUp(place + 1)}
                   disabled={place === 0}
                   onClick={() => swap(place, place - 1)}
-                >
-                  <Icon name="up" />
-                </button>
-                <button
-                  type="button"
-                  class="btn icon"
-                  aria-label={TEXT.moveEntryDown(place + 1)}
+                />
+                <IconButton
+                  icon="down"
+                  label={TEXT.moveEntryDown(place + 1)}
                   disabled={place === entries.length - 1}
                   onClick={() => swap(place, place + 1)}
-                >
-                  <Icon name="down" />
-                </button>
-                <button
-                  type="button"
-                  class="btn icon"
-                  aria-label={TEXT.removeEntry(place + 1)}
+                />
+                <IconButton
+                  icon="close"
+                  label={TEXT.removeEntry(place + 1)}
                   onClick={() => set(entries.filter((_, k) => k !== place))}
-                >
-                  <Icon name="close" />
-                </button>
+                />
               </span>
             )}
           </li>

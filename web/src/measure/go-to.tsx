@@ -8,6 +8,7 @@ import type { Destination, ViewState } from "../data/view-state";
 import { day, duration } from "../plots/axis";
 import { clock } from "../ui/format";
 import { type Problem, request } from "../ui/http";
+import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
 import type { SignalFigures } from "../wire/routes";
@@ -132,15 +133,7 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
       <button type="submit" class="btn edge">
         {TEXT.go}
       </button>
-      <button
-        type="button"
-        class="btn icon"
-        aria-label={TEXT.previous}
-        title={TEXT.previous}
-        onClick={() => step(false)}
-      >
-        <Icon name="back" />
-      </button>
+      <IconButton icon="back" label={TEXT.previous} onClick={() => step(false)} />
       <span class="select">
         <select
           aria-label={TEXT.kind}
@@ -155,9 +148,7 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
         </select>
         <Icon name="down" />
       </span>
-      <button type="button" class="btn icon" aria-label={TEXT.next} title={TEXT.next} onClick={() => step(true)}>
-        <Icon name="forward" />
-      </button>
+      <IconButton icon="forward" label={TEXT.next} onClick={() => step(true)} />
       <span class={problem ? "go-to-said bad" : "go-to-said"} role="status">
         {problem ? (
           <>
@@ -167,9 +158,7 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
           said.value !== undefined && "words" in said.value && said.value.words
         )}
       </span>
-      <button type="button" class="btn icon" aria-label={TEXT.close} title={TEXT.close} onClick={close}>
-        <Icon name="close" />
-      </button>
+      <IconButton icon="close" label={TEXT.close} onClick={close} />
     </form>
   );
 }

@@ -9,7 +9,7 @@ import { api, type Port } from "../ui/http";
 import { surface } from "../ui/canvas";
 import { el, throttle, type Panel } from "../ui/dom";
 import { age, rate } from "../ui/format";
-import { Icon } from "../ui/icons";
+import { IconButton } from "../ui/icon-button";
 import { Message } from "../ui/message";
 import { PanelHost } from "../ui/panel-host";
 import { markOf, shortSource } from "../ui/page-state";
@@ -33,24 +33,14 @@ export function Rail({ app }: { readonly app: App }) {
         <h2>{COMMON.devices}</h2>
         <span>{devices.length}</span>
         <span class="grow" />
-        <button
-          type="button"
-          class="btn icon"
-          aria-label={COMMON.addADevice}
+        <IconButton
+          icon="plus"
+          label={COMMON.addADevice}
           title={TEXT.addDeviceByAddress}
           onClick={() => (overlay.value = "add")}
-        >
-          <Icon name="plus" />
-        </button>
+        />
         {sheet.value === "rail" && (
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.closeDeviceList}
-            onClick={() => (sheet.value = undefined)}
-          >
-            <Icon name="close" />
-          </button>
+          <IconButton icon="close" label={TEXT.closeDeviceList} onClick={() => (sheet.value = undefined)} />
         )}
       </div>
       {devices.length > 0 && (

@@ -7,7 +7,7 @@ import { copyText } from "../ui/copy";
 import { Dialog } from "../ui/dialog";
 import { clock, number } from "../ui/format";
 import type { Problem } from "../ui/http";
-import { Icon } from "../ui/icons";
+import { IconButton } from "../ui/icon-button";
 import { ProblemNote } from "../ui/problem-note";
 import type { PacketInfo, PacketView } from "../wire/routes";
 import { fetchFrames, type FramesAsk, titleOf } from "../bytes/frames";
@@ -149,18 +149,8 @@ function Frame({ packet, time, step, show }: FrameProps) {
   return (
     <>
       <div class="packet-actions">
-        <button
-          type="button"
-          class="btn icon edge"
-          aria-label={TEXT.previous}
-          title={TEXT.previous}
-          onClick={() => step(-1)}
-        >
-          <Icon name="left" />
-        </button>
-        <button type="button" class="btn icon edge" aria-label={TEXT.next} title={TEXT.next} onClick={() => step(1)}>
-          <Icon name="right" />
-        </button>
+        <IconButton icon="left" label={TEXT.previous} class="edge" onClick={() => step(-1)} />
+        <IconButton icon="right" label={TEXT.next} class="edge" onClick={() => step(1)} />
         <h3>{titleOf(packet)}</h3>
         <span class="grow" />
         <button type="button" class="btn edge" onClick={() => void copyHex()}>

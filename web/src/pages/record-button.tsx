@@ -7,6 +7,7 @@ import { useLayoutEffect, useRef } from "preact/hooks";
 import { server } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
 import { age, clock } from "../ui/format";
+import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import type { RecorderState } from "../wire/types";
 import { type App, perApp, run } from "./app-state";
@@ -207,15 +208,13 @@ export function Record({ app }: { readonly app: App }) {
 function FromMemory({ app }: { readonly app: App }) {
   if (route.value.page !== "live" || app.store.devices.value.length === 0) return null;
   return (
-    <button
-      type="button"
-      class="btn icon from-memory"
-      aria-label={TEXT.saveFromMemory}
+    <IconButton
+      icon="down"
+      label={TEXT.saveFromMemory}
+      class="from-memory"
       title={TEXT.saveFromMemoryHint}
       onClick={() => (app.overlay.value = "memory")}
-    >
-      <Icon name="down" />
-    </button>
+    />
   );
 }
 
@@ -247,9 +246,7 @@ export function SavedBand({ app }: { readonly app: App }) {
       <a class="btn edge" href={href("recordings", one.id)} onClick={close}>
         {COMMON.open}
       </a>
-      <button type="button" class="btn icon" aria-label={COMMON.close} onClick={close}>
-        <Icon name="close" />
-      </button>
+      <IconButton icon="close" label={COMMON.close} onClick={close} />
     </div>
   );
 }
@@ -275,9 +272,7 @@ function Note({ app, time }: { readonly app: App; readonly time: number }) {
       <button type="submit" class="btn main">
         {COMMON.save}
       </button>
-      <button type="button" class="btn icon" aria-label={TEXT.discardNote} onClick={close}>
-        <Icon name="close" />
-      </button>
+      <IconButton icon="close" label={TEXT.discardNote} onClick={close} />
     </form>
   );
 }

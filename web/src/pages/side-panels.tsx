@@ -2,7 +2,7 @@
 import { useRef } from "preact/hooks";
 import "../panels/all";
 import { type PanelDefinition, panelsAt } from "../panels/registry";
-import { Icon } from "../ui/icons";
+import { IconButton } from "../ui/icon-button";
 import { PanelHost } from "../ui/panel-host";
 import type { Deps } from "../panels/panel-context";
 import type { App } from "./app-state";
@@ -138,17 +138,7 @@ function FoldButton({ app: { sheet, folded } }: { readonly app: App }) {
     if (sheet.value === "side") sheet.value = undefined;
     else folded.value = true;
   };
-  return (
-    <button
-      type="button"
-      class="btn icon desk"
-      aria-label={TEXT.collapsePanel}
-      title={TEXT.collapsePanel}
-      onClick={fold}
-    >
-      <Icon name="side" />
-    </button>
-  );
+  return <IconButton icon="side" label={TEXT.collapsePanel} class="desk" onClick={fold} />;
 }
 
 /** A panel in the scrolling part. */

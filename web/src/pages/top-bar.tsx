@@ -3,6 +3,7 @@ import { compareView } from "../compare/sides";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
 import { number, rate, span } from "../ui/format";
+import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/page-state";
@@ -55,26 +56,22 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
       <span class="grow desk" />
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton app={app} />}
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
-        <button
-          type="button"
-          class="btn icon analysis-button"
-          aria-label={ANALYSIS.analysis}
+        <IconButton
+          icon="wave"
+          label={ANALYSIS.analysis}
+          class="analysis-button"
           title={ANALYSIS.open}
           onClick={() => (app.overlay.value = "analysis")}
-        >
-          <Icon name="wave" />
-        </button>
+        />
       )}
       {isLive && showsPlots(app.state.value) && app.device.value && (
-        <button
-          type="button"
-          class="btn icon compare-button"
-          aria-label={COMPARE.compare}
+        <IconButton
+          icon="compare"
+          label={COMPARE.compare}
+          class="compare-button"
           title={COMPARE.open}
           onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}
-        >
-          <Icon name="compare" />
-        </button>
+        />
       )}
       {isLive && showsPlots(app.state.value) ? (
         <ArrangeButton app={app} deps={app} />
@@ -83,38 +80,31 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
       )}
       <Record app={app} />
       {isLive && showsPlots(app.state.value) && (
-        <button
-          type="button"
-          class="btn icon desk evidence-button"
-          aria-label={EVIDENCE.evidence}
+        <IconButton
+          icon="paper"
+          label={EVIDENCE.evidence}
+          class="desk evidence-button"
           title={EVIDENCE.hintOfButton}
           onClick={() => (app.overlay.value = "evidence")}
-        >
-          <Icon name="paper" />
-        </button>
+        />
       )}
       {isLive && showsPlots(app.state.value) && <Share app={app} />}
-      <button
-        type="button"
-        class="btn icon desk"
-        aria-label={COMMON.keyboard}
+      <IconButton
+        icon="help"
+        label={COMMON.keyboard}
+        class="desk"
         title={TEXT.keys}
         onClick={() => (app.overlay.value = "help")}
-      >
-        <Icon name="help" />
-      </button>
+      />
       <Theme />
       <Toggle app={app} name="side" label={PANELS[page].side} icon="side" />
       {isLive && app.folded.value && (
-        <button
-          type="button"
-          class="btn icon desk only-wide"
-          aria-label={TEXT.showValuesAndHealth}
-          title={TEXT.showValuesAndHealth}
+        <IconButton
+          icon="side"
+          label={TEXT.showValuesAndHealth}
+          class="desk only-wide"
           onClick={() => (app.folded.value = false)}
-        >
-          <Icon name="side" />
-        </button>
+        />
       )}
       {page !== "recordings" && <DeviceName app={app} />}
     </header>
@@ -169,15 +159,11 @@ function TimeControls({ app }: Props) {
 function Theme() {
   const other = theme.value === "dark" ? "light" : "dark";
   return (
-    <button
-      type="button"
-      class="btn icon"
-      aria-label={TEXT.useTheme(TEXT.theme[other])}
-      title={TEXT.useTheme(TEXT.theme[other])}
+    <IconButton
+      icon={theme.value === "dark" ? "sun" : "moon"}
+      label={TEXT.useTheme(TEXT.theme[other])}
       onClick={toggleTheme}
-    >
-      <Icon name={theme.value === "dark" ? "sun" : "moon"} />
-    </button>
+    />
   );
 }
 

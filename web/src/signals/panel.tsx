@@ -10,6 +10,7 @@ import { type Deps, reading } from "../panels/panel-context";
 import { protocolAmong } from "../wire/capabilities";
 import { type PlotSpec, plotsOf } from "../plots/plot-selection";
 import { request } from "../ui/http";
+import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import type { ComputedSignal } from "../wire/routes";
 import type { ChannelInfo } from "../wire/types";
@@ -115,9 +116,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
             {TEXT.newSignal}
           </button>
         )}
-        <button type="button" class="btn icon" aria-label={COMMON.close} title={COMMON.closeEsc} onClick={onClose}>
-          <Icon name="close" />
-        </button>
+        <IconButton icon="close" label={COMMON.close} title={COMMON.closeEsc} onClick={onClose} />
       </div>
       <label class="field signal-search">
         <Icon name="search" />

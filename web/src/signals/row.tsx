@@ -2,6 +2,7 @@
 import type { Reading } from "../panels/cursor-time";
 import { sampleAt } from "../panels/panel-context";
 import { decimalsOf, number, rate } from "../ui/format";
+import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { TEXT } from "../texts/signals";
 import { beginDrag } from "./drag";
@@ -72,20 +73,16 @@ export function Row({ row, at, isCurrent, isTabStop, onFold, onChoose, onPlot, o
         {unit && <span class="unit"> {unit}</span>}
       </span>
       {isSignal && (
-        <button
-          type="button"
-          class="btn icon"
+        <IconButton
+          icon="plus"
+          label={TEXT.plot(name)}
           tabIndex={-1}
-          aria-label={TEXT.plot(name)}
-          title={TEXT.plot(name)}
           onClick={(event) => {
             event.stopPropagation();
             onChoose();
             onPlot();
           }}
-        >
-          <Icon name="plus" />
-        </button>
+        />
       )}
     </div>
   );

@@ -1,7 +1,7 @@
 /** A dialog of the browser's own kind: it traps focus, closes on Esc, and gives focus back. */
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { Icon } from "./icons";
+import { IconButton } from "./icon-button";
 import { COMMON } from "../texts/common";
 
 interface Props {
@@ -47,9 +47,7 @@ export function Dialog({ title, onClose, wide = false, children }: Props) {
       <div class="top">
         <h2 id="dialog-title">{title}</h2>
         <span class="grow" />
-        <button type="button" class="btn icon" aria-label={COMMON.close} title={COMMON.closeEsc} onClick={onClose}>
-          <Icon name="close" />
-        </button>
+        <IconButton icon="close" label={COMMON.close} title={COMMON.closeEsc} onClick={onClose} />
       </div>
       <div class="inside">{children}</div>
     </dialog>

@@ -1,6 +1,6 @@
 /** A viewer of others in a frame: its heading, and buttons for a tab of its own, the full screen and closing. */
 import { useRef } from "preact/hooks";
-import { Icon } from "../ui/icons";
+import { IconButton } from "../ui/icon-button";
 import { TEXT } from "../texts/viewers";
 
 interface Props {
@@ -40,19 +40,9 @@ export function ViewerPanel({ label, heading = label, closeHint, onClose, addres
           </a>
         )}
         {document.fullscreenEnabled && (
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.fullScreen}
-            title={TEXT.fullScreenHint}
-            onClick={enlarge}
-          >
-            <Icon name="fit" />
-          </button>
+          <IconButton icon="fit" label={TEXT.fullScreen} title={TEXT.fullScreenHint} onClick={enlarge} />
         )}
-        <button type="button" class="btn icon" aria-label={closeHint} title={closeHint} onClick={onClose}>
-          <Icon name="close" />
-        </button>
+        <IconButton icon="close" label={closeHint} onClick={onClose} />
       </div>
       {props.children}
     </section>

@@ -11,6 +11,7 @@ import { onFrame } from "../data/render-loop";
 import type { ReplayController } from "../recordings/replay-controller";
 import { type App, perApp } from "../pages/app-state";
 import { type Problem, request } from "../ui/http";
+import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
 import { theme } from "../ui/theme";
@@ -40,16 +41,14 @@ export function SceneButton({ app }: Props) {
   const { isOpen } = sceneOf(app);
   const open = isOpen.value;
   return (
-    <button
-      type="button"
-      class="btn icon desk"
-      aria-label={TEXT.scene3d}
+    <IconButton
+      icon="cube"
+      label={TEXT.scene3d}
+      class="desk"
       title={open ? TEXT.closeScene : TEXT.openScene}
       aria-pressed={open}
       onClick={() => (isOpen.value = !open)}
-    >
-      <Icon name="cube" />
-    </button>
+    />
   );
 }
 

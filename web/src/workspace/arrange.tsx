@@ -6,6 +6,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { App } from "../pages/app-state";
 import type { Deps } from "../panels/panel-context";
 import type { PanelDefinition } from "../panels/registry";
+import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName } from "../ui/icons";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/workspace";
@@ -60,9 +61,7 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
   const layout = deps.viewState.layout.value;
   const hidden = all.filter((panel) => !isShown(layout, panel));
   const tool = (icon: IconName, label: string, act: () => void, disabled = false) => (
-    <button type="button" class="btn icon" aria-label={label} title={label} disabled={disabled} onClick={act}>
-      <Icon name={icon} />
-    </button>
+    <IconButton icon={icon} label={label} disabled={disabled} onClick={act} />
   );
   return (
     <section class="arrange" ref={ref} tabIndex={-1} role="dialog" aria-modal="false" aria-label={TEXT.sheet}>
@@ -161,38 +160,16 @@ function Row({ session, panel, area, all, isFirst, isLast }: RowProps) {
       <b class="ellipsis">{panel.title}</b>
       {area !== "hidden" && (
         <>
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.moveUp(panel.title)}
-            title={TEXT.moveUp(panel.title)}
-            disabled={isFirst}
-            onClick={step(-1)}
-          >
-            <Icon name="up" />
-          </button>
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.moveDown(panel.title)}
-            title={TEXT.moveDown(panel.title)}
-            disabled={isLast}
-            onClick={step(1)}
-          >
-            <Icon name="down" />
-          </button>
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.maximise(panel.title)}
-            title={TEXT.maximise(panel.title)}
+          <IconButton icon="up" label={TEXT.moveUp(panel.title)} disabled={isFirst} onClick={step(-1)} />
+          <IconButton icon="down" label={TEXT.moveDown(panel.title)} disabled={isLast} onClick={step(1)} />
+          <IconButton
+            icon="fit"
+            label={TEXT.maximise(panel.title)}
             onClick={() => {
               session.arranging.value = false;
               session.change((layout) => maximise(layout, panel.id));
             }}
-          >
-            <Icon name="fit" />
-          </button>
+          />
         </>
       )}
       {area === "hidden" ? (

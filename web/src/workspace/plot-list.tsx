@@ -2,7 +2,8 @@
 import type { Deps } from "../panels/panel-context";
 import { heightOf, movedTo, PLOT_HEIGHT, withHeight } from "../plots/plot-order";
 import type { PlotSpec } from "../plots/plot-selection";
-import { Icon, type IconName } from "../ui/icons";
+import { IconButton } from "../ui/icon-button";
+import type { IconName } from "../ui/icons";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/workspace";
 
@@ -17,9 +18,7 @@ export function PlotList({ deps: { store, viewState } }: { readonly deps: Deps }
   const keys = plots.map(({ key }) => key);
   if (plots.length < 1) return null;
   const tool = (icon: IconName, label: string, isDisabled: boolean, act: () => void) => (
-    <button type="button" class="btn icon" aria-label={label} title={label} disabled={isDisabled} onClick={act}>
-      <Icon name={icon} />
-    </button>
+    <IconButton icon={icon} label={label} disabled={isDisabled} onClick={act} />
   );
   const size = ({ key }: PlotSpec, steps: number): void => {
     const now = heightOf(of, key) ?? document.querySelector(`.plot[data-key="${CSS.escape(key)}"]`)?.clientHeight;

@@ -1,7 +1,7 @@
 /** The bar at the foot: pending changes, why they cannot be written, progress and result. */
 import { useEffect, useRef } from "preact/hooks";
 import type { Job } from "../../wire/types";
-import { Icon } from "../../ui/icons";
+import { IconButton } from "../../ui/icon-button";
 import { Message } from "../../ui/message";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import type { Model } from "./model";
@@ -59,15 +59,7 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
           onInput={(event) => (model.reason.value = event.currentTarget.value)}
         />
       </label>
-      <button
-        type="button"
-        class="btn icon"
-        aria-label={TEXT.undoLastEdit}
-        title={TEXT.undoHint}
-        onClick={() => model.undo()}
-      >
-        <Icon name="undo" />
-      </button>
+      <IconButton icon="undo" label={TEXT.undoLastEdit} title={TEXT.undoHint} onClick={() => model.undo()} />
       <button type="button" class="btn edge" onClick={() => model.discard()}>
         {TEXT.discardAll}
       </button>

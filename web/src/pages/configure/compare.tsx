@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference } from "../../forms/types";
+import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
@@ -55,9 +56,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
           side={left}
           choose={(side) => (model.left.value = side)}
         />
-        <button type="button" class="btn icon" aria-label={TEXT.swapSides} onClick={() => swap(model, right)}>
-          <Icon name="left" />
-        </button>
+        <IconButton icon="left" label={TEXT.swapSides} onClick={() => swap(model, right)} />
         <SidePicker
           label={TEXT.right}
           model={model}

@@ -3,6 +3,7 @@ import { useLayoutEffect, useRef } from "preact/hooks";
 import { search } from "../../forms/search";
 import type { SnapshotInfo } from "../../forms/types";
 import { clock } from "../../ui/format";
+import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { markOf } from "../../ui/page-state";
 import { type App, select } from "../app-state";
@@ -26,11 +27,7 @@ export function ConfigureRail({ app, model }: { readonly app: App; readonly mode
       <div class="head">
         <h2>{COMMON.device}</h2>
         <span class="grow" />
-        {sheet.value === "rail" && (
-          <button type="button" class="btn icon" aria-label={TEXT.closeSettingsList} onClick={close}>
-            <Icon name="close" />
-          </button>
-        )}
+        {sheet.value === "rail" && <IconButton icon="close" label={TEXT.closeSettingsList} onClick={close} />}
       </div>
       <DevicePicker app={app} />
       {model?.forms.value && (

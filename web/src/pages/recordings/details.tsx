@@ -15,6 +15,7 @@ import {
 import { server } from "../../recordings/api";
 import type { RecordingInfo } from "../../recordings/types";
 import { number } from "../../ui/format";
+import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { type App, run, select } from "../app-state";
@@ -46,14 +47,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
           </button>
         )}
         {sheet.value === "side" && (
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.closeDetails}
-            onClick={() => (sheet.value = undefined)}
-          >
-            <Icon name="close" />
-          </button>
+          <IconButton icon="close" label={TEXT.closeDetails} onClick={() => (sheet.value = undefined)} />
         )}
       </div>
       <div class="detail">

@@ -12,6 +12,7 @@ import {
   titleOf,
 } from "../../recordings/library-filter";
 import type { RecordingInfo } from "../../recordings/types";
+import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { App } from "../app-state";
@@ -74,14 +75,7 @@ function Filters({ app }: { readonly app: App }) {
         <h2>{TEXT.library}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={TEXT.closeTheFilters}
-            onClick={() => (sheet.value = undefined)}
-          >
-            <Icon name="close" />
-          </button>
+          <IconButton icon="close" label={TEXT.closeTheFilters} onClick={() => (sheet.value = undefined)} />
         )}
       </div>
       <div class="categories" role="group" aria-label={TEXT.recordingFilter}>
@@ -230,14 +224,11 @@ function Arrivals({ library }: { readonly library: Library }) {
           ) : (
             <progress value={share} max={1} aria-label={`${name}: ${Math.round(100 * share)} %`} />
           )}
-          <button
-            type="button"
-            class="btn icon"
-            aria-label={problem ? TEXT.dismissFile(name) : TEXT.doNotAdd(name)}
+          <IconButton
+            icon="close"
+            label={problem ? TEXT.dismissFile(name) : TEXT.doNotAdd(name)}
             onClick={() => (problem ? library.dismiss(key) : cancel())}
-          >
-            <Icon name="close" />
-          </button>
+          />
         </li>
       ))}
     </ul>
@@ -257,9 +248,7 @@ function Gone({ library }: { readonly library: Library }) {
         <Icon name="undo" />
         {TEXT.undo}
       </button>
-      <button type="button" class="btn icon" aria-label={COMMON.close} onClick={() => (gone.value = undefined)}>
-        <Icon name="close" />
-      </button>
+      <IconButton icon="close" label={COMMON.close} onClick={() => (gone.value = undefined)} />
     </div>
   );
 }
@@ -377,17 +366,15 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
             </span>
           ))}
         </span>
-        <button
-          type="button"
-          class="btn icon phone show-details"
-          aria-label={TEXT.detailsOf(titleOf(info))}
+        <IconButton
+          icon="dots"
+          label={TEXT.detailsOf(titleOf(info))}
+          class="phone show-details"
           onClick={() => {
             pick();
             app.sheet.value = "side";
           }}
-        >
-          <Icon name="dots" />
-        </button>
+        />
       </td>
     </tr>
   );

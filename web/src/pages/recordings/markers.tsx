@@ -2,7 +2,7 @@
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { length } from "../../recordings/library-filter";
 import { server } from "../../recordings/api";
-import { Icon } from "../../ui/icons";
+import { IconButton } from "../../ui/icon-button";
 import { run } from "../app-state";
 import type { OpenRecording } from "./open-recording";
 import { COMMON } from "../../texts/common";
@@ -21,15 +21,12 @@ export function Markers({ recording }: { readonly recording: OpenRecording }) {
         <h3>{COMMON.markers}</h3>
         <span>{markers.length}</span>
         <span class="grow" />
-        <button
-          type="button"
-          class="btn icon"
-          aria-label={TEXT.addMarkerHere}
+        <IconButton
+          icon="plus"
+          label={TEXT.addMarkerHere}
           title={TEXT.addMarkerHereHint}
           onClick={() => beginMarker(recording)}
-        >
-          <Icon name="plus" />
-        </button>
+        />
       </div>
       {markers.length === 0 && <p class="foot-note dim">{TEXT.noMarkers}</p>}
       <ol>
@@ -80,14 +77,7 @@ export function MarkerField({ recording }: { readonly recording: OpenRecording }
       <button type="submit" class="btn main">
         {COMMON.save}
       </button>
-      <button
-        type="button"
-        class="btn icon"
-        aria-label={TEXT.discardMarker}
-        onClick={() => (placing.value = undefined)}
-      >
-        <Icon name="close" />
-      </button>
+      <IconButton icon="close" label={TEXT.discardMarker} onClick={() => (placing.value = undefined)} />
     </form>
   );
 }

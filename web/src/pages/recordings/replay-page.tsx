@@ -12,6 +12,7 @@ import type { Deps } from "../../panels/panel-context";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
+import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
@@ -271,9 +272,7 @@ function About({ recording }: { readonly recording: OpenRecording }) {
         <h2 class="ellipsis">{titleOf(info)}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
-          <button type="button" class="btn icon" aria-label={COMMON.close} onClick={() => (sheet.value = undefined)}>
-            <Icon name="close" />
-          </button>
+          <IconButton icon="close" label={COMMON.close} onClick={() => (sheet.value = undefined)} />
         )}
       </div>
       <p class="foot-note dim about">

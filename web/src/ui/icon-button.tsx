@@ -1,0 +1,20 @@
+/** A button that shows an icon alone: its label is read aloud, and shown while the pointer is over it. */
+import type { ComponentProps } from "preact";
+import { Icon, type IconName } from "./icons";
+
+interface Props extends Omit<ComponentProps<"button">, "aria-label" | "class" | "icon" | "title" | "type"> {
+  readonly icon: IconName;
+  readonly label: string;
+  /** Shown over it where it says more than the label, its key for example. */
+  readonly title?: string;
+  /** Further classes. */
+  readonly class?: string;
+}
+
+export function IconButton({ icon, label, title = label, class: more = "", ...rest }: Props) {
+  return (
+    <button type="button" class={more ? `btn icon ${more}` : "btn icon"} aria-label={label} title={title} {...rest}>
+      <Icon name={icon} />
+    </button>
+  );
+}
