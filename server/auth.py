@@ -11,8 +11,8 @@ Three dangers, three checks, all before a route is reached:
     to this machine (rebinding)    page's own files
 
 A view token can read, a control token can also change things. Some requests are POST only because they carry values
-(preview, fit rates, compare, analysis, comparison, calibration of a stretch, check and preview of an alarm): they
-change nothing, and a view token may send them.
+(preview, fit rates, compare, analysis, comparison, calibration of a stretch, check and preview of an alarm, a question
+about the store): they change nothing, and a view token may send them.
 
 Wrong tokens are rate-limited: server/login_throttle.py explains how, and why a valid token is not locked out.
 
@@ -55,7 +55,7 @@ SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MAX_BODY = 1024 * 1024
 READ_ONLY_POST = re.compile(  # they carry values
     r"/api/(devices/[^/]+/(preview|fit-rates|compare)|(analysis|calibration)/[^/]+|comparison(/settings)?"
-    r"|alarms/(check|preview))\Z"
+    r"|alarms/(check|preview)|query)\Z"
 )
 UPLOAD = ("PUT", "/api/recordings/upload")  # the only body that is not JSON: a recording, up to `upload_gb`
 UPLOAD_TYPE = "application/octet-stream"

@@ -27,6 +27,9 @@
     tiles = "http://maps.local/{z}/{x}/{y}.png"
     attribution = "© OpenStreetMap contributors"
 
+    [store]  # recordings of many robots (server/store_settings.py)
+    url = "s3://bucket/prefix"
+
 An unknown name in the file is an error, because a mistyped token that is silently ignored is worse than a server that
 does not start.
 """
@@ -58,6 +61,7 @@ from server.logging_setup import LEVELS, STYLES
 from server.ros2.domain import usual_domain
 from server.ros2.key_expressions import MAX_DOMAIN, is_name
 from server.ros2.session import DEFAULT_ROUTER, is_router_address
+from server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
@@ -99,6 +103,7 @@ _TYPES = {
     dict[str, tuple[str, ...]]: "a table of lists of strings",
     dict[str, str]: "a table of strings",
     MapTiles: "a table with tiles and attribution",
+    StoreSettings: "a table with url",
 }
 
 
@@ -141,6 +146,7 @@ class Config:
         ros2_tf: publish the attitude as a transform from that frame to the device's, too.
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
+        store: recordings of many robots, for questions (server/fleet).
     """
 
     host: str = DEFAULT_HOST
@@ -183,6 +189,7 @@ class Config:
     log_format: str = "text"
     log_level: str = "info"
     map: MapTiles = MapTiles()
+    store: StoreSettings = field(default_factory=StoreSettings)
 
     def reading(self) -> DecodeOptions:
         """Decode options of the sources.
@@ -267,6 +274,11 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
     "upload_gb": (lambda size: 0 < size <= 1e6, "is outside 0 … 1 000 000"),
     "view_token": (_is_token, _TOKEN),
     "control_token": (_is_token, _TOKEN),
+    "store.query_s": (lambda seconds: 1 <= seconds <= 86_400, "is outside 1 … 86 400 s"),
+    "store.query_mb": (
+        lambda size: MIN_QUERY_MB <= size <= MAX_QUERY_MB,
+        f"is outside {MIN_QUERY_MB} … {MAX_QUERY_MB} MB",
+    ),
     "map.tiles": (
         lambda text: not text or _is_tile_address(text),
         "must be an http address with {z}, {x} and {y} in its path",
@@ -279,7 +291,7 @@ def load(toml: Path | None = None, **given: Any) -> Config:
 
     Args:
         toml: configuration file; `given` overrides it.
-        given: settings from the command line; None means "not given".
+        given: settings from the command line; None means "not given". `store` is the URL of one.
 
     Raises:
         ConfigError: the file cannot be read, a name is unknown or a value is not allowed.
@@ -292,7 +304,11 @@ def load(toml: Path | None = None, **given: Any) -> Config:
             raise ConfigError(f"{toml} cannot be read: {error.strerror}.") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{toml} is not valid TOML: {error}.") from None
-    settings.update({name: value for name, value in given.items() if value is not None})
+    given = {name: value for name, value in given.items() if value is not None}
+    if (url := given.pop("store", None)) is not None:
+        table = settings.get("store", {})
+        given["store"] = {**table, "url": url} if isinstance(table, dict) else table
+    settings.update(given)
     if settings.get("ros2") and "ros2_domain" not in settings:
         try:
             settings["ros2_domain"] = usual_domain()
@@ -369,7 +385,8 @@ def _as_tuples(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-T = TypeVar("T", Config, MapTiles)
+_TABLES: Mapping[Any, Any] = {MapTiles: MapTiles(), StoreSettings: StoreSettings()}  # with names of their own
+T = TypeVar("T", Config, MapTiles, StoreSettings)
 
 
 def _typed(default: T, settings: Any, table: str = "") -> T:
@@ -381,8 +398,8 @@ def _typed(default: T, settings: Any, table: str = "") -> T:
     for name, value in settings.items():
         if name not in types:
             raise ConfigError(f"{table}{name} is not a valid setting; valid settings: {', '.join(sorted(types))}.")
-        if types[name] is MapTiles and isinstance(value, Mapping):
-            value = _typed(MapTiles(), value, f"{name}.")
+        if types[name] in _TABLES and isinstance(value, Mapping):
+            value = _typed(_TABLES[types[name]], value, f"{name}.")
         elif types[name] is Path and isinstance(value, str):
             value = Path(value)
         try:

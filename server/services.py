@@ -33,6 +33,7 @@ from server.devices.protocol_set import all_protocols, sensors_of
 from server.devices.protocol_set import protocols as installed_protocols
 from server.devices.sequence_store import SequenceStore
 from server.devices.sessions import OpenLink, Sessions
+from server.fleet.question_service import QuestionService
 from server.fleet.robots import Robots
 from server.integrations.foxglove import Foxglove
 from server.integrations.map_tiles import TileSource
@@ -96,6 +97,7 @@ class Services:
     timings: ViewerTimings
     folder_lock: DataFolderLock
     workspaces: WorkspaceStore
+    questions: QuestionService
     robots: Robots | None = None
     protocols: Callable[[], dict[str, str]] = installed_protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -222,4 +224,5 @@ def build_services(
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),
         robots=robots,
+        questions=QuestionService(config.store),
     )

@@ -13,7 +13,7 @@ from typing import NoReturn, TypeAlias
 from protocols.decode_options import DecodeOption, Scope
 from protocols.plugins import protocol_names
 from server import logging_setup
-from server.commands.store_arguments import add_query, add_upload
+from server.commands.store_arguments import add_query, add_store, add_upload
 from server.config import default_data
 from server.devices.decode_options import declared_options
 from server.ros2.session import DEFAULT_ROUTER
@@ -43,6 +43,7 @@ CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sour
   record_head                     request the header of the vendor log format from the device (default true)
   upload_gb                       maximum size of an uploaded recording (default 16)
   [map] tiles, attribution        tile server for the map under the track
+  [store] url, query_s, query_mb  store of recordings, and limits of a question over HTTP (default 60 s, 1024 MB)
 """
 ENVIRONMENT_HELP = """environment variables, used if the option is not given:
   IMUSCOPE_DATA                   --data
@@ -221,6 +222,7 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
         "udp://HOST:PORT, each with ?mode=read to forbid writing; may be repeated",
     )
     command.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
+    add_store(command, "store of recordings to answer questions about: ", required=False)
     command.add_argument(
         "--foxglove",
         type=int,

@@ -21,6 +21,7 @@ from server.commands.common import (
 from server.config import Config, load
 from server.devices.decode_options import declared_options, option_text
 from server.devices.protocol_set import problems
+from server.fleet.store import MISSING, StoreError, is_installed, location
 from server.links.simulated_device import simulators
 from server.version import VERSION
 
@@ -46,6 +47,7 @@ def serve(options: argparse.Namespace) -> None:
     keys = logging_setup.secrets_of(access.view_token, access.control_token, *given, *secrets.values())
     logging_setup.install(config.log_format, config.log_level, keys)
     tls_renewal = http_server.keeper_of(config)
+    _check_store(config.store.url)
     prepare(config.data)
     from server.app import create_app
 
@@ -90,6 +92,7 @@ def _config(options: argparse.Namespace) -> Config:
         record=options.record,
         foxglove=options.foxglove,
         rerun_connect=options.rerun_connect,
+        store=options.store,
         ros2=options.ros2,
         ros2_domain=options.ros2_domain,
         ros2_router=options.ros2_router,
@@ -97,6 +100,18 @@ def _config(options: argparse.Namespace) -> Config:
         log_level=options.log_level,
         **given,
     )
+
+
+def _check_store(url: str) -> None:
+    """Raise UsageError unless a store can be used, if one is given."""
+    if not url:
+        return
+    if not is_installed():
+        raise UsageError(MISSING)
+    try:
+        location(url)
+    except StoreError as error:
+        raise UsageError(f"{error.message.rstrip('.')}. {error.hint}".strip()) from None
 
 
 def _print_addresses(config: Config, access: Access, url: str, fingerprint: str) -> None:

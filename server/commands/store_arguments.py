@@ -6,13 +6,14 @@ import argparse
 from collections.abc import Callable
 
 from server.fleet.questions import QUESTIONS
+from server.fleet.store import FORMS
 
 
 def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope upload`; returns its parser."""
     command = add_parser("upload", help="upload a recording, log or capture into a store of many robots")
     command.add_argument("file", metavar="FILE", help='recording, vendor log or capture; "-" reads standard input')
-    _add_store(command)
+    add_store(command)
     command.add_argument("--robot", required=True, metavar="NAME", help="name of the robot that recorded it")
     return command
 
@@ -26,7 +27,7 @@ def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("sql", nargs="?", default="", metavar="SQL", help='"SELECT …"; "-" reads standard input')
-    _add_store(command)
+    add_store(command)
     command.add_argument("--question", choices=list(QUESTIONS), help="prepared question in place of SQL; see below")
     command.add_argument("--show", action="store_true", help="print the SQL of the question, and end")
     formats, words = (
@@ -41,6 +42,10 @@ def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument("--memory", type=int, default=1024, metavar="MB", help="most memory, MB (default 1024)")
 
 
-def _add_store(command: argparse.ArgumentParser) -> None:
-    words = "folder, file:///folder, s3://bucket/prefix, az://container/prefix or gs://bucket/prefix"
-    command.add_argument("--store", required=True, metavar="URL", help=words)
+def add_store(command: argparse.ArgumentParser, words: str = "", *, required: bool = True) -> None:
+    """Add `--store`.
+
+    Args:
+        words: before the forms of a URL in its help.
+    """
+    command.add_argument("--store", required=required, metavar="URL", help=words + FORMS)

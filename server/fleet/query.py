@@ -7,6 +7,7 @@ question needs; nothing is copied into a database. SQL has no access to files, t
 
 from __future__ import annotations
 
+import json
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -22,7 +23,7 @@ import pyarrow.dataset as ds
 from server.fleet.delta_dataset import check_readable, dataset_of
 from server.fleet.delta_tables import open_table
 from server.fleet.parquet_files import ParquetFiles, allow, files_of, quoted
-from server.fleet.store import StoreLocation, store_error, told
+from server.fleet.store import StoreError, StoreLocation, store_error, told
 from server.fleet.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
 BATCH_ROWS = 1 << 16
@@ -44,11 +45,16 @@ class QueryError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class QueryLimits:
-    """Limits of a question: memory in MB, time in s, and threads; 0: of the machine."""
+    """Limits of a question: memory in MB, time in s, and threads; 0: of the machine.
+
+    Args:
+        spills: whether what exceeds the memory may be written to `.tmp` in the present folder.
+    """
 
     memory_mb: int = 1024
     timeout_s: float = 300.0
     threads: int = 0
+    spills: bool = True
 
 
 @contextmanager
@@ -60,9 +66,10 @@ def ask(store: StoreLocation, sql: str, limits: QueryLimits = QueryLimits()) -> 
         StoreError: the store cannot be read.
     """
     connection = duckdb.connect(":memory:")
+    connection.execute("SET errors_as_json = true")  # with the position
     guard = _Guard(connection, limits.timeout_s)
     try:
-        with _explained(guard, limits, store), told(store):
+        with _explained(connection, sql, guard, limits, store), told(store):
             _check(connection, sql)
             words = {word.lower() for word in _WORD.findall(sql)}
             files = [
@@ -158,6 +165,8 @@ def _lock(connection: duckdb.DuckDBPyConnection, limits: QueryLimits) -> None:
         "enable_external_access": "false",
         "lock_configuration": "true",
     }
+    if not limits.spills:
+        settings = {"temp_directory": "''", **settings}
     if limits.threads:
         connection.execute(f"SET threads = {limits.threads}")
     for name, value in settings.items():
@@ -220,23 +229,53 @@ class _Answer:
 
 
 @contextmanager
-def _explained(guard: _Guard, limits: QueryLimits, store: StoreLocation) -> Iterator[None]:
+def _explained(
+    connection: duckdb.DuckDBPyConnection, sql: str, guard: _Guard, limits: QueryLimits, store: StoreLocation
+) -> Iterator[None]:
     try:
         yield
     except QueryError:
         raise
     except (duckdb.Error, pa.ArrowException, RuntimeError) as error:
-        raise _query_error(error, guard, limits, store) from None
+        raise _query_error(_placed(connection, sql, error), sql, guard, limits, store) from None
 
 
-def _query_error(error: Exception, guard: _Guard, limits: QueryLimits, store: StoreLocation) -> Exception:
+def _placed(connection: duckdb.DuckDBPyConnection, sql: str, error: Exception) -> Exception:
+    """An error that says where it is: that of a relation does not, that of a statement does."""
+    if isinstance(error, duckdb.BinderException | duckdb.CatalogException):
+        try:
+            connection.execute(sql)  # what cannot be planned is not carried out
+        except duckdb.Error as placed:
+            return placed
+    return error
+
+
+def _query_error(
+    error: Exception, sql: str, guard: _Guard, limits: QueryLimits, store: StoreLocation
+) -> QueryError | StoreError:
     text = str(error)
     if guard.is_over:
-        return QueryError(f"the question takes longer than {limits.timeout_s:g} s", "Ask for less, or raise --timeout.")
+        return QueryError(f"the question takes longer than {limits.timeout_s:g} s", "Ask for less, or allow more time.")
     if isinstance(error, duckdb.OutOfMemoryException) or "Out of Memory" in text:
         words = f"the question takes more memory than {limits.memory_mb} MB"
-        return QueryError(words, "Ask for less at once, or raise --memory.")
+        return QueryError(words, "Ask for less at once, or allow more memory.")
     if isinstance(error, duckdb.IOException):
         return store_error(error, store)
-    first = re.sub(r"\s+", " ", text.split("\nLINE ", 1)[0].split("\n\nLINE", 1)[0]).strip()
-    return QueryError(first[:500].rstrip("."))
+    words, place = _words_and_place(text, sql)
+    first, _, rest = words.partition("\n")
+    hint = re.sub(r"\s+", " ", rest).strip() if rest.startswith(("Did you mean", "Candidate bindings")) else ""
+    return QueryError(place + re.sub(r"\s+", " ", first).strip()[:500].rstrip(".!"), hint[:300])
+
+
+def _words_and_place(text: str, sql: str) -> tuple[str, str]:
+    """The words of an error, and where it is: "line 2, column 5: ", or "" if it has no place."""
+    try:
+        found = json.loads(text.partition(": ")[2])
+        words, at = str(found["exception_message"]), int(found.get("position", -1))  # in bytes
+    except (ValueError, KeyError, TypeError):
+        return text.split("\n\nLINE ", 1)[0], ""
+    if at < 0:
+        return words, ""
+    before = sql.encode()[:at].decode(errors="ignore")
+    line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+    return words, f"line {line}, column {column}: "

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import base64
 import csv
+import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -106,6 +107,14 @@ def write_csv(reader: pa.RecordBatchReader, out: TextIO) -> None:
     writer.writerow(unique(reader.schema.names))
     for row in _rows(reader):
         writer.writerow([_cell(value) for value in row])
+
+
+def text_of_csv(reader: pa.RecordBatchReader, out: BinaryIO) -> None:
+    """The same as bytes, UTF-8."""
+    text = io.TextIOWrapper(out, encoding="utf-8", newline="", write_through=False)
+    write_csv(reader, text)
+    text.flush()
+    text.detach()
 
 
 def _cell(value: Any) -> str:

@@ -11,6 +11,7 @@ Requests that time out or are answered by 5xx are repeated with growing pauses b
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 from collections.abc import Iterator
@@ -27,7 +28,8 @@ CONNECT_S = 10
 REQUEST_S = 60
 CLOUDS = {"s3": "AWS", "s3a": "AWS", "az": "AZURE", "abfs": "AZURE", "abfss": "AZURE", "gs": "GOOGLE"}
 FORMS = "a folder, file:///folder, s3://bucket/prefix, az://container/prefix or gs://bucket/prefix"
-MISSING = "this command needs further packages; install them with: pip install 'imuscope[fleet]'"
+MISSING = "a store needs further packages; install them with: pip install 'imuscope[fleet]'"
+PACKAGES = ("deltalake", "obstore", "duckdb")
 
 
 class StoreError(Exception):
@@ -85,6 +87,11 @@ class StoreLocation:
             client = {**seconds, **({"allow_http": True} if _is_plain_http() else {})}
             open_url: Any = store.from_url  # its overloads want the scheme to be known
             return open_url(self.url, client_options=client, retry_config=retry)
+
+
+def is_installed() -> bool:
+    """Whether the packages of a store are."""
+    return all(importlib.util.find_spec(name) is not None for name in PACKAGES)
 
 
 def _is_plain_http() -> bool:

@@ -191,7 +191,7 @@ def test_routes_without_a_token() -> None:
 LOOKING = {
     *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
     *("/api/analysis/{name}", "/api/calibration/{kind}", "/api/comparison", "/api/comparison/settings"),
-    *("/api/analysis/pairs", "/api/alarms/check", "/api/alarms/preview"),
+    *("/api/analysis/pairs", "/api/alarms/check", "/api/alarms/preview", "/api/query"),
 }
 
 

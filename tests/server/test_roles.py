@@ -38,6 +38,7 @@ ASKING = {
         "/api/calibration/{kind}",
         "/api/comparison",
         "/api/comparison/settings",
+        "/api/query",
     ),
     *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
 }

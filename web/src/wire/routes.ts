@@ -154,6 +154,13 @@ export interface AnalysisRequest {
   readonly format?: string;
 }
 
+/** A column of an answer. */
+export interface AnswerColumn {
+  readonly name: string;
+  /** times are ISO 8601 in UTC; integers beyond 2⁵³ are text */
+  readonly kind: "integer" | "number" | "text" | "time" | "date" | "boolean" | "other";
+}
+
 /** A calibration, and whether the device shows what it needs. */
 export interface AvailableCalibration {
   readonly kind: "gyroscope" | "magnetometer" | "accelerometer" | "mounting";
@@ -674,6 +681,13 @@ export interface PortShare {
   readonly clients: readonly ShareClient[];
 }
 
+/** A prepared question. */
+export interface PreparedQuestionInfo {
+  readonly name: string;
+  readonly title: string;
+  readonly sql: string;
+}
+
 /** The shape of every error. */
 export interface ProblemBody {
   /** one word for programs */
@@ -682,6 +696,65 @@ export interface ProblemBody {
   readonly message: string;
   /** what to do next; may be empty */
   readonly hint: string;
+}
+
+/** An answer as JSON. A value that is missing or not finite is null. */
+export interface QueryAnswer {
+  readonly columns: readonly AnswerColumn[];
+  readonly rows: readonly (readonly unknown[])[];
+  /** whether there are more rows than these */
+  readonly more: boolean;
+  /** time that the question took, without waiting */
+  readonly seconds: number;
+}
+
+/** A question: SQL, or the name of a prepared question. */
+export interface QueryBody {
+  /** one statement that reads, as DuckDB has it */
+  readonly sql?: string;
+  /** name of a prepared question, in place of `sql` */
+  readonly question?: string;
+  /** `arrow`: an IPC stream; all but `json` have all rows */
+  readonly format?: "json" | "arrow" | "csv" | "parquet";
+  /** most rows of an answer as JSON */
+  readonly rows?: number;
+  /** longest time, s; at most that of the server */
+  readonly timeout_s?: number | null;
+  /** most memory, MB; at most that of the server */
+  readonly memory_mb?: number | null;
+  /** a name by which `GET /api/query` lists this question */
+  readonly id?: string;
+}
+
+/** The store, and the questions about it. */
+export interface QueryState {
+  /** URL or folder; empty if this server has no store */
+  readonly store: string;
+  /** number of questions that are answered at once */
+  readonly at_once: number;
+  readonly running: number;
+  readonly waiting: number;
+  /** longest time of a question, s */
+  readonly timeout_s: number;
+  /** most memory of a question, MB */
+  readonly memory_mb: number;
+  /** those of this client */
+  readonly questions: readonly QuestionState[];
+}
+
+/** Names that a question may use. */
+export interface QueryWords {
+  readonly tables: readonly TableInfo[];
+  readonly signals: readonly SignalWord[];
+  readonly functions: readonly SqlFunction[];
+}
+
+/** A question of this client that waits or runs. */
+export interface QuestionState {
+  readonly id: string;
+  readonly is_running: boolean;
+  /** number of waiting questions that are answered before this one */
+  readonly before: number;
 }
 
 /** An interval in which an alarm was raised, unix s; `t1` None: until now. */
@@ -958,6 +1031,12 @@ export interface SignalText {
   readonly expression: string;
 }
 
+/** A signal in `samples`. */
+export interface SignalWord {
+  readonly name: string;
+  readonly unit: string;
+}
+
 /** Progress of the six positions. */
 export interface SixPositions {
   readonly positions: readonly RestPosition[];
@@ -965,6 +1044,13 @@ export interface SixPositions {
   readonly now: string;
   /** rest in each position from which it counts */
   readonly seconds: number;
+}
+
+/** A function of SQL. */
+export interface SqlFunction {
+  readonly name: string;
+  readonly form: string;
+  readonly doc: string;
 }
 
 /** A calibration to be started. */
@@ -985,6 +1071,20 @@ export interface SwitchTopicRequest {
   /** of the topic, as listed */
   readonly key: string;
   readonly enabled: boolean;
+}
+
+/** A column of a table. */
+export interface TableColumnInfo {
+  readonly name: string;
+  readonly type: string;
+  readonly doc: string;
+}
+
+/** A table of the store. */
+export interface TableInfo {
+  readonly name: string;
+  readonly doc: string;
+  readonly columns: readonly TableColumnInfo[];
 }
 
 /** Share of a recording that a viewer in a browser gets: rows of all quantities together, in the recording and shown; `most` rows of one quantity (0: all), which is one of `every` samples of the largest; and the longest time range that opens without thinning, s. */
@@ -1448,6 +1548,17 @@ export interface Routes {
     readonly body: AcknowledgeRequest;
     readonly answer: AlarmInfo;
   };
+  /** The store of this server, its limits, and the questions of this client that wait or run. */
+  "GET /api/query": { readonly answer: QueryState; };
+  /** Ask the store a question. The answer ends with the connection: whoever closes it cancels the question. */
+  "POST /api/query": {
+    readonly body: QueryBody;
+    readonly answer: QueryAnswer | Blob;
+  };
+  /** Prepared questions with their SQL. */
+  "GET /api/query/questions": { readonly answer: readonly PreparedQuestionInfo[]; };
+  /** Tables with their columns, signals, and functions of SQL: what an editor completes. */
+  "GET /api/query/tables": { readonly answer: QueryWords; };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };
   /** A workspace with its content. */

@@ -1,0 +1,237 @@
+"""Routes of questions about the store of recordings, in SQL (docs/fleet.md)."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import AsyncExitStack
+from typing import Literal
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response, StreamingResponse
+from pydantic import BaseModel, Field
+from starlette.types import Receive, Scope, Send
+
+from server.api.dependencies import TheServices
+from server.api.errors import bytes_of, responses
+from server.errors import DomainError
+from server.fleet.question_service import AskedQuestion, QuestionRequest, QuestionService
+from server.fleet.questions import QUESTIONS
+from server.login_throttle import client_group
+
+router = APIRouter(prefix="/api/query", tags=["query"])
+
+MAX_SQL = 100_000
+MAX_ROWS = 200_000
+MEDIA = {
+    "json": "application/json",
+    "arrow": "application/vnd.apache.arrow.stream",
+    "csv": "text/csv; charset=utf-8",
+    "parquet": "application/vnd.apache.parquet",
+}
+FILES = [MEDIA[name] for name in ("arrow", "csv", "parquet")]
+CLIENT_GONE = 499  # nobody reads it
+
+
+class AnswerColumn(BaseModel):
+    """A column of an answer."""
+
+    name: str
+    kind: Literal["integer", "number", "text", "time", "date", "boolean", "other"] = Field(
+        description="times are ISO 8601 in UTC; integers beyond 2⁵³ are text"
+    )
+
+
+class QueryAnswer(BaseModel):
+    """An answer as JSON. A value that is missing or not finite is null."""
+
+    columns: list[AnswerColumn]
+    rows: list[list[object]]
+    more: bool = Field(description="whether there are more rows than these")
+    seconds: float = Field(description="time that the question took, without waiting")
+
+
+class QueryBody(BaseModel):
+    """A question: SQL, or the name of a prepared question."""
+
+    sql: str = Field("", max_length=MAX_SQL, description="one statement that reads, as DuckDB has it")
+    question: str = Field("", max_length=80, description="name of a prepared question, in place of `sql`")
+    format: Literal["json", "arrow", "csv", "parquet"] = Field(
+        "json", description="`arrow`: an IPC stream; all but `json` have all rows"
+    )
+    rows: int = Field(10_000, ge=1, le=MAX_ROWS, description="most rows of an answer as JSON")
+    timeout_s: float | None = Field(None, gt=0, description="longest time, s; at most that of the server")
+    memory_mb: int | None = Field(None, ge=64, description="most memory, MB; at most that of the server")
+    id: str = Field("", max_length=80, description="a name by which `GET /api/query` lists this question")
+
+
+class QuestionState(BaseModel):
+    """A question of this client that waits or runs."""
+
+    id: str
+    is_running: bool
+    before: int = Field(description="number of waiting questions that are answered before this one")
+
+
+class QueryState(BaseModel):
+    """The store, and the questions about it."""
+
+    store: str = Field(description="URL or folder; empty if this server has no store")
+    at_once: int = Field(description="number of questions that are answered at once")
+    running: int
+    waiting: int
+    timeout_s: float = Field(description="longest time of a question, s")
+    memory_mb: int = Field(description="most memory of a question, MB")
+    questions: list[QuestionState] = Field(description="those of this client")
+
+
+class PreparedQuestionInfo(BaseModel):
+    """A prepared question."""
+
+    name: str
+    title: str
+    sql: str
+
+
+class TableColumnInfo(BaseModel):
+    """A column of a table."""
+
+    name: str
+    type: str
+    doc: str
+
+
+class TableInfo(BaseModel):
+    """A table of the store."""
+
+    name: str
+    doc: str
+    columns: list[TableColumnInfo]
+
+
+class SignalWord(BaseModel):
+    """A signal in `samples`."""
+
+    name: str
+    unit: str
+
+
+class SqlFunction(BaseModel):
+    """A function of SQL."""
+
+    name: str
+    form: str
+    doc: str
+
+
+class QueryWords(BaseModel):
+    """Names that a question may use."""
+
+    tables: list[TableInfo]
+    signals: list[SignalWord]
+    functions: list[SqlFunction]
+
+
+@router.get("")
+async def get_query_state(request: Request, services: TheServices) -> QueryState:
+    """The store of this server, its limits, and the questions of this client that wait or run."""
+    service = services.questions
+    queue, settings = service.queue, service.settings
+    return QueryState(
+        store=settings.url,
+        at_once=queue.at_once,
+        running=queue.running,
+        waiting=queue.waiting,
+        timeout_s=settings.query_s,
+        memory_mb=settings.query_mb,
+        questions=[_state(service, one) for one in service.asked_by(_user(request))],
+    )
+
+
+def _state(service: QuestionService, one: AskedQuestion) -> QuestionState:
+    return QuestionState(id=one.id, is_running=one.turn.is_running, before=service.queue.before(one.turn))
+
+
+@router.get("/questions")
+async def list_questions() -> list[PreparedQuestionInfo]:
+    """Prepared questions with their SQL."""
+    return [PreparedQuestionInfo(name=name, title=one.title, sql=one.sql) for name, one in QUESTIONS.items()]
+
+
+@router.get("/tables", responses=responses(409, 502))
+async def list_tables(services: TheServices) -> QueryWords:
+    """Tables with their columns, signals, and functions of SQL: what an editor completes."""
+    return QueryWords.model_validate(await services.questions.words())
+
+
+@router.post(
+    "",
+    response_model=None,
+    responses={
+        200: {"model": QueryAnswer, **bytes_of(*FILES)[200]},
+        **responses(404, 409, 422, 502),
+    },
+)
+async def query(body: QueryBody, request: Request, services: TheServices) -> Response:
+    """Ask the store a question. The answer ends with the connection: whoever closes it cancels the question."""
+    service = services.questions
+    question = _question(body, service)
+    stack = AsyncExitStack()
+    entering = asyncio.ensure_future(stack.enter_async_context(service.answer(_user(request), question)))
+    gone = asyncio.ensure_future(_is_gone(request))
+    try:
+        await asyncio.wait({entering, gone}, return_when=asyncio.FIRST_COMPLETED)
+        if not entering.done():
+            return Response(status_code=CLIENT_GONE)
+        pieces = await entering
+    finally:
+        gone.cancel()
+        if not entering.done():
+            entering.cancel()
+            await asyncio.wait({entering})
+    headers = {"cache-control": "no-store"}
+    if body.format != "json":
+        headers["content-disposition"] = f'attachment; filename="answer.{body.format}"'
+    return _ClosingResponse(pieces, stack, media_type=MEDIA[body.format], headers=headers)
+
+
+def _question(body: QueryBody, service: QuestionService) -> QuestionRequest:
+    if bool(body.sql.strip()) == bool(body.question):
+        raise DomainError(
+            "bad-request", "Give sql or question: one of the two.", "`question` is the name of a prepared one."
+        )
+    if body.question and body.question not in QUESTIONS:
+        known = ", ".join(QUESTIONS)
+        raise DomainError("not-found", f"Question {body.question!r:.80} not found.", f"Prepared questions: {known}.")
+    settings = service.settings
+    return QuestionRequest(
+        sql=body.sql or QUESTIONS[body.question].sql,
+        format=body.format,
+        rows=body.rows,
+        memory_mb=min(body.memory_mb or settings.query_mb, settings.query_mb),
+        timeout_s=min(body.timeout_s or settings.query_s, settings.query_s),
+        id=body.id,
+    )
+
+
+def _user(request: Request) -> str:
+    """The user in the queue: address and role of the client."""
+    return f"{request.state.role}@{client_group(request.client.host if request.client else '')}"
+
+
+async def _is_gone(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
+class _ClosingResponse(StreamingResponse):
+    """An answer whose question ends when it was sent, or when nobody reads it any more."""
+
+    def __init__(self, pieces: object, stack: AsyncExitStack, **more: object) -> None:
+        super().__init__(pieces, **more)  # type: ignore[arg-type]
+        self._stack = stack
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            await self._stack.aclose()
