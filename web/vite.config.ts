@@ -19,5 +19,10 @@ export default defineConfig({
   },
   worker: { format: "es" },
   server: { proxy: { "/api": SERVER, "/ws": { target: SERVER, ws: true }, "/healthz": SERVER } },
-  test: { include: ["src/**/*.test.{ts,tsx}"], environment: "node", testTimeout: 60_000 },
+  test: {
+    include: ["src/**/*.test.{ts,tsx}"],
+    environment: "node",
+    setupFiles: ["src/testing/patience.ts"],
+    testTimeout: 60_000,
+  },
 });

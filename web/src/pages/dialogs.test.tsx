@@ -5,10 +5,9 @@ import { expect, test } from "vitest";
 import { openPage } from "../testing/live-page";
 import { type Answers, recorded, type Family, type Scene } from "../testing/recorded";
 
-const PATIENCE = { timeout: 20_000 };
-const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const eventually = (check: () => void): Promise<void> => waitFor(check);
 const open = (name: Family | Scene, answers: Answers = {}) => openPage(recorded(name), { answers });
-const dialog = (name: RegExp): Promise<HTMLElement> => screen.findByRole("dialog", { name }, PATIENCE);
+const dialog = (name: RegExp): Promise<HTMLElement> => screen.findByRole("dialog", { name });
 const gone = (): Promise<void> => eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
 
 test("a device is added by its address, and an error stays visible with its hint", async () => {
@@ -17,7 +16,7 @@ test("a device is added by its address, and an error stays visible with its hint
   const form = await dialog(/Add/);
   fireEvent.input(within(form).getByLabelText("Address"), { target: { value: "/dev/none" } });
   fireEvent.submit(form.querySelector("form") as HTMLFormElement);
-  const alert = await within(form).findByRole("alert", {}, PATIENCE);
+  const alert = await within(form).findByRole("alert");
   expect(alert.textContent).toContain("Nothing was recorded of"); // the server's message
   expect(asked.find(({ method }) => method === "POST")).toMatchObject({
     path: "/api/devices",
@@ -33,12 +32,12 @@ test("a key is requested for unverified data, and never shown", async () => {
   const [device] = store.devices.value;
   await eventually(() => expect(document.querySelector("[data-key=wanted]")).not.toBeNull());
   fireEvent.click(screen.getByRole("button", { name: "Enter key…" }));
-  const field = await screen.findByLabelText<HTMLInputElement>(/^Key for Secure frames/, {}, PATIENCE);
+  const field = await screen.findByLabelText<HTMLInputElement>(/^Key for Secure frames/);
   expect(field.type).toBe("password");
   const before = asked.length;
   fireEvent.input(field, { target: { value: "not hex" } });
   fireEvent.submit(field.form as HTMLFormElement);
-  expect((await screen.findByRole("alert", {}, PATIENCE)).textContent).toMatch(/hex/);
+  expect((await screen.findByRole("alert")).textContent).toMatch(/hex/);
   expect(asked.length).toBe(before); // nothing was sent
   fireEvent.input(field, { target: { value: key } });
   fireEvent.submit(field.form as HTMLFormElement);
@@ -53,7 +52,7 @@ test("a vendor payload is defined; errors of the server are shown", async () => 
   await eventually(() => expect(store.unknownPayloads.value.length).toBeGreaterThan(0));
   const [payload] = store.unknownPayloads.value;
   fireEvent.click(screen.getByText("IDTP device 9", { selector: ".choose-device b" }));
-  const panel = within(await screen.findByRole("region", { name: "Raw payloads" }, PATIENCE));
+  const panel = within(await screen.findByRole("region", { name: "Raw payloads" }));
   await eventually(() => expect(document.querySelector(".hex")?.textContent).toMatch(/06 FF/)); // the high byte of −250
   fireEvent.click(panel.getByRole("button", { name: /^Define payload/ }));
   const form = await dialog(/^Define payload/);
@@ -63,7 +62,7 @@ test("a vendor payload is defined; errors of the server are shown", async () => 
   fireEvent.input(text, { target: { value: meant } });
   fireEvent.click(within(form).getByRole("button", { name: "Use this definition" }));
   fireEvent.submit(form.querySelector("form") as HTMLFormElement);
-  expect((await within(form).findByRole("alert", {}, PATIENCE)).textContent).toContain("Nothing was recorded of");
+  expect((await within(form).findByRole("alert")).textContent).toContain("Nothing was recorded of");
   expect(text.getAttribute("aria-invalid")).toBe("true");
   expect(asked.filter(({ body }) => JSON.stringify(body) === JSON.stringify({ schema: meant })).length).toBeGreaterThan(
     0,

@@ -4,12 +4,10 @@ import { expect, test } from "vitest";
 import { type Opened, openPage } from "../testing/live-page";
 import { type Family, recorded, type Scene } from "../testing/recorded";
 
-const PATIENCE = { timeout: 20_000 };
-
 const texts = (selector: string): readonly string[] =>
   [...document.querySelectorAll(selector)].map((element) => element.textContent?.trim() ?? "");
 const text = (selector: string): string => texts(selector)[0] ?? "";
-const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const eventually = (check: () => void): Promise<void> => waitFor(check);
 const number = (words: string): number => Number(words.replace("−", "-").replace(/[\u2009°]/g, ""));
 const numeral = (name: string): number => number(text(`[data-numeral=${name}]`));
 const open = (name: Family | Scene, options?: Parameters<typeof openPage>[1]): Promise<Opened> =>

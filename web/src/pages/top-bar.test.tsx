@@ -6,8 +6,7 @@ import { type Opened, openPage } from "../testing/live-page";
 import { recorded } from "../testing/recorded";
 import { KEY_GROUPS } from "../ui/keys";
 
-const PATIENCE = { timeout: 20_000 };
-const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const eventually = (check: () => void): Promise<void> => waitFor(check);
 
 async function open(): Promise<Opened & { readonly bar: ReturnType<typeof within> }> {
   const page = await openPage(recorded("xbus"));

@@ -6,8 +6,6 @@ import { type Opened, openPage } from "../testing/live-page";
 import { type Answers, recorded } from "../testing/recorded";
 
 const known = recorded("xbus");
-/** Dialogs and the tree are fetched when they are opened. */
-const PATIENCE = { timeout: 20_000 };
 const rows = (): readonly HTMLElement[] => screen.getAllByRole("treeitem");
 const names = (): readonly string[] => rows().map((row) => row.getAttribute("data-row") ?? "");
 const signals = ({ app }: Opened) => app.viewState.customPlots.value.map((plot) => plot.signals.map((s) => s.column));
@@ -20,10 +18,10 @@ function rowNamed(name: string): HTMLElement {
 
 async function openTree(answers: Answers = {}): Promise<Opened> {
   const opened = await openPage(known, { answers });
-  await screen.findByRole("button", { name: "All signals…" }, PATIENCE);
+  await screen.findByRole("button", { name: "All signals…" });
   fireEvent.keyDown(document.body, { key: "s", code: "KeyS" });
-  const search = await screen.findByRole("searchbox", {}, PATIENCE);
-  await waitFor(() => expect(document.activeElement).toBe(search), PATIENCE);
+  const search = await screen.findByRole("searchbox");
+  await waitFor(() => expect(document.activeElement).toBe(search));
   return opened;
 }
 
@@ -65,8 +63,8 @@ test("keys unfold a channel, choose a column and plot it; the pressed plot takes
 test("an alarm on a signal begins with the signal and a limit", async () => {
   const opened = await openTree({ "POST /api/alarms/check": {} });
   fireEvent.click(rowNamed("1/Acceleration"));
-  fireEvent.click(await screen.findByRole("button", { name: "Alarm when…" }, PATIENCE));
-  const condition = await screen.findByLabelText<HTMLInputElement>("Condition", {}, PATIENCE);
+  fireEvent.click(await screen.findByRole("button", { name: "Alarm when…" }));
+  const condition = await screen.findByLabelText<HTMLInputElement>("Condition");
   expect(condition.value).toMatch(/^norm\(Acceleration\) > [\d.]+ m\/s²$/);
   expect(opened.app.alarmDraft.value.device?.id).toBe("1");
 });

@@ -6,7 +6,6 @@ import { recorded } from "../testing/recorded";
 import { startLastState } from "./last-state";
 import { sessionOf } from "./session";
 
-const PATIENCE = { timeout: 20_000 };
 const KEY = "imuscope.workspace.xbus";
 const stored = (plots: readonly string[]): object => ({
   format: "imuscope-workspace",
@@ -31,7 +30,7 @@ async function begun(isLinked = false) {
 
 it("a page opens with the workspace of the device's family", async () => {
   const { app, plots } = await begun();
-  await waitFor(() => expect(plots()).toEqual(["Pressure"]), PATIENCE);
+  await waitFor(() => expect(plots()).toEqual(["Pressure"]));
   expect(sessionOf(app, app.viewState).current.value?.name).toBe("race");
   expect(sessionOf(app, app.viewState).history.canUndo).toBe(false);
   expect(localStorage.getItem(KEY)).toBeNull(); // nobody changed anything
@@ -40,15 +39,15 @@ it("a page opens with the workspace of the device's family", async () => {
 it("what this browser showed last goes before it, and a change is stored", async () => {
   localStorage.setItem(KEY, JSON.stringify(stored(["Temperature"])));
   const { app, plots } = await begun();
-  await waitFor(() => expect(plots()).toEqual(["Temperature"]), PATIENCE);
+  await waitFor(() => expect(plots()).toEqual(["Temperature"]));
   app.viewState.extraPlots.value = new Set();
-  await waitFor(() => expect(JSON.parse(localStorage.getItem(KEY) ?? "{}").parts).toEqual({}), PATIENCE);
+  await waitFor(() => expect(JSON.parse(localStorage.getItem(KEY) ?? "{}").parts).toEqual({}));
 });
 
 it("a page that is left stores what was changed a moment ago", async () => {
   localStorage.setItem(KEY, JSON.stringify(stored(["Temperature"])));
   const { app, plots } = await begun();
-  await waitFor(() => expect(plots()).toEqual(["Temperature"]), PATIENCE);
+  await waitFor(() => expect(plots()).toEqual(["Temperature"]));
   app.viewState.extraPlots.value = new Set(["Pressure"]);
   dispatchEvent(new Event("pagehide"));
   expect(JSON.parse(localStorage.getItem(KEY) ?? "{}").parts).toEqual({ extraPlots: ["Pressure"] });
@@ -58,12 +57,12 @@ it("a link goes before both, and a damaged state is told and changes nothing", a
   localStorage.setItem(KEY, JSON.stringify(stored(["Temperature"])));
   const linked = await begun(true);
   linked.app.viewState.frame.value = "NED";
-  await waitFor(() => expect(localStorage.getItem(KEY)).toContain("NED"), PATIENCE);
+  await waitFor(() => expect(localStorage.getItem(KEY)).toContain("NED"));
   expect(linked.plots()).toEqual([]);
   stop();
   localStorage.setItem(KEY, '{"format": 3}');
   const { app, plots } = await begun();
-  await waitFor(() => expect(sessionOf(app, app.viewState).problems.value).toHaveLength(1), PATIENCE);
+  await waitFor(() => expect(sessionOf(app, app.viewState).problems.value).toHaveLength(1));
   expect(plots()).toEqual([]);
 });
 

@@ -6,16 +6,13 @@ import { newApp } from "../../testing/live-page";
 import { type Family, recorded } from "../../testing/recorded";
 import { ConfigurePage } from "./page";
 
-const PATIENCE = { timeout: 20_000 };
-
 const find = (selector: string): HTMLElement => {
   const found = document.querySelector(selector);
   if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
   return found;
 };
-const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector), PATIENCE);
-const gone = (selector: string): Promise<void> =>
-  waitFor(() => expect(document.querySelector(selector)).toBeNull(), PATIENCE);
+const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector));
+const gone = (selector: string): Promise<void> => waitFor(() => expect(document.querySelector(selector)).toBeNull());
 const button = (name: string): HTMLButtonElement => screen.getByRole("button", { name });
 const type = (field: HTMLElement, value: string): void => void fireEvent.input(field, { target: { value } });
 const posts = ({ asked }: Opened, path: string): number =>
@@ -83,9 +80,9 @@ test("a load above the capacity is not written, and rates can be fitted", async 
   expect(button("Apply").disabled).toBe(true);
   expect(find("#apply-why").textContent).toContain("% of the link");
   fireEvent.click(button("Fit to link"));
-  await waitFor(() => expect(find(".fit-words").textContent).toContain("→"), PATIENCE);
+  await waitFor(() => expect(find(".fit-words").textContent).toContain("→"));
   await gone(".budget-bar .excess");
-  await waitFor(() => expect(button("Apply").disabled).toBe(false), PATIENCE);
+  await waitFor(() => expect(button("Apply").disabled).toBe(false));
 });
 
 test("a row, its bytes and its share of the line are highlighted together", async () => {
@@ -102,12 +99,12 @@ test("a row, its bytes and its share of the line are highlighted together", asyn
       .map((e) => e.tagName)
       .sort()
       .join();
-  await waitFor(() => expect(lit()).toBe("I,SPAN,TR"), PATIENCE);
+  await waitFor(() => expect(lit()).toBe("I,SPAN,TR"));
 });
 
 test("a dangerous command needs confirmation before anything is sent", async () => {
   const page = await openConfigure("xbus", { place: "RestoreFactoryDef" });
-  fireEvent.click(await screen.findByRole("button", { name: "Send" }, PATIENCE));
+  fireEvent.click(await screen.findByRole("button", { name: "Send" }));
   const dialog = await until("dialog");
   const form = page.forms.commands.find(({ name }) => name === "RestoreFactoryDef");
   expect(form?.consequence).toBeTruthy();
@@ -127,7 +124,7 @@ test.each(["OutputConfiguration", "Output%20configuration"])(
     expect(document.querySelector("[data-setting=OutputConfiguration] .budget")).toBeNull();
     expect(document.querySelector("[data-setting=OutputConfiguration] table")).toBeNull();
     fireEvent.click(button("Read again"));
-    await waitFor(() => expect(posts(page, "/read")).toBe(1), PATIENCE);
+    await waitFor(() => expect(posts(page, "/read")).toBe(1));
     const preview = Object.entries(recorded("xbus").answers).find(([key]) => key.includes("/preview {"))?.[1];
     expect(preview).toBeDefined();
     await openConfigure("xbus", { place, answers: { "POST /api/devices/1/preview": preview } });
@@ -156,12 +153,9 @@ test("a device with read settings is never shown as unread", async () => {
 
 test("restoring communication is offered without a rollback having failed", async () => {
   const page = await openConfigure("xbus", { place: "compare" });
-  fireEvent.click(await screen.findByRole("link", { name: "Restore communication" }, PATIENCE));
+  fireEvent.click(await screen.findByRole("link", { name: "Restore communication" }));
   page.goTo("restore");
-  await waitFor(
-    () => within(screen.getByLabelText("Restore communication")).getByRole("button", { name: "Start" }),
-    PATIENCE,
-  );
+  await waitFor(() => within(screen.getByLabelText("Restore communication")).getByRole("button", { name: "Start" }));
 });
 
 test("the command of a data set opens with the device's values", async () => {
@@ -174,7 +168,7 @@ test("the command of a data set opens with the device's values", async () => {
 
 test("a command that needs unread values offers to read them first", async () => {
   await openConfigure("isb", { place: "SET_DID_FLASH_CONFIG", unread: true });
-  await screen.findByRole("button", { name: "Read settings" }, PATIENCE);
+  await screen.findByRole("button", { name: "Read settings" });
   expect(document.querySelector('[data-command="SET_DID_FLASH_CONFIG"] input')).toBeNull();
 });
 
@@ -185,10 +179,10 @@ test("temporary settings report a disconnected server and disable their buttons"
   page.tell({ pending_rollback: { device: "1", state: "pending", changes: [], words, deadline, seconds: 20 } });
   await until(".pending-rollback[role=alertdialog]");
   const both = (): boolean[] => ["Confirm", "Roll back now"].map((name) => button(name).disabled);
-  await waitFor(() => expect(both()).toEqual([false, false]), PATIENCE);
-  await waitFor(() => expect(document.activeElement?.textContent).toContain("Roll back now"), PATIENCE);
+  await waitFor(() => expect(both()).toEqual([false, false]));
+  await waitFor(() => expect(document.activeElement?.textContent).toContain("Roll back now"));
   page.store.receive({ kind: "connection", state: "closed", nextTry: undefined });
-  await waitFor(() => expect(find(".pending-rollback .ring b").textContent).toBe("—"), PATIENCE);
+  await waitFor(() => expect(find(".pending-rollback .ring b").textContent).toBe("—"));
   expect(find("#deck-words").textContent).toContain("The server is unreachable");
   expect(both()).toEqual([true, true]);
 });
@@ -196,7 +190,7 @@ test("temporary settings report a disconnected server and disable their buttons"
 test("a view-only user sees everything and can change nothing", async () => {
   const answers = { "GET /api/build": { role: "view" } };
   await openConfigure("xbus", { answers });
-  await waitFor(() => expect(document.body.textContent).toContain("View only"), PATIENCE);
+  await waitFor(() => expect(document.body.textContent).toContain("View only"));
   expect(button("Read again").disabled).toBe(true);
   expect(button("Send hex").disabled).toBe(true);
 });
@@ -205,7 +199,7 @@ test("typed input stays while the device is disconnected", async () => {
   const { store } = await openConfigure("xbus");
   const rate = (await until('tr[data-id="0x4020"] select')) as HTMLSelectElement;
   fireEvent.change(rate, { target: { value: "50" } });
-  await waitFor(() => expect(button("Apply").disabled).toBe(false), PATIENCE);
+  await waitFor(() => expect(button("Apply").disabled).toBe(false));
   const lost = (): boolean =>
     [...document.querySelectorAll(".band")].some(({ textContent }) => /^Lost/.test(textContent?.trim() ?? ""));
   const devices = store.devices.value;
@@ -215,10 +209,10 @@ test("typed input stays while the device is disconnected", async () => {
       text: { op: "devices", devices: devices.map((one) => ({ ...one, status, is_open: status === "live" })) },
     });
   tell("lost");
-  await waitFor(() => expect(lost()).toBe(true), PATIENCE);
+  await waitFor(() => expect(lost()).toBe(true));
   expect(button("Apply").disabled).toBe(true);
   tell("live");
-  await waitFor(() => expect(lost()).toBe(false), PATIENCE);
+  await waitFor(() => expect(lost()).toBe(false));
   expect((find('tr[data-id="0x4020"] select') as HTMLSelectElement).value).toBe("50");
 });
 
@@ -228,16 +222,16 @@ test("two pages beside each other have their own edits, level of detail, search 
   const row = 'tr[data-id="0x4020"] select';
   const [left, right] = [...document.querySelectorAll<HTMLElement>(".app.configure")];
   if (left === undefined || right === undefined) throw new Error("not two pages");
-  await waitFor(() => expect(right.querySelector(row)).not.toBeNull(), PATIENCE);
+  await waitFor(() => expect(right.querySelector(row)).not.toBeNull());
   fireEvent.change(left.querySelector(row) as HTMLElement, { target: { value: "50" } });
   fireEvent.click(within(left).getByRole("button", { name: "All" }));
   fireEvent.input(within(left).getByRole("searchbox"), { target: { value: "baud" } });
   fireEvent.click(within(left).getByRole("button", { name: "Send hex" }));
-  type(await within(left).findByLabelText("Bytes to send (hex)", {}, PATIENCE), "fa ff 30 00 d1");
+  type(await within(left).findByLabelText("Bytes to send (hex)"), "fa ff 30 00 d1");
   fireEvent.submit(left.querySelector(".send-bytes") as HTMLElement);
-  await waitFor(() => expect(left.querySelector("dialog")).not.toBeNull(), PATIENCE);
-  await waitFor(() => expect(left.querySelector(".found a")).not.toBeNull(), PATIENCE);
-  await waitFor(() => expect(left.querySelector(".apply-bar")).not.toBeNull(), PATIENCE);
+  await waitFor(() => expect(left.querySelector("dialog")).not.toBeNull());
+  await waitFor(() => expect(left.querySelector(".found a")).not.toBeNull());
+  await waitFor(() => expect(left.querySelector(".apply-bar")).not.toBeNull());
   expect(left.querySelector(".setting.edited")).not.toBeNull();
   expect(within(left).getByText("All").getAttribute("aria-pressed")).toBe("true");
   expect(right.querySelector("dialog, .found, .apply-bar, .send-bytes, .setting.edited")).toBeNull();

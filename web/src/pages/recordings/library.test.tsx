@@ -4,7 +4,6 @@ import { expect, test } from "vitest";
 import { type Opened, openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
 
-const PATIENCE = { timeout: 20_000 };
 const TITLE = "Yard loop";
 
 const find = (selector: string): HTMLElement => {
@@ -13,7 +12,7 @@ const find = (selector: string): HTMLElement => {
   return found;
 };
 const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
-const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const eventually = (check: () => void): Promise<void> => waitFor(check);
 const search = (words: string): void =>
   void fireEvent.input(screen.getByRole("searchbox"), { target: { value: words } });
 

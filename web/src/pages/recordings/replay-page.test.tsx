@@ -9,8 +9,7 @@ import { detailOf, recordingAnswers, samplesOf } from "../../testing/recordings"
 
 Object.defineProperty(navigator, "webdriver", { value: true }); // the page then shows its controller to tests
 
-const PATIENCE = { timeout: 20_000 };
-const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const eventually = (check: () => void): Promise<void> => waitFor(check);
 const YARD = detailOf("yard");
 const ACCELERATION = samplesOf("yard", "1", "Acceleration");
 const DURATION = YARD.t1 - YARD.t0;
@@ -147,7 +146,7 @@ test("a marker is set at the playhead, and a press moves to it", async () => {
   ]);
   replay.seek(YARD.t0 + 1.5);
   press("m");
-  const field = await screen.findByPlaceholderText<HTMLInputElement>(/^Marker at 00:01\.500/, {}, PATIENCE);
+  const field = await screen.findByPlaceholderText<HTMLInputElement>(/^Marker at 00:01\.500/);
   expect(document.activeElement).toBe(field);
   fireEvent.input(field, { target: { value: "second look" } });
   fireEvent.submit(field.form as HTMLFormElement);
@@ -237,13 +236,13 @@ test("decoded data are shown at once, and the rest is added without moving the v
   replay().viewState.actions.select(t0 + 1, t0 + 2);
   replay().seek(t0 + 1.5);
   fireEvent.click(screen.getByRole("button", { name: "As recorded" }));
-  await screen.findByRole("dialog", {}, PATIENCE);
+  await screen.findByRole("dialog");
   isDecoded = true;
   await eventually(() => expect(replay().bounds.last).toBe(t1));
   expect(replay().head).toBe(t0 + 1.5);
   expect(replay().viewState.view.value).toMatchObject({ end: expect.closeTo(t0 + 2, 6), span: expect.closeTo(1, 6) });
   await eventually(() => expect(screen.queryByRole("progressbar", { name: /decod/i })).toBeNull());
-  await screen.findByRole("dialog", {}, PATIENCE); // it has stayed open
+  await screen.findByRole("dialog"); // it has stayed open
   expect(text(".markers")).toContain("kerb");
 });
 
@@ -254,7 +253,7 @@ test("the export covers the loop, the window or everything", async () => {
   replay.toggleLoop();
   replay.viewState.actions.select(first + 2, first + 4);
   fireEvent.click(screen.getByRole("button", { name: "Export…" }));
-  const dialog = within(await screen.findByRole("dialog", {}, PATIENCE));
+  const dialog = within(await screen.findByRole("dialog"));
   const words = (): string => text("dialog p");
   fireEvent.click(dialog.getByRole("button", { name: "Loop range" }));
   await eventually(() => expect(words()).toMatch(/00:01.* to 00:03/));

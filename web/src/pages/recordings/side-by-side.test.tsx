@@ -12,8 +12,7 @@ import type { App } from "../app-state";
 import { openRecording } from "./open-recording";
 import { ReplayPage } from "./replay-page";
 
-const PATIENCE = { timeout: 20_000 };
-const eventually = (check: () => void): Promise<void> => waitFor(check, PATIENCE);
+const eventually = (check: () => void): Promise<void> => waitFor(check);
 
 interface Side {
   readonly app: App;
@@ -109,7 +108,7 @@ test("a marker is set in one of them", async () => {
   const before = stateOf(left);
   right.replay.seek(right.replay.bounds.first + 1.5);
   fireEvent.click(right.in.getByRole("button", { name: "Marker" }));
-  const field = await right.in.findByPlaceholderText(/^Marker at/, {}, PATIENCE);
+  const field = await right.in.findByPlaceholderText(/^Marker at/);
   expect(left.in.queryByPlaceholderText(/^Marker at/)).toBeNull();
   fireEvent.input(field, { target: { value: "second look" } });
   fireEvent.submit(field.closest("form") as HTMLFormElement);
