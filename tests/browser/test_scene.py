@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import socket
 import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -175,3 +177,16 @@ def keep(page: Page, name: str) -> None:
     """Leave a picture among the artifacts, to be looked at."""
     ARTIFACTS.mkdir(exist_ok=True)
     page.screenshot(path=ARTIFACTS / f"{name}.png")
+
+
+def test_the_scene_is_a_panel_of_a_workspace(
+    serve: Callable[..., ServerProcess], open_scene: Callable[[str], Page]
+) -> None:
+    server = serve("sim:xbus?product=MTi-630&rate=50&seed=1")
+    workspace = quote(json.dumps({"layout": {"panels": {"scene": {"shown": True}}}}))
+    page = open_scene(f"{server.url}/#/?workspace={workspace}")
+    viewer = page.locator("[data-panel=scene] iframe")
+    viewer.wait_for()
+    frame = viewer.element_handle().content_frame()
+    assert frame is not None
+    until(frame, CONNECTED, timeout_s=90)

@@ -151,3 +151,30 @@ def test_a_workspace_is_stored_chosen_and_shared(
     )
     until(other, f"{SHEET}.innerText.includes('This is not a workspace of imuscope')")
     assert layout(other) == wanted
+
+
+EACH = ("Lanes", "Spectrum", "Spectrogram", "Allan deviation", "Bytes")
+OWN_LANES = "document.querySelector('#plots .lanes').hidden"
+IN_PANEL = "document.querySelectorAll('[data-panel={0}] {1}').length"
+
+
+def test_every_panel_is_shown_and_fills_itself(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    page = opened(serve("sim:xbus?product=MTi-680G&rate=100&seed=1"), open_page, DESKTOP)
+    page.keyboard.press("w")
+    for title in EACH:
+        page.get_by_role("button", name=f"Show {title}", exact=True).click()
+    page.keyboard.press("Escape")
+    until(page, f"{OWN_LANES} && {IN_PANEL.format('lanes', '.lane-names button')} > 3")  # in one place only
+    until(page, f"{IN_PANEL.format('bytes', 'li')} > 5")
+    until(page, f"{IN_PANEL.format('spectrum', 'path')} > 2 && {IN_PANEL.format('allan', 'path')} > 2")
+    until(page, f"{IN_PANEL.format('spectrogram', 'canvas')} > 0")
+    for panel in ("lanes", "bytes", "spectrum"):
+        assert serious(page, f"document.querySelector('[data-panel={panel}]')", colours=False) == []
+    page.locator("[data-panel=bytes] li button").first.click()
+    until(page, "document.querySelector('dialog .packet-bytes') !== null")
+    page.keyboard.press("Escape")
+    page.keyboard.press("w")
+    page.get_by_label("Place of Lanes").select_option("hidden")
+    until(page, f"!{OWN_LANES} && document.querySelector('#plots .lane-names').clientHeight > 20")

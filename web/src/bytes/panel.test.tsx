@@ -59,7 +59,12 @@ function open(recording?: string) {
     serverNow: () => NOW + 60,
     edgeOf: () => now.newest,
   };
-  const deps = { store, viewState, open: { packet: packets }, ...(recording ? { recording: { id: recording } } : {}) };
+  const deps = {
+    store,
+    viewState,
+    open: { packet: packets },
+    ...(recording ? { recording: { id: recording, rate: () => 0 } } : {}),
+  };
   const host = document.body.appendChild(document.createElement("div"));
   panel = mountBytes(host, deps as unknown as Deps);
   return { now, asked, packets, viewState };

@@ -69,7 +69,11 @@ export interface Deps {
   /** Shows a moment, if that needs more than a change of the view. */
   readonly jump?: (to: { readonly t0: number; readonly t1: number }) => void;
   /** The recording that the samples are of; undefined on Live. */
-  readonly recording?: { readonly id: string };
+  readonly recording?: {
+    readonly id: string;
+    /** Speed of playback, recorded seconds per second; 0 while paused. */
+    readonly rate: () => number;
+  };
   /** Samples of a recording missing after the reading position. */
   readonly lostLater?: (device: string) => number;
 }

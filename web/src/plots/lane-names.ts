@@ -28,14 +28,15 @@ export class LaneNames {
   #others = 0;
   /** Rows kept for lanes. */
   #room = 0;
-  #all = false;
+  #all: boolean;
   #redo: () => void;
   /** Lane being explained: 0 is the loss lane, undefined none. */
   #spoken: number | undefined;
   #text = "";
 
-  /** `redo` is called when the user requests more lanes, or fewer. */
-  constructor(box: HTMLElement, redo: () => void) {
+  /** `redo` is called when the user requests more lanes, or fewer. @param all all lanes are shown at first */
+  constructor(box: HTMLElement, redo: () => void, all = false) {
+    this.#all = all;
     this.#box = box;
     this.#redo = redo;
     box.append(this.#list);

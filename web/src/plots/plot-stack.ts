@@ -165,6 +165,10 @@ class Stack {
       }),
       effect(() => this.#size(this.#state.plotOrder.value)),
       effect(() => {
+        this.#lanesHost.hidden = this.#state.layout.value.panels["lanes"]?.shown === true; // a panel has them
+        this.#layoutDue = true;
+      }),
+      effect(() => {
         for (const plot of this.#plots) plot.legend.show(this.#state.hiddenSeries.value);
       }),
     );
@@ -360,12 +364,15 @@ class Stack {
     }
     const box = (sheet: CanvasLayer): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
     [this.#lanesSheet, this.#axis, this.#over].forEach(box);
-    const top = this.#lanesHost.offsetTop + this.#lanesBox.offsetTop;
-    const bottom = top + this.#lanesSheet.height;
     const panes = this.#plots.map((plot) => ({
       top: plot.top + plot.inset(this.#look),
       bottom: plot.top + plot.sheet.height,
     }));
+    // without lanes the overlay ends with the last plot
+    const top = this.#lanesHost.hidden
+      ? Math.max(0, ...panes.map((pane) => pane.bottom))
+      : this.#lanesHost.offsetTop + this.#lanesBox.offsetTop;
+    const bottom = top + this.#lanesSheet.height;
     this.#panes = [...panes, { top, bottom }];
     this.#glass.resize(width, bottom);
     this.#glass.canvas.style.height = `${bottom}px`;

@@ -88,6 +88,7 @@ export const TEXT = {
   fix: "Fix range",
 
   // status lanes
+  lanes: "Lanes",
   notSet: "not set",
   samplesThen: (samples: number) => `${count(samples, "sample")}, `,
   thisBrowser: ", this browser",

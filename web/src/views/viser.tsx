@@ -6,17 +6,13 @@
  * it changes otherwise than by playback, and once a second, so that both stay in step.
  */
 import { type Signal, signal } from "@preact/signals";
-import { useEffect, useState } from "preact/hooks";
-import { onFrame } from "../data/render-loop";
 import type { ReplayController } from "../recordings/replay-controller";
 import { type App, perApp } from "../pages/app-state";
-import { type Problem, request } from "../ui/http";
 import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
-import { Message } from "../ui/message";
 import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
-import { headNews, type SentHead } from "./viewer-sync";
+import { Begun, Following, Frame } from "./scene-frame";
 import { liveHref } from "./viewer-href";
 import { ViewerPanel } from "./viewer-panel";
 import { COMMON } from "../texts/common";
@@ -140,7 +136,13 @@ export function ReplayScene({ app, replay }: Props & { readonly replay: ReplayCo
   if (!isOpen.value) return null;
   return (
     <Panel isOpen={isOpen} title={TEXT.sceneOfRecording}>
-      <Following replay={replay} />
+      <Following
+        player={{
+          recording: replay.detail.info.id,
+          head: () => replay.head,
+          rate: () => (replay.playing.peek() ? replay.speed.peek() : 0),
+        }}
+      />
     </Panel>
   );
 }
@@ -167,85 +169,4 @@ function Panel({ isOpen, title, ...props }: PanelProps) {
       {...props}
     />
   );
-}
-
-function Frame({ address, title }: { readonly address: string; readonly title: string }) {
-  return <iframe src={address} title={title} allow="fullscreen" />;
-}
-
-function Scene({ address }: { readonly address: string }) {
-  const dark = theme.value === "dark" ? "?darkMode" : "";
-  return <Frame address={address + dark} title={TEXT.sceneByViser} />;
-}
-
-function Waiting({ problem }: { readonly problem: Problem | undefined }) {
-  if (!problem)
-    return (
-      <p class="wait" role="status">
-        {TEXT.startingScene}
-      </p>
-    );
-  return (
-    <p class="wait" role="alert">
-      <b>
-        <Message text={problem.message} />
-      </b>{" "}
-      <Message text={problem.hint} />
-    </p>
-  );
-}
-
-/** A live scene: requested first, so that a refusal is reported in our words. */
-function Begun({ device }: { readonly device: string }) {
-  const [address, setAddress] = useState<string>();
-  const [problem, setProblem] = useState<Problem>();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
-  useEffect(() => {
-    let wanted = true;
-    void request("GET /api/views/scene", { query: { device } }).then((outcome) => {
-      if (!wanted) return;
-      if (outcome.ok) setAddress(outcome.value.address);
-      else setProblem(outcome.problem);
-    });
-    return () => {
-      wanted = false;
-    };
-  }, []);
-  return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
-}
-
-/** A scene that follows a player. */
-function Following({ replay }: { readonly replay: ReplayController }) {
-  const [address, setAddress] = useState<string>();
-  const [problem, setProblem] = useState<Problem>();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
-  useEffect(() => {
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/ws/scene/${encodeURIComponent(replay.detail.info.id)}`);
-    let sent: SentHead | undefined;
-    socket.onmessage = ({ data }) => setAddress((JSON.parse(String(data)) as { readonly address: string }).address);
-    socket.onclose = ({ reason }) => {
-      setAddress(undefined);
-      setProblem({
-        kind: "closed",
-        message: reason || TEXT.sceneEnded,
-        hint: TEXT.reopenScene,
-        status: 0,
-      });
-    };
-    const stop = onFrame((now) => {
-      if (socket.readyState !== WebSocket.OPEN) return;
-      const rate = replay.playing.peek() ? replay.speed.peek() : 0;
-      const news = headNews(sent, { t: replay.head, rate, at: now / 1000 });
-      if (!news) return;
-      sent = news;
-      socket.send(JSON.stringify({ t: news.t, rate: news.rate }));
-    });
-    return () => {
-      stop();
-      socket.onclose = null;
-      socket.close();
-    };
-  }, []);
-  return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
 }

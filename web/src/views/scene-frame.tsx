@@ -1,0 +1,99 @@
+/** The 3D scene in a frame, by viser: of live devices, or of a recording, where it follows the player. What prevents it is said in words. */
+import { useEffect, useState } from "preact/hooks";
+import { onFrame } from "../data/render-loop";
+import { type Problem, request } from "../ui/http";
+import { Message } from "../ui/message";
+import { theme } from "../ui/theme";
+import { headNews, type SentHead } from "./viewer-sync";
+import { TEXT } from "../texts/viewers";
+import "./viser.css";
+
+export function Frame({ address, title }: { readonly address: string; readonly title: string }) {
+  return <iframe src={address} title={title} allow="fullscreen" />;
+}
+
+function Scene({ address }: { readonly address: string }) {
+  const dark = theme.value === "dark" ? "?darkMode" : "";
+  return <Frame address={address + dark} title={TEXT.sceneByViser} />;
+}
+
+function Waiting({ problem }: { readonly problem: Problem | undefined }) {
+  if (!problem)
+    return (
+      <p class="wait" role="status">
+        {TEXT.startingScene}
+      </p>
+    );
+  return (
+    <p class="wait" role="alert">
+      <b>
+        <Message text={problem.message} />
+      </b>{" "}
+      <Message text={problem.hint} />
+    </p>
+  );
+}
+
+/** A live scene: requested first, so that a refusal is reported in our words. */
+export function Begun({ device }: { readonly device: string }) {
+  const [address, setAddress] = useState<string>();
+  const [problem, setProblem] = useState<Problem>();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
+  useEffect(() => {
+    let wanted = true;
+    void request("GET /api/views/scene", { query: { device } }).then((outcome) => {
+      if (!wanted) return;
+      if (outcome.ok) setAddress(outcome.value.address);
+      else setProblem(outcome.problem);
+    });
+    return () => {
+      wanted = false;
+    };
+  }, []);
+  return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
+}
+
+/** What a scene of a recording follows. */
+export interface Player {
+  /** RecordingInfo.id */
+  readonly recording: string;
+  /** Reading position, unix s. */
+  readonly head: () => number;
+  /** Recorded seconds per second; 0 while paused. */
+  readonly rate: () => number;
+}
+
+/** A scene that follows a player. */
+export function Following({ player }: { readonly player: Player }) {
+  const [address, setAddress] = useState<string>();
+  const [problem, setProblem] = useState<Problem>();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
+  useEffect(() => {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/ws/scene/${encodeURIComponent(player.recording)}`);
+    let sent: SentHead | undefined;
+    socket.onmessage = ({ data }) => setAddress((JSON.parse(String(data)) as { readonly address: string }).address);
+    socket.onclose = ({ reason }) => {
+      setAddress(undefined);
+      setProblem({
+        kind: "closed",
+        message: reason || TEXT.sceneEnded,
+        hint: TEXT.reopenScene,
+        status: 0,
+      });
+    };
+    const stop = onFrame((now) => {
+      if (socket.readyState !== WebSocket.OPEN) return;
+      const news = headNews(sent, { t: player.head(), rate: player.rate(), at: now / 1000 });
+      if (!news) return;
+      sent = news;
+      socket.send(JSON.stringify({ t: news.t, rate: news.rate }));
+    });
+    return () => {
+      stop();
+      socket.onclose = null;
+      socket.close();
+    };
+  }, []);
+  return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
+}
