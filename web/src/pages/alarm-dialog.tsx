@@ -1,6 +1,7 @@
 /** The form of an alarm: added or changed, with mistakes marked where they are. */
 import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { type Deps, selected } from "../panels/panel-context";
 import { Dialog } from "../ui/dialog";
 import { type Problem, request } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
@@ -8,7 +9,7 @@ import { protocolOf } from "../wire/capabilities";
 import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../wire/routes";
 import type { ChannelInfo, DeviceInfo } from "../wire/types";
 import { ANY, definitionOf, fieldsOf, lastingName, nameOf, type Fields, type Figure } from "./alarm-fields";
-import { AlarmPreview } from "./alarm-preview";
+import { AlarmPreview, type PreviewPlace } from "./alarm-preview";
 import { NumberField, RecordingChoice } from "./alarm-recording";
 import type { App } from "./app-state";
 import { COMMON } from "../texts/common";
@@ -19,11 +20,19 @@ const CHECK_AFTER_MS = 300;
 interface Props {
   readonly app: App;
   readonly onClose: () => void;
+  /** The open recording whose signal the alarm is on; absent: a live device. */
+  readonly over?: RecordingPlace;
 }
 
-export function AlarmDialog({ app, onClose }: Props) {
+export interface RecordingPlace extends Omit<PreviewPlace, "device"> {
+  readonly recording: string;
+  readonly deps: Pick<Deps, "store" | "viewState">;
+  readonly onSaved: () => void;
+}
+
+export function AlarmDialog({ app, onClose, over }: Props) {
   const draft = app.alarmDraft.value;
-  const device = draft.device ?? app.device.value;
+  const device = draft.device ?? (over ? selected(over.deps) : app.device.value);
   const fields = useSignal(fieldsOf(draft, device));
   const check = useSignal<AlarmCheck | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
@@ -58,6 +67,7 @@ export function AlarmDialog({ app, onClose }: Props) {
     void request("GET /api/alarms").then((found) => {
       batch(() => {
         if (found.ok) app.alarms.value = found.value;
+        over?.onSaved();
         onClose();
       });
     });
@@ -75,7 +85,9 @@ export function AlarmDialog({ app, onClose }: Props) {
     if (!isRemoving.value) isRemoving.value = true;
     else done(await request("DELETE /api/alarms/{alarm}", { path: { alarm: draft.id ?? "" } }));
   };
-  const channels = app.store.channels.value.map(({ info }) => info).filter((info) => info.device === device?.id);
+  const channels = (over?.deps.store ?? app.store).channels.value
+    .map(({ info }) => info)
+    .filter((info) => info.device === device?.id);
   return (
     <Dialog title={draft.id === undefined ? TEXT.newAlarm : TEXT.editAlarm} onClose={onClose}>
       <form class="alarm-form" onSubmit={(event) => void save(event)}>
@@ -162,7 +174,11 @@ export function AlarmDialog({ app, onClose }: Props) {
             onInput={(event) => set({ webhook: event.currentTarget.value })}
           />
         </label>
-        <AlarmPreview stamp={check.value?.valid === true ? stamp : undefined} source={device?.id} />
+        <AlarmPreview
+          stamp={check.value?.valid === true ? stamp : undefined}
+          source={over?.recording ?? device?.id}
+          recorded={over && device && { device: device.id, show: over.show }}
+        />
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="alarm-end">
           <button type="submit" class="btn main" disabled={isEmpty || check.value?.valid === false}>

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 /** The preview of an alarm: what it asks, and what it says. */
-import { cleanup, render, screen, waitFor } from "@testing-library/preact";
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
 import { answering } from "../testing/recorded";
 import { AlarmPreview, previewWords } from "./alarm-preview";
@@ -18,6 +18,23 @@ test("the sentence has how often, in which time, and the worst value", () => {
   expect(previewWords({ ...found, times: 1, worst: null })).toBe("Would have been raised once in the last 9.8 min.");
   expect(previewWords({ ...found, times: 0 })).toBe("Would not have been raised in the last 9.8 min.");
   expect(previewWords({ ...found, t0: null, t1: null })).toBe("");
+});
+
+test("over a recording it has when, and each time is shown in the plots", async () => {
+  const intervals = [0, 1, 2, 3, 4, 5].map((k) => ({ t0: 1000 + k, t1: 1000.25 + k, worst: 30 + k }));
+  const asked = answering({ "POST /api/alarms/preview": { ...found, times: 9, intervals } });
+  const show = vi.fn();
+  const stamp = JSON.stringify({ name: "Shock", condition });
+  render(<AlarmPreview stamp={stamp} source="yard" recorded={{ device: "2", show }} />);
+  const times = await screen.findByRole("list", { name: "Raised at" });
+  expect(screen.getByRole("status").textContent).toBe(
+    "Would have been raised 9 times in this recording; worst 34.250 m/s².",
+  );
+  expect(asked[0]?.body).toEqual({ definition: { name: "Shock", condition }, source: "yard", device: "2" });
+  expect(times.textContent).toContain("00:16:42.000 for 250 ms, worst 32.000 m/s²");
+  expect(times.textContent).toContain("and 4 more times");
+  fireEvent.click(screen.getByRole("button", { name: "00:16:42.000" }));
+  expect(show).toHaveBeenCalledWith(1002);
 });
 
 test("a valid definition is judged on the device, one that is not valid and one of a link figure are not", async () => {

@@ -1,22 +1,34 @@
-/** How often an alarm would have been raised by the samples in memory, in the form while it is filled in. */
+/** How often an alarm would have been raised by the samples in memory or of an open recording, and when, in the form while it is filled in. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { number, span } from "../ui/format";
+import { clock, number, span } from "../ui/format";
 import { request } from "../ui/http";
 import type { AlarmDefinition, AlarmPreview as Preview } from "../wire/routes";
 import { TEXT } from "../texts/alarms";
 
 /** Stretch of the past, s. */
 const SECONDS = 600;
+/** Times that are listed. */
+const LISTED = 5;
+
+/** The open recording that an alarm is judged over. */
+export interface PreviewPlace {
+  /** Id of its device. */
+  readonly device: string;
+  /** Shows a moment of it. */
+  readonly show: (time: number) => void;
+}
 
 interface Props {
   /** The definition as JSON; undefined while it is not valid. */
   readonly stamp: string | undefined;
-  /** Id of the live device. */
+  /** Id of the live device, or of the recording. */
   readonly source: string | undefined;
+  readonly recorded?: PreviewPlace | undefined;
 }
 
-export function AlarmPreview({ stamp, source }: Props) {
+export function AlarmPreview({ stamp, source, recorded }: Props) {
+  const device = recorded?.device;
   const found = useSignal<Preview | undefined>(undefined);
   useEffect(() => {
     found.value = undefined;
@@ -24,24 +36,51 @@ export function AlarmPreview({ stamp, source }: Props) {
     const definition = JSON.parse(stamp) as AlarmDefinition;
     if (definition.condition.kind === "health") return undefined;
     const cancelled = new AbortController();
-    const body = { definition, source, seconds: SECONDS };
+    const body = { definition, source, ...(device === undefined ? { seconds: SECONDS } : { device }) };
     void request("POST /api/alarms/preview", { body, signal: cancelled.signal }).then((outcome) => {
       if (!cancelled.signal.aborted) found.value = outcome.ok ? outcome.value : undefined;
     });
     return () => cancelled.abort();
-  }, [stamp, source, found]);
+  }, [stamp, source, device, found]);
+  const shown = found.value?.intervals.slice(0, LISTED) ?? [];
+  const more = (found.value?.times ?? 0) - shown.length;
   return (
-    <p class="alarm-note" role="status">
-      {found.value && previewWords(found.value)}
-    </p>
+    <>
+      <p class="alarm-note" role="status">
+        {found.value && previewWords(found.value, recorded !== undefined)}
+      </p>
+      {recorded && shown.length > 0 && (
+        <ul class="alarm-times" aria-label={TEXT.raisedAt}>
+          {shown.map(({ t0, t1, worst }) => {
+            const long = span((t1 ?? t0) - t0);
+            return (
+              <li key={t0}>
+                <button type="button" class="btn small edge" title={TEXT.showInPlots} onClick={() => recorded.show(t0)}>
+                  {clock(t0, 3)}
+                </button>{" "}
+                <span class="dim">
+                  {TEXT.lasted(
+                    `${long.value} ${long.unit}`,
+                    worst === null ? "" : withUnit(worst, found.value?.unit ?? ""),
+                  )}
+                </span>
+              </li>
+            );
+          })}
+          {more > 0 && <li class="dim">{TEXT.moreTimes(more)}</li>}
+        </ul>
+      )}
+    </>
   );
 }
 
+const withUnit = (value: number, unit: string): string => `${number(value, 3)} ${unit}`.trim();
+
 /** The sentence for a preview; "" without samples. */
-export function previewWords({ times, t0, t1, worst, unit }: Preview): string {
+export function previewWords({ times, t0, t1, worst, unit }: Preview, isRecorded = false): string {
   if (t0 === null || t1 === null) return "";
   const stretch = span(t1 - t0);
-  const past = `${stretch.value} ${stretch.unit}`;
+  const past = isRecorded ? TEXT.inRecording : TEXT.inTheLast(`${stretch.value} ${stretch.unit}`);
   if (times === 0) return TEXT.wouldNotRaise(past);
-  return TEXT.wouldRaise(times, past, worst === null ? "" : `${number(worst, 3)} ${unit}`.trim());
+  return TEXT.wouldRaise(times, past, worst === null ? "" : withUnit(worst, unit));
 }

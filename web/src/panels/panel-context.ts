@@ -90,7 +90,7 @@ export function channelsOf(deps: Deps): readonly Channel[] {
   return deps.store.channels.value.filter((channel) => channel.info.device === device);
 }
 
-export function selected(deps: Deps): DeviceInfo | undefined {
+export function selected(deps: Pick<Deps, "store" | "viewState">): DeviceInfo | undefined {
   const id = deps.viewState.view.value.device;
   return deps.store.devices.value.find((device) => device.id === id);
 }

@@ -54,15 +54,23 @@ interface Row {
 /** Hides or shows the series of that key; `alone`: shows it alone in its plot. */
 export type Toggle = (key: string, alone: boolean) => void;
 
+export interface LegendActions {
+  /** Takes a plot that the user put together away. */
+  readonly remove?: (() => void) | undefined;
+  /** Opens the form of an alarm on a series; undefined: the series has none. */
+  readonly alarm?: ((series: Series) => (() => void) | undefined) | undefined;
+}
+
 export class Legend {
   readonly root: HTMLElement;
   readonly #rows: readonly Row[];
 
   readonly #toggle: Toggle;
+  readonly #alarm: LegendActions["alarm"];
 
-  /** @param remove takes a plot that the user put together away */
-  constructor(spec: PlotSpec, toggle: Toggle, remove?: () => void) {
+  constructor(spec: PlotSpec, toggle: Toggle, { remove, alarm }: LegendActions = {}) {
     this.#toggle = toggle;
+    this.#alarm = alarm;
     const head = el("b", {}, spec.title);
     // quantities along the sensor's own axes need no frame name; motion does
     const named = spec.unit === "°" || spec.unit === "m/s" || NAMED.has(spec.frame);
@@ -106,6 +114,17 @@ export class Legend {
     );
     button.title = TEXT.toggleSeries(series.isRight ? TEXT.onRightAxis(name, "") : name, series.label);
     button.addEventListener("click", (event) => this.#toggle(series.key, event.shiftKey));
+    const open = this.#alarm?.(series);
+    if (open) {
+      button.title = TEXT.withAlarm(button.title);
+      button.setAttribute("aria-haspopup", "dialog");
+      // also of the keyboard's menu key, and of a finger that rests
+      button.addEventListener("contextmenu", (event) => {
+        event.preventDefault();
+        event.stopPropagation();
+        open();
+      });
+    }
     return { series, button, value, text, width: 0 };
   }
 

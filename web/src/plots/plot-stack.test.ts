@@ -7,7 +7,7 @@ import { createViewState, type ViewState } from "../data/view-state";
 import { giveSizes } from "../testing/live-page";
 import { feed, recorded } from "../testing/recorded";
 import type { Panel } from "../ui/dom";
-import { mountStack } from "./plot-stack";
+import { mountStack, type StackDeps } from "./plot-stack";
 
 interface View {
   readonly host: HTMLElement;
@@ -19,12 +19,12 @@ const known = recorded("xbus");
 let views: readonly View[] = [];
 let store = new Store();
 
-function open(): View {
+function open(opens: Pick<StackDeps, "open"> = {}): View {
   const host = document.createElement("div");
   document.body.append(host);
   const state = createViewState();
   state.view.value = { ...state.view.peek(), device: "1" };
-  return { host, state, panel: mountStack(host, { store, viewState: state }) };
+  return { host, state, panel: mountStack(host, { store, viewState: state, ...opens }) };
 }
 
 beforeEach(() => {
@@ -155,4 +155,16 @@ test("closing one does not change the other", () => {
   draw();
   expect(values(right)[0]).toMatch(/\d/);
   expect(right.state.view.value.span).toBe(5);
+});
+
+test("the menu of a series in the legend opens an alarm on it, with the value at the cursor as its limit", () => {
+  const alarm = vi.fn();
+  views = [...views, open({ open: { signals: vi.fn(), alarm } })];
+  draw();
+  const x = views.at(-1)?.host.querySelector<HTMLElement>(".legend .series");
+  expect(x?.title).toContain("alarm when…");
+  fireEvent.contextMenu(x as HTMLElement);
+  const draft = alarm.mock.calls.at(-1)?.[0] as { expression: string; device: { id: string } };
+  expect(draft.expression).toMatch(/^"?[\w .]+"?\.x [<>] -?[\d.e-]+ \S+$/);
+  expect(draft.device.id).toBe("1");
 });

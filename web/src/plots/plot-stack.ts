@@ -17,7 +17,9 @@ import { computed, effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { Store } from "../data/store";
 import type { CustomPlot, PlotOrder, ViewState } from "../data/view-state";
+import { alarmCondition, canAlarm } from "../signals/alarm-condition";
 import { withCustomPlots } from "../signals/custom-plots";
+import { readingAt } from "../panels/cursor-time";
 import type { Openers } from "../panels/panel-context";
 import { clock } from "../ui/format";
 import { el, throttle } from "../ui/dom";
@@ -54,7 +56,7 @@ export interface StackDeps {
   readonly markers?: () => readonly MarkLine[];
   readonly alarms?: AlarmSource;
   /** Opens the tree of all signals, and the frame of a sample. */
-  readonly open?: Pick<Openers, "signals"> & Partial<Pick<Openers, "packet">>;
+  readonly open?: Pick<Openers, "signals"> & Partial<Pick<Openers, "packet" | "alarm">>;
 }
 
 /** Legends follow live data this often, a moving cursor every frame. */
@@ -102,6 +104,7 @@ class Stack {
   /** Last seen revision of the samples; ten times a second suffices while the window stands still. */
   #still = 0;
   readonly #openPacket: Openers["packet"] | undefined;
+  readonly #openAlarm: Openers["alarm"] | undefined;
 
   constructor(
     host: HTMLElement,
@@ -110,6 +113,7 @@ class Stack {
     this.#markers = markers ?? markersOf(store, viewState);
     this.#alarms = alarmsOn(store, viewState, alarms);
     this.#openPacket = open?.packet;
+    this.#openAlarm = open?.alarm;
     this.#store = store;
     this.#state = viewState;
     this.#reads = reads;
@@ -224,9 +228,23 @@ class Stack {
       this.#root.focus({ preventScroll: true }); // the button is gone
     };
     const toggle = (key: string, alone: boolean): void => actions.toggleKey(key, alone);
-    const plot = new Plot(spec, toggle, this.#state, spec.custom === undefined ? undefined : remove);
+    const plot = new Plot(spec, toggle, this.#state, {
+      remove: spec.custom === undefined ? undefined : remove,
+      alarm: (series) => this.#alarm(series),
+    });
     addGrips(plot, this.#state, () => this.#plots);
     return plot;
+  }
+
+  /** What opens the form of an alarm on a series, with a limit from the cursor or the window; undefined: the server does not know it. */
+  #alarm({ channel, column }: Series): (() => void) | undefined {
+    const [open, signal] = [this.#openAlarm, { channel, columns: [column] }];
+    if (!open || !canAlarm(signal)) return undefined;
+    return () => {
+      const { view, cursor } = this.#state;
+      const device = this.#store.devices.peek().find(({ id }) => id === channel.info.device);
+      open({ expression: alarmCondition(signal, readingAt(view.peek(), cursor.peek(), this.#now())), device });
+    };
   }
 
   /** Give each plot the height that was chosen. */

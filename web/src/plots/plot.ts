@@ -14,7 +14,7 @@ import type { Ring } from "../data/ring-buffer";
 import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
-import { Legend, type Toggle, valueAt } from "./legend";
+import { Legend, type Toggle, valueAt, type LegendActions } from "./legend";
 import { fitting, type Palette, setFont, CanvasLayer } from "./canvas-style";
 import type { PlotSpec, RightAxis, Series } from "./plot-selection";
 import { traceDots, traceSeries } from "./trace";
@@ -67,9 +67,9 @@ export class Plot {
     readonly spec: PlotSpec,
     toggle: Toggle,
     readonly state: AxisState,
-    remove?: () => void,
+    actions: LegendActions = {},
   ) {
-    this.legend = new Legend(spec, toggle, remove);
+    this.legend = new Legend(spec, toggle, actions);
     const unit = spec.unit === "" ? "" : TEXT.inUnit(spec.unit);
     const canvas = el("canvas", { role: "img", "aria-label": TEXT.plotOverTime(spec.title, unit) });
     const kind = spec.weight < 0.7 ? "plot low" : "plot";

@@ -9,8 +9,11 @@ const MOST = 200_000;
 /** Share of the range by which a limit is beyond all values of the window. */
 const MARGIN = 0.25;
 
+/** A channel with some of its columns. */
+type Signals = Pick<TreeRow, "channel" | "columns">;
+
 /** Whether the server knows a signal, so that an alarm can watch it. */
-export function canAlarm({ channel, columns }: TreeRow): boolean {
+export function canAlarm({ channel, columns }: Signals): boolean {
   return channel !== undefined && channel.info.id >= 0 && columns.length > 0;
 }
 
@@ -18,7 +21,7 @@ export function canAlarm({ channel, columns }: TreeRow): boolean {
  * A condition such as `norm(Acceleration) > 12 m/s²`. With a cursor its limit is the value there, on the side that is less usual in
  * the window; else it is a little above all values of the window.
  */
-export function alarmCondition(row: TreeRow, at: Reading): string {
+export function alarmCondition(row: Signals, at: Reading): string {
   const { channel, columns } = row;
   if (!channel) return "";
   const { info, ring } = channel;
@@ -43,7 +46,7 @@ export function alarmCondition(row: TreeRow, at: Reading): string {
   return `${isWhole ? `norm(${name})` : name} ${sign} ${number}`;
 }
 
-function ownColumns({ channel }: TreeRow): readonly number[] {
+function ownColumns({ channel }: Signals): readonly number[] {
   const columns = channel?.info.columns ?? [];
   return columns.flatMap(({ name }, c) => (name === "norm" ? [] : [c]));
 }

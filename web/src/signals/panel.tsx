@@ -163,7 +163,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         onPut={put}
         onTakeOff={takeOff}
       >
-        {isLive && chosen.value && canAlarm(chosen.value) && (
+        {chosen.value && canAlarm(chosen.value) && (
           <button type="button" class="btn edge" onClick={() => chosen.value && alarm(chosen.value)}>
             {TEXT.alarmWhen}
           </button>

@@ -18,7 +18,7 @@ import { Message } from "../../ui/message";
 import { PanelHost } from "../../ui/panel-host";
 import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ArrangeTools } from "../../workspace/arrange";
-import { AnalysisDialog, RecordingEvidence, SignalsPanel, YAxisDialog } from "../dialogs";
+import { AlarmDialog, AnalysisDialog, RecordingEvidence, SignalsPanel, YAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
 import { sideWidthOf } from "../../workspace/side-width";
 import { useWorkspace } from "../../workspace/use-workspace";
@@ -39,6 +39,7 @@ import { HandOn } from "./share-menu";
 import { SettingsDialog, SettingsLine } from "./settings";
 import { Transport } from "./transport";
 import { COMMON } from "../../texts/common";
+import { TEXT as ALARMS } from "../../texts/alarms";
 import { TEXT } from "../../texts/recordings";
 
 export function ReplayPage({ recording }: { readonly recording: OpenRecording }) {
@@ -95,6 +96,18 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
         </Dialog>
       )}
       {overlay.value === "analysis" && <Analysis recording={recording} />}
+      {overlay.value === "alarm" && (
+        <AlarmDialog
+          app={app}
+          onClose={() => (overlay.value = undefined)}
+          over={{
+            recording: info.id,
+            deps: recording.deps,
+            show: (time) => replay.viewState.actions.pinInView(time),
+            onSaved: () => (recording.said.value = ALARMS.isAdded),
+          }}
+        />
+      )}
       {overlay.value === "evidence" && (
         <RecordingEvidence
           app={app}
