@@ -178,3 +178,30 @@ def test_every_panel_is_shown_and_fills_itself(
     page.keyboard.press("w")
     page.get_by_label("Place of Lanes").select_option("hidden")
     until(page, f"!{OWN_LANES} && document.querySelector('#plots .lane-names').clientHeight > 20")
+
+
+def test_alarms_travel_with_the_file_of_a_workspace(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    server = serve(SOURCE)
+    condition = {"kind": "expression", "expression": "norm(Acceleration) > 3 g"}
+    page = opened(server, open_page, DESKTOP)
+    added = page.request.post(f"{server.url}/api/alarms", data={"name": "Hard knock", "condition": condition})
+    assert added.status == 201
+    page.keyboard.press("w")
+    page.get_by_text("Export, import, default").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Export", exact=True).click()
+    file = tmp_path / download.value.suggested_filename
+    download.value.save_as(file)
+    until(page, f"{SHEET}.innerText.includes('The file has 1 alarm too.')")
+    page.request.delete(f"{server.url}/api/alarms/{added.json()['id']}")
+    page.locator(".arrange input[type=file]").set_input_files(file)
+    until(page, f"{SHEET}.innerText.includes('1 alarm that this server does not have: Hard knock.')")
+    assert serious(page, SHEET) == []
+    page.get_by_role("button", name="Add 1 alarm").click()
+    until(page, f"{SHEET}.innerText.includes('1 alarm added: Hard knock.')")
+    (alarm,) = page.request.get(f"{server.url}/api/alarms").json()
+    assert alarm["definition"]["condition"]["expression"] == "norm(Acceleration) > 3 g"
+    page.locator(".arrange input[type=file]").set_input_files(file)  # now it has it
+    until(page, f"!{SHEET}.innerText.includes('does not have')")

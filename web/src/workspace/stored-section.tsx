@@ -8,6 +8,7 @@ import { ProblemNote } from "../ui/problem-note";
 import { protocolOf } from "../wire/capabilities";
 import type { WorkspaceList } from "../wire/routes";
 import { TEXT } from "../texts/workspace";
+import { type Added, addAlarms, presentAlarms } from "./alarms";
 import type { WorkspaceSession } from "./session";
 import { exportFile, importFile, listWorkspaces, openStored, removeStored, saveAs, setDefault } from "./stored";
 
@@ -61,15 +62,22 @@ export function StoredSection({ session, deps }: Props) {
           <button
             type="button"
             class="btn edge"
-            onClick={() => void run(() => saveAs(session, name, current.peek()?.revision), TEXT.saved(name))}
+            onClick={() =>
+              void run(
+                () => saveAs(session, deps.store.devices.peek(), name, current.peek()?.revision),
+                TEXT.saved(name),
+              )
+            }
           >
             {TEXT.save}
           </button>
         )}
       </div>
-      <SaveNew session={session} run={run} />
+      <SaveNew session={session} deps={deps} run={run} />
       {problem.value && <ProblemNote problem={problem.value} />}
-      {problem.value?.kind === "changed" && name !== undefined && <Conflict session={session} name={name} run={run} />}
+      {problem.value?.kind === "changed" && name !== undefined && (
+        <Conflict session={session} deps={deps} name={name} run={run} />
+      )}
       {problems.value.map((text) => (
         <p key={text} class="problem" role="alert">
           {text}
@@ -78,20 +86,21 @@ export function StoredSection({ session, deps }: Props) {
       <p class="stored-said" role="status">
         {said.value}
       </p>
-      <More session={session} deps={deps} list={list} run={run} />
+      <Offered session={session} deps={deps} said={said} />
+      <More session={session} deps={deps} list={list} run={run} said={said} />
     </div>
   );
 }
 
 type Run = (act: () => Promise<Problem | undefined>, done: string) => Promise<void>;
 
-function SaveNew({ session, run }: { readonly session: WorkspaceSession; readonly run: Run }) {
+function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
   const text = useSignal("");
   const save = async (event: Event): Promise<void> => {
     event.preventDefault();
     const name = text.peek().trim();
     if (name === "") return;
-    await run(() => saveAs(session, name, undefined), TEXT.saved(name));
+    await run(() => saveAs(session, deps.store.devices.peek(), name, undefined), TEXT.saved(name));
     if (session.current.peek()?.name === name) text.value = "";
   };
   return (
@@ -112,16 +121,43 @@ function SaveNew({ session, run }: { readonly session: WorkspaceSession; readonl
   );
 }
 
+/** Alarms of the workspace that the server does not have: added when a person says so, and said which. */
+function Offered({ session, deps, said }: Props & { readonly said: Signal<string> }) {
+  const refused = useSignal<Added["refused"]>([]);
+  const { offered } = session;
+  const add = async (): Promise<void> => {
+    const added = await addAlarms(offered.peek());
+    refused.value = added.refused;
+    offered.value = [];
+    said.value = added.names.length > 0 ? TEXT.addedAlarms(added.names.length, added.names.join(", ")) : "";
+    if (deps.alarms) deps.alarms.value = await presentAlarms();
+  };
+  return (
+    <>
+      {offered.value.length > 0 && (
+        <div class="stored-offer" role="status">
+          <p>{TEXT.hasAlarms(offered.value.length, offered.value.map(({ name }) => name).join(", "))}</p>
+          <div class="stored-row">
+            <button type="button" class="btn edge" onClick={() => void add()}>
+              {TEXT.addAlarms(offered.value.length)}
+            </button>
+            <button type="button" class="btn edge" onClick={() => (offered.value = [])}>
+              {TEXT.notNow}
+            </button>
+          </div>
+        </div>
+      )}
+      {refused.value.map(({ definition, problem }) => (
+        <p key={definition.name} class="problem" role="alert">
+          {TEXT.refusedAlarm(definition.name, `${problem.message} ${problem.hint}`.trim())}
+        </p>
+      ))}
+    </>
+  );
+}
+
 /** Somebody else saved the workspace meanwhile: nothing is replaced unless a person says so. */
-function Conflict({
-  session,
-  name,
-  run,
-}: {
-  readonly session: WorkspaceSession;
-  readonly name: string;
-  readonly run: Run;
-}) {
+function Conflict({ session, deps, name, run }: Props & { readonly name: string; readonly run: Run }) {
   return (
     <div class="stored-row">
       <button
@@ -134,7 +170,7 @@ function Conflict({
       <button
         type="button"
         class="btn edge"
-        onClick={() => void run(() => saveAs(session, name, "*"), TEXT.saved(name))}
+        onClick={() => void run(() => saveAs(session, deps.store.devices.peek(), name, "*"), TEXT.saved(name))}
       >
         {TEXT.replaceWithMine}
       </button>
@@ -142,7 +178,17 @@ function Conflict({
   );
 }
 
-function More({ session, deps, list, run }: Props & { readonly list: Signal<WorkspaceList>; readonly run: Run }) {
+interface MoreProps extends Props {
+  readonly list: Signal<WorkspaceList>;
+  readonly run: Run;
+  readonly said: Signal<string>;
+}
+
+function More({ session, deps, list, run, said }: MoreProps) {
+  const save = async (): Promise<void> => {
+    const alarms = await exportFile(session, deps.store.devices.peek());
+    said.value = alarms > 0 ? TEXT.exportedAlarms(alarms) : "";
+  };
   const name = session.current.value?.name;
   const family = selected(deps)?.protocol ?? "";
   const title = protocolOf(family)?.title ?? family;
@@ -158,7 +204,7 @@ function More({ session, deps, list, run }: Props & { readonly list: Signal<Work
     <details>
       <summary>{TEXT.more}</summary>
       <div class="stored-row">
-        <button type="button" class="btn edge" onClick={() => exportFile(session)}>
+        <button type="button" class="btn edge" onClick={() => void save()}>
           {TEXT.exportFile}
         </button>
         <label class="btn edge">

@@ -1,6 +1,8 @@
 /** Stored workspaces: on the server by name, as a file, and the last state of this browser. */
 import { type Outcome, type Problem, request } from "../ui/http";
 import type { WorkspaceList } from "../wire/routes";
+import type { DeviceInfo } from "../wire/types";
+import { alarmsToOffer, presentAlarms, withAlarms } from "./alarms";
 import { withoutMoment, workspaceOf } from "./parts";
 import type { WorkspaceSession } from "./session";
 
@@ -15,16 +17,18 @@ export async function openStored(session: WorkspaceSession, name: string): Promi
   if (!outcome.ok) return outcome.problem;
   session.open(outcome.value.workspace);
   session.current.value = outcome.value;
+  session.offered.value = await alarmsToOffer(outcome.value.workspace);
   return undefined;
 }
 
 /** Store what is shown. @param ifMatch revision that it replaces; "*": whatever there is; undefined: none of that name */
 export async function saveAs(
   session: WorkspaceSession,
+  devices: readonly DeviceInfo[],
   name: string,
   ifMatch: string | undefined,
 ): Promise<Problem | undefined> {
-  const workspace = { ...workspaceOf(session.view, withoutMoment) };
+  const workspace = { ...withAlarms(workspaceOf(session.view, withoutMoment), await presentAlarms(), devices) };
   const outcome = await request("PUT /api/workspaces/{name}", {
     path: { name },
     body: { workspace },
@@ -51,15 +55,17 @@ export async function setDefault(family: string, name: string | null): Promise<P
   return outcome.ok ? undefined : outcome.problem;
 }
 
-/** Save what is shown as a file. */
-export function exportFile(session: WorkspaceSession): void {
-  const text = JSON.stringify(workspaceOf(session.view, withoutMoment), null, 1);
+/** Save what is shown as a file, with the alarms of the devices. @returns number of alarms in it */
+export async function exportFile(session: WorkspaceSession, devices: readonly DeviceInfo[]): Promise<number> {
+  const workspace = withAlarms(workspaceOf(session.view, withoutMoment), await presentAlarms(), devices);
+  const text = JSON.stringify(workspace, null, 1);
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
   const name = session.current.peek()?.name ?? "workspace";
   link.download = `${name.replace(/[^\p{L}\p{N} _.-]+/gu, "-")}.json`;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  return workspace.alarms?.length ?? 0;
 }
 
 /** Show the workspace of a file; what is wrong with it is among the problems of the session. */
@@ -72,4 +78,5 @@ export async function importFile(session: WorkspaceSession, file: File): Promise
   }
   session.open(json);
   session.current.value = undefined;
+  session.offered.value = await alarmsToOffer(json);
 }
