@@ -9,6 +9,7 @@ import { followAlarms } from "./pages/follow-alarms";
 import { loadPorts, startApp } from "./pages/app-state";
 import { startKeyboard } from "./pages/keyboard";
 import { startLiveAddress } from "./pages/live-address";
+import { findFleet } from "./pages/find-fleet";
 import { watchRecorder } from "./pages/record-button";
 import { route, startRoute } from "./pages/route";
 import { showLive } from "./pages/test-hook";
@@ -56,6 +57,7 @@ effect(() => {
 store.start(socketUrl());
 watchSampleInterval(framesDrawn, (seconds) => store.requestInterval(seconds));
 void loadPorts(app);
+void findFleet(app);
 followAlarms(app);
 showLive(store, app.viewState);
 const root = document.getElementById("root");

@@ -60,6 +60,8 @@ export interface App extends Deps {
   readonly refusal: Signal<Problem | undefined>;
   readonly ports: Signal<readonly Port[]>;
   readonly scanning: Signal<boolean>;
+  /** Whether this is the server of a fleet. */
+  readonly isFleet: Signal<boolean>;
   /** Counts half seconds, for components that show an age or a countdown. */
   readonly tick: Signal<number>;
   /** A requested device; a newly added one is selected as soon as the server reports it. */
@@ -171,6 +173,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     refusal: signal(undefined),
     ports: signal([]),
     scanning: signal(false),
+    isFleet: signal(false),
   };
 }
 

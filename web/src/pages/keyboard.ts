@@ -5,10 +5,10 @@ import { showsPlots } from "../ui/page-state";
 import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
 import { compareView } from "../compare/sides";
-import { go, PAGES, type PageName, route } from "./route";
+import { go, type PageName, pagesOf, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
-  const pageAfter = chords();
+  const pageAfter = chords(app);
   const onKey = (event: KeyboardEvent): void => {
     // a dialog has its own keys, and closes on Esc by itself
     if (event.defaultPrevented || app.overlay.value !== undefined || document.querySelector("dialog[open]") !== null)
@@ -25,6 +25,8 @@ export function startKeyboard(app: App): () => void {
     const action = actionFor(event);
     if (!action) return;
     if (action.do === "help") app.overlay.value = "help";
+    else if (route.value.page === "fleet")
+      return; // robots are not recorded from here
     else if (action.do === "record") void toggleRecord(app);
     else if (action.do === "askRecord") askForRecord(app);
     else if (route.value.recording !== undefined)
@@ -44,14 +46,16 @@ export function startKeyboard(app: App): () => void {
 const CHORD_MS = 1500;
 
 /** The page of "G, then L". */
-function chords(): (event: KeyboardEvent) => PageName | undefined {
+function chords(app: App): (event: KeyboardEvent) => PageName | undefined {
   let goPressed = -Infinity;
   return (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return undefined;
     const key = event.key.toLowerCase();
     const waits = event.timeStamp - goPressed < CHORD_MS;
     goPressed = key === "g" ? event.timeStamp : -Infinity;
-    return waits ? PAGES.find(({ title }) => title.charAt(0).toLowerCase() === key)?.name : undefined;
+    return waits
+      ? pagesOf(app.isFleet.peek()).find(({ title }) => title.charAt(0).toLowerCase() === key)?.name
+      : undefined;
   };
 }
 

@@ -3,22 +3,34 @@
  *
  *     #/?device=…&span=…                    Live (pages/live-address.ts)
  *     #/configure/<device>/<place>/<more>   Configure; the place is a group, a setting, a command, or "compare", "corrections" …
+ *     #/fleet?sort=…&show=…                 the robots of a fleet server (fleet/address.ts)
  *     #/recordings                          the library
  *     #/recordings/<id>?t0=…&cursor=…       a recording at the place of the link (recordings/permalink.ts)
  */
 import { signal } from "@preact/signals";
 import type { IconName } from "../ui/icons";
 import { COMMON } from "../texts/common";
+import { TEXT as FLEET_TEXT } from "../texts/fleet-tab";
 import { TEXT } from "../texts/live";
 
-export type PageName = "live" | "configure" | "recordings";
+export type PageName = "fleet" | "live" | "configure" | "recordings";
+
+interface PageEntry {
+  readonly name: PageName;
+  readonly title: string;
+  readonly icon: IconName;
+}
 
 /** The pages in order, with their names and icons. */
-export const PAGES = [
+const PAGES: readonly PageEntry[] = [
   { name: "live", title: TEXT.live, icon: "wave" },
   { name: "configure", title: TEXT.configure, icon: "sliders" },
   { name: "recordings", title: COMMON.recordings, icon: "library" },
-] as const satisfies readonly { readonly name: PageName; readonly title: string; readonly icon: IconName }[];
+];
+const FLEET: readonly PageEntry[] = [{ name: "fleet", title: FLEET_TEXT.fleet, icon: "grid" }, ...PAGES];
+
+/** The pages of this server; those of a fleet server begin with its robots. */
+export const pagesOf = (isFleet: boolean): readonly PageEntry[] => (isFleet ? FLEET : PAGES);
 
 export interface Route {
   readonly page: PageName;
@@ -40,6 +52,7 @@ export function parse(hash: string): Route | undefined {
   const cut = hash.indexOf("?");
   const path = cut < 0 ? hash : hash.slice(0, cut);
   const [page, device, place, more] = path.slice(2).split("/").map(decoded);
+  if (page === "fleet") return { ...LIVE, page, query: cut < 0 ? "" : hash.slice(cut + 1) };
   if (page === "recordings")
     return { ...LIVE, page, recording: device || undefined, query: cut < 0 ? "" : hash.slice(cut + 1) };
   if (page !== "configure") return cut < 0 ? LIVE : { ...LIVE, query: hash.slice(cut + 1) };

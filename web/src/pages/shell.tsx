@@ -5,35 +5,37 @@ import { late } from "../ui/late";
 import type { App } from "./app-state";
 import { DropVeil } from "./drop";
 import { LivePage } from "./live";
-import { href, PAGES, route } from "./route";
+import { href, pagesOf, route } from "./route";
 import { TEXT } from "../texts/live";
 
 const loading = <div class="app" aria-busy="true" />;
 const ConfigurePage = late(async () => (await import("./configure/page")).ConfigurePage, loading);
 const RecordingsPage = late(async () => (await import("./recordings/page")).RecordingsPage, loading);
 const ComparePage = late(async () => (await import("../compare/page")).ComparePage, loading);
+const FleetPage = late(async () => (await import("../fleet/page")).FleetPage, loading);
 const Decks = late(async () => (await import("./configure/rollback-banner")).Decks);
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;
   const temporary = [...app.store.jobs.value.values()].some((jobs) => jobs.pending_rollback !== null);
   const Library = isComparison(route.value) ? ComparePage : RecordingsPage;
-  const Page = page === "live" ? LivePage : page === "configure" ? ConfigurePage : Library;
+  const isFleet = page === "fleet" && app.isFleet.value;
+  const Page = isFleet ? FleetPage : page === "configure" ? ConfigurePage : page === "recordings" ? Library : LivePage;
   return (
     <>
       <Page app={app} />
       {temporary && <Decks app={app} />}
-      <Tabs />
+      <Tabs app={app} />
       <DropVeil app={app} />
     </>
   );
 }
 
 /** Navigation; the device stays the same. */
-function Tabs() {
+function Tabs({ app }: { readonly app: App }) {
   return (
     <nav class="tabs" aria-label={TEXT.pages}>
-      {PAGES.map(({ name, title, icon }) => (
+      {pagesOf(app.isFleet.value).map(({ name, title, icon }) => (
         <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
           <Icon name={icon} />
           {title}

@@ -12,7 +12,7 @@ import { SceneButton } from "../views/viser";
 import { ArrangeButton } from "../workspace/arrange";
 import type { App } from "./app-state";
 import { Record } from "./record-button";
-import { href, PAGES, route } from "./route";
+import { href, pagesOf, route } from "./route";
 import { Share } from "./share";
 import { COMMON } from "../texts/common";
 import { TEXT as ANALYSIS } from "../texts/analysis";
@@ -35,6 +35,7 @@ interface Props {
 export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
   const { page } = route.value;
   const isLive = page === "live";
+  const panels = page === "fleet" ? undefined : PANELS[page];
   return (
     <header class="bar">
       <div class="brand">
@@ -43,13 +44,13 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
         <small class="desk">{location.hostname}</small>
       </div>
       <nav class="nav" aria-label={TEXT.pages}>
-        {PAGES.map(({ name, title }) => (
+        {pagesOf(app.isFleet.value).map(({ name, title }) => (
           <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
             {title}
           </a>
         ))}
       </nav>
-      <Toggle app={app} name="rail" label={PANELS[page].rail} icon="list" />
+      {panels && <Toggle app={app} name="rail" label={panels.rail} icon="list" />}
       <span class="grow" />
       {isLive && showsPlots(app.state.value) && <TimeControls app={app} />}
       {page === "configure" && <StateTags app={app} />}
@@ -78,7 +79,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
       ) : (
         deps && <ArrangeButton app={app} deps={deps} />
       )}
-      <Record app={app} />
+      {page !== "fleet" && <Record app={app} />}
       {isLive && showsPlots(app.state.value) && (
         <IconButton
           icon="paper"
@@ -97,7 +98,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
         onClick={() => (app.overlay.value = "help")}
       />
       <Theme />
-      <Toggle app={app} name="side" label={PANELS[page].side} icon="side" />
+      {panels && <Toggle app={app} name="side" label={panels.side} icon="side" />}
       {isLive && app.folded.value && (
         <IconButton
           icon="side"
@@ -106,7 +107,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
           onClick={() => (app.folded.value = false)}
         />
       )}
-      {page !== "recordings" && <DeviceName app={app} />}
+      {page !== "recordings" && page !== "fleet" && <DeviceName app={app} />}
     </header>
   );
 }

@@ -1,0 +1,137 @@
+"""The page of a fleet in a real browser: order, filters, keys, details, and a phone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
+from tests.chromium import until
+from tests.synthetic_fleet import SyntheticFleet
+
+ROWS = "[...document.querySelectorAll('.fleet-row')]"
+NAMES = f"{ROWS}.sort((a, b) => a.ariaRowIndex - b.ariaRowIndex).map(row => row.querySelector('a')?.textContent)"
+# Places of all rows and cells, and of what stands above them.
+PARTS = ".fleet-row, [role=gridcell], [role=columnheader], .fleet-tools *"
+BOXES = (
+    f"[...document.querySelectorAll({PARTS!r})]"
+    """.map(one => {
+  const {x, y, width, height} = one.getBoundingClientRect();
+  return [x, y, width, height].join();
+})"""
+)
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SyntheticFleet]:
+    with SyntheticFleet(300, tmp_path_factory.mktemp("fleet")) as running:
+        yield running
+
+
+def opened(
+    fleet: SyntheticFleet, open_page: Callable[..., Page], at: str = "", size: tuple[int, int] = DESKTOP
+) -> Page:
+    page = open_page(fleet.url + at, width=size[0], height=size[1], touch=size == PHONE)
+    until(page, f"{ROWS}.length > 5")
+    return page
+
+
+def lost(fleet: SyntheticFleet) -> set[str]:
+    return {one.name for one in fleet.maker.robots if one.state == "lost"}
+
+
+def test_the_page_opens_with_the_robots_that_need_somebody(
+    fleet: SyntheticFleet, open_page: Callable[..., Page]
+) -> None:
+    page = opened(fleet, open_page)
+    assert page.evaluate("location.hash") == "#/fleet"
+    names = page.evaluate(NAMES)
+    assert set(names[: len(lost(fleet))]) == lost(fleet)
+    assert page.evaluate(f"{ROWS}.length") < 80
+    assert serious(page) == []
+
+
+def test_a_link_shows_the_same_robots(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
+    page = opened(fleet, open_page)
+    page.get_by_role("button", name="Losing samples").click()
+    page.get_by_label("Group by").select_option("firmware")
+    page.get_by_role("columnheader", name="Loss").get_by_role("button").click()
+    page.keyboard.press("/")
+    page.keyboard.type("amr")
+    address = "#/fleet?sort=loss&show=loss&q=amr&by=firmware"
+    until(page, f"location.hash === {address!r}")
+    listed = page.evaluate(NAMES)
+    page.reload()
+    until(page, f"{ROWS}.length > 1")
+    assert page.evaluate("location.hash") == address
+    assert page.evaluate(NAMES) == listed
+    assert page.get_by_role("searchbox").input_value() == "amr"
+
+
+def test_keys_reach_every_robot_and_its_details(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
+    page = opened(fleet, open_page, "#/fleet?sort=name")
+    page.get_by_role("grid").focus()
+    page.keyboard.press("End")
+    until(page, "document.querySelector('.fleet-row.active a')?.textContent === 'amr-300'")
+    until(page, "document.querySelector('.fleet-row.active').getBoundingClientRect().bottom <= innerHeight")
+    page.keyboard.press("Home")
+    for _ in range(4):
+        page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowRight")  # it has two devices
+    until(page, "document.querySelectorAll('.fleet-row.of-device').length === 2")
+    page.keyboard.press("Enter")
+    until(page, "document.querySelector('.fleet-details h2')?.textContent === 'amr-005'")
+    until(page, "document.querySelectorAll('.fleet-device').length === 2")
+    link = page.get_by_role("link", name="Configure", exact=True).last
+    assert link.get_attribute("href") == "http://amr-005.example:8080/#/configure"
+    assert serious(page, colours=False) == []
+    page.go_back()
+    until(page, "document.querySelector('.fleet-details') === null")
+
+
+def test_nothing_moves_while_figures_change(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
+    page = opened(fleet, open_page, "#/fleet?sort=temperature")
+    box = page.get_by_role("grid").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 300, box["y"] + 200)  # the pointer holds the order
+    names, boxes = page.evaluate(NAMES), page.evaluate(BOXES)
+    shown = page.evaluate(f"{ROWS}.map(row => row.innerText).join()")
+    until(page, "document.querySelector('.sort-now').disabled")
+    for _ in range(200):
+        fleet.change()
+        page.wait_for_timeout(100)
+        if page.evaluate("!document.querySelector('.sort-now').disabled"):
+            break
+    assert page.evaluate(f"{ROWS}.map(row => row.innerText).join()") != shown
+    assert page.evaluate(NAMES) == names
+    assert page.evaluate(BOXES) == boxes
+    page.get_by_role("button", name="Sort now").click()
+    until(page, f"{NAMES}.join() !== {','.join(names)!r}")
+
+
+def test_everything_is_reachable_on_a_phone(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
+    page = opened(fleet, open_page, size=PHONE)
+    assert serious(page) == []
+    small = page.evaluate(TARGETS)
+    assert not small, "\n".join(small)
+    page.set_viewport_size({"width": 360, "height": 740})
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= 360
+    page.locator(".fleet-row").first.tap()
+    until(page, "document.querySelector('.fleet-details h2') === document.activeElement")
+    small = page.evaluate(TARGETS)
+    assert not small, "\n".join(small)
+    page.get_by_role("button", name="Close the details").tap()
+    until(page, "document.querySelector('.fleet-details') === null")
+
+
+def test_figures_stay_with_their_age_while_the_server_is_away(tmp_path: Path, open_page: Callable[..., Page]) -> None:
+    with SyntheticFleet(20, tmp_path) as running:
+        page = opened(running, open_page)
+        page.route("**/api/fleet/robots*", lambda route: route.abort("connectionrefused"))
+        until(page, "document.querySelector('.fleet .band')?.innerText.includes('No connection to the fleet server')")
+        assert page.evaluate(f"{ROWS}.length") == 20
+        page.unroute("**/api/fleet/robots*")
+        until(page, "document.querySelector('.fleet .band') === null")
