@@ -49,6 +49,7 @@ from server.auth import Access, Guard
 from server.config import Config
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sessions import OpenLink
+from server.fleet.fleet_server import FleetServer
 from server.fleet.robots import Robots
 from server.links import open_link
 from server.page_files import Files
@@ -110,19 +111,24 @@ def create_app(
     page_files: Files | None = None,
     timings: ViewerTimings | None = None,
     robots: Robots | None = None,
+    fleet_server: FleetServer | None = None,
 ) -> ASGIApp:
     """The application, guarded.
 
     Args:
         open_link, protocol_set, now_ns, page_files, timings: links, protocols, clock, page and time limits; tests pass
             their own.
-        robots: makes it a fleet server.
+        robots: makes it a page of these robots.
+        fleet_server: likewise, of the robots that it receives; its session is open.
 
     Raises:
         DecodeOptionError: the configuration has an invalid option of a source.
+        FleetSettingsError: … or of the fleet.
     """
     page_files, timings = page_files or Files(), timings or ViewerTimings()
-    services = build_services(config, access, open_link, protocol_set, now_ns, page_files, timings, robots)
+    services = build_services(
+        config, access, open_link, protocol_set, now_ns, page_files, timings, robots, fleet_server
+    )
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`hold`, `record`, `replay`, `decode`, `analyse`, `upload`, `query`, `simulate`.
+`hold`, `record`, `replay`, `decode`, `analyse`, `upload`, `query`, `fleet`, `simulate`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -277,6 +277,12 @@ def _query(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
+def _fleet(options: argparse.Namespace) -> None:
+    from server.commands.fleet import fleet
+
+    fleet(options)
+
+
 def _replay(options: argparse.Namespace) -> None:
     import asyncio
 
@@ -347,6 +353,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "analyse": _analyse,
     "upload": _upload,
     "query": _query,
+    "fleet": _fleet,
     "simulate": _simulate,
     "completion": _completion,
 }

@@ -30,6 +30,9 @@
     [store]  # recordings of many robots (server/store_settings.py)
     url = "s3://bucket/prefix"
 
+    [fleet]  # this robot on the page of many (server/fleet_settings.py)
+    router = "tls/fleet.example:7447"
+
 An unknown name in the file is an error, because a mistyped token that is silently ignored is worse than a server that
 does not start.
 """
@@ -56,6 +59,7 @@ from server.devices.decode_options import (
     option_text,
     source_options,
 )
+from server.fleet_settings import FleetServerSettings, FleetSettings
 from server.holder.shares import ShareAddress, ShareError
 from server.logging_setup import LEVELS, STYLES
 from server.ros2.domain import usual_domain
@@ -68,7 +72,7 @@ DEFAULT_PORT = 8080
 MAX_MEMORY_MB = 65_536
 RELIABILITIES = ("reliable", "best_effort")
 ROS2_AXES = ("rep103", "device")
-SECRETS = ("view_token", "control_token")
+SECRETS = ("view_token", "control_token", "password")
 
 
 class ConfigError(ValueError):
@@ -104,6 +108,8 @@ _TYPES = {
     dict[str, str]: "a table of strings",
     MapTiles: "a table with tiles and attribution",
     StoreSettings: "a table with url",
+    FleetSettings: "a table with router, name, group and the like",
+    FleetServerSettings: "a table with listen, robots and the like",
 }
 
 
@@ -147,6 +153,8 @@ class Config:
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
         store: recordings of many robots, for questions (server/fleet).
+        fleet: the fleet that this robot belongs to.
+        fleet_server: the bus of `imuscope fleet`; `serve` does not use it.
     """
 
     host: str = DEFAULT_HOST
@@ -190,6 +198,8 @@ class Config:
     log_level: str = "info"
     map: MapTiles = MapTiles()
     store: StoreSettings = field(default_factory=StoreSettings)
+    fleet: FleetSettings = field(default_factory=FleetSettings)
+    fleet_server: FleetServerSettings = field(default_factory=FleetServerSettings)
 
     def reading(self) -> DecodeOptions:
         """Decode options of the sources.
@@ -283,6 +293,21 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
         lambda text: not text or _is_tile_address(text),
         "must be an http address with {z}, {x} and {y} in its path",
     ),
+    "fleet.router": (
+        lambda text: not text or is_router_address(text),
+        "is not an address such as tcp/fleet.example:7447 or tls/fleet.example:7447",
+    ),
+    **{
+        f"fleet_server.{name}": (
+            lambda text: not text or is_router_address(text),
+            "is not an address such as tcp/127.0.0.1:7447 or tls/0.0.0.0:7447",
+        )
+        for name in ("listen", "router")
+    },
+    "fleet.limit_kb_s": (
+        lambda rate: rate == 0 or 0.1 <= rate <= 1e6,
+        "is neither 0 (no limit) nor 0.1 … 1 000 000 kB/s",
+    ),
 }
 
 
@@ -291,7 +316,7 @@ def load(toml: Path | None = None, **given: Any) -> Config:
 
     Args:
         toml: configuration file; `given` overrides it.
-        given: settings from the command line; None means "not given". `store` is the URL of one.
+        given: settings from the command line; None means "not given". A table overrides only what it has.
 
     Raises:
         ConfigError: the file cannot be read, a name is unknown or a value is not allowed.
@@ -305,10 +330,11 @@ def load(toml: Path | None = None, **given: Any) -> Config:
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{toml} is not valid TOML: {error}.") from None
     given = {name: value for name, value in given.items() if value is not None}
-    if (url := given.pop("store", None)) is not None:
-        table = settings.get("store", {})
-        given["store"] = {**table, "url": url} if isinstance(table, dict) else table
-    settings.update(given)
+    for name, value in given.items():
+        table = settings.get(name, {})
+        if name in _TABLE_NAMES and isinstance(value, Mapping):
+            value = {**table, **value} if isinstance(table, dict) else table
+        settings[name] = value
     if settings.get("ros2") and "ros2_domain" not in settings:
         try:
             settings["ros2_domain"] = usual_domain()
@@ -385,8 +411,11 @@ def _as_tuples(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-_TABLES: Mapping[Any, Any] = {MapTiles: MapTiles(), StoreSettings: StoreSettings()}  # with names of their own
-T = TypeVar("T", Config, MapTiles, StoreSettings)
+_TABLES: Mapping[Any, Any] = {  # with names of their own
+    kind: kind() for kind in (MapTiles, StoreSettings, FleetSettings, FleetServerSettings)
+}
+_TABLE_NAMES = ("map", "store", "fleet", "fleet_server")
+T = TypeVar("T", Config, MapTiles, StoreSettings, FleetSettings, FleetServerSettings)
 
 
 def _typed(default: T, settings: Any, table: str = "") -> T:

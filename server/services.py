@@ -33,7 +33,10 @@ from server.devices.protocol_set import all_protocols, sensors_of
 from server.devices.protocol_set import protocols as installed_protocols
 from server.devices.sequence_store import SequenceStore
 from server.devices.sessions import OpenLink, Sessions
+from server.fleet.fleet_server import FleetServer
+from server.fleet.publisher import FleetPublisher
 from server.fleet.question_service import QuestionService
+from server.fleet.raised_alarms import raised_alarms
 from server.fleet.robots import Robots
 from server.integrations.foxglove import Foxglove
 from server.integrations.map_tiles import TileSource
@@ -65,7 +68,9 @@ class Services:
     Args:
         reading: default decode options of sources and recordings.
         scan_lock: held during a port scan, because a port can be opened only once.
+        fleet: this robot in its fleet.
         robots: those of a fleet; None if this is no fleet server.
+        fleet_server: what receives them.
         history_lock: held while history is sent to a browser, so that several pages are served one after the other.
     """
 
@@ -98,7 +103,9 @@ class Services:
     folder_lock: DataFolderLock
     workspaces: WorkspaceStore
     questions: QuestionService
+    fleet: FleetPublisher
     robots: Robots | None = None
+    fleet_server: FleetServer | None = None
     protocols: Callable[[], dict[str, str]] = installed_protocols
     scan_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     history_lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -112,7 +119,7 @@ class Services:
     async def running(self) -> AsyncIterator[None]:
         """Start all services; close them concurrently at the end."""
         reading = self.reading if self.config.sources else DecodeOptions()
-        sources = self.config.sources or default_sources()
+        sources = self.config.sources or (default_sources() if self.robots is None else [])
         loop = asyncio.get_running_loop()
 
         def report(text: str) -> None:
@@ -132,6 +139,9 @@ class Services:
         self.catalogue.start()
         self.foxglove.start()
         self.ros2.start()
+        self.fleet.start()
+        if self.fleet_server is not None:
+            self.fleet_server.start()
         await self.rerun.start()
         decoders.start()
         yield
@@ -145,6 +155,8 @@ class Services:
                 "Rerun": self.rerun.close(),
                 "Foxglove": self.foxglove.close(),
                 "ROS 2": self.ros2.close(),
+                "the fleet": self.fleet.close(),
+                **({} if self.fleet_server is None else {"the fleet server": self.fleet_server.close()}),
                 "the compiler": asyncio.to_thread(decoders.close),
                 "a device": shutdown.close_sequentially(self.corrections.close(), self.sessions.close()),
             },
@@ -161,6 +173,7 @@ def build_services(
     page_files: Files,
     timings: ViewerTimings,
     robots: Robots | None = None,
+    fleet_server: FleetServer | None = None,
 ) -> Services:
     """Create the services without starting them. Arguments and errors as for `create_app`."""
     wall_ns = now_ns or time.time_ns
@@ -193,7 +206,9 @@ def build_services(
     catalogue = Catalogue(bus, telemetry.clients, library, columns)
     compactor = CompactionWorker(catalogue.finished)
     signals = SignalDefinitions(config.data)
+    robots = robots if fleet_server is None else fleet_server.robots
     recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory, signals)
+    alarms = AlarmService(bus, telemetry.store, config.data, recorder)
     return Services(
         config=config,
         reading=reading,
@@ -211,7 +226,7 @@ def build_services(
         calibrations=CalibrationSessions(bus, telemetry.store),
         recorder=recorder,
         exports=ExportJobs(bus, catalogue, columns, config.data),
-        alarms=AlarmService(bus, telemetry.store, config.data, recorder),
+        alarms=alarms,
         viser=Viser(telemetry, timings.scene_idle_s),
         rerun=Rerun(telemetry, config.rerun_connect),
         foxglove=Foxglove(telemetry, config.foxglove, access),
@@ -223,6 +238,8 @@ def build_services(
         timings=timings,
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),
+        fleet=FleetPublisher(telemetry, config, lambda: raised_alarms(alarms)),
         robots=robots,
         questions=QuestionService(config.store),
+        fleet_server=fleet_server,
     )

@@ -104,7 +104,7 @@ def imuscope(
 
 
 class ServerProcess:
-    """`imuscope serve SOURCE …`, started and waited for until it answers.
+    """`imuscope serve SOURCE …`, or another command that serves the page, started and waited for until it answers.
 
     Args:
         sources: as on the command line; none starts what the command starts by itself.
@@ -126,8 +126,9 @@ class ServerProcess:
         prefix: tuple[str, ...] = (),
         timeout_s: float = 180,
         fresh: bool = False,
+        command: str = "serve",
     ) -> None:
-        words = ["serve", *sources, "--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
+        words = [command, *sources, "--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
         self.process = begun(*words, fresh=fresh, prefix=prefix)
         self.data = data
         self.lines: list[str] = []

@@ -100,6 +100,7 @@ FAMILY = ProtocolInfo(
     build(4, bytes(36), sequence=1, mode=1) + build(6, bytes(16), sequence=3),
     scanner(None, LITE, show_unverified=True),
     short="IDTP",
+    counts=True,
     frame_size="protocols.idtp.frame_size",
     options=OPTIONS,
     payload_definition=PayloadDefinition("schema", TEMPLATE, (("i16", 2), ("u8", 1))),

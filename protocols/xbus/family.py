@@ -267,6 +267,7 @@ FAMILY = ProtocolInfo(
     build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
     scan,
     short="Xbus",
+    counts=True,
     frame_size="protocols.xbus.frame_size",
     configuration_frames="protocols.xbus.configuration_frames",
     host_drivers={

@@ -13,6 +13,7 @@ from typing import NoReturn, TypeAlias
 from protocols.decode_options import DecodeOption, Scope
 from protocols.plugins import protocol_names
 from server import logging_setup
+from server.commands.fleet_arguments import add_fleet
 from server.commands.store_arguments import add_query, add_store, add_upload
 from server.config import default_data
 from server.devices.decode_options import declared_options
@@ -21,7 +22,7 @@ from server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "analyse", "upload", "query", "simulate", "completion"),
+    *("decode", "analyse", "upload", "query", "fleet", "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -44,6 +45,7 @@ CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sour
   upload_gb                       maximum size of an uploaded recording (default 16)
   [map] tiles, attribution        tile server for the map under the track
   [store] url, query_s, query_mb  store of recordings, and limits of a question over HTTP (default 60 s, 1024 MB)
+  [fleet] name, group, user, …    this robot in a fleet; see docs/fleet.md
 """
 ENVIRONMENT_HELP = """environment variables, used if the option is not given:
   IMUSCOPE_DATA                   --data
@@ -191,6 +193,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_analyse(commands.add_parser, about)
     _add_data(add_upload(commands.add_parser))
     add_query(commands.add_parser)
+    _add_data(add_fleet(commands.add_parser))
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)
     for name in root.commands if not command else [command] if command in root.commands else ():
@@ -240,6 +243,9 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument("--ros2-domain", type=int, metavar="N", help="ROS domain (default: ROS_DOMAIN_ID, else 0)")
     command.add_argument(
         "--ros2-router", metavar="ADDRESS", help=f"Zenoh router: tcp/HOST:PORT (default {DEFAULT_ROUTER})"
+    )
+    command.add_argument(
+        "--fleet", metavar="ADDRESS", help="join the fleet at tcp/HOST:PORT or tls/HOST:PORT (`imuscope fleet`)"
     )
     command.add_argument(
         "--log-format", choices=logging_setup.STYLES, help="format of the log on standard error (default text)"

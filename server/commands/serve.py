@@ -6,6 +6,7 @@ import argparse
 import errno
 import socket
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from server import logging_setup
@@ -26,6 +27,8 @@ from server.links.simulated_device import simulators
 from server.version import VERSION
 
 if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
     from server.auth import Access
 
 
@@ -36,8 +39,23 @@ def serve(options: argparse.Namespace) -> None:
         UsageError: the options cannot be fulfilled.
         ConfigError, DecodeOptionError: invalid options or configuration file.
     """
+    from server.app import create_app
+
+    run(_config(options), create_app)
+
+
+def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot: bool = True) -> None:
+    """Serve an application until stopped.
+
+    Args:
+        create: called when the port is open.
+        is_robot: it has devices: simulators if none are given.
+
+    Raises:
+        UsageError: the port cannot be opened, or what `create` raises.
+        ConfigError, DecodeOptionError: invalid options.
+    """
     started = time.monotonic()
-    config = _config(options)
     from server import http_server
     from server.auth import Access
 
@@ -49,8 +67,6 @@ def serve(options: argparse.Namespace) -> None:
     tls_renewal = http_server.keeper_of(config)
     _check_store(config.store.url)
     prepare(config.data)
-    from server.app import create_app
-
     check_sources(config.sources, decode_options)
     try:
         listener = http_server.listen(config.host, config.port)
@@ -63,10 +79,10 @@ def serve(options: argparse.Namespace) -> None:
 
     def ready() -> None:
         logging_setup.print_or_log(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
-        _print_addresses(config, access, url, tls_renewal.tls.fingerprint if tls_renewal is not None else "")
+        _print_addresses(config, access, url, tls_renewal.tls.fingerprint if tls_renewal is not None else "", is_robot)
 
     try:
-        http_server.run(create_app(config, access), listener, ready, tls_renewal)
+        http_server.run(create(config, access), listener, ready, tls_renewal)
     except RuntimeError as error:
         raise UsageError(str(error)) from None
 
@@ -92,10 +108,11 @@ def _config(options: argparse.Namespace) -> Config:
         record=options.record,
         foxglove=options.foxglove,
         rerun_connect=options.rerun_connect,
-        store=options.store,
+        store=None if options.store is None else {"url": options.store},
         ros2=options.ros2,
         ros2_domain=options.ros2_domain,
         ros2_router=options.ros2_router,
+        fleet=None if options.fleet is None else {"router": options.fleet},
         log_format=options.log_format,
         log_level=options.log_level,
         **given,
@@ -114,7 +131,7 @@ def _check_store(url: str) -> None:
         raise UsageError(f"{error.message.rstrip('.')}. {error.hint}".strip()) from None
 
 
-def _print_addresses(config: Config, access: Access, url: str, fingerprint: str) -> None:
+def _print_addresses(config: Config, access: Access, url: str, fingerprint: str, is_robot: bool) -> None:
     """Print the address of the page, its tokens and start-up warnings."""
     from server.login_throttle import UNGUESSABLE, short_tokens
 
@@ -131,7 +148,7 @@ def _print_addresses(config: Config, access: Access, url: str, fingerprint: str)
         logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
     for problem in (*problems(), *load_analyses()):
         logging_setup.print_or_log(problem)
-    if not config.sources:
+    if is_robot and not config.sources:
         shown = [simulator.words for simulator in simulators().values() if simulator.usual]
         words = f"No source given: showing simulated devices: {', '.join(shown)}."
         logging_setup.print_or_log(f"{words} See `imuscope serve --help`.")

@@ -31,6 +31,14 @@ def sensors_of(protocol: str, product: str) -> SensorProperties:
     return row.sensors(product) if row is not None else SensorProperties()
 
 
+def counts_losses(protocol: str) -> bool:
+    """Whether lost samples of a protocol are counted: none lost then means that none are missing."""
+    from protocols.registry import PROTOCOLS
+
+    row = PROTOCOLS.get(protocol)
+    return row is not None and row.counts
+
+
 def problems() -> list[str]:
     """A sentence for each family, exporter and link of another package that cannot be used."""
     from protocols.registry import PROBLEMS

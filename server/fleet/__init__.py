@@ -14,8 +14,15 @@ The store needs `imuscope[fleet]`.
     questions.py   prepared questions
     results.py     answers as a table, CSV, JSON or Arrow
 
-    robots.py      the robots that a fleet server knows, and what changed of them
-    summaries.py   a robot at a glance
+    keys.py, reports.py    the bus: its keys, and what is published under them
+    bus.py, access.py      sessions of Zenoh, and the access rules of the router
+    publisher.py           a robot's side (`--fleet`); device_figures.py and raised_alarms.py are what it tells
+    journal.py             its last reports, for when the line was away
+    fleet_server.py        the other side (`imuscope fleet`): receives, asks, stores
+    collector.py           what it makes of tokens and reports
+    database.py            what it keeps over restarts
+    robots.py              the robots that a fleet server knows, and what changed of them
+    summaries.py           a robot at a glance
 
 docs/fleet.md describes the layout of a store for other programs.
 """

@@ -1,0 +1,263 @@
+"""Tokens, reports and journals of robots, made into a state. No I/O: what to ask and to write is returned.
+
+    token of NAME, BOOT ──> live, or lost
+    report of NAME  ──┬─ the next number          taken
+                      ├─ an earlier number        ignored: taken already
+                      └─ a later number           the journal of NAME is asked for those after the last one
+    journal of NAME ────> reports in order, taken; a hole is what NAME had to drop, and is counted
+
+Nothing here trusts the bus: whatever does not decode, belongs to a run that is not announced, or has no valid name is
+counted and ignored.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import msgspec
+
+from server.fleet import keys
+from server.fleet.database import FleetBatch, StoredEvent, StoredRobot
+from server.fleet.reports import ReportError, RobotReport, RobotStatus, decode_journal, decode_report
+from server.fleet.robots import Robots, TooManyRobotsError
+from server.fleet.status_summary import summary_of
+from server.printable import printable
+
+ASK_AGAIN_S = 5.0
+CONFIRM_S = 300.0
+"""How often a robot is told which of its reports are stored, by asking for those after it."""
+MAX_BOOTS = 4
+MAX_UNWRITTEN = 50_000
+"""Events that wait for the disk; above it reports are not taken, but stay with the robots."""
+_status = msgspec.msgpack.Decoder(RobotStatus)
+
+
+@dataclass(slots=True)
+class _Robot:
+    stored: StoredRobot
+    status: RobotStatus | None = None
+    boots: list[str] = field(default_factory=list)  # announced runs; more than one: several robots of one name
+    latest: int = 0  # number that the robot has
+    ask_at: float = float("inf")
+    confirm_at: float = 0.0
+
+
+@dataclass(slots=True)
+class CollectorCounts:
+    """Counts since the start."""
+
+    reports: int = 0
+    bytes: int = 0
+    repeated: int = 0
+    invalid: int = 0
+    unannounced: int = 0
+    refused: int = 0
+    missed: int = 0
+
+
+class Collector:
+    """The robots of a fleet. To be used in one thread.
+
+    Args:
+        stored: the robots as the database has them.
+        now: unix s.
+    """
+
+    def __init__(self, robots: Robots, stored: list[StoredRobot], now: Callable[[], float] = time.time) -> None:
+        self._summaries = robots
+        self._now = now
+        self._robots: dict[str, _Robot] = {}
+        self._started = now()
+        self.batch = FleetBatch()
+        self.counts = CollectorCounts()
+        for one in stored:
+            status = None
+            with contextlib.suppress(msgspec.DecodeError):  # of another version
+                status = _status.decode(one.status) if one.status else None
+            robot = self._robots[one.name] = _Robot(one, status)
+            self._show(robot)
+
+    @property
+    def live(self) -> int:
+        """Number of robots that are live."""
+        return sum(bool(robot.boots) for robot in self._robots.values())
+
+    def settle_absent(self) -> None:
+        """Robots that were live before a restart, and have not come back, are lost since then."""
+        for robot in self._robots.values():
+            if robot.stored.is_live and not robot.boots:
+                robot.stored.is_live, robot.stored.since = False, self._started
+                self._changed(robot)
+
+    def on_token(self, key: str, *, alive: bool) -> None:
+        """A liveliness token appeared, or was withdrawn."""
+        name, boot = keys.parse_token(key)
+        if not name:
+            self.counts.invalid += 1
+            return
+        robot = self._robot(name)
+        if robot is None or (boot in robot.boots) == alive:
+            return
+        now = self._now()
+        if not alive:
+            robot.boots.remove(boot)
+            if not robot.boots:
+                robot.stored.is_live, robot.stored.since = False, now
+                robot.ask_at = float("inf")
+            self._changed(robot)
+            return
+        if len(robot.boots) >= MAX_BOOTS:
+            self.counts.refused += 1
+            return
+        if robot.boots:
+            words = f"Several robots call themselves {name}; the one that came last is shown. Give each its own name."
+            self._note(name, "error", words)
+        robot.boots.append(boot)
+        if robot.stored.boot != boot:
+            robot.stored.boot, robot.stored.number, robot.latest = boot, 0, 0
+            robot.stored.is_live = False
+        if not robot.stored.is_live:
+            robot.stored.is_live, robot.stored.since = True, now
+        robot.ask_at = now  # what happened while this server did not listen
+        self._changed(robot)
+
+    def on_report(self, key: str, data: bytes) -> None:
+        """A report was received."""
+        self.counts.bytes += len(data)
+        name = keys.robot_of(key)
+        try:
+            report = decode_report(data)
+        except ReportError:
+            self.counts.invalid += 1
+            return
+        robot = self._robots.get(name)
+        if robot is None or report.boot != robot.stored.boot or report.boot not in robot.boots:
+            self.counts.unannounced += 1  # it is asked for when the token arrives
+            return
+        self.counts.reports += 1
+        robot.latest = max(robot.latest, report.number)
+        if report.is_empty and report.number <= robot.stored.number:
+            return
+        if report.number == robot.stored.number + 1 and not report.is_empty:
+            self._take(robot, report)
+        elif report.number <= robot.stored.number:
+            self.counts.repeated += 1
+        else:
+            robot.ask_at = min(robot.ask_at, self._now())
+
+    def on_journal(self, key: str, data: bytes) -> None:
+        """A robot answered with earlier reports."""
+        self.counts.bytes += len(data)
+        robot = self._robots.get(keys.robot_of(key))
+        try:
+            answer = decode_journal(data)
+        except ReportError:
+            self.counts.invalid += 1
+            return
+        if robot is None or answer.boot != robot.stored.boot or answer.boot not in robot.boots:
+            self.counts.unannounced += 1
+            return
+        stored = robot.stored
+        if answer.first > stored.number + 1:
+            missed = answer.first - stored.number - 1
+            stored.missed += missed
+            self.counts.missed += missed
+            words = f"{missed} reports of {stored.name} were dropped while the line was away."
+            self._note(stored.name, "warning", words)
+            stored.number = answer.first - 1
+            self._changed(robot)
+        for report in answer.reports:
+            if report.number == stored.number + 1:
+                self._take(robot, report)
+        robot.latest = max(robot.latest, answer.last)
+        robot.ask_at = float("inf")
+        if robot.latest > stored.number:  # there is more; an answer without reports: the line of the robot is limited
+            robot.ask_at = self._now() + (0.0 if answer.reports else 1.0)
+
+    def questions(self, limit: int) -> Iterator[tuple[str, str, int]]:
+        """Journals to ask now: name, run, number after which. Each is asked again if no answer comes."""
+        now = self._now()
+        for name, robot in self._robots.items():
+            if limit <= 0:
+                return
+            if robot.boots and min(robot.ask_at, robot.confirm_at) <= now and len(self.batch.events) < MAX_UNWRITTEN:
+                robot.ask_at = now + ASK_AGAIN_S if robot.ask_at <= now else robot.ask_at
+                robot.confirm_at = now + CONFIRM_S
+                limit -= 1
+                yield name, robot.stored.boot, robot.stored.number
+
+    def remove(self, name: str) -> bool:
+        """Forget a robot that is lost; returns whether there was one."""
+        robot = self._robots.get(name)
+        if robot is None or robot.boots:
+            return False
+        del self._robots[name]
+        self.batch.robots.pop(name, None)
+        self.batch.removed.add(name)
+        return self._summaries.remove(name)
+
+    def taken_batch(self) -> FleetBatch:
+        """The changes since the last call, to be written."""
+        batch, self.batch = self.batch, FleetBatch()
+        batch.robots = {name: replace(one) for name, one in batch.robots.items()}
+        return batch
+
+    def give_back(self, batch: FleetBatch) -> None:
+        """Take changes back that could not be written."""
+        batch.robots.update(self.batch.robots)
+        batch.events += self.batch.events
+        batch.removed |= self.batch.removed
+        self.batch = batch
+
+    def all_lost(self) -> None:
+        """The line to the router is lost: no token is known any more."""
+        for name, robot in self._robots.items():
+            for boot in list(robot.boots):
+                self.on_token(keys.token_key(name, boot), alive=False)
+
+    def _robot(self, name: str) -> _Robot | None:
+        robot = self._robots.get(name)
+        if robot is None:
+            robot = _Robot(StoredRobot(name, since=self._now()))
+            try:
+                self._summaries.update(summary_of(name, RobotStatus(), robot.stored.since, is_live=False))
+            except TooManyRobotsError:
+                self.counts.refused += 1
+                return None
+            self._robots[name] = robot
+        return robot
+
+    def _take(self, robot: _Robot, report: RobotReport) -> None:
+        if len(self.batch.events) >= MAX_UNWRITTEN:
+            robot.ask_at = self._now() + ASK_AGAIN_S
+            return
+        stored = robot.stored
+        stored.number = report.number
+        stored.received += 1
+        for event in report.events:
+            words = (event.kind, event.level, printable(event.text), printable(event.device))
+            self.batch.events.append(StoredEvent(stored.name, report.boot, report.number, event.time, *words))
+        if report.status is not None:
+            robot.status = report.status
+            stored.status = msgspec.msgpack.encode(report.status)
+        self._changed(robot)
+
+    def _changed(self, robot: _Robot) -> None:
+        self.batch.robots[robot.stored.name] = robot.stored
+        self.batch.removed.discard(robot.stored.name)
+        self._show(robot)
+
+    def _show(self, robot: _Robot) -> None:
+        stored = robot.stored
+        status = robot.status or RobotStatus()
+        since = self._started if stored.is_live and not robot.boots else stored.since
+        try:
+            self._summaries.update(summary_of(stored.name, status, since, is_live=bool(robot.boots)))
+        except TooManyRobotsError:  # fewer are allowed than were stored
+            self.counts.refused += 1
+
+    def _note(self, name: str, level: str, text: str) -> None:
+        self.batch.events.append(StoredEvent(name, "", 0, self._now(), "link", level, text, ""))

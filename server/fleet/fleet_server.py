@@ -1,0 +1,232 @@
+"""The fleet server's end of the bus: receives, asks, stores.
+
+    Zenoh's threads ─> a queue of limited length ─> Collector (event loop, ten times a second) ─> Robots ─> page
+                                                        ├─> journals are asked for what is missing
+                                                        └─> FleetDatabase, once a second, in a thread
+
+What does not fit into the queue is not lost: its number is missed, and the robot is asked for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import struct
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from server.fleet import keys
+from server.fleet.bus import open_bus
+from server.fleet.collector import Collector
+from server.fleet.database import FleetDatabase, FleetDatabaseError
+from server.fleet.reports import MAX_JOURNAL
+from server.fleet.robots import Robots
+from server.prometheus_text import PrometheusText
+
+if TYPE_CHECKING:
+    import zenoh
+
+log = logging.getLogger("imuscope.fleet")
+
+TURN_S = 0.1
+WRITE_S = 1.0
+MAX_QUEUE = 50_000
+MAX_QUEUE_BYTES = 128 * 1024 * 1024
+QUESTIONS_PER_TURN = 100
+SETTLE_S = 30.0
+QUERY_TIMEOUT_S = 5.0
+WATCH_S = 2.0
+
+TOKEN, REPORT, JOURNAL = range(3)
+
+
+class FleetServer:
+    """One session, and what it receives. To be used in the event loop of the server.
+
+    Args:
+        settings: of the session; called again when what `version` returns has changed, and the session is opened anew.
+        version: of the file of robots, say.
+
+    Attributes:
+        problem: why the state cannot be stored, or the settings cannot be used; empty otherwise.
+    """
+
+    def __init__(
+        self,
+        robots: Robots,
+        database: FleetDatabase,
+        settings: Callable[[], Mapping[str, Any]],
+        version: Callable[[], object] = lambda: None,
+    ) -> None:
+        self.robots, self.database = robots, database
+        self.collector = Collector(robots, database.robots())
+        self.problem = ""
+        self.overflows = 0
+        self._settings, self._version = settings, version
+        self._opened: object = None
+        self._session: zenoh.Session | None = None
+        self._declared: list[object] = []
+        self._queue: deque[tuple[int, str, bytes]] = deque()
+        self._queued = 0
+        self._task: asyncio.Task[None] | None = None
+        self._writing: asyncio.Task[None] | None = None
+
+    def open(self) -> None:
+        """Open the session. What is received waits until `start`.
+
+        Raises:
+            FleetBusError: it cannot be opened.
+        """
+        self._opened = self._version()
+        session = open_bus(self._settings())
+        self._declare(session)
+        self._session = session
+
+    def start(self) -> None:
+        """Begin to collect, in the event loop."""
+        self._task = asyncio.create_task(self._run(), name="fleet server")
+
+    async def close(self) -> None:
+        """Close the session and write what is left."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        await asyncio.to_thread(self._leave)
+        if self._writing is not None:
+            await asyncio.gather(self._writing, return_exceptions=True)
+        self._drain()
+        with contextlib.suppress(FleetDatabaseError):
+            await asyncio.to_thread(self.database.write, self.collector.taken_batch())
+        await asyncio.to_thread(self.database.close)
+
+    def _declare(self, session: zenoh.Session) -> None:
+        import zenoh
+
+        def on_token(sample: zenoh.Sample) -> None:
+            alive = sample.kind == zenoh.SampleKind.PUT
+            self._put(TOKEN, str(sample.key_expr), b"\x01" if alive else b"")
+
+        def on_report(sample: zenoh.Sample) -> None:
+            self._put(REPORT, str(sample.key_expr), sample.payload.to_bytes())
+
+        def on_clock(query: zenoh.Query) -> None:
+            with query:
+                query.reply(keys.CLOCK, struct.pack(">d", time.time()))
+
+        self._declared = [
+            session.declare_queryable(keys.CLOCK, on_clock),
+            session.declare_subscriber(keys.ALL_REPORTS, on_report),
+            session.liveliness().declare_subscriber(keys.ALL_TOKENS, on_token, history=True),
+        ]
+
+    def _leave(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            with contextlib.suppress(Exception):
+                session.close()  # type: ignore[no-untyped-call]
+
+    def _put(self, kind: int, key: str, data: bytes) -> None:
+        """Queue what was received, from any thread. Tokens always fit: they are few, and not repeated."""
+        too_many = len(self._queue) >= MAX_QUEUE or self._queued + len(data) > MAX_QUEUE_BYTES
+        if len(data) > MAX_JOURNAL or (too_many and kind != TOKEN):
+            self.overflows += 1
+            return
+        self._queued += len(data)
+        self._queue.append((kind, key, data))
+
+    async def _run(self) -> None:
+        loop = asyncio.get_running_loop()
+        settle_at = loop.time() + SETTLE_S
+        write_at = watch_at = loop.time()
+        while True:
+            await asyncio.sleep(TURN_S)
+            try:
+                self._drain()
+                self._ask()
+                now = loop.time()
+                if now >= write_at and (self._writing is None or self._writing.done()):
+                    write_at = now + WRITE_S
+                    self._writing = loop.create_task(self._write(), name="fleet database")
+                if now >= settle_at:
+                    settle_at = float("inf")
+                    self.collector.settle_absent()
+                if now >= watch_at:
+                    watch_at = now + WATCH_S
+                    await self._reopen_if_changed()
+            except Exception:  # a fault here must not end the collection
+                log.exception("a turn of the fleet server failed")
+
+    def _drain(self) -> None:
+        collector = self.collector
+        for _ in range(len(self._queue)):
+            kind, key, data = self._queue.popleft()
+            self._queued -= len(data)
+            if kind == TOKEN:
+                collector.on_token(key, alive=bool(data))
+            elif kind == REPORT:
+                collector.on_report(key, data)
+            else:
+                collector.on_journal(key, data)
+
+    def _ask(self) -> None:
+        session = self._session
+        if session is None:
+            return
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                self._put(JOURNAL, str(reply.ok.key_expr), reply.ok.payload.to_bytes())
+
+        for name, boot, after in self.collector.questions(QUESTIONS_PER_TURN):
+            with contextlib.suppress(Exception):  # asked again later
+                session.get(f"{keys.journal_key(name)}?boot={boot};after={after}", on_reply, timeout=QUERY_TIMEOUT_S)
+
+    async def _write(self) -> None:
+        batch = self.collector.taken_batch()
+        if not batch:
+            return
+        try:
+            await asyncio.to_thread(self.database.write, batch)
+            self.problem = ""
+        except FleetDatabaseError as error:
+            self.collector.give_back(batch)
+            if not self.problem:
+                log.error("%s Free space; nothing is lost as long as this server runs.", error)
+            self.problem = str(error)
+
+    async def _reopen_if_changed(self) -> None:
+        """Open the session anew when the file of robots has changed, so that a removed robot is out."""
+        if self._version() == self._opened:
+            return
+        try:
+            self._settings()
+        except ValueError as error:  # a line is not valid: the rules stay as they are
+            if self.problem != str(error):
+                log.error("%s The robots that may connect stay as they were.", error)
+            self.problem = str(error)
+            return
+        await asyncio.to_thread(self._leave)
+        self._drain()
+        self.collector.all_lost()
+        await asyncio.to_thread(self.open)
+        self.problem = ""
+        log.warning("The file of robots has changed: all robots connect anew.")
+
+    def add_metrics(self, page: PrometheusText) -> None:
+        """Add the families of the fleet to the page for Prometheus."""
+        counts = self.collector.counts
+        page.family("imuscope_fleet_robots", "gauge", "Robots by state.")
+        live = self.collector.live
+        page.add(live, state="live")
+        page.add(len(self.robots.summaries) - live, state="lost")
+        page.family("imuscope_fleet_reports_total", "counter", "Reports received, by what became of them.")
+        kinds = ("reports", "repeated", "invalid", "unannounced", "refused", "missed")
+        for kind in kinds:
+            page.add(getattr(counts, kind), result={"reports": "valid"}.get(kind, kind))
+        page.family("imuscope_fleet_received_bytes_total", "counter", "Bytes of reports and journals.")
+        page.add(counts.bytes)
+        page.family("imuscope_fleet_overflows_total", "counter", "Messages that did not fit into the queue.")
+        page.add(self.overflows)

@@ -1,0 +1,62 @@
+"""Keys of the bus of a fleet, version 1. docs/fleet.md specifies them and what is published under each.
+
+imuscope/1/robots/NAME/alive/BOOT     liveliness token of a robot
+imuscope/1/robots/NAME/report         its reports, as they are made
+imuscope/1/robots/NAME/journal        queryable: reports after a number, made while nobody took them
+imuscope/1/fleet/clock                queryable of the fleet server: its time
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+ROOT = "imuscope/1"
+ROBOTS = f"{ROOT}/robots"
+FLEET = f"{ROOT}/fleet"
+CLOCK = f"{FLEET}/clock"
+ALL_REPORTS = f"{ROBOTS}/*/report"
+ALL_TOKENS = f"{ROBOTS}/*/alive/*"
+MAX_NAME = 64
+NAME_RULE = f"1 to {MAX_NAME} letters, digits, spaces, points, hyphens and underscores, a letter or a digit first"
+_NAME = re.compile(rf"[^\W_][\w .-]{{0,{MAX_NAME - 1}}}")
+_BOOT = re.compile(r"[0-9a-f]{16}")
+
+
+def is_robot_name(text: str) -> bool:
+    """Whether a text names a robot: it can be a part of a key, of an address and of a path."""
+    usual = unicodedata.normalize("NFC", text)
+    return bool(_NAME.fullmatch(text)) and text == usual and text.isprintable() and text == text.strip()
+
+
+def is_boot(text: str) -> bool:
+    """Whether a text is the id of a run of a robot's server."""
+    return bool(_BOOT.fullmatch(text))
+
+
+def token_key(robot: str, boot: str) -> str:
+    """Key of the liveliness token of a robot."""
+    return f"{ROBOTS}/{robot}/alive/{boot}"
+
+
+def report_key(robot: str) -> str:
+    """Key of the reports of a robot."""
+    return f"{ROBOTS}/{robot}/report"
+
+
+def journal_key(robot: str) -> str:
+    """Key at which a robot answers with earlier reports."""
+    return f"{ROBOTS}/{robot}/journal"
+
+
+def robot_of(key: str) -> str:
+    """The robot that a key belongs to; empty if it is no valid key of a robot."""
+    name = key.removeprefix(f"{ROBOTS}/").partition("/")[0] if key.startswith(f"{ROBOTS}/") else ""
+    return name if is_robot_name(name) else ""
+
+
+def parse_token(key: str) -> tuple[str, str]:
+    """Robot and run of a liveliness token; two empty texts for another key."""
+    robot = robot_of(key)
+    boot = key.rpartition("/")[2]
+    return (robot, boot) if robot and is_boot(boot) and key == token_key(robot, boot) else ("", "")

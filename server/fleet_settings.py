@@ -1,0 +1,60 @@
+"""Settings of a fleet in the configuration file: `[fleet]` of a robot, `[fleet_server]` of `imuscope fleet`.
+
+[fleet]
+router = "tls/fleet.example:7447"
+user = "otter-7"
+password = "@/etc/imuscope/fleet-password"
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class FleetSettings:
+    """Membership of a robot in a fleet (server/fleet/publisher.py).
+
+    Args:
+        router: address of the fleet server, or of a Zenoh router before it; "" for no fleet.
+        name, group: of the robot; "" for the name of this host, and for no group.
+        address: of its own page, for links.
+        user, password: at the router; the password may be @FILE.
+        ca, certificate, key: PEM files: authority of the router's certificate, and the robot's own certificate.
+        limit_kb_s: most bytes/s that are sent, 10³ bytes; 0 for no limit.
+    """
+
+    router: str = ""
+    name: str = ""
+    group: str = ""
+    address: str = ""
+    user: str = ""
+    password: str = field(default="", repr=False)
+    ca: str = ""
+    certificate: str = ""
+    key: str = ""
+    limit_kb_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FleetServerSettings:
+    """The bus of a fleet server (server/fleet/fleet_server.py).
+
+    Args:
+        listen: address for robots; "" for none.
+        router: address of a Zenoh router to use instead.
+        robots: file of the robots that may connect, with their passwords (server/fleet/access.py).
+        anyone: anyone on the network may join and listen.
+        certificate, key, ca: PEM files: certificate of this server, and the authority of the other side's.
+        user, password: at the router; the password may be @FILE.
+    """
+
+    listen: str = ""
+    router: str = ""
+    robots: str = ""
+    anyone: bool = False
+    certificate: str = ""
+    key: str = ""
+    ca: str = ""
+    user: str = ""
+    password: str = field(default="", repr=False)

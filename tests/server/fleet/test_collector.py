@@ -1,0 +1,283 @@
+"""A fleet server on an unreliable bus: it has everything once, nothing twice, whatever is lost or repeated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from server.fleet import collector as module
+from server.fleet import keys
+from server.fleet.collector import Collector
+from server.fleet.database import FleetBatch, FleetDatabase, FleetDatabaseError, StoredEvent, StoredRobot
+from server.fleet.journal import Journal
+from server.fleet.reports import RobotEvent, RobotStatus
+from server.fleet.robots import Robots
+
+NAME = "otter-7"
+KEY = keys.report_key(NAME)
+
+
+class Bus:
+    """A fleet server with one robot and a bus between them, of which the test says what arrives."""
+
+    def __init__(self, folder: Path, journal_limit: int = 10**6) -> None:
+        self.time = 1_700_000_000.0
+        self.folder = folder
+        self.limit = journal_limit
+        self.made = 0
+        self.journal = Journal(journal_limit)
+        self.start()
+
+    def now(self) -> float:
+        return self.time
+
+    def start(self) -> None:
+        self.database = FleetDatabase(self.folder)
+        self.robots = Robots(now=self.now)
+        self.collector = Collector(self.robots, self.database.robots(), self.now)
+
+    def restart_server(self, *, is_killed: bool) -> None:
+        if not is_killed:
+            self.write()
+        self.database.close()
+        self.start()
+        self.announce(alive=True)
+
+    def restart_robot(self) -> None:
+        self.announce(alive=False)
+        self.journal = Journal(self.limit)
+        self.announce(alive=True)
+
+    def announce(self, *, alive: bool) -> None:
+        self.collector.on_token(keys.token_key(NAME, self.journal.boot), alive=alive)
+
+    def report(self, *, arrives: bool = True, repeated: bool = False) -> None:
+        self.made += 1
+        self.journal.add_event(RobotEvent(self.time, "marker", "info", str(self.made)))
+        data = self.journal.report(self.time, RobotStatus(version=str(self.made)))
+        for _ in range(arrives + repeated):
+            self.collector.on_report(KEY, data)
+
+    def ask(self) -> int:
+        """Journals that are asked for now; each answers."""
+        asked = list(self.collector.questions(10))
+        for name, boot, after in asked:
+            self.collector.on_journal(keys.journal_key(name), self.journal.answer(boot, after, 400))
+        return len(asked)
+
+    def catch_up(self) -> None:
+        for _ in range(200):
+            self.time += 1.0
+            self.collector.on_report(KEY, self.journal.report(self.time, None))
+            self.ask()
+
+    def write(self) -> None:
+        self.database.write(self.collector.taken_batch())
+
+    @property
+    def events(self) -> list[str]:
+        self.write()
+        return [event.text for _, event in reversed(self.database.events(limit=10_000)) if event.kind == "marker"]
+
+
+@pytest.fixture
+def bus(tmp_path: Path) -> Bus:
+    bus = Bus(tmp_path)
+    bus.announce(alive=True)
+    return bus
+
+
+def test_a_robot_comes_and_goes(bus: Bus) -> None:
+    bus.report()
+    robot = bus.robots.get(NAME)
+    assert robot is not None
+    assert (robot.state, robot.version, robot.since) == ("live", "1", bus.time)
+    bus.time += 60
+    bus.announce(alive=False)
+    robot = bus.robots.get(NAME)
+    assert robot is not None
+    assert (robot.state, robot.version, robot.since) == ("lost", "1", bus.time)
+
+
+def test_a_report_that_is_missing_is_asked_for(bus: Bus) -> None:
+    bus.ask()
+    bus.report()
+    bus.report(arrives=False)
+    assert bus.ask() == 0
+    bus.report()
+    assert bus.ask() == 1
+    bus.ask()  # the first answer was full
+    assert bus.events == ["1", "2", "3"]
+
+
+def test_the_last_report_before_a_silence_is_asked_for(bus: Bus) -> None:
+    bus.report(arrives=False)
+    bus.catch_up()
+    assert bus.events == ["1"]
+
+
+def test_a_report_that_comes_twice_is_taken_once(bus: Bus) -> None:
+    bus.report(repeated=True)
+    assert bus.events == ["1"]
+    assert bus.collector.counts.repeated == 1
+
+
+def test_what_a_robot_had_to_drop_is_counted(tmp_path: Path) -> None:
+    bus = Bus(tmp_path, journal_limit=400)
+    bus.announce(alive=True)
+    for _ in range(20):
+        bus.report(arrives=False)
+    bus.catch_up()
+    kept = bus.events
+    assert kept == [str(number) for number in range(21 - len(kept), 21)]
+    assert bus.collector.counts.missed == bus.journal.dropped == 20 - len(kept)
+    assert any("were dropped" in event.text for _, event in bus.database.events())
+
+
+def test_a_restart_of_the_fleet_server_keeps_since_and_state(bus: Bus) -> None:
+    came = bus.time
+    bus.report()
+    bus.time += 100
+    bus.restart_server(is_killed=False)
+    robot = bus.robots.get(NAME)
+    assert robot is not None
+    assert (robot.state, robot.since, robot.version) == ("live", came, "1")
+
+
+def test_a_robot_that_left_during_a_restart_is_lost(bus: Bus) -> None:
+    bus.report()
+    bus.write()
+    bus.database.close()
+    bus.time += 100
+    bus.start()
+    bus.collector.settle_absent()
+    robot = bus.robots.get(NAME)
+    assert robot is not None
+    assert (robot.state, robot.since) == ("lost", bus.time)
+
+
+def test_two_robots_of_one_name_are_reported(bus: Bus) -> None:
+    bus.collector.on_token(keys.token_key(NAME, "f" * 16), alive=True)
+    bus.write()
+    assert "Several robots" in bus.database.events()[0][1].text
+    bus.report()  # of the one that came first
+    assert bus.collector.counts.unannounced == 1
+
+
+steps = st.lists(
+    st.sampled_from(["arrives", "lost", "repeated", "ask", "write", "stopped", "killed", "line", "robot", "wait"]),
+    max_size=40,
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
+@given(steps=steps)
+def test_whatever_happens_everything_is_stored_once(steps: list[str], tmp_path_factory: pytest.TempPathFactory) -> None:
+    bus = Bus(tmp_path_factory.mktemp("fleet"))
+    bus.announce(alive=True)
+    for step in steps:
+        bus.time += 0.5
+        match step:
+            case "arrives" | "lost" | "repeated":
+                bus.report(arrives=step != "lost", repeated=step == "repeated")
+            case "ask":
+                bus.ask()
+            case "write":
+                bus.write()
+            case "stopped" | "killed":
+                bus.restart_server(is_killed=step == "killed")
+            case "line":
+                bus.announce(alive=False)
+                bus.announce(alive=True)
+            case "robot":
+                bus.catch_up()
+                bus.write()
+                bus.restart_robot()
+            case "wait":
+                bus.time += 20
+    bus.catch_up()
+    assert bus.events == [str(number) for number in range(1, bus.made + 1)]
+    assert bus.collector.counts.missed == 0
+    bus.database.close()
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["token", "report", "journal"]),
+            st.text(max_size=30) | st.sampled_from([KEY, keys.token_key(NAME, "a" * 16), f"{keys.ROBOTS}/*/report"]),
+            st.binary(max_size=60),
+        ),
+        max_size=20,
+    )
+)
+def test_nothing_from_the_bus_raises(messages: list[tuple[str, str, bytes]]) -> None:
+    collector = Collector(Robots(limit=3), [])
+    for kind, key, data in messages:
+        if kind == "token":
+            collector.on_token(key, alive=bool(data))
+        else:
+            (collector.on_report if kind == "report" else collector.on_journal)(key, data)
+        list(collector.questions(10))
+
+
+def test_names_and_runs_are_bounded() -> None:
+    robots = Robots(limit=2)
+    collector = Collector(robots, [])
+    for number in range(10):
+        collector.on_token(keys.token_key(f"robot-{number}", "a" * 16), alive=True)
+        collector.on_token(keys.token_key("robot-0", f"{number:016x}"), alive=True)
+    assert len(robots.summaries) == 2
+    assert collector.live == 2
+    assert collector.counts.refused == 8 + 10 - (module.MAX_BOOTS - 1)
+
+
+def test_events_wait_with_the_robots_while_the_disk_is_full(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_UNWRITTEN", 2)
+    for _ in range(6):
+        bus.report()
+    assert len(bus.collector.batch.events) == 2
+    for _ in range(10):
+        bus.write()
+        bus.catch_up()
+    assert bus.events == ["1", "2", "3", "4", "5", "6"]
+
+
+def test_a_batch_that_cannot_be_written_is_tried_again(bus: Bus) -> None:
+    bus.report()
+    batch = bus.collector.taken_batch()
+    bus.report()
+    bus.collector.give_back(batch)
+    assert bus.events == ["1", "2"]
+
+
+def test_a_batch_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    database = FleetDatabase(tmp_path)
+    event = StoredEvent("a", "", 1, 0.0, "link", "info", "text", "")
+    broken = StoredEvent("a", "", 1, 0.0, "link", "info", object(), "")  # type: ignore[arg-type]
+    with pytest.raises(FleetDatabaseError):
+        database.write(FleetBatch(robots={"a": StoredRobot("a")}, events=[event, broken]))
+    assert database.robots() == []
+    assert database.events() == []
+
+
+def test_the_log_of_events_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.fleet.database.MAX_EVENTS", 10)
+    monkeypatch.setattr("server.fleet.database.PRUNE_EVERY", 5)
+    database = FleetDatabase(tmp_path)
+    for number in range(8):
+        database.write(FleetBatch(events=[StoredEvent("a", "", number, 0.0, "link", "info", "t", "")] * 5))
+    assert len(database.events()) == 10
+    assert [event.number for _, event in database.events(before=36, limit=1)] == [6]
+
+
+def test_a_robot_that_is_lost_can_be_removed(bus: Bus) -> None:
+    assert not bus.collector.remove(NAME)
+    bus.announce(alive=False)
+    assert bus.collector.remove(NAME)
+    bus.write()
+    assert bus.database.robots() == []
+    assert bus.robots.get(NAME) is None
