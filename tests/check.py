@@ -1,6 +1,7 @@
 """The whole check, in one command: `uv run tests/check.py`.
 
     page     built, when it is stale                       web/build.py
+    collect  every test found and compiled, once for all
     style    ruff check, ruff format; biome                Python; TypeScript, CSS
     types    mypy --strict, tsc                            Python, TypeScript
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
@@ -42,8 +43,9 @@ class Part:
     command: Callable[[argparse.Namespace], list[str]]
     closing: str = ""  # start of the line with the result; "" for the last line
     alone: Callable[[argparse.Namespace], list[str]] | None = None  # repeats the tests that failed beside other work
-    lane: str = "wide"  # parts of one lane run one after the other; "first": before all others
+    lane: str = "wide"  # parts of one lane run one after the other
     folder: Path = ROOT  # where it runs
+    quiet: bool = False  # prints only its closing line unless it fails
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,13 @@ def _tests(name: str, workers: int, *arguments: str) -> Part:
     return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"))
 
 
+STAGES = (("page", "collect"), ("narrow", "wide"))
+"""Lanes that run beside each other, and what waits for them."""
+
 PARTS = (
-    Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="first"),
+    Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="page"),
+    # otherwise each of pytest's processes would compile every test anew, as none has yet stored what it compiled
+    Part("collect", _tool("pytest", "--color=no", "--collect-only"), lane="collect", quiet=True),
     Part("mypy", _tool("mypy"), lane="narrow"),
     Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found", lane="narrow"),
     Part("format", _fixing("ruff", "format", check="--check"), lane="narrow"),
@@ -122,7 +129,7 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome
 
 
 def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
-    """Run parts: those of a lane one after the other, the lanes beside each other.
+    """Run parts: those of a lane one after the other, the lanes of a stage beside each other.
 
     With `--fix`, which changes files, all run one after the other.
     """
@@ -130,10 +137,11 @@ def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, s
     def run_lane(name: str) -> dict[str, Outcome]:
         return {part.name: run(part, options, env) for part in parts if part.lane == name}
 
-    outcomes = run_lane("first")
+    outcomes: dict[str, Outcome] = {}
     with ThreadPoolExecutor(1 if options.fix else 2) as lanes:
-        for found in lanes.map(run_lane, ("narrow", "wide")):
-            outcomes |= found
+        for stage in STAGES:
+            for found in lanes.map(run_lane, stage):
+                outcomes |= found
     return [outcomes[part.name] for part in parts]
 
 
@@ -141,7 +149,7 @@ def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     """Pass its output on immediately; that of a narrow part after its end."""
     title = f"\n── {part.name} {'─' * (76 - len(part.name))}\n"
     held: list[str] = []
-    say = held.append if part.lane == "narrow" else lambda text: print(text, end="", flush=True)
+    say = held.append if part.lane == "narrow" or part.quiet else lambda text: print(text, end="", flush=True)
     say(title)
     began = time.monotonic()
     lines: list[str] = []
@@ -162,7 +170,7 @@ def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
             lines.append(line.strip())
     process.stdout.close()
     status = process.wait()
-    print("".join(held), end="", flush=True)
+    print(f"{title}{lines[-1]}\n" if part.quiet and not status and lines else "".join(held), end="", flush=True)
     closing = [line for line in lines if line.startswith(part.closing)] or lines
     closing = closing or [f"exit status {status}" if status else "no complaint"]
     return Outcome(part.name, status, time.monotonic() - began, closing[-1])
