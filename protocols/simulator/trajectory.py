@@ -128,9 +128,9 @@ def _progress(t: Floats) -> tuple[Floats, Floats, Floats]:
 def _path(t: Floats) -> tuple[Floats, Floats, Floats]:
     """Position, velocity and acceleration, each (n, 3) ENU."""
     s, s1, s2 = _progress(t)
-    place = np.stack([EAST_M * np.sin(s), NORTH_M * np.sin(2 * s), HILL_M * (1 - np.cos(s))], axis=1)
+    place = _columns(EAST_M * np.sin(s), NORTH_M * np.sin(2 * s), HILL_M * (1 - np.cos(s)))
     first = _tangent(s)
-    second = np.stack([-EAST_M * np.sin(s), -4 * NORTH_M * np.sin(2 * s), HILL_M * np.cos(s)], axis=1)
+    second = _columns(-EAST_M * np.sin(s), -4 * NORTH_M * np.sin(2 * s), HILL_M * np.cos(s))
     velocity = first * s1[:, None]
     acceleration = second * s1[:, None] ** 2 + first * s2[:, None]
     w = 2 * np.pi * ENGINE_HZ
@@ -149,7 +149,7 @@ def _pothole(t: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _tangent(s: Floats) -> Floats:
-    return np.stack([EAST_M * np.cos(s), 2 * NORTH_M * np.cos(2 * s), HILL_M * np.sin(s)], axis=1)
+    return _columns(EAST_M * np.cos(s), 2 * NORTH_M * np.cos(2 * s), HILL_M * np.sin(s))
 
 
 def _attitude(t: Floats) -> Floats:
@@ -163,21 +163,26 @@ def _attitude(t: Floats) -> Floats:
     forward = flat * s2 + (x1 * x2 + y1 * y2) / flat * s1**2
     leftward = (x1 * y2 - y1 * x2) / flat * s1**2
     pitch = -np.arctan2(along[:, 2], flat) - LEAN_PITCH * forward
-    return np.stack([LEAN_ROLL * leftward, pitch, yaw], axis=1)
+    return _columns(LEAN_ROLL * leftward, pitch, yaw)
 
 
 def _body_rate(euler: Floats, slope: Floats) -> Floats:
     """Rate of turn in the body, (n, 3) rad/s, from ZYX angles and their derivatives."""
     roll, pitch = euler[:, 0], euler[:, 1]
     d_roll, d_pitch, d_yaw = slope.T
-    return np.stack(
-        [
-            d_roll - d_yaw * np.sin(pitch),
-            d_pitch * np.cos(roll) + d_yaw * np.cos(pitch) * np.sin(roll),
-            -d_pitch * np.sin(roll) + d_yaw * np.cos(pitch) * np.cos(roll),
-        ],
-        axis=1,
+    return _columns(
+        d_roll - d_yaw * np.sin(pitch),
+        d_pitch * np.cos(roll) + d_yaw * np.cos(pitch) * np.sin(roll),
+        -d_pitch * np.sin(roll) + d_yaw * np.cos(pitch) * np.cos(roll),
     )
+
+
+def _columns(*columns: Floats) -> Floats:
+    """Columns side by side on the last axis: np.stack, which takes longer than the arithmetic on a few samples."""
+    stacked = np.empty((*columns[0].shape, len(columns)))
+    for i, column in enumerate(columns):
+        stacked[..., i] = column
+    return stacked
 
 
 # -- rotations ---------------------------------------------------------------------------------------------------------
@@ -186,29 +191,23 @@ def _body_rate(euler: Floats, slope: Floats) -> Floats:
 def quaternion(euler: Floats) -> Floats:
     """Unit quaternions, (n, 4) scalar first, of roll, pitch and yaw, (n, 3) rad (ZYX)."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(euler.T / 2), np.sin(euler.T / 2)
-    return np.stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ],
-        axis=1,
+    return _columns(
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
     )
 
 
 def multiply(p: Array, q: Array) -> Floats:
     """Hamilton product, (n, 4) scalar first; either may be one quaternion."""
-    pw, px, py, pz = np.moveaxis(np.asarray(p, dtype=np.float64), -1, 0)
-    qw, qx, qy, qz = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
+    p, q = np.asarray(p, dtype=np.float64), np.asarray(q, dtype=np.float64)
+    (pw, px, py, pz), (qw, qx, qy, qz) = p.T, q.T
+    return _columns(
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
     )
 
 
@@ -226,13 +225,10 @@ def matrix(q: Array) -> Floats:
 def euler(q: Array) -> Floats:
     """Roll, pitch and yaw (ZYX), (n, 3) rad, of unit quaternions, (n, 4); roll and yaw in (−π, π]."""
     w, x, y, z = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
-    return np.stack(
-        [
-            np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-            np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0)),
-            np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)),
-        ],
-        axis=1,
+    return _columns(
+        np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0)),
+        np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)),
     )
 
 
@@ -252,13 +248,10 @@ def geodetic(position: Floats) -> Floats:
     sine = np.sin(np.radians(latitude))
     w = np.sqrt(1 - _E2 * sine**2)
     meridian, prime = _A * (1 - _E2) / w**3, _A / w
-    return np.stack(
-        [
-            latitude + np.degrees(position[:, 1] / (meridian + height)),
-            longitude + np.degrees(position[:, 0] / ((prime + height) * np.cos(np.radians(latitude)))),
-            height + position[:, 2],
-        ],
-        axis=1,
+    return _columns(
+        latitude + np.degrees(position[:, 1] / (meridian + height)),
+        longitude + np.degrees(position[:, 0] / ((prime + height) * np.cos(np.radians(latitude)))),
+        height + position[:, 2],
     )
 
 
@@ -266,13 +259,10 @@ def ecef(place: Floats) -> Floats:
     """Earth-centred coordinates, (n, 3) m, of latitude °, longitude °, height m."""
     latitude, longitude, height = np.radians(place[:, 0]), np.radians(place[:, 1]), place[:, 2]
     prime = _A / np.sqrt(1 - _E2 * np.sin(latitude) ** 2)
-    return np.stack(
-        [
-            (prime + height) * np.cos(latitude) * np.cos(longitude),
-            (prime + height) * np.cos(latitude) * np.sin(longitude),
-            (prime * (1 - _E2) + height) * np.sin(latitude),
-        ],
-        axis=1,
+    return _columns(
+        (prime + height) * np.cos(latitude) * np.cos(longitude),
+        (prime + height) * np.cos(latitude) * np.sin(longitude),
+        (prime * (1 - _E2) + height) * np.sin(latitude),
     )
 
 
@@ -333,6 +323,7 @@ class SensorErrors:
         self._size = grade.bias * np.sqrt(2 / len(_WAVES_S)) * random.uniform(0.7, 1.3, (len(_WAVES_S), 3))
         self._constant = grade.bias * random.normal(size=3)
         self._rate = rate
+        self._blocks: dict[int, Floats] = {}  # the last two of the noise: the next samples are in them
 
     def at(self, first: int, count: int) -> Floats:
         """Errors of samples `first` … `first + count − 1`, (count, 3)."""
@@ -346,4 +337,8 @@ class SensorErrors:
         return np.asarray(self._constant + (self._size * np.sin(waves + self._phase)).sum(axis=1))
 
     def _noise(self, block: int) -> Floats:
-        return np.random.default_rng([self._seed, 1 + block]).normal(scale=self._sigma, size=(_BLOCK, 3))
+        found = self._blocks.get(block)
+        if found is None:
+            found = np.random.default_rng([self._seed, 1 + block]).normal(scale=self._sigma, size=(_BLOCK, 3))
+            self._blocks = {**dict(list(self._blocks.items())[-1:]), block: found}
+        return found
