@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`hold`, `record`, `replay`, `decode`, `analyse`, `upload`, `query`, `fleet`, `simulate`.
+`hold`, `record`, `replay`, `decode`, `analyse`, `calibrate`, `upload`, `query`, `fleet`, `simulate`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -34,7 +34,7 @@ from server.commands.common import (
     size_of,
 )
 from server.config import ConfigError, load
-from server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
+from server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, secret_text
 from server.jit_cache import BackgroundLoad
 from server.printable import printable
 
@@ -219,7 +219,9 @@ def _decode(options: argparse.Namespace) -> None:
     from server.commands.decode import DecodedPart, DecodeError, decode_file
 
     decode_options = checked_protocol(decode_options)
-    part = DecodedPart(options.begin, options.end, options.device, tuple(options.channel or ()))
+    part = DecodedPart(
+        options.begin, options.end, options.device, tuple(options.channel or ()), not options.without_position
+    )
     try:
         with seekable(file) as path:
             for made in decode_file(path, options.output, decode_options, sys.stderr, part):
@@ -235,6 +237,11 @@ def _analyse(options: argparse.Namespace) -> None:
     from server.commands.analyse import AnalyseError, AnalyseRequest, analyse_file, print_json, print_table, print_text
 
     decode_options = checked_protocol(decode_options)
+    if options.analysis == "comparison":
+        _compare(options, file, decode_options)
+        return
+    if options.other is not None:
+        raise UsageError("--with belongs to the comparison of two files: imuscope analyse A comparison --with B")
     request = AnalyseRequest(options.analysis, options.signal, options.begin, options.end, options.option or ())
     try:
         with seekable(file) as path:
@@ -245,6 +252,54 @@ def _analyse(options: argparse.Namespace) -> None:
     except AnalyseError as error:
         raise UsageError(str(error)) from None
     (print_json if options.format == "json" else print_table)(reports, sys.stdout)
+
+
+def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOptions) -> None:
+    from server.commands.analyse import AnalyseError
+    from server.commands.compare import FileComparison, compare_files, print_comparison, print_json
+
+    if options.other is None:
+        raise UsageError("a comparison needs two files; give the other one with --with B")
+    if options.option or options.format not in ("table", "json"):
+        raise UsageError("a comparison has no --option, and --format is table or json")
+    if options.search is not None and not options.search > 0:
+        raise UsageError(f"--search {options.search:g} is not a valid time, in seconds; it must be more than 0")
+    sides = (options.signal, options.signal_b or (), options.begin, options.end)
+    request = FileComparison(*sides, options.align, options.offset, options.search)
+    try:
+        with seekable(file) as a, seekable(readable(str(options.other))) as b:
+            answer = compare_files(a, b, decode_options, request, sys.stderr)
+    except AnalyseError as error:
+        raise UsageError(str(error)) from None
+    (print_json if options.format == "json" else print_comparison)(answer, sys.stdout)
+
+
+def _calibrate(options: argparse.Namespace) -> None:
+    file = readable(str(options.file))
+    decode_options = decode_options_of(options)
+    for name, most in (("field", 1e6), ("gravity", 20.0)):
+        if not 0 <= getattr(options, name) <= most:
+            raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
+    prepare_decoders(options.data, size_of(file))
+    from server.commands.calibrate import CalibrateError, CalibrateRequest, calibrate_file, format_of, text_of
+
+    decode_options = checked_protocol(decode_options)
+    facts = (options.field, options.gravity, options.square, options.vertical)
+    request = CalibrateRequest(options.kind, facts, options.device, options.begin, options.end)
+    try:
+        form = format_of(options.format or "", options.output)
+        with seekable(file) as path:
+            text = text_of(calibrate_file(path, decode_options, request, sys.stderr), form)
+    except CalibrateError as error:
+        raise UsageError(str(error)) from None
+    if options.output is None:
+        sys.stdout.write(text)
+        return
+    try:
+        options.output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{options.output}: {(error.strerror or 'it cannot be written').lower()}") from None
+    print(options.output)
 
 
 def _upload(options: argparse.Namespace) -> None:
@@ -351,6 +406,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "replay": _replay,
     "decode": _decode,
     "analyse": _analyse,
+    "calibrate": _calibrate,
     "upload": _upload,
     "query": _query,
     "fleet": _fleet,

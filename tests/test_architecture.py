@@ -138,8 +138,8 @@ SERVER: dict[str, set[str]] = {
         "timings",
     },
     "commands": {
-        *("analysis", "app", "auth", "config", "configuration", "devices", "diagnostics", "fleet"),
-        *("fleet_settings", "holder"),
+        *("analysis", "app", "auth", "calibration", "config", "configuration", "devices", "diagnostics", "evidence"),
+        *("fleet", "fleet_settings", "holder"),
         *("http_server", "jit_cache", "library", "links", "logging_setup", "login_throttle", "ros2", "streaming"),
     },
     "cli": {"commands", "config", "devices", "diagnostics", "jit_cache", "links", "logging_setup"},

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -13,18 +11,13 @@ from typing import Any, TextIO
 
 from protocols.plural import counted
 from recordings.column_store import ColumnStore
-from recordings.importers import open_file
-from recordings.mcap_writer import RecordingError
-from server.analysis.recorded_signals import add_computed_signals
 from server.analysis.registry import FiguresOfSignal, analysis_named
 from server.analysis.report import Figures, figures_of, in_parallel
 from server.analysis.signal_request import ExpressionSignal, requested_signals
 from server.analysis.signals import SignalColumn, recorded_samples
-from server.commands.decode import Bar
+from server.commands.decoded import DecodedFileError, decoded, time_range_of
 from server.devices.decode_options import DecodeOptions
-from server.devices.protocol_set import all_protocols
 from server.errors import DomainError
-from server.library.decode import decode
 from server.library.recording_detail import channels_of, products_of
 
 NOTES = "notes"
@@ -72,20 +65,11 @@ def analyse_file(path: Path, reading: DecodeOptions, request: AnalyseRequest, no
     Raises:
         AnalyseError: the file cannot be decoded, or the request cannot be fulfilled.
     """
-    bar = Bar(notes)
     try:
-        with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
-            source = open_file(path, reading.protocol)
-            store = decode(
-                source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=add_computed_signals
-            )
+        with decoded(path, reading, notes) as store:
             return _reports(store, path.name, request)
-    except (RecordingError, DomainError) as error:
-        raise AnalyseError(f"{error.message} {error.hint}".strip()) from None
-    except OSError as error:
-        raise AnalyseError(f"{path}: {(error.strerror or 'it cannot be read').lower()}") from None
-    finally:
-        bar.clear()
+    except DecodedFileError as error:
+        raise AnalyseError(str(error)) from None
 
 
 def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[SignalReport]:
@@ -97,11 +81,7 @@ def _reports(store: ColumnStore, name: str, request: AnalyseRequest) -> list[Sig
             raise AnalyseError(f"--option {option!r:.60} is not NAME=VALUE")
         given[key] = value
     settings = analysis.settings(given)
-    begin, end = store.manifest["started"] or 0.0, store.manifest["ended"]
-    t0 = begin + request.begin_s if request.begin_s else -math.inf
-    t1 = math.inf if request.end_s is None else begin + request.end_s
-    if not t0 < t1 or request.begin_s < 0 or (end is not None and t0 > end):
-        raise AnalyseError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
+    t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
 
     def reports(one: SignalColumn | ExpressionSignal) -> list[SignalReport]:
         found = one.signals(lambda column: recorded_samples(store, column, t0, t1))

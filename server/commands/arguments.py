@@ -13,6 +13,7 @@ from typing import NoReturn, TypeAlias
 from protocols.decode_options import DecodeOption, Scope
 from protocols.plugins import protocol_names
 from server import logging_setup
+from server.commands.file_arguments import add_analyse, add_calibrate, add_decode
 from server.commands.fleet_arguments import add_fleet
 from server.commands.store_arguments import add_query, add_store, add_upload
 from server.config import default_data
@@ -22,7 +23,7 @@ from server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "analyse", "upload", "query", "fleet", "simulate", "completion"),
+    *("decode", "analyse", "calibrate", "upload", "query", "fleet", "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -56,7 +57,7 @@ ENVIRONMENT_HELP = """environment variables, used if the option is not given:
 ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "token": "IMUSCOPE_TOKEN"}
 """Option → variable that stands in for it; a secret decode option has one too (`variable_of`)."""
 DECODE_SCOPES: Mapping[str, Scope] = {
-    **dict.fromkeys(("serve", "send", "record", "decode", "analyse", "upload"), "source"),
+    **dict.fromkeys(("serve", "send", "record", "decode", "analyse", "calibrate", "upload"), "source"),
     **{"inspect": "inspect", "compose": "compose", "commands": "commands"},
 }
 """Commands with decode options, and which of them. None is accepted and then ignored."""
@@ -65,7 +66,7 @@ PROTOCOL_HELP = {
     "inspect": f"{ANY_OF}, or auto (the default)",
     "compose": f"{ANY_OF} (default: found by the name of the message)",
     "commands": f"{ANY_OF} (default: all)",
-    **dict.fromkeys(("decode", "analyse", "upload"), "protocol of a capture (default: detected)"),
+    **dict.fromkeys(("decode", "analyse", "calibrate", "upload"), "protocol of a capture (default: detected)"),
 }
 
 
@@ -189,8 +190,12 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_record(commands.add_parser, about)
     _add_replay(commands.add_parser)
     _add_simulate(commands.add_parser)
-    _add_decode(commands.add_parser, about)
-    _add_analyse(commands.add_parser, about)
+    for made in (
+        add_decode(commands.add_parser, about.outputs),
+        add_analyse(commands.add_parser, about.analyses),
+        add_calibrate(commands.add_parser),
+    ):
+        _add_data(made)
     _add_data(add_upload(commands.add_parser))
     add_query(commands.add_parser)
     _add_data(add_fleet(commands.add_parser))
@@ -384,60 +389,6 @@ def _add_simulate(add_parser: _AddParser) -> None:
     target = command.add_mutually_exclusive_group(required=True)
     target.add_argument("--pty", type=Path, metavar="PATH", help="create a pseudo-terminal with a link at this path")
     target.add_argument("--tcp", metavar="[HOST]:PORT", help="listen on this TCP address (default host 127.0.0.1)")
-    _add_data(command)
-
-
-def _add_decode(add_parser: _AddParser, about: _Registered) -> None:
-    command = add_parser("decode", help="convert a recording, log or capture to other formats")
-    command.add_argument(
-        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
-    )
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help=about.outputs)
-    command.add_argument(
-        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
-    )
-    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
-    command.add_argument(
-        "--device", default="", metavar="D", help="device to decode (default: all, if the format can hold them)"
-    )
-    command.add_argument(
-        "--channel", action="append", metavar="NAME", help="channel to decode; may be repeated (default: all)"
-    )
-    _add_data(command)
-
-
-def _add_analyse(add_parser: _AddParser, about: _Registered) -> None:
-    command = add_parser(
-        "analyse",
-        help="print figures of signals of a recording, log or capture",
-        epilog=about.analyses,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.add_argument(
-        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
-    )
-    command.add_argument("analysis", metavar="ANALYSIS", help="name of an analysis; see below")
-    command.add_argument(
-        "--signal",
-        action="append",
-        required=True,
-        metavar="NAME",
-        help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… if there are several; may be repeated",
-    )
-    command.add_argument(
-        "--from", dest="begin", type=float, default=0.0, metavar="S", help="start, in seconds from the beginning"
-    )
-    command.add_argument("--to", dest="end", type=float, metavar="S", help="end, in seconds from the beginning")
-    command.add_argument(
-        "--option", action="append", metavar="NAME=VALUE", help="option of the analysis; may be repeated"
-    )
-    command.add_argument(
-        "--format",
-        default="table",
-        metavar="FORMAT",
-        help="table for people (the default), json for programs, or a format of the analysis; see below",
-    )
-    command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
     _add_data(command)
 
 

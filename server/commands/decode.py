@@ -11,6 +11,7 @@ import difflib
 import math
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -23,9 +24,15 @@ from recordings.mcap_writer import RecordingError
 from server.analysis.recorded_signals import add_computed_signals
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
+from server.evidence.content import About
+from server.evidence.plots import all_plots
+from server.evidence.request import EvidenceRequest
+from server.evidence.worker import write
 from server.library.decode import decode
+from server.library.recording_detail import channels_of
 from server.printable import printable
 
+EVIDENCE = ".html"  # not an export of samples but a report (server/evidence)
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
 _CELLS = 30
 _EVERY_S = 0.1
@@ -68,12 +75,14 @@ class DecodedPart:
         begin_s, end_s: seconds from the beginning of the file.
         device: "" for all, or for the only one.
         channels: names; () for all.
+        with_position: false: evidence leaves out what tells where it was recorded.
     """
 
     begin_s: float = 0.0
     end_s: float | None = None
     device: str = ""
     channels: tuple[str, ...] = ()
+    with_position: bool = True
 
 
 def decode_file(
@@ -91,8 +100,11 @@ def decode_file(
         DecodeError: decoding failed; no files are left behind.
     """
     format = by_suffix(out.suffix)
-    if format is None:
-        known = ", ".join(dict.fromkeys(one.suffix for one in FORMATS.values()))
+    is_evidence = out.suffix.lower() == EVIDENCE
+    if not part.with_position and not is_evidence:
+        raise DecodeError(f"--without-position applies to evidence only; let OUT end with {EVIDENCE}")
+    if format is None and not is_evidence:
+        known = ", ".join([*dict.fromkeys(one.suffix for one in FORMATS.values()), EVIDENCE])
         raise DecodeError(
             f"{out.suffix or 'a name without suffix'} is not a valid format; OUT ends with one of: {known}"
         )
@@ -110,7 +122,11 @@ def decode_file(
             )
             rejected = [one["text"] for one in columns.manifest["events"] if one["data"].get("reason") in remedies()]
             request = _export_request(columns, path, part)
-            written = export(format, request, out, lambda share: bar.show(0.5 + share / 2))
+            step = lambda share: bar.show(0.5 + share / 2)  # noqa: E731
+            if format is None:
+                written = _evidence(request, out, part.with_position, step)
+            else:
+                written = export(format, request, out, step)
     except RecordingError as error:
         if rejected:
             raise DecodeError(rejected[0]) from None
@@ -122,6 +138,25 @@ def decode_file(
     for words in [*rejected, *(damage.words for damage in source.damage[:5])]:
         print(f"imuscope: {printable(words)}", file=notes)
     return written
+
+
+def _evidence(request: ExportRequest, out: Path, with_position: bool, step: Callable[[float], None]) -> list[Path]:
+    """One HTML file with the plots of a part, its figures, events and settings."""
+    columns = request.columns
+    infos = [
+        info
+        for info in channels_of(columns).values()
+        if request.device in ("", info.device) and (request.channels is None or info.id in request.channels)
+    ]
+    is_part = request.device != "" or request.channels is not None
+    plots = all_plots(infos, len(columns.manifest["devices"])) if is_part else None
+    t0, t1 = (None if math.isinf(time) else time for time in (request.t0, request.t1))
+    asked = EvidenceRequest(t0, t1, plots=plots, with_position=with_position)
+    name = request.title
+    about = About(Path(name).stem, file=name, format=str(columns.manifest.get("format", "")))
+    if not with_position:
+        about.title = "Recording"  # a name may be that of a place
+    return write(columns, about, asked, out, step)
 
 
 def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> ExportRequest:

@@ -46,6 +46,7 @@ def output_list() -> str:
     titles: dict[str, str] = {}
     for one in FORMATS.values():
         titles.setdefault(one.suffix, one.title)
+    titles[".html"] = "evidence: plots, figures, events and settings in one file"
     return (
         f"file whose suffix selects the format: {', '.join(f'{suffix} ({title})' for suffix, title in titles.items())}"
     )

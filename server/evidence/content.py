@@ -106,7 +106,7 @@ def content_of(
             "This range contains nothing to show.",
             "Choose a longer range or other plots." if n_position == 0 else "Choose plots without positions.",
         )
-    devices, n_settings = _devices(store, asked.with_position)
+    devices, n_settings = _devices(store, asked.with_position, about.file)
     events = _events(store, t0, t1)
     content = {
         "title": about.title,
@@ -233,7 +233,7 @@ def _figures(signal: Signal) -> dict[str, Any]:
     return {name: value for name, value in figures.items() if name != "notes"}
 
 
-def _devices(store: ColumnStore, with_position: bool) -> tuple[list[dict[str, Any]], int]:
+def _devices(store: ColumnStore, with_position: bool, file: str) -> tuple[list[dict[str, Any]], int]:
     """Identity, counts and settings of the devices; and the number of settings left out."""
     found, removed = [], 0
     for device in store.manifest["devices"]:
@@ -246,6 +246,11 @@ def _devices(store: ColumnStore, with_position: bool) -> tuple[list[dict[str, An
             removed += len(one.rows) - len(rows)
             if rows:
                 kept.append({"title": one.title, "group": one.group, "rows": rows})
+        device = {**device}
+        if not with_position:  # a capture that does not tell its device is called after its file, which may be a place
+            for key in ("name", "source"):
+                if file and file in str(device.get(key, "")):
+                    device[key] = f"device {device['id']}" if key == "name" else ""
         found.append(
             {
                 **{name: device.get(name, "") for name in ("id", "name", "product", "serial_number", "firmware")},

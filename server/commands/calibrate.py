@@ -1,0 +1,146 @@
+"""`imuscope calibrate FILE KIND`: calibrate a sensor with a stretch of any file that `decode` reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from recordings.column_store import ColumnStore
+from server.analysis.signals import SignalColumn, recorded_samples
+from server.calibration.export import FORMATS, exported
+from server.calibration.kinds import CalibrationInputs, CalibrationOptions, evaluated, method_for
+from server.calibration.mounting import VerticalAxis
+from server.calibration.report import CalibrationReport, SensorCorrection
+from server.calibration.triads import Samples, finite
+from server.commands.decoded import DecodedFileError, decoded, time_range_of
+from server.devices.decode_options import DecodeOptions
+from server.errors import DomainError
+from server.library.recording_detail import channels_of
+from server.wire import ChannelInfo
+
+SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".h": "c"}
+
+
+class CalibrateError(Exception):
+    """An error that the user can correct, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateRequest:
+    """Request for a calibration with a file.
+
+    Args:
+        kind: of the calibration.
+        facts: those of CalibrationOptions, in their order.
+        device: "" for the only one.
+        begin_s, end_s: seconds from the beginning of the file.
+    """
+
+    kind: str
+    facts: tuple[float, float, bool, VerticalAxis] = (0.0, 0.0, False, "up")
+    device: str = ""
+    begin_s: float = 0.0
+    end_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A result, and the device that it is of, in words."""
+
+    report: CalibrationReport
+    device: str
+
+
+def format_of(given: str, output: Path | None) -> str:
+    """The format to write: as given, else that of the suffix, else "text" for people.
+
+    Raises:
+        CalibrateError: the suffix selects none.
+    """
+    if given or output is None:
+        return given or "text"
+    found = SUFFIXES.get(output.suffix.lower())
+    if found is None:
+        known = ", ".join(SUFFIXES)
+        raise CalibrateError(f"{output.name} selects no format; end the name with one of {known}, or give --format")
+    return found
+
+
+def calibrate_file(path: Path, reading: DecodeOptions, request: CalibrateRequest, notes: TextIO) -> Calibration:
+    """Calibrate with the samples of a file.
+
+    Raises:
+        CalibrateError: the file cannot be decoded, or its samples do not determine the answer.
+    """
+    try:
+        with decoded(path, reading, notes) as store:
+            return _calibrated(store, path.name, request)
+    except DecodedFileError as error:
+        raise CalibrateError(str(error)) from None
+
+
+def _calibrated(store: ColumnStore, name: str, request: CalibrateRequest) -> Calibration:
+    infos = _of_one_device(store, name, request.device)
+    inputs = CalibrationInputs.of(infos)
+    method = method_for(request.kind, inputs, name)
+    triads = method.triads(inputs)
+    t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
+    samples: dict[str, Samples] = {}
+    for key, triad in triads.items():
+        columns = [recorded_samples(store, SignalColumn(triad.info, at), t0, t1) for at in triad.at]
+        samples[key] = finite(columns[0][0], np.stack([values for _, values in columns], axis=1) * triad.factor)
+    report = evaluated(method, triads, samples, CalibrationOptions(*request.facts))
+    if report.correction is None:
+        if report.refusal is None:
+            raise DomainError("no-result", f"{name} is too short for this calibration.", "Give a longer recording.")
+        raise DomainError("no-result", report.refusal.message, report.refusal.hint)
+    device = infos[0].device
+    about: Mapping[str, Any] = next((one for one in store.manifest["devices"] if one["id"] == device), {})
+    words = " ".join(filter(None, (about.get("product") or about.get("name"), about.get("serial_number"))))
+    return Calibration(report, words or name)
+
+
+def _of_one_device(store: ColumnStore, name: str, device: str) -> list[ChannelInfo]:
+    infos = list(channels_of(store).values())
+    devices = sorted({info.device for info in infos})
+    listed = ", ".join(devices)
+    if device and device not in devices:
+        raise DomainError("not-found", f"{name} has no device {device:.40}.", f"It has: {listed}.")
+    if not device and len(devices) > 1:
+        raise DomainError("which-device", f"{name} has several devices.", f"Name one with --device: {listed}.")
+    if not devices:
+        raise DomainError("not-found", f"{name} has no samples of a device.", "Give another file.")
+    return [info for info in infos if info.device == (device or devices[0])]
+
+
+def text_of(found: Calibration, format: str) -> str:
+    """The result in a format of export, or as text for people."""
+    if format in FORMATS:
+        return exported(found.report, found.device, format)[0]
+    return _for_people(found)
+
+
+def _for_people(found: Calibration) -> str:
+    report = found.report
+    result = report.correction
+    assert result is not None
+    lines = [f"{report.kind} of {found.device}: corrected = matrix · (measured − bias)", "", *_numbers(result), ""]
+    width = max((len(one.title) for one in report.figures), default=0)
+    for one in report.figures:
+        sigma = "" if one.uncertainty is None else f" ± {one.uncertainty:.2g}"
+        lines.append(f"{one.title:<{width}}  {one.value:.6g}{sigma} {one.unit}".rstrip())
+    return "\n".join([*lines, *report.notes]) + "\n"
+
+
+def _numbers(result: SensorCorrection) -> list[str]:
+    unit = f" {result.unit}" if result.unit else ""
+    bias = [
+        f"bias {axis}   {value:+.9g} ± {sigma:.2g}{unit}"
+        for axis, value, sigma in zip("xyz", result.bias, result.bias_uncertainty, strict=True)
+    ]
+    rows = ["  ".join(f"{cell:+.9f}" for cell in row) for row in result.matrix]
+    return [*bias, *(f"{'matrix' if k == 0 else '':<9}{row}" for k, row in enumerate(rows))]

@@ -1,0 +1,67 @@
+"""Columns of a file while a command reads them: decoded into a temporary folder, with a progress bar."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TextIO
+
+from recordings.column_store import ColumnStore
+from recordings.importers import open_file
+from recordings.mcap_writer import RecordingError
+from server.analysis.recorded_signals import add_computed_signals
+from server.commands.decode import Bar
+from server.devices.decode_options import DecodeOptions
+from server.devices.protocol_set import all_protocols
+from server.errors import DomainError
+from server.library.decode import decode
+
+
+class DecodedFileError(Exception):
+    """An error that the user can correct, in one line."""
+
+
+@contextlib.contextmanager
+def decoded(path: Path, reading: DecodeOptions, notes: TextIO) -> Iterator[ColumnStore]:
+    """The columns of a file; they are gone afterwards.
+
+    Args:
+        reading: decode options; without a protocol it is detected.
+        notes: stream for the progress bar.
+
+    Raises:
+        DecodedFileError: the file cannot be decoded, or what is done with its columns raises a DomainError.
+    """
+    bar = Bar(notes)
+    try:
+        with tempfile.TemporaryDirectory(prefix="imuscope-") as folder:
+            source = open_file(path, reading.protocol)
+            yield decode(
+                source, Path(folder) / "columns", all_protocols(), reading, bar.show, compute=add_computed_signals
+            )
+    except (RecordingError, DomainError) as error:
+        raise DecodedFileError(f"{error.message} {error.hint}".strip()) from None
+    except OSError as error:
+        raise DecodedFileError(f"{path}: {(error.strerror or 'it cannot be read').lower()}") from None
+    finally:
+        bar.clear()
+
+
+def time_range_of(store: ColumnStore, name: str, begin_s: float, end_s: float | None) -> tuple[float, float]:
+    """First and last time of a part, unix s; infinite without a limit.
+
+    Args:
+        begin_s, end_s: seconds from the beginning of the file.
+
+    Raises:
+        DecodedFileError: the part is empty.
+    """
+    begin, end = store.manifest["started"] or 0.0, store.manifest["ended"]
+    t0 = begin + begin_s if begin_s else -math.inf
+    t1 = math.inf if end_s is None else begin + end_s
+    if not t0 < t1 or begin_s < 0 or (end is not None and t0 > end):
+        raise DecodedFileError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
+    return t0, t1
