@@ -26,6 +26,7 @@ from tests import chromium
 from tests.chromium import until
 from tests.conftest import READY
 from tests.server_process import ROOT, ServerProcess
+from tests.synthetic_fleet import SyntheticFleet
 from tests.timeouts import PATIENCE_S
 
 FOLDER = ROOT / "docs" / "guide" / "images"
@@ -75,13 +76,19 @@ class Studio:
         """A page of that server; it is opened when the server has streamed for `filled_s`."""
         server = self.server(*sources)
         time.sleep(max(0.0, self._born[sources] + filled_s - time.monotonic()))
+        with self.page_of(server.url, at, size, theme) as page:
+            yield page
+
+    @contextmanager
+    def page_of(self, url: str, at: str = "", size: tuple[int, int] = WIDE, theme: str = "dark") -> Iterator[Page]:
+        """A page of any server."""
         context = self._browser.new_context(
             viewport={"width": size[0], "height": size[1]},
             color_scheme="light" if theme == "light" else "dark",
             has_touch=size == PHONE,
         )
         page = context.new_page()
-        page.goto(f"{server.url.rstrip('/')}/{at}")
+        page.goto(f"{url.rstrip('/')}/{at}")
         yield page
         context.close()
 
@@ -113,12 +120,16 @@ class Studio:
             server.stop()
 
 
-def keep(page: Page, name: str, of: str = "") -> None:
-    """Write what the page, or one element of it, shows."""
+def keep(page: Page, name: str, of: str = "", method: Image.Quantize = Image.Quantize.MEDIANCUT) -> None:
+    """Write what the page, or one element of it, shows.
+
+    Args:
+        method: MAXCOVERAGE keeps colours of few pixels, such as marks of status in a long list.
+    """
     time.sleep(1)
     data = page.locator(of).first.screenshot(timeout=WAIT_MS) if of else page.screenshot(timeout=WAIT_MS)
     image = Image.open(io.BytesIO(data)).convert("RGB")
-    reduced = image.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    reduced = image.quantize(COLOURS, method=method, dither=Image.Dither.NONE)
     FOLDER.mkdir(parents=True, exist_ok=True)
     path = FOLDER / f"{name}.png"
     reduced.save(path, optimize=True)
@@ -187,6 +198,15 @@ def health(studio: Studio) -> None:
         until(page, READY)
         time.sleep(20)
         keep(page, "health", "section.health")
+
+
+@picture("fleet")
+def fleet(studio: Studio) -> None:
+    at = "#/fleet?robot=amr-552"
+    with SyntheticFleet(1000, studio.folder / "fleet") as running, studio.page_of(running.url, at) as page:
+        page.wait_for_selector(".fleet-row")
+        page.wait_for_selector(".fleet-device")
+        keep(page, "fleet", method=Image.Quantize.MAXCOVERAGE)
 
 
 @picture("calibration")

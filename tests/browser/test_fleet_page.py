@@ -10,6 +10,8 @@ from playwright.sync_api import Page
 
 from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
 from tests.chromium import until
+from tests.free_ports import free_port
+from tests.server_process import ServerProcess
 from tests.synthetic_fleet import SyntheticFleet
 
 ROWS = "[...document.querySelectorAll('.fleet-row')]"
@@ -135,3 +137,21 @@ def test_figures_stay_with_their_age_while_the_server_is_away(tmp_path: Path, op
         assert page.evaluate(f"{ROWS}.length") == 20
         page.unroute("**/api/fleet/robots*")
         until(page, "document.querySelector('.fleet .band') === null")
+
+
+def test_a_robot_joins_and_is_lost(tmp_path: Path, open_page: Callable[..., Page]) -> None:
+    """A robot with a simulated device and a fleet server, as they are started on a command line."""
+    bus = f"tcp/127.0.0.1:{free_port()}"
+    config = tmp_path / "robot.toml"
+    config.write_text(f'[fleet]\nrouter = "{bus}"\nname = "otter-7"\ngroup = "otters"\n')
+    with ServerProcess(data=tmp_path / "fleet", arguments=("--listen", bus), command="fleet") as server:
+        page = open_page(server.url)
+        until(page, "document.querySelector('.card code')?.innerText === 'imuscope serve --fleet tcp/127.0.0.1:7447'")
+        assert page.locator(".nav").inner_text().split() == ["Fleet", "Recordings"]
+        arguments = ("--config", str(config))
+        with ServerProcess("sim:xbus?product=MTi-630", data=tmp_path / "robot", arguments=arguments):
+            row = "document.querySelector('.fleet-row')?.innerText"
+            until(page, f"/otter-7/.test({row}) && /MTi-630/.test({row}) && /Hz/.test({row})")
+            until(page, "document.querySelector('.fleet-row .dot').classList.contains('live')")
+        until(page, f"/lost/.test({row})")
+        assert page.evaluate("document.querySelector('.fleet-row').classList.contains('held')")

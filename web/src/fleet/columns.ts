@@ -136,12 +136,12 @@ export function cellOf(column: ColumnName, robot: Robot): Cell {
     case "recording":
       return { text: summary.recording ? TEXT.recordingOn : "" };
     default:
-      return device === undefined ? EMPTY : deviceCell(column, device, summary.version);
+      return device === undefined ? EMPTY : deviceCell(column, device);
   }
 }
 
 /** A figure of one device. */
-export function deviceCell(column: ColumnName, device: RobotDevice, version = ""): Cell {
+export function deviceCell(column: ColumnName, device: RobotDevice): Cell {
   switch (column) {
     case "rate":
       return rateCell(device);
@@ -154,7 +154,7 @@ export function deviceCell(column: ColumnName, device: RobotDevice, version = ""
     case "clock":
       return clockCell(device);
     case "firmware":
-      return { text: device.firmware || "—", ...(version === "" ? {} : { more: version }) };
+      return device.firmware === "" ? EMPTY : { text: device.firmware };
     default:
       return { text: "" };
   }

@@ -42,7 +42,7 @@ export function GroupRow({ id, index, line, fleet, isActive, isFolded, top, onFo
         {TOLD.map(({ name, tone }) => {
           const n = robots.filter((robot) => inShown(robot, name)).length;
           return n === 0 ? null : (
-            <span key={name} class="told">
+            <span key={name} class="in-trouble">
               <span class={`dot ${tone}`} /> {number(n, 0)} <span class="desk">{TEXT.shown[name].toLowerCase()}</span>
             </span>
           );

@@ -1,11 +1,12 @@
 /**
  * The robots as rows: only those in view, and some above and below, are in the document.
  *
- * Rows have one height, and each is moved to its place by itself, so that a change of a figure moves nothing else. Keys act on the active
+ * Rows have one height, and each is moved to its place by itself, so that a change of a figure moves nothing else. A row that leaves the view
+ * is used again for one that comes into it: to fill its cells costs a fraction of making them. Keys act on the active
  * row, which the list names for screen readers; the focus stays on the list.
  */
 import { useComputed, useSignal } from "@preact/signals";
-import { useCallback, useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { useCallback, useEffect, useLayoutEffect, useMemo, useRef } from "preact/hooks";
 import { Icon } from "../ui/icons";
 import { COLUMNS } from "./columns";
 import type { Fleet } from "./fleet-state";
@@ -19,7 +20,7 @@ const HEIGHT = 32;
 const PHONE_HEIGHT = 64;
 const HEAD = 28;
 /** Rows in the document beyond those in view, on each side; the window of rows moves by as many as STEP. */
-const BEYOND = 10;
+const BEYOND = 8;
 const STEP = 5;
 
 const keyOf = (line: Line): string =>
@@ -27,7 +28,8 @@ const keyOf = (line: Line): string =>
 
 export function List({ fleet }: { readonly fleet: Fleet }) {
   const box = useRef<HTMLDivElement>(null);
-  const isPhone = useSignal(matchMedia("(max-width: 720px)").matches);
+  const narrow = useMemo(() => matchMedia("(max-width: 720px)"), []);
+  const isPhone = useSignal(narrow.matches);
   const first = useSignal(0);
   const room = useSignal(600);
   const active = useSignal<string | undefined>(undefined);
@@ -35,11 +37,10 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
   const head = isPhone.value ? 0 : HEAD;
 
   useEffect(() => {
-    const query = matchMedia("(max-width: 720px)");
-    const changed = (): void => void (isPhone.value = query.matches);
-    query.addEventListener("change", changed);
-    return () => query.removeEventListener("change", changed);
-  }, [isPhone]);
+    const changed = (): void => void (isPhone.value = narrow.matches);
+    narrow.addEventListener("change", changed);
+    return () => narrow.removeEventListener("change", changed);
+  }, [isPhone, narrow]);
   useLayoutEffect(() => {
     const element = box.current;
     if (!element) return undefined;
@@ -52,17 +53,21 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
   const lines = fleet.lines.value;
   const activeIndex = useComputed(() => fleet.lines.value.findIndex((line) => keyOf(line) === active.value)).value;
   const from = Math.max(0, Math.min(first.value, lines.length - 1));
-  const to = Math.min(lines.length, from + Math.ceil(room.value / height) + 2 * BEYOND + STEP);
+  const pool = Math.ceil(room.value / height) + 2 * BEYOND + STEP;
+  const to = Math.min(lines.length, from + pool);
 
+  const isScrolled = useRef(false);
   const onScroll = (): void => {
-    const at = Math.floor((box.current?.scrollTop ?? 0) / height);
+    const top = box.current?.scrollTop ?? 0;
+    isScrolled.current = top > 0;
+    const at = Math.floor(top / height);
     first.value = Math.max(0, Math.floor((at - BEYOND) / STEP) * STEP);
     fleet.disturb();
   };
   // a choice of other robots begins at the top
   const { sort, descending, shown, query, grouping } = fleet.place.value;
   useLayoutEffect(() => {
-    box.current?.scrollTo({ top: 0 });
+    if (isScrolled.current) box.current?.scrollTo({ top: 0 }); // else it would only cost a layout
   }, [sort, descending, shown, query, grouping]);
 
   const show = (index: number): void => {
@@ -133,7 +138,7 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
           if (line.kind === "group") {
             return (
               <GroupRow
-                key={keyOf(line)}
+                key={index % pool}
                 {...common}
                 line={line}
                 fleet={fleet}
@@ -148,7 +153,7 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
           const isRobot = line.kind === "robot";
           return (
             <Row
-              key={keyOf(line)}
+              key={index % pool}
               {...common}
               robot={robot}
               deviceIndex={isRobot ? undefined : line.index}

@@ -11,6 +11,7 @@ import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
 import { Details } from "./details";
 import { type Fleet, fleetOf } from "./fleet-state";
+import { FLEET_KEYS } from "./keys";
 import { List } from "./list";
 import { START } from "./address";
 import { Summary, Tools } from "./tools";
@@ -41,7 +42,7 @@ export function FleetPage({ app }: { readonly app: App }) {
         <Content fleet={fleet} />
       </main>
       {isOpen && <Details fleet={fleet} />}
-      {app.overlay.value === "help" && <Help onClose={() => (app.overlay.value = undefined)} />}
+      {app.overlay.value === "help" && <Help groups={FLEET_KEYS} onClose={() => (app.overlay.value = undefined)} />}
     </div>
   );
 }
@@ -113,7 +114,9 @@ const PORT = 7447;
 
 function NoRobot() {
   const said = useSignal("");
-  const command = `imuscope serve --fleet tcp/${location.hostname}:${PORT}`;
+  const isHere = /^(localhost|127\..*|\[::1\])$/.test(location.hostname);
+  // beyond this machine the bus has TLS, or the server would not have started without being told so
+  const command = `imuscope serve --fleet ${isHere ? "tcp" : "tls"}/${location.hostname}:${PORT}`;
   const copy = async (): Promise<void> => {
     said.value = (await copyText(command)) ? TEXT.copied : TEXT.copyFailed;
   };
@@ -125,6 +128,7 @@ function NoRobot() {
         <p class="hint">
           <code>{command}</code>
         </p>
+        <p>{isHere ? TEXT.addressHint : TEXT.accessHint}</p>
         <div class="row">
           <button type="button" class="btn main" onClick={() => void copy()}>
             <Icon name="share" />

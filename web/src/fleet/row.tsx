@@ -167,19 +167,23 @@ function DeviceName({ device }: { readonly device: RobotDevice | undefined }) {
   );
 }
 
+/** Plain text in the cell itself: of these there are many, and each further element costs time to lay out. */
 function figure(name: ColumnName, { text, unit, more, tone, isQuiet }: Cell): JSX.Element {
+  const content = (
+    <>
+      {text}
+      {unit !== undefined && unit !== "" && <span class="unit">{unit}</span>}
+      {more !== undefined && <small> {more}</small>}
+    </>
+  );
   return (
     <span
       key={name}
       {...ROLES.cell}
       data-column={name}
-      class={`${FIGURES.has(name) ? "num" : ""} ${tone ?? ""} ${isQuiet ? "dim" : ""}`}
+      class={`ellipsis ${FIGURES.has(name) ? "num" : ""} ${isQuiet ? "dim" : ""}`}
     >
-      <span class="ellipsis">
-        {text}
-        {unit !== undefined && unit !== "" && <span class="unit">{unit}</span>}
-        {more !== undefined && <small> {more}</small>}
-      </span>
+      {tone === undefined ? content : <span class={`told ${tone}`}>{content}</span>}
     </span>
   );
 }

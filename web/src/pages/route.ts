@@ -27,9 +27,13 @@ const PAGES: readonly PageEntry[] = [
   { name: "configure", title: TEXT.configure, icon: "sliders" },
   { name: "recordings", title: COMMON.recordings, icon: "library" },
 ];
-const FLEET: readonly PageEntry[] = [{ name: "fleet", title: FLEET_TEXT.fleet, icon: "grid" }, ...PAGES];
+/** A fleet server has no device of its own. */
+const FLEET: readonly PageEntry[] = [
+  { name: "fleet", title: FLEET_TEXT.fleet, icon: "grid" },
+  ...PAGES.filter(({ name }) => name === "recordings"),
+];
 
-/** The pages of this server; those of a fleet server begin with its robots. */
+/** The pages of this server. */
 export const pagesOf = (isFleet: boolean): readonly PageEntry[] => (isFleet ? FLEET : PAGES);
 
 export interface Route {

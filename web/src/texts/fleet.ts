@@ -82,7 +82,17 @@ export const TEXT = {
   noMatchHint: "Change the search or the filter.",
   showAll: "Show all robots",
   noRobot: "No robot yet",
-  noRobotHint: "Start imuscope on a robot with the address of this server. The robot connects to it, also through NAT.",
+  noRobotHint:
+    "Start imuscope on a robot with the address of this server. The robot connects outwards, so it may be behind NAT.",
+  addressHint: "The server printed the address that robots connect to when it started; give that one if it differs.",
+  accessHint:
+    "Set user, password and ca of the robot in the table [fleet] of its configuration file. The server printed the address that robots connect to when it started.",
+  keyMove: "Next or previous row",
+  keyFar: "A page of rows, the first or the last row",
+  keyOpen: "Details of the robot; fold or unfold a group",
+  keyExpand: "Hide or show all devices of the robot",
+  keySort: "Sort now",
+  keyPages: "Fleet, Recordings",
   copyCommand: "Copy the command",
   copied: "Copied",
   copyFailed: "The browser blocks copying. Select the command and copy it.",

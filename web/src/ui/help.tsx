@@ -1,14 +1,20 @@
 /** The `?` overlay: every key, printed from the table that handles them. */
 import { Fragment } from "preact";
 import { Dialog } from "./dialog";
-import { KEY_GROUPS } from "./keys";
+import { KEY_GROUPS, type KeyGroup } from "./keys";
 import { COMMON } from "../texts/common";
 
-export function Help({ onClose }: { readonly onClose: () => void }) {
+interface Props {
+  readonly onClose: () => void;
+  /** Keys of a page that has others than Live and the recordings. */
+  readonly groups?: readonly KeyGroup[];
+}
+
+export function Help({ onClose, groups }: Props) {
   return (
     <Dialog title={COMMON.keyboard} onClose={onClose}>
       <div class="key-groups">
-        {KEY_GROUPS.map(({ title, lines }) => (
+        {(groups ?? KEY_GROUPS).map(({ title, lines }) => (
           <section key={title}>
             <h3>{title}</h3>
             <dl class="keys">
@@ -26,9 +32,11 @@ export function Help({ onClose }: { readonly onClose: () => void }) {
           </section>
         ))}
       </div>
-      <p class="hint" style={{ marginTop: "16px" }}>
-        {COMMON.plotHelp}
-      </p>
+      {!groups && (
+        <p class="hint" style={{ marginTop: "16px" }}>
+          {COMMON.plotHelp}
+        </p>
+      )}
       <p class="hint">
         <a href="/docs" target="_blank" rel="noopener">
           {COMMON.apiReference}
