@@ -38,6 +38,7 @@ class EvidencePlot:
     series: Annotated[list[EvidenceSeries], Field(max_length=MAX_SERIES)]
     low: float | None = None  # fixed ends of its y axis; null: from the data
     high: float | None = None
+    log: bool = False  # a logarithmic y axis, as long as every value is positive
 
 
 @dataclass(slots=True)

@@ -27,6 +27,8 @@ interface PlotContent {
   readonly unit: string;
   readonly low: number | null;
   readonly high: number | null;
+  /** Absent in files of earlier versions. */
+  readonly log?: boolean;
   readonly series: readonly SeriesContent[];
 }
 
@@ -62,6 +64,8 @@ export interface Plot {
   readonly unit: string;
   /** Fixed ends of the y axis. */
   readonly fixed: readonly [number, number] | undefined;
+  /** The y axis is logarithmic, as long as every value in the window is positive. */
+  readonly isLog: boolean;
   readonly curves: readonly Curve[];
 }
 
@@ -100,10 +104,11 @@ export function plotsOf(content: Content, blockOf: (number: number) => string): 
     times.set(block, found);
     return found;
   };
-  return content.plots.map(({ title, unit, low, high, series }) => ({
+  return content.plots.map(({ title, unit, low, high, log, series }) => ({
     title,
     unit,
     fixed: low !== null && high !== null && low < high ? ([low, high] as const) : undefined,
+    isLog: log === true,
     curves: series.flatMap((one) => {
       const [least, greatest] = [one.v ?? one.low, one.v ?? one.high];
       if (least === undefined || greatest === undefined) return [];

@@ -1,5 +1,6 @@
 /** Drawing of a plot: grid, losses, curves, notes and cursors. */
 import { tickLabel, timeStep } from "../plots/axis";
+import { isLogarithmic, logTicks } from "../plots/y-axis";
 import { Scale, ticks } from "../plots/scale";
 import { number } from "../ui/format";
 import type { Curve, Plot } from "./content";
@@ -26,6 +27,8 @@ export const RIGHT = 12;
 const TOP = 6;
 const BOTTOM = 20;
 const DOTS_FROM = 9;
+/** Least height of a logarithmic axis, decades. */
+const LEAST_DECADES = 0.05;
 /** Half the letter of a cursor on the axis, and a margin. */
 const FLAG_PX = 10;
 
@@ -37,13 +40,16 @@ interface Frame {
   readonly height: number;
   readonly shown: Shown;
   readonly colour: Colour;
+  /** Ends of the y axis; of a logarithmic one their powers of ten. */
   readonly lo: number;
   readonly hi: number;
+  readonly isLog: boolean;
 }
 
 const xOf = ({ width, shown }: Frame, t: number): number =>
   LEFT + ((t - shown.from) / (shown.to - shown.from)) * (width - LEFT - RIGHT);
-const yOf = ({ height, lo, hi }: Frame, v: number): number => TOP + ((hi - v) / (hi - lo)) * (height - TOP - BOTTOM);
+const yOf = ({ height, lo, hi, isLog }: Frame, v: number): number =>
+  TOP + ((hi - (isLog ? Math.log10(v) : v)) / (hi - lo)) * (height - TOP - BOTTOM);
 
 /** Extent of the curves in a window. */
 export function extentOf(plot: Plot, { from, to }: Shown): readonly [number, number] {
@@ -59,6 +65,18 @@ export function extentOf(plot: Plot, { from, to }: Shown): readonly [number, num
   return [lo, hi];
 }
 
+/** Ends of the y axis over a window; of a logarithmic one their powers of ten. */
+export function endsOf(plot: Plot, shown: Shown): Pick<Frame, "lo" | "hi" | "isLog"> {
+  const [low, high] = extentOf(plot, shown);
+  const isLog = isLogarithmic({ isLog: plot.isLog, ...(plot.fixed ? { range: plot.fixed } : {}) }, low);
+  const into = (value: number): number => (isLog ? Math.log10(value) : value);
+  if (plot.fixed) return { lo: into(plot.fixed[0]), hi: into(plot.fixed[1]), isLog };
+  const period = Math.max(0, ...plot.curves.map((curve) => curve.period));
+  const scale = isLog ? new Scale(LEAST_DECADES) : new Scale(1e-9, period);
+  scale.update(into(low), into(high), 0, true);
+  return { lo: scale.lo, hi: scale.hi, isLog };
+}
+
 export function draw(
   x: CanvasRenderingContext2D,
   width: number,
@@ -68,12 +86,7 @@ export function draw(
   marks: Marks,
   colour: Colour,
 ): void {
-  const period = Math.max(0, ...plot.curves.map((curve) => curve.period));
-  const scale = new Scale(1e-9, period);
-  const [low, high] = extentOf(plot, shown);
-  scale.update(low, high, 0, true);
-  const [lo, hi] = plot.fixed ?? [scale.lo, scale.hi];
-  const frame = { x, width, height, shown, colour, lo, hi };
+  const frame = { x, width, height, shown, colour, ...endsOf(plot, shown) };
   x.fillStyle = colour("--bg");
   x.fillRect(0, 0, width, height);
   x.font = '11px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif';
@@ -97,15 +110,19 @@ export function draw(
 }
 
 function grid(frame: Frame, t0: number, degrees: boolean): void {
-  const { x, width, height, shown, colour, lo, hi } = frame;
+  const { x, width, height, shown, colour, lo, hi, isLog } = frame;
   x.textBaseline = "middle";
   x.textAlign = "right";
-  for (const { value, decimals } of ticks(lo, hi, height - TOP - BOTTOM, degrees, 28)) {
+  const linear = ticks(lo, hi, height - TOP - BOTTOM, degrees, 28);
+  const labels = isLog
+    ? logTicks(lo, hi)
+    : linear.map((tick) => ({ ...tick, text: number(tick.value, tick.decimals) }));
+  for (const { value, text } of labels) {
     const y = Math.round(yOf(frame, value)) + 0.5;
     x.fillStyle = colour(value === 0 ? "--grid-zero" : "--grid");
     x.fillRect(LEFT, y - 0.5, width - LEFT - RIGHT, 1);
     x.fillStyle = colour("--ink-3");
-    x.fillText(number(value, decimals), LEFT - 6, y);
+    x.fillText(text, LEFT - 6, y);
   }
   const room = width - LEFT - RIGHT;
   const step = timeStep(shown.to - shown.from, room);

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { bytesOf, type Content, type Curve, plotsOf, tickOf } from "./content";
-import { extentOf } from "./drawing";
+import { endsOf, extentOf } from "./drawing";
 import { difference, measured, nearestRow, readingAt, readingText, stepped } from "./reading";
 
 function curve(times: readonly number[], low: readonly number[], more: Partial<Curve> = {}): Curve {
@@ -94,7 +94,27 @@ describe("an evidence file", () => {
   });
 
   it("scales a plot to what is in the window", () => {
-    const plot = { title: "", unit: "", fixed: undefined, curves: [curve([0, 1, 2, 3, 4], [9, 1, 2, 3, 99])] };
+    const plot = {
+      title: "",
+      unit: "",
+      fixed: undefined,
+      isLog: false,
+      curves: [curve([0, 1, 2, 3, 4], [9, 1, 2, 3, 99])],
+    };
     expect(extentOf(plot, { from: 1.5, to: 2.5, a: undefined, b: undefined })).toEqual([1, 3]);
+  });
+
+  it("has a logarithmic axis where the plot had one, as long as all values in the window are positive", () => {
+    const shown = { from: 0, to: 4, a: undefined, b: undefined };
+    const plot = { title: "", unit: "", fixed: undefined, isLog: true, curves: [curve([0, 1, 2], [0.001, 1, 1000])] };
+    const { lo, hi, isLog } = endsOf(plot, shown);
+    expect(isLog).toBe(true);
+    expect(lo).toBeLessThanOrEqual(-3);
+    expect(lo).toBeGreaterThan(-4.5);
+    expect(hi).toBeGreaterThanOrEqual(3);
+    expect(endsOf({ ...plot, fixed: [0.01, 100] }, shown)).toEqual({ lo: -2, hi: 2, isLog: true });
+    expect(endsOf({ ...plot, fixed: [-1, 100] }, shown)).toEqual({ lo: -1, hi: 100, isLog: false });
+    expect(endsOf({ ...plot, curves: [curve([0, 1], [0, 1])] }, shown).isLog).toBe(false);
+    expect(endsOf({ ...plot, isLog: false }, shown).isLog).toBe(false);
   });
 });

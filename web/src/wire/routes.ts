@@ -456,6 +456,7 @@ export interface EvidencePlot {
   readonly series: readonly EvidenceSeries[];
   readonly low: number | null;
   readonly high: number | null;
+  readonly log: boolean;
 }
 
 /** Choice of what the file shows; everything may be left out. */

@@ -19,7 +19,7 @@ const plot = (own: Partial<PlotSpec>): PlotSpec =>
   ({ key: "a", title: "Acceleration", unit: "m/s²", frame: "", decimals: 3, series: [], ...own }) as never;
 
 function viewOf(plots: readonly PlotSpec[], hidden: readonly string[] = []): ViewState {
-  const yAxes = new Map([["a/right", { range: [-5, 5] as const }]]);
+  const yAxes = new Map([["a/right", { range: [-5, 5] as const, isLog: true }]]);
   return {
     actions: { plots: () => plots },
     hiddenSeries: { peek: () => new Set(hidden) },
@@ -53,9 +53,9 @@ describe("plots for evidence", () => {
       right: { key: "a/right", unit: "°/s", decimals: 2 },
     });
     const { plots } = evidencePlots(viewOf([both]), SOURCE);
-    expect(plots.map(({ unit, low, high }) => [unit, low, high])).toEqual([
-      ["m/s²", null, null],
-      ["°/s", -5, 5],
+    expect(plots.map(({ unit, low, high, log }) => [unit, low, high, log])).toEqual([
+      ["m/s²", null, null, false],
+      ["°/s", -5, 5, true],
     ]);
   });
 

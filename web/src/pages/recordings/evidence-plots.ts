@@ -26,9 +26,10 @@ export function evidencePlots({ actions, hiddenSeries, yAxes }: ViewState, sourc
         return [{ signal, part, factor, offset, period, label, colour, dash: [...dash], decimals }];
       });
       if (series.length === 0) return [];
-      const [low, high] = yAxes.peek().get(plot.key)?.range ?? [null, null];
+      const axis = yAxes.peek().get(plot.key);
+      const [low, high] = axis?.range ?? [null, null];
       const title = plot.frame === "" ? plot.title : `${plot.title} · ${plot.frame}`;
-      return [{ title, unit: plot.unit, series, low, high }];
+      return [{ title, unit: plot.unit, series, low, high, log: axis?.isLog === true }];
     });
   return { plots, without };
 }
