@@ -203,9 +203,10 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
             complaints.append(f"asked another host: {request.url}")
 
     def complained(message: ConsoleMessage) -> None:
-        # A server that goes down on purpose, and one that refuses a file, is reported by the browser itself, which no
-        # page can prevent.
-        refused = "status of 422" in message.text and "/api/recordings/upload" in message.location.get("url", "")
+        # A server that goes down on purpose, and one that refuses a file or a question, is reported by the browser
+        # itself, which no page can prevent.
+        of = message.location.get("url", "")
+        refused = "status of 422" in message.text and ("/api/recordings/upload" in of or of.endswith("/api/query"))
         if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text and not refused:
             asked = "status of 409" in message.text and message.location.get("url", "").endswith("/apply")
             # somebody else saved the workspace or the notes before, and the page offers what to do

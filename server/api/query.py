@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from contextlib import AsyncExitStack
 from typing import Literal
 
@@ -11,6 +12,7 @@ from fastapi.responses import Response, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.types import Receive, Scope, Send
 
+from recordings.mcap_writer import RecordingError
 from server.api.dependencies import TheServices
 from server.api.errors import bytes_of, responses
 from server.errors import DomainError
@@ -29,6 +31,7 @@ MEDIA = {
     "parquet": "application/vnd.apache.parquet",
 }
 FILES = [MEDIA[name] for name in ("arrow", "csv", "parquet")]
+RECORDING = re.compile(r"[0-9a-f]{24}")
 CLIENT_GONE = 499  # nobody reads it
 
 
@@ -192,6 +195,40 @@ async def query(body: QueryBody, request: Request, services: TheServices) -> Res
     if body.format != "json":
         headers["content-disposition"] = f'attachment; filename="answer.{body.format}"'
     return _ClosingResponse(pieces, stack, media_type=MEDIA[body.format], headers=headers)
+
+
+class FetchedRecording(BaseModel):
+    """A recording of the store in the library of this server."""
+
+    id: str = Field(description="its id in the library")
+    is_new: bool = Field(description="whether it was fetched now")
+
+
+@router.post("/recordings/{recording}/fetch", responses=responses(409, 422, 502, 507))
+async def fetch_recording(recording: str, services: TheServices) -> FetchedRecording:
+    """Fetch a recording of the store into the library, unless it is there, and compare its checksum."""
+    library = services.catalogue.library
+    name = f"{recording}.mcap"
+    if not RECORDING.fullmatch(recording):
+        hint = "Take it from the column `recording`."
+        raise DomainError("bad-request", f"{recording!r:.80} is not the identifier of a recording.", hint)
+    try:
+        known = await asyncio.to_thread(library.get, recording)
+    except KeyError:
+        pass
+    else:
+        return FetchedRecording(id=known.id, is_new=False)
+    try:
+        path = await asyncio.to_thread(library.incoming, name)
+        try:
+            await services.questions.fetch(recording, path)
+            entry = await asyncio.to_thread(library.add_file, path)
+        finally:
+            await asyncio.to_thread(library.refuse, path)
+    except RecordingError as error:
+        raise DomainError("disk", error.message, error.hint) from None
+    services.catalogue.changed()
+    return FetchedRecording(id=entry.id, is_new=True)
 
 
 def _question(body: QueryBody, service: QuestionService) -> QuestionRequest:

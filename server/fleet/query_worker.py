@@ -1,8 +1,8 @@
 """`python -m server.fleet.query_worker`: answer one question in a subprocess, for question_service.py.
 
 The request comes on standard input, one JSON object: store, sql, format, rows, memory_mb, timeout_s; with `words` in
-place of `sql`, the answer is what an editor may complete. On standard output: one line of JSON, {} or {"kind",
-"message", "hint"}; then the answer. It is complete if the process ends with 0.
+place of `sql`, the answer is what an editor may complete; with `fetch`, a recording is written to `path`. On standard
+output: one line of JSON, {} or {"kind", "message", "hint"}; then the answer. It is complete if the process ends with 0.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
@@ -21,6 +22,7 @@ import pyarrow.parquet as pq
 
 from recordings.bounds import TooLong, bounded
 from recordings.parent_death import die_with_parent
+from server.fleet.fetch import fetch
 from server.fleet.query import QueryError, QueryLimits, ask
 from server.fleet.query_words import query_words
 from server.fleet.results import plain, text_of_csv, unique, write_arrow
@@ -51,8 +53,11 @@ def main() -> int:
     except TooLong:
         words = f"the question takes longer than {request['timeout_s']:g} s"
         return output.fail("bad-query", words, "Ask for less, or allow more time.")
-    except BrokenPipeError:
-        os._exit(1)  # nobody reads
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):
+            os._exit(1)  # nobody reads
+        words = (error.strerror or "it cannot be written").lower()
+        return output.fail("store", f"the recording cannot be stored here: {words}", "Free some space.")
     output.end()
     return 0
 
@@ -61,6 +66,9 @@ def _answer(request: dict[str, Any], output: _Output) -> None:
     store = location(request["store"])
     if request.get("words"):
         output.write(json.dumps(query_words(store)).encode())
+        return
+    if request.get("fetch"):
+        output.write(json.dumps({"bytes": fetch(store, request["fetch"], Path(request["path"]))}).encode())
         return
     began = time.monotonic()
     with ask(store, request["sql"], QueryLimits(request["memory_mb"], request["timeout_s"], spills=False)) as reader:

@@ -17,6 +17,7 @@ import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 from server.errors import DomainError
@@ -28,6 +29,7 @@ EACH = 1  # questions of one user that run at once
 WAITING_EACH = 8
 GRACE_S = 20.0  # for a process to start, and to say itself that its time is over
 WORDS_S = 60.0  # for which tables and signals are taken as they were
+FETCH_S = 3600.0
 PIECE = 1 << 18
 
 
@@ -69,6 +71,7 @@ class QuestionService:
         self._numbers = itertools.count()
         self._words: tuple[float, dict[str, Any]] | None = None
         self._reads_words = asyncio.Lock()
+        self._fetches = asyncio.Lock()
 
     def asked_by(self, user: str) -> list[AskedQuestion]:
         """Questions of a user, those that wait too."""
@@ -109,6 +112,19 @@ class QuestionService:
                     found = json.loads(b"".join([piece async for piece in pieces]))
                 self._words = now, found
             return self._words[1]
+
+    async def fetch(self, recording: str, path: Path) -> None:
+        """Write a recording of the store to a file.
+
+        Raises:
+            DomainError: "no-store" or "store".
+        """
+        self._check_store()
+        async with self._fetches:
+            request = {"fetch": recording, "path": str(path), "memory_mb": self.settings.query_mb, "timeout_s": FETCH_S}
+            async with self._worker(request) as pieces:
+                async for _ in pieces:
+                    pass
 
     def _check_store(self) -> None:
         if not self.settings.url:

@@ -22,9 +22,13 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from server.devices.decode_options import DecodeOptions
+from server.fleet.store import location
+from server.fleet.upload import upload
 from tests import chromium
 from tests.chromium import until
 from tests.conftest import READY
+from tests.recordings.recorded_drive import drive
 from tests.server_process import ROOT, ServerProcess
 from tests.synthetic_fleet import SyntheticFleet
 from tests.timeouts import PATIENCE_S
@@ -36,6 +40,10 @@ MAX_BYTES = 150_000
 FILLED_S = 40  # the simulators have turned by then, and the window is full
 RECORDED_S = 25
 WAIT_MS = 120_000
+QUESTION = """SELECT minute, mean, axis, robot, recording
+FROM minutes
+WHERE quantity = 'acceleration' AND axis <> 'norm'
+ORDER BY minute"""
 DRAWN = "window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 20)"
 
 Painter = Callable[["Studio"], None]
@@ -340,6 +348,26 @@ def evidence(studio: Studio) -> None:
         canvas.click(position={"x": 760, "y": 60}, modifiers=["Shift"])
         page.mouse.move(5, 5)
         keep(page, "evidence")
+
+
+@picture("questions")
+def questions(studio: Studio) -> None:
+    """The drives of a store, and the mean of each minute over time."""
+    store = studio.folder / "store"
+    for n in range(6):
+        path = studio.folder / f"drive-{n}.mcap"
+        drive(path, 240 + 60 * n, started_ns=1_760_000_000_000_000_000 + n * 7200 * 10**9)
+        upload(path, location(str(store)), f"otter-{n % 3}", DecodeOptions())
+    server = ServerProcess("sim:xbus", data=studio.folder / "questions", arguments=("--store", str(store)))
+    try:
+        with studio.page_of(server.url.rstrip("/"), "/#/questions") as page:
+            page.get_by_label("Question in SQL").fill(QUESTION)
+            page.get_by_role("button", name="Run").click()
+            page.get_by_role("button", name="Plot", exact=True).click()
+            until(page, "document.querySelectorAll('.answer-chart .points').length > 2")
+            keep(page, "questions")
+    finally:
+        server.stop()
 
 
 def main() -> None:

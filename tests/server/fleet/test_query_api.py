@@ -233,3 +233,33 @@ def test_too_many_questions_of_one_user_are_refused(server: InProcessServer) -> 
         for one in clients:
             one.leave()
     block_until(lambda: not _state(server)["running"] and not _state(server)["waiting"], "no questions")
+
+
+def test_a_recording_is_fetched_from_the_store_once(server: InProcessServer, folder: Path) -> None:
+    [[recording, key]] = _ask(server, sql="SELECT recording, object FROM recordings").json()["rows"]
+    route = f"/api/query/recordings/{recording}/fetch"
+    first, second = (server.client.post(route, json={}).json() for _ in range(2))
+    assert (first, second) == ({"id": recording, "is_new": True}, {"id": recording, "is_new": False})
+    assert server.services.catalogue.library.path(recording).read_bytes() == (folder / key).read_bytes()
+
+
+@pytest.mark.parametrize(("recording", "status", "words"), [("0" * 24, 502, "no recording"), ("x", 422, "'x'")])
+def test_what_is_not_in_the_store_is_not_fetched(
+    recording: str, status: int, words: str, server: InProcessServer
+) -> None:
+    answer = server.client.post(f"/api/query/recordings/{recording}/fetch", json={})
+    assert answer.status_code == status
+    assert words in answer.json()["message"]
+
+
+def test_an_object_that_was_changed_is_refused(tmp_path: Path) -> None:
+    drive(tmp_path / "drive.mcap")
+    made = upload(tmp_path / "drive.mcap", location(str(tmp_path / "store")), "otter", DecodeOptions())
+    with (tmp_path / "store" / made.key).open("r+b") as file:
+        file.seek(100)
+        file.write(b"\0\1\2")
+    with _server(str(tmp_path / "store"), tmp_path / "data") as server:
+        answer = server.client.post(f"/api/query/recordings/{made.recording}/fetch", json={})
+        assert (answer.status_code, answer.json()["kind"]) == (502, "store")
+        assert "checksum" in answer.json()["message"]
+        assert server.client.get("/api/recordings").json() == []

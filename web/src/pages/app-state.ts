@@ -7,7 +7,7 @@ import type { Begin } from "../forms/add-device";
 import type { Deps, PacketAt } from "../panels/panel-context";
 import type { AlarmDraft } from "../panels/alarm-states";
 import type { Sort } from "../panels/event-groups";
-import { api, type Outcome, type Port, type Problem } from "../ui/http";
+import { api, type Outcome, type Port, type Problem, request } from "../ui/http";
 import { isHeld, type PageState, pageState } from "../ui/page-state";
 import type { AlarmInfo } from "../wire/routes";
 import type { DeviceInfo, UnknownPayload } from "../wire/types";
@@ -62,6 +62,8 @@ export interface App extends Deps {
   readonly scanning: Signal<boolean>;
   /** Whether this is the server of a fleet. */
   readonly isFleet: Signal<boolean>;
+  /** Whether the server answers questions about a store of recordings. */
+  readonly hasStore: Signal<boolean>;
   /** Counts half seconds, for components that show an age or a countdown. */
   readonly tick: Signal<number>;
   /** A requested device; a newly added one is selected as soon as the server reports it. */
@@ -174,6 +176,7 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     ports: signal([]),
     scanning: signal(false),
     isFleet: signal(false),
+    hasStore: signal(false),
   };
 }
 
@@ -192,6 +195,11 @@ export async function run<T>(app: App, request: Promise<Outcome<T>>): Promise<T 
 export async function loadPorts(app: App): Promise<void> {
   const outcome = await api.ports();
   if (outcome.ok) app.ports.value = outcome.value;
+}
+
+export async function loadStore(app: App): Promise<void> {
+  const outcome = await request("GET /api/query");
+  if (outcome.ok) app.hasStore.value = outcome.value.store !== "";
 }
 
 /** Listens on every free port; takes some seconds. */

@@ -53,9 +53,7 @@ function chords(app: App): (event: KeyboardEvent) => PageName | undefined {
     const key = event.key.toLowerCase();
     const waits = event.timeStamp - goPressed < CHORD_MS;
     goPressed = key === "g" ? event.timeStamp : -Infinity;
-    return waits
-      ? pagesOf(app.isFleet.peek()).find(({ title }) => title.charAt(0).toLowerCase() === key)?.name
-      : undefined;
+    return waits ? pagesOf(app).find(({ title }) => title.charAt(0).toLowerCase() === key)?.name : undefined;
   };
 }
 

@@ -6,14 +6,15 @@
  *     #/fleet?sort=…&show=…                 the robots of a fleet server (fleet/address.ts)
  *     #/recordings                          the library
  *     #/recordings/<id>?t0=…&cursor=…       a recording at the place of the link (recordings/permalink.ts)
+ *     #/questions?sql=…                     questions about the store of the server, if it has one
  */
-import { signal } from "@preact/signals";
+import { type Signal, signal } from "@preact/signals";
 import type { IconName } from "../ui/icons";
 import { COMMON } from "../texts/common";
 import { TEXT as FLEET_TEXT } from "../texts/fleet-tab";
 import { TEXT } from "../texts/live";
 
-export type PageName = "fleet" | "live" | "configure" | "recordings";
+export type PageName = "fleet" | "live" | "configure" | "recordings" | "questions";
 
 interface PageEntry {
   readonly name: PageName;
@@ -33,8 +34,18 @@ const FLEET: readonly PageEntry[] = [
   ...PAGES.filter(({ name }) => name === "recordings"),
 ];
 
-/** The pages of this server. */
-export const pagesOf = (isFleet: boolean): readonly PageEntry[] => (isFleet ? FLEET : PAGES);
+const QUESTIONS: PageEntry = { name: "questions", title: COMMON.questions, icon: "search" };
+
+interface ServerKind {
+  readonly isFleet: Signal<boolean>;
+  readonly hasStore: Signal<boolean>;
+}
+
+/** The pages of this server; one with a store of recordings answers questions about it. */
+export const pagesOf = ({ isFleet, hasStore }: ServerKind): readonly PageEntry[] => [
+  ...(isFleet.value ? FLEET : PAGES),
+  ...(hasStore.value ? [QUESTIONS] : []),
+];
 
 export interface Route {
   readonly page: PageName;
@@ -59,6 +70,7 @@ export function parse(hash: string): Route | undefined {
   if (page === "fleet") return { ...LIVE, page, query: cut < 0 ? "" : hash.slice(cut + 1) };
   if (page === "recordings")
     return { ...LIVE, page, recording: device || undefined, query: cut < 0 ? "" : hash.slice(cut + 1) };
+  if (page === "questions") return { ...LIVE, page, query: cut < 0 ? "" : hash.slice(cut + 1) };
   if (page !== "configure") return cut < 0 ? LIVE : { ...LIVE, query: hash.slice(cut + 1) };
   return { page, device: device || undefined, place: place || undefined, more: more || undefined };
 }

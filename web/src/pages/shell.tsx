@@ -13,6 +13,7 @@ const ConfigurePage = late(async () => (await import("./configure/page")).Config
 const RecordingsPage = late(async () => (await import("./recordings/page")).RecordingsPage, loading);
 const ComparePage = late(async () => (await import("../compare/page")).ComparePage, loading);
 const FleetPage = late(async () => (await import("../fleet/page")).FleetPage, loading);
+const QuestionsPage = late(async () => (await import("../questions/page")).QuestionsPage, loading);
 const Decks = late(async () => (await import("./configure/rollback-banner")).Decks);
 
 export function Shell({ app }: { readonly app: App }) {
@@ -20,7 +21,15 @@ export function Shell({ app }: { readonly app: App }) {
   const temporary = [...app.store.jobs.value.values()].some((jobs) => jobs.pending_rollback !== null);
   const Library = isComparison(route.value) ? ComparePage : RecordingsPage;
   const isFleet = page === "fleet" && app.isFleet.value;
-  const Page = isFleet ? FleetPage : page === "configure" ? ConfigurePage : page === "recordings" ? Library : LivePage;
+  const Fleet = isFleet ? FleetPage : LivePage;
+  const pages = {
+    fleet: Fleet,
+    live: LivePage,
+    configure: ConfigurePage,
+    recordings: Library,
+    questions: QuestionsPage,
+  };
+  const Page = pages[page];
   return (
     <>
       <Page app={app} />
@@ -35,7 +44,7 @@ export function Shell({ app }: { readonly app: App }) {
 function Tabs({ app }: { readonly app: App }) {
   return (
     <nav class="tabs" aria-label={TEXT.pages}>
-      {pagesOf(app.isFleet.value).map(({ name, title, icon }) => (
+      {pagesOf(app).map(({ name, title, icon }) => (
         <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
           <Icon name={icon} />
           {title}

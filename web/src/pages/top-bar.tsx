@@ -35,7 +35,7 @@ interface Props {
 export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
   const { page } = route.value;
   const isLive = page === "live";
-  const panels = page === "fleet" ? undefined : PANELS[page];
+  const panels = page === "fleet" || page === "questions" ? undefined : PANELS[page];
   return (
     <header class="bar">
       <div class="brand">
@@ -44,7 +44,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
         <small class="desk">{location.hostname}</small>
       </div>
       <nav class="nav" aria-label={TEXT.pages}>
-        {pagesOf(app.isFleet.value).map(({ name, title }) => (
+        {pagesOf(app).map(({ name, title }) => (
           <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
             {title}
           </a>
@@ -107,7 +107,7 @@ export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
           onClick={() => (app.folded.value = false)}
         />
       )}
-      {page !== "recordings" && page !== "fleet" && <DeviceName app={app} />}
+      {page !== "recordings" && page !== "fleet" && page !== "questions" && <DeviceName app={app} />}
     </header>
   );
 }

@@ -32,6 +32,7 @@ export const COMMON = {
   open: "Open",
   rejects: "Rejects",
   markers: "Markers",
+  questions: "Questions",
   recordings: "Recordings",
   loss: "Loss",
   linkCopied: "Link copied",

@@ -506,6 +506,14 @@ export interface ExpressionWords {
   readonly units: readonly string[];
 }
 
+/** A recording of the store in the library of this server. */
+export interface FetchedRecording {
+  /** its id in the library */
+  readonly id: string;
+  /** whether it was fetched now */
+  readonly is_new: boolean;
+}
+
 /** A flag or a bit group of a status word. */
 export interface FlagCondition {
   readonly kind: "flag";
@@ -1560,6 +1568,11 @@ export interface Routes {
   "GET /api/query/questions": { readonly answer: readonly PreparedQuestionInfo[]; };
   /** Tables with their columns, signals, and functions of SQL: what an editor completes. */
   "GET /api/query/tables": { readonly answer: QueryWords; };
+  /** Fetch a recording of the store into the library, unless it is there, and compare its checksum. */
+  "POST /api/query/recordings/{recording}/fetch": {
+    readonly path: { readonly recording: string };
+    readonly answer: FetchedRecording;
+  };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };
   /** A workspace with its content. */
