@@ -143,7 +143,8 @@ class Services:
         if self.fleet_server is not None:
             self.fleet_server.start()
         await self.rerun.start()
-        decoders.start()
+        if sources or self.robots is None:  # 200 MB that a fleet server without devices does not need
+            decoders.start()
         yield
         await shutdown.close_all(
             shutdown.close_sequentially(self.alarms.close_trigger(), self.recorder.close()),

@@ -1,15 +1,18 @@
-"""Routes of a fleet server: its robots."""
+"""Routes of a fleet server: its robots and their events."""
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query
 from fastapi.responses import Response
+from pydantic import BaseModel, Field
 
 from server.api.dependencies import TheServices
 from server.api.errors import responses
 from server.errors import DomainError
+from server.fleet.fleet_server import FleetServer
 from server.fleet.robots import Robots
 from server.fleet.summaries import FleetRobots
 
@@ -23,7 +26,27 @@ async def robots_of(services: TheServices) -> Robots:
     return services.robots
 
 
+async def fleet_server_of(services: TheServices) -> FleetServer:
+    await robots_of(services)
+    if services.fleet_server is None:
+        raise DomainError("not-now", "This server does not collect robots.", "Start it with `imuscope fleet`.")
+    return services.fleet_server
+
+
+TheFleetServer = Annotated[FleetServer, Depends(fleet_server_of)]
 TheRobots = Annotated[Robots, Depends(robots_of)]
+
+
+class FleetEvent(BaseModel):
+    """An event of a robot, or of a device of it."""
+
+    id: int = Field(description="rises with each event that the fleet server receives")
+    robot: str
+    time: float = Field(description="clock of the robot, unix s")
+    kind: str = Field(description="link, device, alarm, marker, command, clock, or another one that is not info")
+    level: str = Field(description="info, warning or error")
+    text: str
+    device: str = Field(description="id of the robot's device; empty if it is of none")
 
 
 @router.get("/robots", response_model=FleetRobots, responses=responses(404, 422))
@@ -39,3 +62,29 @@ async def list_robots(
     an earlier run of the server is answered with all robots, and `complete`.
     """
     return Response(robots.since(after), media_type="application/json", headers={"cache-control": "no-store"})
+
+
+@router.delete("/robots/{robot}", status_code=204, responses=responses(404, 409))
+async def remove_robot(robot: str, server: TheFleetServer) -> Response:
+    """Remove a robot that is lost, for good, from the list. Its events stay. One that joins again is listed again."""
+    if server.robots.get(robot) is None:
+        raise DomainError(
+            "not-found", f"Robot {robot:.80} not found.", "It may have been removed; choose one of the list."
+        )
+    if not server.collector.remove(robot):
+        hint = "To keep it out, remove its line from the file of robots."
+        raise DomainError("not-now", f"Robot {robot:.80} is live and would come back at once.", hint)
+    return Response(status_code=204)
+
+
+@router.get("/events", responses=responses(404, 409, 422))
+async def list_events(
+    server: TheFleetServer,
+    robot: Annotated[str, Query(max_length=64, description="of this robot only")] = "",
+    before: Annotated[int | None, Query(ge=0, le=2**53, description="id of an event: only older ones")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+) -> list[FleetEvent]:
+    """Events of all robots, the newest first, each once. They are stored within a second of their arrival."""
+    found = await asyncio.to_thread(server.database.events, robot, before, limit)
+    names = ("robot", "time", "kind", "level", "text", "device")
+    return [FleetEvent(id=id, **{name: getattr(event, name) for name in names}) for id, event in found]

@@ -7,22 +7,29 @@ journal: what happened before is in the robot's own recordings and its log.
 
 from __future__ import annotations
 
+import logging
 import secrets
 import threading
 from collections import deque
+from collections.abc import Iterator
 
 from server.fleet.reports import (
     MAX_EVENTS,
     MAX_REPORTS,
     JournalAnswer,
+    ReportError,
     RobotEvent,
     RobotReport,
     RobotStatus,
+    decode_report,
     encode,
 )
 
+log = logging.getLogger("imuscope.fleet")
+
 LIMIT_BYTES = 2 * 1024 * 1024
 ANSWER_BYTES = 128 * 1024
+EVENT_BYTES = 32 * 1024
 MAX_WAITING = 1000
 """Events that wait for the next report."""
 
@@ -51,6 +58,11 @@ class Journal:
         return self._dropped
 
     @property
+    def has_events(self) -> bool:
+        """Whether events wait for the next report."""
+        return bool(self._events)
+
+    @property
     def nbytes(self) -> int:
         """Size of the reports."""
         return self._bytes
@@ -70,11 +82,19 @@ class Journal:
             status: None if it is as before.
         """
         with self._lock:
-            events = tuple(self._events.popleft() for _ in range(min(MAX_EVENTS, len(self._events))))
+            events = tuple(self._next_events())
             is_empty = status is None and not events
-            self._number += not is_empty
-            report = RobotReport(self.boot, self._number, time, status=status, events=events, dropped=self._dropped)
+            report = RobotReport(
+                self.boot, self._number + (not is_empty), time, status=status, events=events, dropped=self._dropped
+            )
             data = encode(report)
+            try:
+                decode_report(data)
+            except ReportError as error:  # the fleet server would refuse it, and ask for it for ever
+                log.error("A report for the fleet is left out. %s", error)
+                self._dropped += 1
+                return encode(RobotReport(self.boot, self._number, time, dropped=self._dropped))
+            self._number = report.number
             if not is_empty:
                 self._reports.append((report, len(data)))
                 self._bytes += len(data)
@@ -83,6 +103,15 @@ class Journal:
                     self._bytes -= size
                     self._dropped += oldest.number > self._stored
             return data
+
+    def _next_events(self) -> Iterator[RobotEvent]:
+        """Waiting events, as many as fit into a report."""
+        size = 0
+        for _ in range(min(MAX_EVENTS, len(self._events))):
+            size += len(self._events[0].text.encode())
+            if size > EVENT_BYTES:
+                return
+            yield self._events.popleft()
 
     def answer(self, boot: str, after: int, limit: int = ANSWER_BYTES) -> bytes:
         """The reports after a number, up to which the fleet server has stored them.

@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("imuscope.fleet")
 
 PERIOD_S = 1.0
-CLOCK_EVERY = 10  # reports
+QUIET_EVERY = 10  # reports: without news the others are left out; this one tells whether one was lost on the way
+CLOCK_S = 60.0
 FULL_EVERY = 600  # reports: the whole status, for whoever has joined since
 BURST_S = 10.0  # a line with a limit may send the bytes of so many seconds at once
 KINDS = ("link", "device", "alarm", "marker", "command", "clock")
@@ -142,7 +143,8 @@ class FleetPublisher:
         self._latency_ms: float | None = None
         self._shown: RobotSummary | None = None
         self._was_connected: bool | None = None
-        self._reports = self._ticks = 0
+        self._ticks = 0
+        self._measure_at = 0.0
 
     @property
     def is_enabled(self) -> bool:
@@ -191,7 +193,14 @@ class FleetPublisher:
     def _report(self) -> None:
         publisher = self._publisher
         self._tell_connection()
-        data = self.journal.report(time.time(), self._changed_status())
+        session = self._session
+        if session is not None and time.monotonic() >= self._measure_at:
+            self._measure_at = time.monotonic() + CLOCK_S
+            self._measure_latency(session)
+        status = self._changed_status()
+        if status is None and not self.journal.has_events and self._ticks % QUIET_EVERY:
+            return  # the token says that the robot is there
+        data = self.journal.report(time.time(), status)
         with self._budget_lock:
             fits = self._budget.available(time.monotonic()) >= len(data)
             if publisher is None or not fits:
@@ -199,9 +208,6 @@ class FleetPublisher:
             self._budget.take(len(data))
         with contextlib.suppress(Exception):  # a closed session: the journal has the report
             publisher.put(data)
-        if self._reports % CLOCK_EVERY == 0 and self._session is not None:
-            self._measure_latency(self._session)
-        self._reports += 1
 
     def _tell_connection(self) -> None:
         session = self._session

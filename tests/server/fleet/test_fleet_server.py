@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 import zenoh
 
@@ -23,7 +24,7 @@ from server.fleet.reports import RobotReport, RobotStatus, encode
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ROOT, ServerProcess, imuscope
-from tests.timeouts import get
+from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
 
 PASSWORDS = {"a": "password-of-a", "b": "password-of-b"}
@@ -149,6 +150,32 @@ def test_a_router_between_may_be_restarted(bus: str, tmp_path: Path) -> None:
         if server is not None:
             server.stop()
     assert markers(tmp_path) == {"a": [1, 2]}
+
+
+def test_events_are_listed_and_a_lost_robot_is_removed(bus: str, tmp_path: Path) -> None:
+    with serve_fleet(bus, tmp_path) as server:
+        url = f"{server.url}/api/fleet"
+        with FleetRobot("a", bus) as robot, FleetRobot("b", bus) as other:
+            for number in range(1, 6):
+                robot.report(number)
+            other.report(9)
+
+            def texts(**query: object) -> list[str]:
+                return [one["text"] for one in get(f"{url}/events", params=query).json()]
+
+            block_until(lambda: texts(robot="a") == ["5", "4", "3", "2", "1"], "the events are stored")
+            block_until(lambda: texts(robot="b") == ["9"], "those of the other, too")
+            newest = get(f"{url}/events", params={"robot": "a", "limit": 2}).json()
+            assert [one["text"] for one in newest] == ["5", "4"]
+            assert texts(robot="a", before=newest[-1]["id"]) == ["3", "2", "1"]
+            refused = httpx.delete(f"{url}/robots/a", timeout=PATIENCE_S)
+            assert (refused.status_code, refused.json()["kind"]) == (409, "not-now")
+        block_until(lambda: state_of(server, "a") == "lost", "the robot is lost")
+        revision = get(f"{url}/robots").json()["revision"]
+        assert httpx.delete(f"{url}/robots/a", timeout=PATIENCE_S).status_code == 204
+        assert get(f"{url}/robots", params={"after": revision}).json()["gone"] == ["a"]
+        assert httpx.delete(f"{url}/robots/a", timeout=PATIENCE_S).status_code == 404
+        assert texts(robot="a", limit=1) == ["5"]
 
 
 @pytest.fixture

@@ -165,3 +165,21 @@ def test_a_flood_of_events_is_bounded_and_counted() -> None:
     report = decode_report(journal.report(1.0, None))
     assert len(report.events) == reports.MAX_EVENTS
     assert report.dropped == 100
+
+
+def test_long_events_in_another_script_fit_into_reports() -> None:
+    journal = Journal()
+    for _ in range(100):
+        journal.add_event(RobotEvent(1.0, "text", "warning", "観" * 500))
+    taken = 0
+    while journal.has_events:
+        taken += len(decode_report(journal.report(1.0, None)).events)
+    assert (taken, journal.dropped) == (100, 0)
+
+
+def test_a_status_that_nobody_could_read_is_left_out() -> None:
+    journal = Journal()
+    wrong = RobotStatus(devices=(ReportedDevice("1", "MTi-630", "live", rate=math.nan),))
+    report = decode_report(journal.report(1.0, wrong))
+    assert (report.number, report.is_empty, report.dropped) == (0, True, 1)
+    assert decode_report(journal.report(2.0, STATUS)).number == 1

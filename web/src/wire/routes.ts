@@ -525,6 +525,22 @@ export interface FlagCondition {
   readonly is_set: boolean;
 }
 
+/** An event of a robot, or of a device of it. */
+export interface FleetEvent {
+  /** rises with each event that the fleet server receives */
+  readonly id: number;
+  readonly robot: string;
+  /** clock of the robot, unix s */
+  readonly time: number;
+  /** link, device, alarm, marker, command, clock, or another one that is not info */
+  readonly kind: string;
+  /** info, warning or error */
+  readonly level: string;
+  readonly text: string;
+  /** id of the robot's device; empty if it is of none */
+  readonly device: string;
+}
+
 /** Robots of a fleet: all, or those that changed after a revision. */
 export interface FleetRobots {
   /** to be sent as `after` with the next request */
@@ -1601,6 +1617,16 @@ export interface Routes {
   "GET /api/fleet/robots": {
     readonly query?: { readonly after?: number | null | undefined };
     readonly answer: FleetRobots;
+  };
+  /** Remove a robot that is lost, for good, from the list. Its events stay. One that joins again is listed again. */
+  "DELETE /api/fleet/robots/{robot}": {
+    readonly path: { readonly robot: string };
+    readonly answer: undefined;
+  };
+  /** Events of all robots, the newest first, each once. They are stored within a second of their arrival. */
+  "GET /api/fleet/events": {
+    readonly query?: { readonly robot?: string | undefined; readonly before?: number | null | undefined; readonly limit?: number | undefined };
+    readonly answer: readonly FleetEvent[];
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };
