@@ -11,6 +11,7 @@ second. In headless Chromium with software rendering, at 1440 × 900, each of
     filter      another filter, grouping or search each half second
     details     scrolled with the details of a robot open
     phone       scrolled at 390 × 844
+    map         the map of all robots
 
 is measured for some seconds:
 
@@ -92,7 +93,7 @@ def opened(browser: Browser, url: str, size: tuple[int, int], at: str = "") -> P
     context = browser.new_context(viewport={"width": size[0], "height": size[1]}, has_touch=size == PHONE)
     page = context.new_page()
     page.goto(url + at)
-    page.wait_for_selector(".fleet-row", timeout=60_000)
+    page.wait_for_selector(".fleet-row, .map-cell", timeout=60_000)
     page.wait_for_timeout(3000)
     return page
 
@@ -133,9 +134,13 @@ def main() -> None:
         heap = page.evaluate("performance.memory.usedJSHeapSize") / 1e6
         rows = page.evaluate("document.querySelectorAll('.fleet-row').length")
         page.context.close()
-        for name, size, at in (("details", WIDE, "#/fleet?robot=amr-005"), ("phone", PHONE, "")):
+        for name, size, at in (
+            ("details", WIDE, "#/fleet?robot=amr-005"),
+            ("phone", PHONE, ""),
+            ("map", WIDE, "#/fleet?view=map"),
+        ):
             page = opened(browser, url, size, at)
-            found[name] = measured(page, options.seconds, SCROLL)
+            found[name] = measured(page, options.seconds, NOTHING if name == "map" else SCROLL)
             page.context.close()
         page = browser.new_context(viewport={"width": WIDE[0], "height": WIDE[1]}).new_page()
         empty = measured(page, options.seconds, NOTHING)["fps"]

@@ -114,6 +114,22 @@ def test_nothing_moves_while_figures_change(fleet: SyntheticFleet, open_page: Ca
     until(page, f"{NAMES}.join() !== {','.join(names)!r}")
 
 
+def test_the_map_has_one_cell_for_each_robot(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
+    page = opened(fleet, open_page)
+    page.locator(".fleet-summary").get_by_role("button", name="Lost").click()
+    page.get_by_role("button", name="Map", exact=True).click()
+    until(page, "document.querySelectorAll('.map-cell').length === 300")
+    assert page.evaluate("document.querySelectorAll('.map-cell:not(.faint)').length") == len(lost(fleet))
+    page.get_by_role("listbox").focus()
+    for key in ("Home", "ArrowDown", "ArrowRight", "ArrowUp"):
+        page.keyboard.press(key)
+    until(page, "document.querySelector('.map-line b')?.innerText === 'amr-002'")
+    page.keyboard.press("Enter")
+    until(page, "document.querySelector('.fleet-details h2')?.textContent === 'amr-002'")
+    assert page.evaluate("location.hash") == "#/fleet?show=lost&view=map&robot=amr-002"
+    assert serious(page) == []
+
+
 def test_everything_is_reachable_on_a_phone(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
     page = opened(fleet, open_page, size=PHONE)
     assert serious(page) == []

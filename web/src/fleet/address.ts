@@ -3,11 +3,12 @@ import { columnNamed } from "./columns";
 import { type Choice, GROUPINGS, SHOWN, WORST_FIRST } from "./order";
 
 export interface FleetPlace extends Choice {
+  readonly view: "list" | "map";
   /** The robot whose details are open, or "". */
   readonly robot: string;
 }
 
-export const START: FleetPlace = { ...WORST_FIRST, robot: "" };
+export const START: FleetPlace = { ...WORST_FIRST, view: "list", robot: "" };
 
 const one = <T extends string>(all: readonly T[], value: string | null, other: T): T =>
   all.find((name) => name === value) ?? other;
@@ -23,6 +24,7 @@ export function readPlace(query: string): FleetPlace {
     shown: one(SHOWN, given.get("show"), START.shown),
     query: given.get("q") ?? "",
     grouping: one(GROUPINGS, given.get("by"), START.grouping),
+    view: given.get("view") === "map" ? "map" : "list",
     robot: given.get("robot") ?? "",
   };
 }
@@ -35,6 +37,7 @@ export function fleetHref(place: FleetPlace): string {
   if (place.shown !== START.shown) query.set("show", place.shown);
   if (place.query !== "") query.set("q", place.query);
   if (place.grouping !== START.grouping) query.set("by", place.grouping);
+  if (place.view !== START.view) query.set("view", place.view);
   if (place.robot !== "") query.set("robot", place.robot);
   const text = query.toString();
   return text === "" ? "#/fleet" : `#/fleet?${text}`;

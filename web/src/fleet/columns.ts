@@ -112,7 +112,7 @@ export function latencyCell({ summary }: Robot): Cell {
   return { text: value, unit };
 }
 
-const deviceWords = (device: RobotDevice | undefined): string =>
+export const deviceWords = (device: RobotDevice | undefined): string =>
   device === undefined ? "" : `${device.product || device.name} ${device.serial_number}`.trim();
 
 export const fixCell = (device: RobotDevice): Cell =>

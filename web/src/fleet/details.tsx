@@ -38,7 +38,7 @@ export function Details({ fleet }: { readonly fleet: Fleet }) {
     addEventListener("keydown", onKey);
     return () => {
       removeEventListener("keydown", onKey);
-      document.querySelector<HTMLElement>(".fleet-list")?.focus({ preventScroll: true });
+      document.querySelector<HTMLElement>(".fleet-list, .fleet-map")?.focus({ preventScroll: true });
     };
   }, [fleet]);
   return (

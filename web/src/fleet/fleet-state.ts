@@ -12,6 +12,8 @@ import { Robots } from "./robots";
 /** Pause between two requests, ms; longer while nobody sees the page. */
 const ASK_MS = 1000;
 const HIDDEN_MS = 10_000;
+/** Failed requests after which the server counts as away. */
+const FAILURES = 2;
 /** The list takes a new order at most this often, ms. */
 export const ORDER_MS = 5000;
 /** A list that was scrolled, or moved through with keys, keeps its order for this long, ms. */
@@ -25,6 +27,8 @@ export class Fleet {
   /** Whether the first answer is here. */
   readonly isKnown = signal(false);
   readonly problem = signal<Problem | undefined>(undefined);
+  /** Whether the server has not answered several times, or refuses: a single request may fail. */
+  readonly isCut = signal(false);
   /** Time of the newest answer, s: that of the server, and of performance.now(). */
   readonly answered = signal({ server: 0, here: 0 });
   /** Names in the order shown. */
@@ -46,6 +50,7 @@ export class Fleet {
     if (expanded.size > 0) void this.version.value;
     return linesOf(this.groups.value, this.place.value, this.folded.value, devicesOf);
   });
+  #failed = 0;
   #ordered = 0;
   #pointerOver = false;
   #restsUntil = 0;
@@ -101,7 +106,12 @@ export class Fleet {
       outcome = await askRobots(undefined, cancel);
       isApplied = outcome.ok && this.#accept(outcome.value, undefined);
     }
-    if (!cancel.aborted) this.problem.value = outcome.ok ? undefined : outcome.problem;
+    if (cancel.aborted) return;
+    this.#failed = outcome.ok ? 0 : this.#failed + 1;
+    batch(() => {
+      this.problem.value = outcome.ok ? undefined : outcome.problem;
+      this.isCut.value = this.#failed >= FAILURES || this.isRefused;
+    });
   }
 
   #accept(answer: Parameters<Robots["apply"]>[0], after: number | undefined): boolean {

@@ -6,7 +6,7 @@
  * row, which the list names for screen readers; the focus stays on the list.
  */
 import { useComputed, useSignal } from "@preact/signals";
-import { useCallback, useEffect, useLayoutEffect, useMemo, useRef } from "preact/hooks";
+import { useCallback, useLayoutEffect, useRef } from "preact/hooks";
 import { Icon } from "../ui/icons";
 import { COLUMNS } from "./columns";
 import type { Fleet } from "./fleet-state";
@@ -14,6 +14,7 @@ import { GroupRow } from "./group-row";
 import type { Line } from "./order";
 import { ageText, Row } from "./row";
 import { columnProperties, gridProperties, ROLES } from "./roles";
+import { usePhone } from "./use-phone";
 import { TEXT } from "../texts/fleet";
 
 const HEIGHT = 32;
@@ -28,19 +29,13 @@ const keyOf = (line: Line): string =>
 
 export function List({ fleet }: { readonly fleet: Fleet }) {
   const box = useRef<HTMLDivElement>(null);
-  const narrow = useMemo(() => matchMedia("(max-width: 720px)"), []);
-  const isPhone = useSignal(narrow.matches);
+  const isPhone = usePhone();
   const first = useSignal(0);
   const room = useSignal(600);
   const active = useSignal<string | undefined>(undefined);
-  const height = isPhone.value ? PHONE_HEIGHT : HEIGHT;
-  const head = isPhone.value ? 0 : HEAD;
+  const height = isPhone ? PHONE_HEIGHT : HEIGHT;
+  const head = isPhone ? 0 : HEAD;
 
-  useEffect(() => {
-    const changed = (): void => void (isPhone.value = narrow.matches);
-    narrow.addEventListener("change", changed);
-    return () => narrow.removeEventListener("change", changed);
-  }, [isPhone, narrow]);
   useLayoutEffect(() => {
     const element = box.current;
     if (!element) return undefined;

@@ -172,6 +172,7 @@ describe("the address", () => {
         shown: SHOWN[roll(SHOWN.length)] ?? "all",
         query: ["", "a b", "ü&=#?"][roll(3)] ?? "",
         grouping: GROUPINGS[roll(GROUPINGS.length)] ?? "none",
+        view: (["list", "map"] as const)[roll(2)] ?? "list",
         robot: ["", "amr 7/ä"][roll(2)] ?? "",
       };
       const href = fleetHref(place);

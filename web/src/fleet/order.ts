@@ -90,6 +90,25 @@ export function arrange(robots: Iterable<Robot>, choice: Choice): readonly Group
   }));
 }
 
+/** The groups of the map; names come in order, and stay in it. */
+export function mapGroups(
+  names: readonly string[],
+  robotOf: (name: string) => Robot | undefined,
+  grouping: Grouping,
+): readonly Group[] {
+  const groups = new Map<string, string[]>();
+  for (const name of names) {
+    const robot = robotOf(name);
+    if (!robot) continue;
+    const title = groupOf(robot, grouping);
+    const members = groups.get(title);
+    if (members) members.push(name);
+    else groups.set(title, [name]);
+  }
+  const titles = [...groups.keys()].sort((a, b) => Number(a === "") - Number(b === "") || byName(a, b));
+  return titles.map((title) => ({ title, names: groups.get(title) ?? [] }));
+}
+
 export function isSameOrder(a: readonly Group[], b: readonly Group[]): boolean {
   return (
     a.length === b.length &&

@@ -13,8 +13,10 @@ import { Details } from "./details";
 import { type Fleet, fleetOf } from "./fleet-state";
 import { FLEET_KEYS } from "./keys";
 import { List } from "./list";
+import { FleetMap } from "./map";
 import { START } from "./address";
 import { Summary, Tools } from "./tools";
+import { usePhone } from "./use-phone";
 import { TEXT } from "../texts/fleet";
 import "./fleet.css";
 import "./phone.css";
@@ -26,8 +28,8 @@ export function FleetPage({ app }: { readonly app: App }) {
     return fleet.follow();
   }, [fleet]);
   useLayoutEffect(() => fleet.followAddress(), [fleet]); // ended at once, before another page writes the address
-  const { place, problem, isKnown } = fleet;
-  const isCut = isKnown.value && problem.value !== undefined;
+  const { place, isKnown } = fleet;
+  const isCut = isKnown.value && fleet.isCut.value;
   const isOpen = place.value.robot !== "";
   return (
     <div class={`app fleet ${isOpen ? "detailed" : ""} ${isCut ? "cut" : ""}`}>
@@ -48,14 +50,17 @@ export function FleetPage({ app }: { readonly app: App }) {
 }
 
 function Content({ fleet }: { readonly fleet: Fleet }) {
-  if (!fleet.isKnown.value) return <Waiting fleet={fleet} />;
+  const isPhone = usePhone(); // cells of the map are too small for a finger
   void fleet.version.value;
+  if (!fleet.isKnown.value) return <Waiting fleet={fleet} />;
   if (fleet.robots.all.size === 0) return <NoRobot />;
+  const isMap = fleet.place.value.view === "map" && !isPhone;
+  const isEmpty = fleet.lines.value.length === 0;
   return (
     <>
       <Summary fleet={fleet} />
       <Tools fleet={fleet} />
-      {fleet.lines.value.length === 0 ? <NoMatch fleet={fleet} /> : <List fleet={fleet} />}
+      {isMap ? <FleetMap fleet={fleet} /> : isEmpty ? <NoMatch fleet={fleet} /> : <List fleet={fleet} />}
     </>
   );
 }

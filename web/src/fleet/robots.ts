@@ -1,5 +1,6 @@
 /** All robots of a fleet as this page knows them, from answers that hold what changed. Pure. */
 import { type Health, healthOf, worstDevice } from "./conditions";
+import { byName } from "./order";
 import type { FleetRobots, RobotDevice, RobotSummary } from "../wire/routes";
 
 /** A robot with what follows from its summary; a new object whenever the summary changes. */
@@ -27,10 +28,17 @@ export class Robots {
   /** Robots that left the fleet, for the rows that still stand on screen. */
   readonly gone = new Map<string, Robot>();
   #revision: number | undefined;
+  /** Names in order, until one comes or goes. */
+  #names: readonly string[] | undefined;
 
   /** To be asked for what came after; undefined: everything. */
   get revision(): number | undefined {
     return this.#revision;
+  }
+
+  namesInOrder(): readonly string[] {
+    this.#names ??= [...this.all.keys()].sort(byName);
+    return this.#names;
   }
 
   /** The robot of a row, also if it has left. */
@@ -56,6 +64,7 @@ export class Robots {
     }
     for (const summary of answer.robots) {
       this.gone.delete(summary.name);
+      if (!this.all.has(summary.name)) this.#names = undefined;
       this.all.set(summary.name, robotOf(summary));
     }
     this.#revision = answer.revision;
@@ -66,5 +75,6 @@ export class Robots {
     const robot = this.all.get(name);
     if (robot) this.gone.set(name, robot);
     this.all.delete(name);
+    this.#names = undefined;
   }
 }

@@ -28,6 +28,27 @@ export function gridProperties(
   };
 }
 
+export function mapProperties(
+  active: string | undefined,
+  handlers: Pick<Properties, "onKeyDown" | "onClick" | "onPointerOver" | "onPointerLeave">,
+): Properties {
+  return {
+    role: "listbox",
+    tabIndex: 0,
+    "aria-label": TEXT.robots,
+    ...(active === undefined ? {} : { "aria-activedescendant": active }),
+    ...handlers,
+  };
+}
+
+export function groupProperties(label: string): Properties {
+  return label === "" ? { role: "presentation" } : { role: "group", "aria-label": label };
+}
+
+export function cellProperties(id: string, label: string, isOpen: boolean): HTMLAttributes<HTMLSpanElement> {
+  return { role: "option", id, "aria-label": label, "aria-selected": isOpen };
+}
+
 interface RowPlace {
   readonly id: string;
   /** From 0; the head of the columns is the first row of the grid. */

@@ -16,6 +16,8 @@ interface Props {
 /** Filters that are there even if they show no robot, so that nothing moves when one falls ill. */
 const ALWAYS: ReadonlySet<Shown> = new Set(["all", "live", "lost", "alarms", "loss", "fix", "drifted"]);
 
+const VIEWS = ["list", "map"] as const;
+
 const toneOf = (shown: Shown): string => {
   if (shown === "live" || shown === "all") return "";
   if (shown === "alarms") return "bad";
@@ -116,11 +118,18 @@ export function Tools({ fleet }: Props) {
         class="edge fleet-sort"
         onClick={() => fleet.choose({ descending: !place.descending })}
       />
+      <div class="segmented desk" role="group" aria-label={TEXT.view}>
+        {VIEWS.map((view) => (
+          <button type="button" key={view} aria-pressed={place.view === view} onClick={() => fleet.choose({ view })}>
+            {TEXT.views[view]}
+          </button>
+        ))}
+      </div>
       <span class="grow" />
       <span class="dim total desk">{TEXT.robotCount(listed)}</span>
       <button
         type="button"
-        class="btn edge sort-now"
+        class={`btn edge sort-now ${place.view === "map" ? "of-list" : ""}`}
         disabled={!isLate}
         title={isLate ? TEXT.sortNowHint : TEXT.inOrder}
         onClick={() => fleet.sortNow()}
