@@ -296,5 +296,5 @@ def test_without_the_packages_the_commands_say_what_to_install(
     ended = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr == (
-        "imuscope: this command needs further packages; install them with: pip install 'imuscope[fleet]'.\n"
+        "imuscope: a store needs further packages; install them with: pip install 'imuscope[fleet]'.\n"
     )
