@@ -10,7 +10,15 @@ from server.analysis.expression_functions import Context
 from server.analysis.expression_syntax import ExpressionError, Name, Node, parse
 from server.analysis.expressions import evaluate, names_in, notes_of
 from server.analysis.quantities import Quantity
-from server.analysis.signals import Floats, ReadSamples, Signal, SignalColumn, columns_named, finite_signal
+from server.analysis.signals import (
+    Floats,
+    ReadSamples,
+    Signal,
+    SignalColumn,
+    columns_named,
+    finite_signal,
+    temperature_of,
+)
 from server.analysis.units import Unit
 from server.errors import DomainError
 from server.wire import ChannelInfo
@@ -119,7 +127,14 @@ def requested_signals(
     for word in words:
         try:
             columns = columns_named(_meant(known, others, word), [word], device)
-            found += [replace(one, data_sheet=data_sheet_of(one.info, one.at, product)) for one in columns]
+            found += [
+                replace(
+                    one,
+                    data_sheet=data_sheet_of(one.info, one.at, product),
+                    temperature=temperature_of([*known, *others], one),
+                )
+                for one in columns
+            ]
         except DomainError:
             if not SIGNS.intersection(word) and not any(one in word for one in WORDS):
                 raise

@@ -9,7 +9,7 @@ Names of channels may contain a point, so the longest name of a channel that fit
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,7 @@ class Signal:
         values: (n,).
         notes: sentences on how it was computed.
         data_sheet: of the sensor it comes from; None if unknown.
+        temperature: reads the times and values of its device's temperature, °C; None if that has none.
     """
 
     name: str
@@ -61,15 +62,19 @@ class Signal:
     values: Floats
     notes: tuple[str, ...] = ()
     data_sheet: DataSheetNoise | None = None
+    temperature: Callable[[], tuple[Floats, Floats]] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class SignalColumn:
-    """A column of a channel, as named in a request, and the data sheet of its sensor if that is known."""
+    """A column of a channel, as named in a request, with the data sheet of its sensor and the temperature of its device
+    if those are known.
+    """
 
     info: ChannelInfo
     at: int
     data_sheet: DataSheetNoise | None = None
+    temperature: SignalColumn | None = None
 
     @property
     def name(self) -> str:
@@ -89,7 +94,10 @@ class SignalColumn:
         """Its samples."""
         column = self.info.columns[self.at]
         found = finite_signal(self.name, column.unit, column.period, *read(self))
-        return [replace(found, data_sheet=self.data_sheet)]
+        warmth = self.temperature
+        return [
+            replace(found, data_sheet=self.data_sheet, temperature=None if warmth is None else lambda: read(warmth))
+        ]
 
 
 ReadSamples = Callable[[SignalColumn], tuple[Floats, Floats]]
@@ -102,6 +110,20 @@ def finite_signal(name: str, unit: str, period: float, time: Floats, values: Flo
     if not finite.all():
         time, values = time[finite], values[finite]
     return Signal(name, unit, period, time, values)
+
+
+def temperature_of(infos: Iterable[ChannelInfo], column: SignalColumn) -> SignalColumn | None:
+    """The temperature of a column's device, in °C, the one of its own channel first; None for a temperature."""
+    if column.info.columns[column.at].unit == "°C":
+        return None
+    found = [
+        SignalColumn(info, at)
+        for info in infos
+        if info.device == column.device and info.verified
+        for at, one in enumerate(info.columns)
+        if one.unit == "°C"
+    ]
+    return min(found, key=lambda one: (one.info.id != column.info.id, one.info.id), default=None)
 
 
 def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str], device: str = "") -> list[SignalColumn]:

@@ -248,6 +248,7 @@ async def requested_of(
             own.values(), body.signals, zero_phase=False, product=_products(services), others=others
         )
         columns = [column for one in requested for column in one.columns]
+        columns += [one.temperature for one in columns if one.temperature is not None]
         return requested, live_samples(telemetry.store, columns, t0, t1, body.base)
     store = await recording_of(body.source, services)
     t0, t1 = time_range(body.t0, body.t1, MAX_TIME)

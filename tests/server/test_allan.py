@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,9 @@ from server.analysis.allan_deviation import allan_curve, averaging_lengths
 from server.analysis.noise_model import fit_noise
 from server.analysis.registry import analysis_named
 from server.analysis.report import figures_of
-from server.analysis.signals import Floats, Signal
+from server.analysis.signals import Floats, Signal, SignalColumn, temperature_of
 from server.errors import DomainError
+from server.wire import ChannelInfo, ColumnInfo
 from tests.source_files import ROOT
 
 GOLDEN = json.loads((ROOT / "tests" / "golden" / "analysis" / "allan.json").read_text())
@@ -147,6 +149,70 @@ def test_motion_is_left_out_and_told() -> None:
     assert 10.0 <= found["left_out"] <= 14.0
     assert "of motion left out, 4 % of the range" in found["notes"][0]
     assert analysed(signal(still, 100.0))["left_out"] == 0.0
+
+
+def warmed(of: Signal, seed: int = 7, rise: float = 8.0) -> tuple[Signal, Floats]:
+    """The signal in a device that warms up by `rise` °C within some minutes; and the temperature without its noise."""
+    since = of.time - of.time[0]
+    true = 22 + rise * (1 - np.exp(-since / 150))
+    told = np.round((true + np.random.default_rng(seed).normal(0, 0.05, len(true)))[::100] / 0.0625) * 0.0625
+    return replace(of, temperature=lambda: (of.time[::100], told)), true
+
+
+@pytest.mark.parametrize("walk", [0.0, 1e-4])
+def test_a_temperature_drift_is_removed_and_told_and_the_noise_is_as_without_it(walk: float) -> None:
+    coefficient, density, n = 0.02, 0.01, 60_000
+    inside = 0
+    for seed in range(6):
+        still = signal(noise(n, 100.0, density, walk, seed), 100.0)
+        device, true = warmed(still)
+        drifting = replace(device, values=still.values + coefficient * (true - true.mean()))
+        found, plain, kept = analysed(drifting), analysed(still), analysed(drifting, temperature="include")
+        drift = found["temperature_drift"]
+        assert drift["per_degree"] == pytest.approx(coefficient, rel=0.15)
+        inside += abs(drift["per_degree"] - coefficient) <= 2.5 * drift["uncertainty"]
+        assert found["parameters"]["random_walk"]["value"] == pytest.approx(density, rel=0.05)
+        assert kept["adev"][-1] > 3 * plain["adev"][-1], "the drift would hide the noise"
+        if walk == 0:
+            assert found["adev"] == pytest.approx(plain["adev"], rel=0.5)
+            assert found["parameters"]["ramp"]["low"] == 0.0
+        assert "Temperature drift of +0.0" in found["notes"][0]
+        assert "between 22." in found["notes"][0]
+        assert "Set temperature to exclude" in kept["notes"][0]
+    assert inside >= 5
+
+
+def test_a_bias_that_wanders_by_itself_is_no_temperature_drift() -> None:
+    removed = 0
+    for seed in range(40):
+        device, _ = warmed(signal(noise(30_000, 100.0, 0.01, 3e-3, seed), 100.0), seed)
+        removed += "temperature_drift" in analysed(device)
+    assert removed <= 2
+    even, _ = warmed(signal(noise(30_000, 100.0, 0.01, 0.0, 1), 100.0), rise=0.05)
+    assert "temperature_drift" not in analysed(even)
+
+
+def test_motion_while_a_device_warms_up_is_left_out_first() -> None:
+    still = signal(noise(60_000, 100.0, 0.01, 0.0, 4), 100.0)
+    device, true = warmed(still)
+    values = still.values + 0.02 * (true - true.mean())
+    values[20_000:21_000] += 20 * np.sin(np.arange(1000) / 20)
+    found = analysed(replace(device, values=values))
+    assert found["temperature_drift"]["per_degree"] == pytest.approx(0.02, rel=0.1)
+    assert 10.0 <= found["left_out"] <= 14.0
+    assert len(found["notes"]) == 2
+
+
+def test_the_temperature_is_that_of_the_same_device() -> None:
+    def info(number: int, device: str, name: str, unit: str) -> ChannelInfo:
+        return ChannelInfo(number, device, "M", name, name, "scalar", unit, "", [ColumnInfo("value", "f4", unit=unit)])
+
+    gyro, own, other = info(3, "1", "Gyro", "°/s"), info(2, "1", "Temperature", "°C"), info(1, "2", "Temperature", "°C")
+    found = temperature_of([other, gyro, own], SignalColumn(gyro, 0))
+    assert found is not None
+    assert found.info is own
+    assert temperature_of([other, gyro], SignalColumn(gyro, 0)) is None
+    assert temperature_of([other, gyro, own], SignalColumn(own, 0)) is None
 
 
 def test_nothing_is_computed_across_a_gap() -> None:

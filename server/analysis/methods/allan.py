@@ -1,11 +1,13 @@
 """Allan deviation: overlapping, for many averaging times, with confidence intervals and the parameters of the noise.
 
-The sensor has to rest: what looks like motion is left out (server/analysis/rest.py), and the result states how much.
-Nothing is computed across a gap.
+The sensor has to rest: what looks like motion is left out (server/analysis/rest.py), and what follows the temperature
+of the device is removed (server/analysis/thermal_drift.py). The result states how much of both. Nothing is computed
+across a gap.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,11 +20,13 @@ from server.analysis.noise_yaml import FORMATS
 from server.analysis.registry import Analysis, AnalysisOption, Result, Settings, choice, register_analysis
 from server.analysis.rest import resting_runs
 from server.analysis.sampling import sampling_of, unwrapped
-from server.analysis.signals import Signal
+from server.analysis.signals import Floats, Signal
+from server.analysis.thermal_drift import ThermalDrift, thermal_drift
 from server.errors import DomainError
 
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")
+TEMPERATURE = ("exclude", "include")
 DRIFT = 2.0  # a ramp that is this many times the rest of the model at the longest averaging time is noted
 
 
@@ -42,6 +46,11 @@ def run(signal: Signal, options: Settings) -> Result:
     if longest < MIN_SAMPLES:
         hint = "Leave the sensor at rest, or set motion to include."
         raise DomainError("no-result", f"{signal.name} never rests in that range.", hint)
+    drift = _drift(signal, values, runs)
+    if drift is not None:
+        is_removed = TEMPERATURE[int(options["temperature"])] == "exclude"
+        values = values - drift.part if is_removed else values
+        notes.append(_drift_note(drift, signal.unit, is_removed))
     lengths = averaging_lengths(longest, options["per_decade"])
     curve = allan_curve([values[part] for part in runs], sampling.rate, lengths)
     model = fit_noise(curve)
@@ -64,6 +73,7 @@ def run(signal: Signal, options: Settings) -> Result:
             name: {"value": one.value, "low": one.low, "high": one.high} for name, one in model.parameters.items()
         },
         **compared,
+        **({} if drift is None else {"temperature_drift": _drift_figures(drift)}),
         "rate": sampling.rate,
         "n": sum(part.stop - part.start for part in runs),
         "gaps": sampling.gaps,
@@ -71,6 +81,33 @@ def run(signal: Signal, options: Settings) -> Result:
         "jitter": sampling.jitter,
         "notes": [*notes, *([ramp] if ramp else [])],
     }
+
+
+def _drift(signal: Signal, values: Floats, runs: Sequence[slice]) -> ThermalDrift | None:
+    if signal.temperature is None:
+        return None
+    try:
+        return thermal_drift(signal.time, values, runs, signal.temperature())
+    except DomainError:  # too many samples of the temperature: the noise is judged without
+        return None
+
+
+def _drift_figures(drift: ThermalDrift) -> dict[str, float]:
+    return {
+        "per_degree": drift.per_degree,
+        "uncertainty": drift.uncertainty,
+        "lowest": drift.low,
+        "highest": drift.high,
+    }
+
+
+def _drift_note(drift: ThermalDrift, unit: str, is_removed: bool) -> str:
+    """A sentence on a drift with temperature, and how to decide otherwise."""
+    size = f"{drift.per_degree:+.3g} ± {drift.uncertainty:.1g} {unit} per °C"
+    size += f" between {drift.low:.1f} and {drift.high:.1f} °C"
+    if is_removed:
+        return f"Temperature drift of {size} removed. Set temperature to include to keep it."
+    return f"The signal follows the temperature: {size}. Set temperature to exclude to remove it."
 
 
 def _duration(signal: Signal) -> float:
@@ -97,6 +134,8 @@ def _units() -> dict[str, Any]:
         **dict.fromkeys(("adev", "low", "high", "model", "data_sheet"), "{unit}"),
         **{f"parameters.{name}.{end}": unit for name, unit in names for end in ("value", "low", "high")},
         **{"rate": "Hz", "left_out": "s", "jitter": "s"},
+        **dict.fromkeys(("temperature_drift.per_degree", "temperature_drift.uncertainty"), "{unit}/°C"),
+        **dict.fromkeys(("temperature_drift.lowest", "temperature_drift.highest"), "°C"),
     }
 
 
@@ -110,6 +149,7 @@ register_analysis(
         (
             AnalysisOption("per_decade", 8, 1, 50, "", "Averaging times per decade."),
             choice("motion", MOTION, "Whether stretches with motion are left out."),
+            choice("temperature", TEMPERATURE, "Whether what follows the temperature of the device is removed."),
         ),
         order=30,
         formats=FORMATS,

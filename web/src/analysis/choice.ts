@@ -8,11 +8,13 @@ export const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"
 export const LENGTHS = [0, 64, 256, 1024, 4096, 16384, 65536] as const;
 
 /** A choice with what is at its default. */
-export interface WholeChoice extends Required<Omit<AnalysisChoice, "scale" | "frequencyAxis" | "motion">> {
+export interface WholeChoice
+  extends Required<Omit<AnalysisChoice, "scale" | "frequencyAxis" | "motion" | "temperature">> {
   readonly range: Range;
   readonly scale: "amplitude" | "power";
   readonly frequencyAxis: "linear" | "log";
   readonly motion: "exclude" | "include";
+  readonly temperature: "exclude" | "include";
 }
 
 /** @param names channels that can be analysed, the most wanted one first @param between range where two cursors are set */
@@ -31,12 +33,20 @@ export function wholeChoice(
     scale: "amplitude",
     frequencyAxis: "linear",
     motion: "exclude",
+    temperature: "exclude",
   } as const;
   return { ...defaults, ...choice };
 }
 
 /** Values that are the default are not held, so that a workspace has only what a person changed. */
-const DEFAULTS = { window: "hann", length: 0, scale: "amplitude", frequencyAxis: "linear", motion: "exclude" };
+const DEFAULTS = {
+  window: "hann",
+  length: 0,
+  scale: "amplitude",
+  frequencyAxis: "linear",
+  motion: "exclude",
+  temperature: "exclude",
+};
 
 export type Change = { readonly [name in keyof WholeChoice]?: WholeChoice[name] };
 

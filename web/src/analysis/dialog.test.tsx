@@ -119,7 +119,7 @@ test("the Allan deviation is asked of everything; a parameter that is not seen h
     t0: null,
     t1: null,
     signals: ["Acceleration", "RateOfTurn"],
-    options: { motion: "exclude" },
+    options: { motion: "exclude", temperature: "exclude" },
   });
   const verdicts = screen.getByRole("list", { name: "Comparison with the data sheet" });
   expect(verdicts.textContent).toContain("▲ Above");

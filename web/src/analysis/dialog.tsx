@@ -131,10 +131,13 @@ function bodyOf(name: Name, choice: WholeChoice, prefix: string) {
   return { name, body: { signals, options: optionsOf(name, choice) } };
 }
 
-function optionsOf(name: Name, { window, length, scale, motion }: WholeChoice): Record<string, string | number> {
+function optionsOf(
+  name: Name,
+  { window, length, scale, motion, temperature }: WholeChoice,
+): Record<string, string | number> {
   if (name === "psd") return { window, length, scale };
   if (name === "spectrogram") return { window, length, scale, overlap: 0.75, columns: COLUMNS };
-  return name === "allan" ? { motion } : {};
+  return name === "allan" ? { motion, temperature } : {};
 }
 
 interface ControlsProps extends Pick<ChoiceState, "set"> {
@@ -149,7 +152,7 @@ interface ControlsProps extends Pick<ChoiceState, "set"> {
 function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: ControlsProps) {
   const name = shown.value;
   const list = useId();
-  const option = <K extends "window" | "scale" | "frequencyAxis" | "motion">(
+  const option = <K extends "window" | "scale" | "frequencyAxis" | "motion" | "temperature">(
     key: K,
     label: string,
     values: readonly WholeChoice[K][],
@@ -188,7 +191,10 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
   const options = name !== "statistics" && (
     <div class="analysis-row">
       {name === "allan" ? (
-        option("motion", TEXT.motion, ["exclude", "include"])
+        <>
+          {option("motion", TEXT.motion, ["exclude", "include"])}
+          {option("temperature", TEXT.temperature, ["exclude", "include"])}
+        </>
       ) : (
         <>
           {option("window", TEXT.windowFunction, WINDOWS)}

@@ -111,6 +111,7 @@ export interface AnalysisChoice {
   readonly scale?: "power";
   readonly frequencyAxis?: "log";
   readonly motion?: "include";
+  readonly temperature?: "include";
 }
 
 /** Panels that show one analysis each. */

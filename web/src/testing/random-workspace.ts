@@ -65,7 +65,10 @@ const HISTOGRAMS = [
 ];
 
 const ANALYSES = [
-  { allan: { motion: "include", signals: "RateOfTurn" }, psd: { frequencyAxis: "log", length: 1024, scale: "power" } },
+  {
+    allan: { motion: "include", signals: "RateOfTurn", temperature: "include" },
+    psd: { frequencyAxis: "log", length: 1024, scale: "power" },
+  },
   { spectrogram: { range: "everything", signals: "norm(Acceleration), RateOfTurn.x", window: "flattop" } },
 ];
 

@@ -21,6 +21,7 @@ export const TEXT = {
   scale: "Scale",
   frequencyAxis: "Frequency axis",
   motion: "Motion",
+  temperature: "Temperature drift",
   choices: {
     power: "power",
     amplitude: "amplitude",

@@ -15,6 +15,7 @@ const CHECKS: Readonly<Record<keyof AnalysisChoice, (json: Json) => boolean>> = 
   scale: (json) => json === "power",
   frequencyAxis: (json) => json === "log",
   motion: (json) => json === "include",
+  temperature: (json) => json === "include",
 };
 
 function isChoice(json: Json): boolean {
