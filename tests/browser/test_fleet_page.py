@@ -171,3 +171,8 @@ def test_a_robot_joins_and_is_lost(tmp_path: Path, open_page: Callable[..., Page
             until(page, "document.querySelector('.fleet-row .dot').classList.contains('live')")
         until(page, f"/lost/.test({row})")
         assert page.evaluate("document.querySelector('.fleet-row').classList.contains('held')")
+        page.locator(".fleet-row").click()
+        page.get_by_text("Newest events").click()
+        until(page, "document.querySelectorAll('.fleet-events li').length > 0")
+        page.get_by_role("button", name="Remove from the list").click()
+        until(page, "document.querySelector('.card code') !== null")

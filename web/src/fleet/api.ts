@@ -1,8 +1,17 @@
 /** Requests of the fleet page. */
 import { type Outcome, request } from "../ui/http";
-import type { FleetRobots } from "../wire/routes";
+import type { FleetEvent, FleetRobots } from "../wire/routes";
 
 /** The robots that changed after a revision; all of them without one. */
 export function askRobots(after: number | undefined, signal: AbortSignal): Promise<Outcome<FleetRobots>> {
   return request("GET /api/fleet/robots", { query: { after }, signal });
 }
+
+/** How many events of a robot are shown. */
+const NEWEST = 30;
+
+export const askEvents = (robot: string): Promise<Outcome<readonly FleetEvent[]>> =>
+  request("GET /api/fleet/events", { query: { robot, limit: NEWEST } });
+
+export const removeRobot = (robot: string): Promise<Outcome<undefined>> =>
+  request("DELETE /api/fleet/robots/{robot}", { path: { robot } });

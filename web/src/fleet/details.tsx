@@ -14,6 +14,7 @@ import {
   settingsCell,
   temperatureCell,
 } from "./columns";
+import { Events, RemoveRobot } from "./events";
 import type { Fleet } from "./fleet-state";
 import type { Robot } from "./robots";
 import { ageText } from "./row";
@@ -90,11 +91,13 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
       <OwnPages address={summary.address} isLost={isLost} />
       <h3>{TEXT.alarms}</h3>
       <Alarms alarms={summary.alarms} devices={summary.devices} />
+      <Events key={summary.name} name={summary.name} />
       <h3>{TEXT.devices}</h3>
       {summary.devices.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
       {summary.devices.map((device) => (
         <Device key={device.id} device={device} />
       ))}
+      {isLost && <RemoveRobot key={`remove ${summary.name}`} name={summary.name} fleet={fleet} />}
     </div>
   );
 }
