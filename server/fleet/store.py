@@ -32,6 +32,10 @@ MISSING = "a store needs further packages; install them with: pip install 'imusc
 PACKAGES = ("deltalake", "obstore", "duckdb")
 
 
+_NOT_IN_A_PATH = re.compile(r"[\[\]^|\\]|%[0-9A-Fa-f]{2}")
+"""In the path of a folder: delta-rs reads it as a URL, in which these have no place or mean another character."""
+
+
 class StoreError(Exception):
     """A store that cannot be used: one sentence, and what to do."""
 
@@ -131,6 +135,9 @@ def location(text: str) -> StoreLocation:
 
 def _folder(path: Path) -> StoreLocation:
     path = path.absolute()
+    if found := _NOT_IN_A_PATH.search(str(path)):
+        hint = "Rename the folder, or give another: without [ ] ^ | \\, and without % before two digits."
+        raise StoreError(f"the path of a store cannot have {found[0]!r}: {str(path)!r:.200}", hint)
     for one in (path, *path.parents):
         if one.exists():
             if not one.is_dir():

@@ -360,7 +360,7 @@ def questions(studio: Studio) -> None:
         upload(path, location(str(store)), f"otter-{n % 3}", DecodeOptions())
     server = ServerProcess("sim:xbus", data=studio.folder / "questions", arguments=("--store", str(store)))
     try:
-        with studio.page_of(server.url.rstrip("/"), "/#/questions") as page:
+        with studio.page_of(server.url, "#/questions") as page:
             page.get_by_label("Question in SQL").fill(QUESTION)
             page.get_by_role("button", name="Run").click()
             page.get_by_role("button", name="Plot", exact=True).click()

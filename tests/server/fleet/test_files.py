@@ -122,3 +122,20 @@ def test_an_unfinished_upload_is_left_out_by_both_readers(commands: Commands, re
         write_deltalake(str(store / "tables" / kind.name), other, mode="append")
     assert commands.query(store, "SELECT count(*) AS n FROM devices") == [{"n": 1}]
     assert commands.query(store, "SELECT count(*) AS n FROM samples_wide WHERE recording = 'other'") == [{"n": 0}]
+
+
+@pytest.mark.parametrize("name", ["a[b", "a]b", "a^b", "a|b", "a\\b", "a%20b", "a%5Bb"])
+def test_a_folder_whose_name_means_another_is_refused(
+    name: str, commands: Commands, recording: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / name
+    for words in (("upload", recording, "--robot", "otter"), ("query", "SELECT 1")):
+        assert "the path of a store cannot have" in commands.refused(*words, "--store", folder)
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("name", ["a*b", "a b", "a=b", "a{b}", "a?b", "a#b", "100%", "a%zz", "é'\"<&>;"])
+def test_a_folder_of_any_other_name_is_a_store(name: str, commands: Commands, recording: Path, tmp_path: Path) -> None:
+    commands.upload(recording, tmp_path / name)
+    sql = "SELECT count(*) > 0 AS found FROM minutes, recordings, (SELECT max(time) FROM samples_wide)"
+    assert commands.query(tmp_path / name, sql) == [{"found": True}]
