@@ -146,7 +146,7 @@ function Grid({ x, y, width, height }: { readonly x: Axis; readonly y: Axis } & 
           </text>
         </g>
       ))}
-      {ticks(y, Math.max(2, Math.floor(height / 30))).map(({ at, text }) => (
+      {ticks(y, Math.max(4, Math.floor(height / 24))).map(({ at, text }) => (
         <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
           <line x2={width} />
           <text x={-8} dy="0.32em" text-anchor="end">

@@ -26,7 +26,7 @@ const CHANGED_MS = 120;
 /** A live side is compared again this often, ms, as far as the server keeps up. */
 const LIVE_MS = 1500;
 const OVERLAY_PX = 190;
-const DIFFERENCE_PX = 120;
+const DIFFERENCE_PX = 150;
 
 export function ComparePage({ app }: { readonly app: App }) {
   const model = useMemo(() => compareModel(app, route.peek().query ?? ""), [app]);

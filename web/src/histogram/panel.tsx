@@ -12,7 +12,7 @@ import { liveSource } from "../measure/sample-access";
 import { type FigureSource, type Wanted, wantedOf } from "../measure/server-figures";
 import { channelsOf, type Deps } from "../panels/panel-context";
 import { type Found, unitOf } from "../signals/custom-plots";
-import type { Panel } from "../ui/dom";
+import { type Panel, throttle } from "../ui/dom";
 import { number } from "../ui/format";
 import { request } from "../ui/http";
 import { Message } from "../ui/message";
@@ -28,6 +28,8 @@ import "./histogram.css";
 
 /** Live figures are asked for this often, ms, as far as the server keeps up. */
 const LIVE_MS = 500;
+/** What is to be asked is looked at this often a second: lists of channels are not made once a frame. */
+const PER_SECOND = 10;
 
 interface Answered {
   /** What it is of, apart from the range. */
@@ -44,6 +46,7 @@ interface State {
 
 class Histogram {
   readonly #deps: Deps;
+  readonly #due = throttle(PER_SECOND);
   readonly #latest = new LatestAnswer<Answered>();
   readonly #state: Signal<State> = signal<State>({ answered: undefined, isOld: false, problem: undefined });
 
@@ -53,6 +56,7 @@ class Histogram {
   }
 
   update(now: number): void {
+    if (!this.#due(now)) return;
     const { viewState, store, samples } = this.#deps;
     const view = viewState.view.peek();
     const choice = viewState.histogram.peek();

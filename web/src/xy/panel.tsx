@@ -45,6 +45,10 @@ class XyPlot {
   readonly #server: ServerPairs | undefined;
   readonly #often = throttle(PER_SECOND);
   readonly #stop = new AbortController();
+  /** What the pair was looked for in, and how often it was. */
+  #from: readonly unknown[] = [];
+  #choices = 0;
+  #chosen: Omit<Shown, "key"> | undefined;
   #isDue = true;
   #stamp = "";
   #revision = -1;
@@ -73,10 +77,10 @@ class XyPlot {
   update(now: number): void {
     const { viewState } = this.#deps;
     const view = viewState.view.peek();
-    const pair = chosenPair(plottableOf(channelsOf(this.#deps)), viewState.xy.peek());
+    const pair = this.#pair();
     if (pair === undefined) return this.#show(undefined);
     const [a, b] = [viewState.actions.cursorTime(), viewState.measure.peek()];
-    const state = `${a} ${b} ${view.live || view.end} ${view.span} ${view.timeBase} ${JSON.stringify(viewState.xy.peek())}`;
+    const state = `${a} ${b} ${view.live || view.end} ${view.span} ${view.timeBase} ${this.#choices}`;
     const stamp = `${state} ${document.documentElement.dataset["theme"]}`;
     const isMoved = stamp !== this.#stamp;
     const revision = pair.x.channel.ring.revision + pair.y.channel.ring.revision;
@@ -95,6 +99,18 @@ class XyPlot {
     if (!isWanted && !isRescaled && this.#pairs === before && told === this.#told) return;
     this.#told = told;
     this.#draw(pair, t0, t1, isNewest);
+  }
+
+  /** The pair that is shown: looked for when something that it depends on is another object, not once a frame. */
+  #pair(): Omit<Shown, "key"> | undefined {
+    const { store, viewState } = this.#deps;
+    const from = [store.channels.peek(), viewState.xy.peek(), viewState.view.peek().device, viewState.frame.peek()];
+    if (from.some((one, k) => one !== this.#from[k])) {
+      this.#chosen = chosenPair(plottableOf(channelsOf(this.#deps)), viewState.xy.peek());
+      this.#from = from;
+      this.#choices += 1;
+    }
+    return this.#chosen;
   }
 
   dispose(): void {
