@@ -56,7 +56,8 @@ def fleet(options: argparse.Namespace) -> None:
             server = FleetServer(
                 Robots(), FleetDatabase(config.data / "fleet"), lambda: bus_settings(given), lambda: _version(given)
             )
-            server.open()
+            if not given.router:
+                server.open()
         except (FleetDatabaseError, FleetBusError, FleetAccessError) as error:
             raise UsageError(str(error)) from None
         place = f"at the router {given.router}" if given.router else f"at {given.listen or DEFAULT_LISTEN}"

@@ -13,13 +13,14 @@ import asyncio
 import contextlib
 import logging
 import struct
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from server.fleet import keys
-from server.fleet.bus import open_bus
+from server.fleet.bus import FleetBusError, open_bus
 from server.fleet.collector import Collector
 from server.fleet.database import FleetDatabase, FleetDatabaseError
 from server.fleet.reports import MAX_JOURNAL
@@ -67,6 +68,7 @@ class FleetServer:
         self.overflows = 0
         self._settings, self._version = settings, version
         self._opened: object = None
+        self._closed = False
         self._session: zenoh.Session | None = None
         self._declared: list[object] = []
         self._queue: deque[tuple[int, str, bytes]] = deque()
@@ -80,17 +82,30 @@ class FleetServer:
         Raises:
             FleetBusError: it cannot be opened.
         """
-        self._opened = self._version()
+        version = self._version()
         session = open_bus(self._settings())
         self._declare(session)
-        self._session = session
+        self._session, self._opened = session, version
 
     def start(self) -> None:
-        """Begin to collect, in the event loop."""
+        """Begin to collect, in the event loop. A session that is not open is opened in the background."""
+        if self._session is None:  # of a client: that lasts until its router is there
+            threading.Thread(target=self._open_late, name="fleet server", daemon=True).start()
         self._task = asyncio.create_task(self._run(), name="fleet server")
+
+    def _open_late(self) -> None:
+        try:
+            self.open()
+        except (FleetBusError, ValueError) as error:
+            self.problem = str(error)
+            log.error("%s No robots are received.", error)
+            return
+        if self._closed:
+            self._leave()
 
     async def close(self) -> None:
         """Close the session and write what is left."""
+        self._closed = True
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -199,7 +214,7 @@ class FleetServer:
 
     async def _reopen_if_changed(self) -> None:
         """Open the session anew when the file of robots has changed, so that a removed robot is out."""
-        if self._version() == self._opened:
+        if self._version() == self._opened:  # both None for a client of a router
             return
         try:
             self._settings()

@@ -178,6 +178,20 @@ def test_events_are_listed_and_a_lost_robot_is_removed(bus: str, tmp_path: Path)
         assert texts(robot="a", limit=1) == ["5"]
 
 
+def test_a_fleet_server_waits_for_its_router(bus: str, tmp_path: Path) -> None:
+    with ServerProcess(data=tmp_path, arguments=("--router", bus), command="fleet") as server:
+        assert robots_of(server) == {}
+        between = open_bus(RouterSettings(bus).settings())
+        try:
+            with FleetRobot("a", bus) as robot:
+                robot.report(1)
+                block_until(lambda: lost_of(server, "a") == 1, "the robot is shown")
+        finally:
+            between.close()
+    with ServerProcess(data=tmp_path, arguments=("--router", bus), command="fleet") as server:
+        assert server.stop() == 0, "it ends while it waits"
+
+
 @pytest.fixture
 def guarded(bus: str, tmp_path: Path) -> Iterator[tuple[ServerProcess, Path]]:
     """A fleet server whose robots have passwords, and the file of these."""
