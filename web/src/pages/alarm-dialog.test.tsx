@@ -122,3 +122,25 @@ test("an alarm is deleted by a second press", async () => {
   await waitFor(() => expect(close).toHaveBeenCalled());
   expect(asked.some(({ method, path }) => method === "DELETE" && path === "/api/alarms/a")).toBe(true);
 });
+
+test("only a condition that was checked is judged over the past", async () => {
+  const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: ["MTi-630"], notes: [] };
+  const preview = { times: 0, t0: 0, t1: 600, worst: null, unit: "", seconds: 0, intervals: [] };
+  const asked = answering({ "POST /api/alarms/check": valid, "POST /api/alarms/preview": preview });
+  const app = newApp();
+  app.alarmDraft.value = { device: DEVICE };
+  render(<AlarmDialog app={app} onClose={vi.fn()} />);
+  const judged = (): unknown[] =>
+    asked
+      .filter(({ path }) => path === "/api/alarms/preview")
+      .map(({ body }) => (body as { definition: unknown }).definition);
+  const checked = (): unknown[] => asked.filter(({ path }) => path === "/api/alarms/check").map(({ body }) => body);
+  const condition = screen.getByLabelText("Condition");
+  for (const [i, value] of ["norm(Acceleration) > 3 g", "norm(Acceleration) >"].entries()) {
+    fireEvent.input(condition, { target: { value } });
+    await waitFor(() => expect(checked()).toHaveLength(i + 1));
+    expect(judged()).toHaveLength(i); // not before it is known to be valid
+    await waitFor(() => expect(judged()).toHaveLength(i + 1));
+  }
+  expect(judged()).toEqual(checked());
+});

@@ -34,7 +34,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   const draft = app.alarmDraft.value;
   const device = draft.device ?? (over ? selected(over.deps) : app.device.value);
   const fields = useSignal(fieldsOf(draft, device));
-  const check = useSignal<AlarmCheck | undefined>(undefined);
+  const checked = useSignal<{ readonly stamp: string; readonly found: AlarmCheck } | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
   const isRemoving = useSignal(false);
   const set = (change: Partial<Fields>): void => {
@@ -44,20 +44,21 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   const stamp = JSON.stringify(definition);
   const isEmpty = definition.condition.kind === "expression" && definition.condition.expression === "";
   useEffect(() => {
-    check.value = undefined;
     const body = JSON.parse(stamp) as AlarmDefinition;
     if (body.condition.kind === "expression" && body.condition.expression === "") return undefined;
     const cancelled = new AbortController();
     const timer = setTimeout(() => {
       void request("POST /api/alarms/check", { body, signal: cancelled.signal }).then((outcome) => {
-        if (outcome.ok && !cancelled.signal.aborted) check.value = outcome.value;
+        if (outcome.ok && !cancelled.signal.aborted) checked.value = { stamp, found: outcome.value };
       });
     }, CHECK_AFTER_MS);
     return () => {
       clearTimeout(timer);
       cancelled.abort();
     };
-  }, [stamp, check]);
+  }, [stamp, checked]);
+  // of what is in the form now, not of what was there before
+  const check = checked.value?.stamp === stamp ? checked.value.found : undefined;
 
   const done = (outcome: { readonly ok: true } | { readonly ok: false; readonly problem: Problem }): void => {
     if (!outcome.ok) {
@@ -107,7 +108,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
             ))}
           </div>
         </div>
-        <ConditionFields fields={fields} set={set} channels={channels} check={check.value} />
+        <ConditionFields fields={fields} set={set} channels={channels} check={check} />
         <label>
           {TEXT.name}
           <input
@@ -175,13 +176,13 @@ export function AlarmDialog({ app, onClose, over }: Props) {
           />
         </label>
         <AlarmPreview
-          stamp={check.value?.valid === true ? stamp : undefined}
+          stamp={check?.valid === true ? stamp : undefined}
           source={over?.recording ?? device?.id}
           recorded={over && device && { device: device.id, show: over.show }}
         />
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="alarm-end">
-          <button type="submit" class="btn main" disabled={isEmpty || check.value?.valid === false}>
+          <button type="submit" class="btn main" disabled={isEmpty || check?.valid === false}>
             {TEXT.save}
           </button>
           <button type="button" class="btn" onClick={onClose}>
