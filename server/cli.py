@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`hold`, `record`, `replay`, `decode`, `analyse`, `calibrate`, `upload`, `query`, `fleet`, `simulate`.
+`hold`, `record`, `replay`, `decode`, `analyse`, `calibrate`, `upload`, `query`, `compact`, `fleet`, `simulate`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Heavy modules are imported only when needed,
 so `--help` and `--version` answer at once. The folder for compiled code is set before numba is imported.
@@ -332,6 +332,15 @@ def _query(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
+def _compact(options: argparse.Namespace) -> None:
+    from server.commands.compact import CompactError, compact_store
+
+    try:
+        compact_store(options.store, options.remove_unused, sys.stdout)
+    except CompactError as error:
+        raise UsageError(str(error)) from None
+
+
 def _fleet(options: argparse.Namespace) -> None:
     from server.commands.fleet import fleet
 
@@ -409,6 +418,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "calibrate": _calibrate,
     "upload": _upload,
     "query": _query,
+    "compact": _compact,
     "fleet": _fleet,
     "simulate": _simulate,
     "completion": _completion,

@@ -15,7 +15,7 @@ from protocols.plugins import protocol_names
 from server import logging_setup
 from server.commands.file_arguments import add_analyse, add_calibrate, add_decode
 from server.commands.fleet_arguments import add_fleet
-from server.commands.store_arguments import add_query, add_store, add_upload
+from server.commands.store_arguments import add_compact, add_query, add_store, add_upload
 from server.config import default_data
 from server.devices.decode_options import declared_options
 from server.ros2.session import DEFAULT_ROUTER
@@ -23,7 +23,7 @@ from server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "hold", "record", "replay"),
-    *("decode", "analyse", "calibrate", "upload", "query", "fleet", "simulate", "completion"),
+    *("decode", "analyse", "calibrate", "upload", "query", "compact", "fleet", "simulate", "completion"),
 )
 NAMES = "|".join(protocol_names())
 ANY_OF = ", ".join(protocol_names())
@@ -198,6 +198,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
         _add_data(made)
     _add_data(add_upload(commands.add_parser))
     add_query(commands.add_parser)
+    add_compact(commands.add_parser)
     _add_data(add_fleet(commands.add_parser))
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)

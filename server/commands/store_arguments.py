@@ -42,6 +42,14 @@ def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> None:
     command.add_argument("--memory", type=int, default=1024, metavar="MB", help="most memory, MB (default 1024)")
 
 
+def add_compact(add_parser: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add `imuscope compact`."""
+    command = add_parser("compact", help="join the small files that uploads left in a store")
+    add_store(command)
+    words = "remove files that nothing has needed for a week, those of uploads that were cut off too"
+    command.add_argument("--remove-unused", action="store_true", help=words)
+
+
 def add_store(command: argparse.ArgumentParser, words: str = "", *, required: bool = True) -> None:
     """Add `--store`.
 

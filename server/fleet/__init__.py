@@ -12,6 +12,8 @@ The store needs `imuscope[fleet]`.
     fair_queue.py, question_service.py, query_worker.py    questions over HTTP: in turns, each in a process of its own
     query_words.py   what an editor completes
     questions.py   prepared questions
+    fetch.py         a recording out of the store
+    compact.py       small files joined
     results.py     answers as a table, CSV, JSON or Arrow
 
     keys.py, reports.py    the bus: its keys, and what is published under them

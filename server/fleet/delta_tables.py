@@ -130,7 +130,7 @@ def _append(table: DeltaTable, kind: StoreTable, recording: str, rows: Rows) -> 
         rows,
         mode="append",
         target_file_size=TARGET_BYTES,
-        writer_properties=_writer_properties(),
+        writer_properties=writer_properties(),
         commit_properties=CommitProperties(
             app_transactions=[Transaction(recording, 1)], custom_metadata={"imuscope": recording}, max_commit_retries=0
         ),
@@ -138,7 +138,8 @@ def _append(table: DeltaTable, kind: StoreTable, recording: str, rows: Rows) -> 
     )
 
 
-def _writer_properties() -> WriterProperties:
+def writer_properties() -> WriterProperties:
+    """Compression and row groups of the files of a table."""
     return WriterProperties(compression="ZSTD", compression_level=COMPRESSION_LEVEL, max_row_group_size=ROW_GROUP)
 
 
