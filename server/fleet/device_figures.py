@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class DeviceFigures:
 
     def __init__(self, bus: TelemetryBus, store: ChannelStore) -> None:
         self._bus, self._store = bus, store
-        self._counts: dict[str, deque[tuple[float, int, int]]] = {}  # device → time, received, lost
+        self._counts: dict[str, deque[tuple[float, Mapping[str, int], int]]] = {}  # device → time, received, lost
 
     def devices(self) -> tuple[ReportedDevice, ...]:
         """All devices, as many as fit into a report."""
@@ -52,7 +52,7 @@ class DeviceFigures:
     def _device(self, info: wire.DeviceInfo, now: float, channels: list[StoredChannel]) -> ReportedDevice:
         health = self._bus.health_of(info.id)
         is_live = info.status == "live"
-        rate, loss = (0.0, None) if health is None else self._rate_and_loss(info, health, now)
+        rate, loss = (0.0, None) if health is None else self._rate_and_loss(info, health)
         fresh = [one for one in channels if is_live and _arrival(one) > now - FRESH_S]
         return ReportedDevice(
             id=clipped(info.id),
@@ -71,22 +71,28 @@ class DeviceFigures:
             clock_uncertainty_ms=None if health is None or not is_live else _finite(health.uncertainty_ms),
         )
 
-    def _rate_and_loss(
-        self, info: wire.DeviceInfo, health: wire.DeviceHealth, now: float
-    ) -> tuple[float, float | None]:
-        received = max((message.count for message in health.messages), default=0)
+    def _rate_and_loss(self, info: wire.DeviceInfo, health: wire.DeviceHealth) -> tuple[float, float | None]:
+        """Rate of the fastest message of the last seconds, samples/s, and loss of the last minute."""
+        now, counts = health.time, {message.name: message.count for message in health.messages}
         past = self._counts.setdefault(info.id, deque())
-        if past and (received < past[-1][1] or health.lost < past[-1][2]):
+        if past and (health.lost < past[-1][2] or any(counts.get(name, 0) < one for name, one in past[-1][1].items())):
             past.clear()  # its session began anew
-        past.append((now, received, health.lost))
+        if not past or now > past[-1][0]:
+            past.append((now, counts, health.lost))
         while len(past) > 1 and past[1][0] <= now - LOSS_S:
             past.popleft()
-        recent = next((one for one in past if one[0] >= now - RATE_S), past[-1])
-        rate = (received - recent[1]) / (now - recent[0]) if now - recent[0] > RATE_S / 2 else health.rate
+        recent = next(one for one in past if one[0] >= now - RATE_S)
+        span = now - recent[0]
+        rate = _most(counts, recent[1]) / span if span > RATE_S / 2 else health.rate
         if not health.lost and not counts_losses(info.protocol):
             return rate, None
-        arrived, lost = received - past[0][1], health.lost - past[0][2]
+        arrived, lost = _most(counts, past[0][1]), health.lost - past[0][2]
         return rate, lost / (arrived + lost) if arrived + lost > 0 else 0.0
+
+
+def _most(counts: Mapping[str, int], before: Mapping[str, int]) -> int:
+    """Samples of the message that has most since."""
+    return max((count - before.get(name, 0) for name, count in counts.items()), default=0)
 
 
 def _finite(value: float | None) -> float | None:
