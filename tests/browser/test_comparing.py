@@ -56,6 +56,20 @@ def test_a_recording_and_its_range(serve: Callable[..., ServerProcess], open_pag
     until(page, f"{TEXT}.includes('0 … 0 m/s²')")
     page.get_by_role("button", name="Align by cross-correlation").click()
     until(page, f"/0 s ± [0-9.·⁻¹²³⁴⁵⁶⁷⁸⁹−]+ s/.test({TEXT})")
+    labels = (
+        "[...document.querySelector('.overlay-chart .grid').querySelectorAll('text[y]')].map(one => one.textContent)"
+    )
+    whole = page.evaluate(labels)
+    chart = page.locator(".overlay-chart").first
+    chart.scroll_into_view_if_needed()
+    chart.hover()
+    page.mouse.wheel(0, -600)
+    until(page, f"{labels}.join() !== {','.join(whole)!r}")  # another part of the time
+    chart.dblclick()
+    until(page, f"{labels}.join() === {','.join(whole)!r}")
+    chart.press("+")
+    until(page, f"{labels}.join() !== {','.join(whole)!r}")
+    assert page.locator(".overlay-chart").nth(1).locator(".grid text[x]").count() >= 4  # the difference
     page.get_by_text("Spectra of both").click()
     until(page, "document.querySelectorAll('path.interval').length >= 6")
     page.get_by_text("Settings of both").click()

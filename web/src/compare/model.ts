@@ -197,7 +197,8 @@ export function requestOf(
     signals: [name],
     signals_b: signalB ? [signalB] : [],
     ...(offset === undefined ? { align: overlaps ? "offset" : "start", offset: 0 } : { align: "offset", offset }),
-    columns: 800,
+    // what stands still can be zoomed into
+    columns: a.last === undefined && b.last === undefined ? 4000 : 800,
   };
 }
 

@@ -1,9 +1,11 @@
 /** A chart of outlines over time: A and B on one axis, of which B can be dragged; or their difference. */
 import { useSignal } from "@preact/signals";
-import { useRef } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { type Axis, axisOf, figure, share, ticks, valueAtShare } from "../analysis/axes";
 import { useWidth } from "../analysis/use-width";
 import type { Outline } from "../wire/routes";
+import { TEXT } from "../texts/compare";
+import { type Ends, keyed, panned, wheeled, zoomed } from "./zoom";
 
 export interface Trace {
   /** Class of its colour. */
@@ -26,6 +28,9 @@ interface Props {
   /** Present offset, and what changes it; a chart without them cannot be dragged. */
   readonly move?: { readonly offset: number; readonly by: (seconds: number, isDone: boolean) => void };
   readonly dragged?: number;
+  /** Everything there is along the axis, and what shows another part of it. */
+  readonly all: Ends;
+  readonly show: (ends: Ends) => void;
 }
 
 const LEFT = 64;
@@ -35,7 +40,19 @@ const BOTTOM = 20;
 /** Share of the axis that an arrow key moves B by. */
 const NUDGE = 1 / 2000;
 
-export function OverlayChart({ label, title, unit, traces, origin, ends, height, move, dragged = 0 }: Props) {
+export function OverlayChart({
+  label,
+  title,
+  unit,
+  traces,
+  origin,
+  ends,
+  height,
+  move,
+  dragged = 0,
+  all,
+  show,
+}: Props) {
   const host = useRef<HTMLDivElement>(null);
   const width = useWidth(host);
   const pointer = useSignal<number | undefined>(undefined);
@@ -47,33 +64,72 @@ export function OverlayChart({ label, title, unit, traces, origin, ends, height,
     traces.flatMap(({ outline }) => [...outline.low, ...outline.high]),
   );
   const perPixel = (ends[1] - ends[0]) / inner.width;
+  /** Fingers by their ids; a second one zooms, and gives B back. */
+  const fingers = useRef(new Map<number, number>());
+  const shareAt = (clientX: number): number =>
+    (clientX - (host.current?.getBoundingClientRect().left ?? 0) - LEFT) / inner.width;
+  const wheel = useRef<(event: WheelEvent) => void>(() => undefined);
+  wheel.current = (event) => {
+    event.preventDefault();
+    show(wheeled(ends, all, event, Math.min(1, Math.max(0, shareAt(event.clientX)))));
+  };
+  useEffect(() => {
+    const chart = host.current;
+    const onWheel = (event: WheelEvent): void => wheel.current(event);
+    chart?.addEventListener("wheel", onWheel, { passive: false });
+    return () => chart?.removeEventListener("wheel", onWheel);
+  }, []);
   const begin = (event: PointerEvent): void => {
-    if (!move || event.button !== 0) return;
+    if (event.button !== 0) return;
+    fingers.current.set(event.pointerId, event.clientX);
+    if (fingers.current.size === 2) {
+      if (grip.current !== undefined) move?.by(0, true);
+      grip.current = undefined;
+      return;
+    }
     grip.current = event.clientX;
     host.current?.setPointerCapture?.(event.pointerId);
   };
   const drag = (event: PointerEvent): void => {
-    if (grip.current !== undefined) return move?.by((event.clientX - grip.current) * perPixel, false);
+    const before = fingers.current.get(event.pointerId);
+    if (before !== undefined) fingers.current.set(event.pointerId, event.clientX);
+    const [other] = [...fingers.current].flatMap(([id, at]) => (id === event.pointerId ? [] : [at]));
+    if (before !== undefined && other !== undefined) {
+      const [was, is] = [Math.abs(before - other), Math.abs(event.clientX - other)];
+      if (was > 8 && is > 8) show(zoomed(ends, all, was / is, shareAt((event.clientX + other) / 2)));
+      return;
+    }
+    if (grip.current !== undefined && move) return move.by((event.clientX - grip.current) * perPixel, false);
+    if (grip.current !== undefined && before !== undefined)
+      return show(panned(ends, all, (before - event.clientX) / inner.width));
     const box = host.current?.getBoundingClientRect();
     const at = box ? (event.clientX - box.left - LEFT) / inner.width : -1;
     pointer.value = at >= 0 && at <= 1 ? valueAtShare(x, at) : undefined;
   };
   const end = (event: PointerEvent): void => {
+    fingers.current.delete(event.pointerId);
     if (grip.current === undefined) return;
     const seconds = (event.clientX - grip.current) * perPixel;
     grip.current = undefined;
     move?.by(seconds, true);
   };
   const press = (event: KeyboardEvent): void => {
+    const isPlain = !event.ctrlKey && !event.metaKey && !event.altKey;
+    const next = isPlain ? keyed(ends, all, event.key) : undefined;
+    if (next) {
+      event.preventDefault();
+      event.stopPropagation();
+      return show(next);
+    }
     const way = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
-    if (!move || way === 0 || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (way === 0 || !isPlain) return;
     event.preventDefault();
     event.stopPropagation();
+    if (!move) return show(panned(ends, all, way / 10));
     move.by(way * (ends[1] - ends[0]) * NUDGE * (event.shiftKey ? 10 : 1), true);
   };
   const slides = move
     ? {
-        tabIndex: 0,
         "aria-valuenow": Number(move.offset.toFixed(6)),
         "aria-valuetext": `${figure(move.offset)} s`,
       }
@@ -91,6 +147,9 @@ export function OverlayChart({ label, title, unit, traces, origin, ends, height,
       onPointerCancel={end}
       onPointerLeave={() => (pointer.value = undefined)}
       onKeyDown={press}
+      onDblClick={() => show(all)}
+      tabIndex={0}
+      title={move ? TEXT.zoomAndMove : TEXT.zoomAndPan}
       role={move ? "slider" : "img"}
       aria-label={label}
       {...slides}

@@ -19,6 +19,7 @@ import { Settings, Spectra, Statistics } from "./results";
 import { type ComparePlace, comparisonHref, readComparison, type Side } from "./sides";
 import { TEXT } from "../texts/compare";
 import "../analysis/analysis.css";
+import type { Ends } from "./zoom";
 import "./compare.css";
 
 /** Pause after a change of the offset, ms. */
@@ -144,7 +145,13 @@ interface ChartsProps {
 function Charts({ answer: { signals, offset }, move, dragged }: ChartsProps) {
   const axis = useComputed(() => axisOf(signals, offset));
   const { origin, ends } = axis.value.of === signals ? axis.value : axisOf(signals, offset);
-  const common = { origin, ends };
+  const part = useSignal<Ends | undefined>(undefined);
+  // another range of A shows everything of it
+  const shown = part.value && part.value[0] >= ends[0] && part.value[1] <= ends[1] ? part.value : ends;
+  const show = (next: Ends): void => {
+    part.value = next[1] - next[0] >= ends[1] - ends[0] ? undefined : next;
+  };
+  const common = { origin, ends: shown, all: ends, show };
   return (
     <>
       {signals.map(({ signal, unit, a, b, difference }) => {

@@ -31,6 +31,9 @@ export const TEXT = {
   eventOf: (side: Value) => `Event of ${side}`,
   choose: "Choose an event",
   offset: "Offset of B",
+  zoomAndMove:
+    "Wheel, two fingers, + and −: zoom; Shift and wheel: move; double click or F: everything; drag or ← →: move B",
+  zoomAndPan: "Wheel, two fingers, + and −: zoom; drag or ← →: move; double click or F: everything",
   offsetHint: "Drag B in a plot, or use the arrow keys on it.",
   uncertainty: (value: Value) => `± ${value}`,
   aligned: (correlation: Value, overlap: Value) => `95 % interval; correlation ${correlation} over ${overlap}`,
