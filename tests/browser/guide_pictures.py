@@ -278,6 +278,16 @@ def compare(studio: Studio) -> None:
         keep(page, "compare")
 
 
+@picture("comparing")
+def comparing(studio: Studio) -> None:
+    """Two devices on one axis of time, and their difference."""
+    sources = tuple(f"sim:xbus?product=MTi-630&rate=100&seed={seed}" for seed in (1, 2))
+    with studio.page(*sources, at="#/recordings?a=1&al=20&b=2&bl=20", size=(1440, 1000), filled_s=FILLED_S) as page:
+        until(page, "document.querySelectorAll('.overlay-chart .difference path[d^=M]').length === 3")
+        until(page, "document.querySelector('.compare-table') !== null")
+        keep(page, "comparing")
+
+
 @picture("corrections")
 def corrections(studio: Studio) -> None:
     with studio.page("sim:xbus?product=MTi-680G", at="#/configure/1") as page:
