@@ -129,10 +129,10 @@ def main() -> None:
         url = server.stdout.readline().strip()
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
         page = opened(browser, url, WIDE)
+        rows = page.evaluate("document.querySelectorAll('.fleet-row').length")
         for name, script in (("still", NOTHING), ("scroll", SCROLL), ("sort", SORT), ("filter", FILTER)):
             found[name] = measured(page, options.seconds, script)
         heap = page.evaluate("performance.memory.usedJSHeapSize") / 1e6
-        rows = page.evaluate("document.querySelectorAll('.fleet-row').length")
         page.context.close()
         for name, size, at in (
             ("details", WIDE, "#/fleet?robot=amr-005"),

@@ -139,6 +139,7 @@ def test_everything_is_reachable_on_a_phone(fleet: SyntheticFleet, open_page: Ca
     assert page.evaluate("document.scrollingElement.scrollWidth") <= 360
     page.locator(".fleet-row").first.tap()
     until(page, "document.querySelector('.fleet-details h2') === document.activeElement")
+    assert page.evaluate("document.querySelector('.fleet-details').getBoundingClientRect().top") == 52
     small = page.evaluate(TARGETS)
     assert not small, "\n".join(small)
     page.get_by_role("button", name="Close the details").tap()

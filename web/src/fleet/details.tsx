@@ -43,7 +43,7 @@ export function Details({ fleet }: { readonly fleet: Fleet }) {
     };
   }, [fleet]);
   return (
-    <aside class="side open fleet-details" id="side" aria-label={TEXT.details}>
+    <aside class="fleet-details" aria-label={TEXT.details}>
       <div class="head">
         <h2 ref={heading} tabIndex={-1} class="ellipsis">
           {name}
@@ -95,7 +95,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
       <h3>{TEXT.devices}</h3>
       {summary.devices.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
       {summary.devices.map((device) => (
-        <Device key={device.id} device={device} />
+        <Device key={device.id} device={device} isLost={isLost} />
       ))}
       {isLost && <RemoveRobot key={`remove ${summary.name}`} name={summary.name} fleet={fleet} />}
     </div>
@@ -162,18 +162,21 @@ function Alarms({
   );
 }
 
-function Device({ device }: { readonly device: RobotDevice }) {
+function dotOf({ status }: RobotDevice): string {
+  return status === "live" ? "live" : status === "lost" || status === "denied" ? "bad" : "off";
+}
+
+/** @param isLost the robot is: what its device was does not count */
+function Device({ device, isLost }: { readonly device: RobotDevice; readonly isLost: boolean }) {
   const { clock_uncertainty_ms: uncertainty } = device;
   const expected = device.expected_rate;
   const text = (value: string): Cell => ({ text: value || "—" });
   return (
     <section class="fleet-device">
       <h4>
-        <span
-          class={`dot ${device.status === "live" ? "live" : device.status === "lost" || device.status === "denied" ? "bad" : "off"}`}
-        />
+        <span class={`dot ${isLost ? "off" : dotOf(device)}`} />
         <span class="ellipsis">{device.name || device.product}</span>
-        <span class="dim">{device.status}</span>
+        {!isLost && <span class="dim">{device.status}</span>}
       </h4>
       <dl class="facts">
         {device.product !== "" && device.product !== device.name && (
