@@ -64,7 +64,7 @@ async def list_robots(
     return Response(robots.since(after), media_type="application/json", headers={"cache-control": "no-store"})
 
 
-@router.delete("/robots/{robot}", status_code=204, responses=responses(404, 409))
+@router.delete("/robots/{robot}", status_code=204, responses=responses(404, 409, 422))
 async def remove_robot(robot: str, server: TheFleetServer) -> Response:
     """Remove a robot that is lost, for good, from the list. Its events stay. One that joins again is listed again."""
     if server.robots.get(robot) is None:

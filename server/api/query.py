@@ -204,7 +204,7 @@ class FetchedRecording(BaseModel):
     is_new: bool = Field(description="whether it was fetched now")
 
 
-@router.post("/recordings/{recording}/fetch", responses=responses(409, 422, 502, 507))
+@router.post("/recordings/{recording}/fetch", responses=responses(404, 409, 422, 502, 507))
 async def fetch_recording(recording: str, services: TheServices) -> FetchedRecording:
     """Fetch a recording of the store into the library, unless it is there, and compare its checksum."""
     library = services.catalogue.library

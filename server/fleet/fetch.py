@@ -17,11 +17,16 @@ from server.fleet.tables import RECORDINGS
 PIECE = 1 << 20
 
 
+class NotInStoreError(StoreError):
+    """A recording that the store does not have."""
+
+
 def fetch(store: StoreLocation, recording: str, path: Path) -> int:
     """Write the object of a recording to a file; its size.
 
     Raises:
-        StoreError: the store does not have it or cannot be read, or the file does not match its checksum.
+        NotInStoreError: the store does not have it.
+        StoreError: the store cannot be read, or the file does not match its checksum.
         OSError: the file cannot be written.
     """
     key, size, checksum = _row(store, recording)
@@ -60,5 +65,5 @@ def _row(store: StoreLocation, recording: str) -> tuple[str, int, str]:
             columns = ["object", "bytes", "checksum"]
             rows = found.to_table(columns=columns, filter=pc.field("recording") == recording).to_pylist()
     if not rows:
-        raise StoreError(f"{store.url} has no recording {recording:.80}", "Take its identifier from `recordings`.")
+        raise NotInStoreError(f"{store.url} has no recording {recording:.80}", "Take its identifier from `recordings`.")
     return rows[0]["object"], rows[0]["bytes"], rows[0]["checksum"]

@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from recordings.bounds import TooLong, bounded
 from recordings.parent_death import die_with_parent
-from server.fleet.fetch import fetch
+from server.fleet.fetch import NotInStoreError, fetch
 from server.fleet.query import QueryError, QueryLimits, ask
 from server.fleet.query_words import query_words
 from server.fleet.results import plain, text_of_csv, unique, write_arrow
@@ -45,8 +45,8 @@ def main() -> int:
     try:
         _answer(request, output)
     except (QueryError, StoreError) as error:
-        kind = "bad-query" if isinstance(error, QueryError) else "store"
-        return output.fail(kind, error.message, error.hint)
+        kinds = {QueryError: "bad-query", NotInStoreError: "not-found"}
+        return output.fail(kinds.get(type(error), "store"), error.message, error.hint)
     except MemoryError:
         words = f"the question takes more memory than {request['memory_mb']} MB"
         return output.fail("bad-query", words, "Ask for less at once, or allow more memory.")

@@ -117,7 +117,7 @@ class QuestionService:
         """Write a recording of the store to a file.
 
         Raises:
-            DomainError: "no-store" or "store".
+            DomainError: "no-store", "not-found" or "store".
         """
         self._check_store()
         async with self._fetches:
@@ -153,6 +153,8 @@ class QuestionService:
             if words:
                 if words["kind"] == "store":
                     raise DomainError("store", words["message"], words["hint"])
+                if words["kind"] == "not-found":
+                    raise DomainError("not-found", words["message"], words["hint"])
                 raise DomainError("bad-query", words["message"], words["hint"])
             yield _pieces(worker)
         finally:

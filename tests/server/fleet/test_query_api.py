@@ -243,7 +243,7 @@ def test_a_recording_is_fetched_from_the_store_once(server: InProcessServer, fol
     assert server.services.catalogue.library.path(recording).read_bytes() == (folder / key).read_bytes()
 
 
-@pytest.mark.parametrize(("recording", "status", "words"), [("0" * 24, 502, "no recording"), ("x", 422, "'x'")])
+@pytest.mark.parametrize(("recording", "status", "words"), [("0" * 24, 404, "no recording"), ("x", 422, "'x'")])
 def test_what_is_not_in_the_store_is_not_fetched(
     recording: str, status: int, words: str, server: InProcessServer
 ) -> None:
