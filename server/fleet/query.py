@@ -174,29 +174,35 @@ def _lock(connection: duckdb.DuckDBPyConnection, limits: QueryLimits) -> None:
 
 
 class _Guard:
-    """Interrupts a question when its time is over."""
+    """Interrupts a question when its time is over, again and again: one that comes between two steps is lost."""
 
     def __init__(self, connection: duckdb.DuckDBPyConnection, timeout_s: float) -> None:
         self.is_over = False
         self._connection = connection
-        self._timer = threading.Timer(timeout_s, self._stop) if timeout_s > 0 else None
+        self._timeout_s = timeout_s
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="question's time", daemon=True)
 
     def __enter__(self) -> None:
-        if self._timer is not None:
-            self._timer.daemon = True
-            self._timer.start()
+        if self._timeout_s > 0:
+            self._thread.start()
 
     def __exit__(self, *_: object) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()  # the connection is closed next
 
     def interrupt(self) -> None:
         """Stop what the question is doing."""
         self._connection.interrupt()
 
-    def _stop(self) -> None:
+    def _watch(self) -> None:
+        if self._ended.wait(self._timeout_s):
+            return
         self.is_over = True
-        self.interrupt()
+        while not self._ended.is_set():
+            self.interrupt()
+            self._ended.wait(AGAIN_S)
 
 
 class _Answer:
