@@ -132,6 +132,27 @@ def test_everything_is_reachable_on_a_phone(server: ServerProcess, open_page: Ca
     assert page.evaluate("scrollX") == 0
 
 
+@pytest.mark.parametrize("place", ["", "configure"], ids=["live", "configure"])
+def test_the_panels_of_a_tablet_lie_over_the_page(
+    server: ServerProcess, open_page: Callable[..., Page], place: str
+) -> None:
+    """At its edge, from the bar to the foot of the window; nothing moves below it."""
+    page = opened(server, open_page, (1000, 800))
+    page.evaluate(f"location.hash = '#/{place}'")
+    box = "(e => e && (({x, y, right, bottom}) => [x, y, right, bottom])(e.getBoundingClientRect()))"
+    middle = f"{box}(document.querySelector('main'))"
+    until(page, f"{middle} !== null && document.querySelector('.bar [aria-controls=rail]') !== null")
+    before = page.evaluate(middle)
+    for name in ("rail", "side"):
+        toggle = page.locator(f".bar [aria-controls={name}]:visible").first
+        toggle.click()
+        x, y, right, bottom = until(page, f"{box}(document.querySelector('.{name}.open'))")
+        assert (x if name == "rail" else right) == (0 if name == "rail" else 1000)
+        assert (y, bottom) == (page.locator(".bar").evaluate("e => e.getBoundingClientRect().bottom"), 800)
+        assert page.evaluate(middle) == before
+        toggle.click()
+
+
 # Where every box on the page is, but for those that are as wide as the digits in them, the lines of the event list (a
 # busy machine is told of late reads and lost samples, each a line more; that list scrolls by itself), and the names of
 # lanes: the simulator clips at a kerb, and a flag that is raised for the first time gets its name in the room kept for
