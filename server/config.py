@@ -65,7 +65,7 @@ from server.logging_setup import LEVELS, STYLES
 from server.ros2.domain import usual_domain
 from server.ros2.key_expressions import MAX_DOMAIN, is_name
 from server.ros2.session import DEFAULT_ROUTER, is_router_address
-from server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings
+from server.store_settings import MAX_QUERY_MB, MIN_QUERY_MB, StoreSettings, hours_of
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
@@ -289,6 +289,12 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
         lambda size: MIN_QUERY_MB <= size <= MAX_QUERY_MB,
         f"is outside {MIN_QUERY_MB} … {MAX_QUERY_MB} MB",
     ),
+    "store.upload_min_s": (lambda seconds: 0 <= seconds <= 1e6, "is outside 0 … 1 000 000 s"),
+    "store.upload_max_mb": (
+        lambda size: size == 0 or 0.001 <= size <= 1e9,
+        "is neither 0 (no limit) nor 0.001 … 1 000 000 000 MB",
+    ),
+    "store.upload_hours": (lambda text: not text or hours_of(text), "is not a span of time such as 22:00-06:00"),
     "map.tiles": (
         lambda text: not text or _is_tile_address(text),
         "must be an http address with {z}, {x} and {y} in its path",
@@ -358,6 +364,8 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     config = replace(config, data=config.data.expanduser().absolute())  # our subprocesses work in other folders
     if config.data.exists() and not config.data.is_dir():
         raise ConfigError(f"data {str(config.data)!r} is a file; name a folder with --data.")
+    if config.store.upload and not config.store.url:
+        raise ConfigError("store.upload needs store.url: the store to upload to.")
     if bool(config.tls_cert) != bool(config.tls_key):
         given, other = ("tls_cert", "tls_key") if config.tls_cert else ("tls_key", "tls_cert")
         raise ConfigError(f"{given} needs {other}: the files of a certificate and of its key.")

@@ -38,6 +38,7 @@ from server.fleet.publisher import FleetPublisher
 from server.fleet.question_service import QuestionService
 from server.fleet.raised_alarms import raised_alarms
 from server.fleet.robots import Robots
+from server.fleet.uploads import UploadService
 from server.integrations.foxglove import Foxglove
 from server.integrations.map_tiles import TileSource
 from server.integrations.rerun import Rerun
@@ -104,6 +105,7 @@ class Services:
     workspaces: WorkspaceStore
     questions: QuestionService
     fleet: FleetPublisher
+    uploads: UploadService
     robots: Robots | None = None
     fleet_server: FleetServer | None = None
     protocols: Callable[[], dict[str, str]] = installed_protocols
@@ -140,6 +142,8 @@ class Services:
         self.foxglove.start()
         self.ros2.start()
         self.fleet.start()
+        if self.folder_lock.is_alone and self.robots is None:  # otherwise the other server uploads what is there
+            self.uploads.start()
         if self.fleet_server is not None:
             self.fleet_server.start()
         await self.rerun.start()
@@ -150,6 +154,7 @@ class Services:
             shutdown.close_sequentially(self.alarms.close_trigger(), self.recorder.close()),
             {
                 "an export": self.exports.close(),
+                "an upload": self.uploads.close(),
                 "the library": shutdown.close_sequentially(self.catalogue.close(), self.columns.close()),
                 "the alarms": self.alarms.close(),
                 "viser": self.viser.close(),
@@ -240,6 +245,7 @@ def build_services(
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),
         fleet=FleetPublisher(telemetry, config, lambda: raised_alarms(alarms)),
+        uploads=UploadService(config, catalogue, compactor, bus),
         robots=robots,
         questions=QuestionService(config.store),
         fleet_server=fleet_server,

@@ -4,15 +4,19 @@
     url = "s3://bucket/prefix"  # or a folder
     query_s = 60                # limits of a question over HTTP
     query_mb = 1024
+    upload = true               # finished recordings of this robot go there (server/fleet/uploads.py)
+    upload_hours = "22:00-06:00"
 
 Credentials come from the environment (server/fleet/store.py).
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 MIN_QUERY_MB, MAX_QUERY_MB = 64, 1 << 24
+_HOURS = re.compile(r"([01]\d|2[0-3]):([0-5]\d)\s*-\s*([01]\d|2[0-3]):([0-5]\d)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +26,31 @@ class StoreSettings:
     Args:
         url: URL or path; "" for none.
         query_s, query_mb: longest time and most memory of a question over HTTP.
+        upload: upload finished recordings of the library; the following are the rules for it.
+        upload_tags, skip_tags: a recording needs one of the first, if there are any, and none of the others.
+        upload_min_s: shortest recording that is uploaded.
+        upload_max_mb: largest, 10⁶ bytes; 0 for no limit.
+        upload_alarms_only: only those that an alarm has begun or marked.
+        upload_hours: "22:00-06:00", local time in which an upload begins; "" for always.
     """
 
     url: str = ""
     query_s: float = 60.0
     query_mb: int = 1024
+    upload: bool = False
+    upload_tags: tuple[str, ...] = ()
+    skip_tags: tuple[str, ...] = ()
+    upload_min_s: float = 0.0
+    upload_max_mb: float = 0.0
+    upload_alarms_only: bool = False
+    upload_hours: str = ""
+
+
+def hours_of(text: str) -> tuple[int, int] | None:
+    """First and last minute of the day of a span such as "22:00-06:00"; None if it is not one."""
+    found = _HOURS.fullmatch(text.strip())
+    if found is None:
+        return None
+    first_h, first_min, last_h, last_min = map(int, found.groups())
+    begin, end = first_h * 60 + first_min, last_h * 60 + last_min
+    return None if begin == end else (begin, end)

@@ -79,6 +79,10 @@ async def get_metrics(services: TheServices) -> Response:
         services.recorder.state,
         services.exports.jobs,
         services.config.data,
-        [services.alarms.add_metrics, *([] if services.fleet_server is None else [services.fleet_server.add_metrics])],
+        [
+            services.alarms.add_metrics,
+            services.uploads.add_metrics,
+            *([] if services.fleet_server is None else [services.fleet_server.add_metrics]),
+        ],
     )
     return Response(services.metrics.text(sources), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})

@@ -5,6 +5,7 @@ The store needs `imuscope[fleet]`.
     store.py       where it is: a folder, S3, Azure or Google Cloud Storage; its errors in words
     tables.py      the tables and their columns
     upload.py      a recording into the store: its file, then its rows
+    uploads.py     finished recordings of this robot into the store; upload_rules.py, upload_worker.py, upload_log.py
     content.py     what makes two files the same recording
     metadata.py, samples.py, minutes.py    the rows of an opened recording
     delta_tables.py    appending exactly once

@@ -55,11 +55,13 @@ class Uploaded:
     Args:
         key: of the object.
         is_new: whether anything had to be done.
+        checksum: of the object, SHA-256, hexadecimal.
     """
 
     recording: str
     key: str
     is_new: bool
+    checksum: str
 
 
 def checked_robot(name: str) -> str:
@@ -97,7 +99,7 @@ def upload(
     recording = recording_id(path, source, robot)
     known = _object_of(store, recording)
     if known is not None and _is_there(store, *known):
-        return Uploaded(recording, known[0], False)
+        return Uploaded(recording, known[0], False, known[2])
     with tempfile.TemporaryDirectory(prefix="imuscope-") as name:
         folder = Path(name)
         columns = decode(source, folder / "columns", all_protocols(), reading, lambda share: progress(share / 2))
@@ -112,7 +114,7 @@ def upload(
             file = StoredFile(key_of_object, size, checksum, path.name, "mcap" if is_mcap(source) else source.format)
             _append_rows(store, columns, about, key, file)
     progress(1.0)
-    return Uploaded(recording, key_of_object, True)
+    return Uploaded(recording, key_of_object, True, checksum)
 
 
 def _append_rows(

@@ -809,6 +809,18 @@ export interface RecordingAction {
   readonly every_device: boolean;
 }
 
+/** Upload of a recording. */
+export interface RecordingUpload {
+  readonly id: string;
+  readonly state: "waiting" | "uploading" | "stored" | "refused";
+  readonly reason: string;
+  readonly progress: number;
+  readonly recording: string;
+  readonly object: string;
+  readonly checksum: string;
+  readonly stored_at: number | null;
+}
+
 /** A magnitude that does not depend on attitude, before and after the correction. */
 export interface ResidualTrace {
   readonly title: string;
@@ -1110,6 +1122,20 @@ export interface TableInfo {
   readonly name: string;
   readonly doc: string;
   readonly columns: readonly TableColumnInfo[];
+}
+
+/** Uploads of this robot's recordings. */
+export interface UploadsState {
+  /** whether finished recordings are uploaded: `[store] upload = true` */
+  readonly enabled: boolean;
+  /** URL or folder; empty if none is uploaded */
+  readonly store: string;
+  /** name of this robot in the store */
+  readonly robot: string;
+  /** why the last attempt failed, if the store cannot be used; it is tried again */
+  readonly problem: string;
+  /** finished recordings, in the order of the library */
+  readonly recordings: readonly RecordingUpload[];
 }
 
 /** Share of a recording that a viewer in a browser gets: rows of all quantities together, in the recording and shown; `most` rows of one quantity (0: all), which is one of `every` samples of the largest; and the longest time range that opens without thinning, s. */
@@ -1589,6 +1615,8 @@ export interface Routes {
     readonly path: { readonly recording: string };
     readonly answer: FetchedRecording;
   };
+  /** State of the uploads, of each finished recording. */
+  "GET /api/uploads": { readonly answer: UploadsState; };
   /** Workspaces by name, and the default of each family. */
   "GET /api/workspaces": { readonly answer: WorkspaceList; };
   /** A workspace with its content. */

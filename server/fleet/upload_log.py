@@ -1,0 +1,84 @@
+"""Ends of uploads, on disk: `uploads.json` in the data folder, so that a restart goes on where it was.
+
+Only ends are in it: stored, or refused because the file cannot be read. What waits is what the library has and this
+has not. If the file is lost, every recording is looked at once more and found in the store by its content.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+from recordings import atomic_write
+from recordings.library import LibraryEntry
+
+FILE = "uploads.json"
+VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class UploadOutcome:
+    """End of an upload.
+
+    Args:
+        size, modified: of the file then; a file that changed since is looked at again.
+        time: unix s.
+        recording, object, checksum: in the store: identifier, key, SHA-256.
+        reason: why it was refused.
+    """
+
+    size: int
+    modified: float
+    state: Literal["stored", "refused"]
+    time: float
+    recording: str = ""
+    object: str = ""
+    checksum: str = ""
+    reason: str = ""
+
+
+class UploadLog:
+    """The ends of uploads by file name.
+
+    Args:
+        store, robot: outcomes of others do not count.
+    """
+
+    def __init__(self, data: Path, store: str, robot: str) -> None:
+        self._path = data / FILE
+        self._head = {"version": VERSION, "store": store, "robot": robot}
+        self._outcomes: dict[str, UploadOutcome] = {}
+
+    def load(self) -> None:
+        """Read the file; an unreadable one counts as empty. Call it in a thread."""
+        try:
+            body = json.loads(self._path.read_text(encoding="utf-8"))
+            if {name: body.get(name) for name in self._head} == self._head:
+                self._outcomes = {name: UploadOutcome(**one) for name, one in body["recordings"].items()}
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            self._outcomes = {}
+
+    def of(self, entry: LibraryEntry) -> UploadOutcome | None:
+        """Outcome of a recording; None if there is none of its file as it is now."""
+        found = self._outcomes.get(entry.path.name)
+        return found if found is not None and (found.size, found.modified) == (entry.size, entry.modified) else None
+
+    def add(self, entry: LibraryEntry, outcome: UploadOutcome) -> None:
+        """Add an outcome; `save` writes it."""
+        self._outcomes[entry.path.name] = outcome
+
+    def keep_only(self, names: Collection[str]) -> None:
+        """Forget files that the library has no longer."""
+        self._outcomes = {name: one for name, one in self._outcomes.items() if name in names}
+
+    def save(self) -> None:
+        """Write the file. Call it in a thread.
+
+        Raises:
+            OSError: it cannot be written; the old one stays.
+        """
+        recordings = {name: asdict(one) for name, one in self._outcomes.copy().items()}
+        atomic_write.write_atomic(self._path, json.dumps({**self._head, "recordings": recordings}, ensure_ascii=False))

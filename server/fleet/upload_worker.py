@@ -1,0 +1,84 @@
+"""`python -m server.fleet.upload_worker`: upload one recording in a subprocess, for uploads.py.
+
+The request comes on standard input, one JSON object: path, store, robot, options (of decoding), folder (for temporary
+files; its content is removed). The output are JSON lines: {"progress": 0..1}, then {"stored": {recording, object,
+checksum}} or {"failed", "words"}. What failed is the "file", which another attempt does not change, or the "store".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from recordings.bounds import TooLong, bounded, bounded_by
+from recordings.mcap_writer import RecordingError
+from recordings.parent_death import die_with_parent
+from server.devices.decode_options import DecodeOptions
+from server.fleet.store import StoreError, location
+from server.fleet.upload import upload
+
+STEP = 0.01
+
+
+def main() -> int:
+    """Upload the recording that standard input requests. Returns 0, or 1 after a reported error."""
+    with contextlib.suppress(OSError):
+        os.nice(15)  # live devices and everything that a person waits for come first
+    die_with_parent()
+    bounded()
+    request = json.loads(sys.stdin.read())
+    reported = 0.0
+
+    def progress(share: float) -> None:
+        nonlocal reported
+        if share >= reported + STEP:
+            reported = share
+            _send(progress=round(min(share, 1.0), 2))
+
+    path = Path(request["path"])
+    bounded_by(path)
+    try:
+        _use_folder(Path(request["folder"]))
+        made = upload(
+            path, location(request["store"]), request["robot"], DecodeOptions("", request["options"]), progress
+        )
+    except StoreError as error:
+        return _fail("store", error.message, error.hint)
+    except RecordingError as error:
+        is_disk = isinstance(error.__context__, OSError)  # of this robot: nothing is wrong with the recording
+        return _fail("store" if is_disk else "file", error.message, error.hint)
+    except MemoryError:
+        return _fail("file", "Decoding it exceeds the memory limit", "The file may be damaged.")
+    except TooLong:
+        return _fail("file", "Decoding it exceeds the time limit", "The file may be damaged.")
+    except OSError as error:
+        cause = (error.strerror or "the disk failed").lower()
+        return _fail("store", f"{path.name} cannot be read, or temporary files cannot be written: {cause}", "")
+    _send(stored={"recording": made.recording, "object": made.key, "checksum": made.checksum})
+    return 0
+
+
+def _use_folder(folder: Path) -> None:
+    """Make temporary files here, without those of an upload that was killed."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    tempfile.tempdir = str(folder)
+
+
+def _fail(what: str, message: str, hint: str) -> int:
+    _send(failed=what, words=f"{message.rstrip('.')}. {hint}".strip())
+    return 1
+
+
+def _send(**words: Any) -> None:
+    print(json.dumps(words), flush=True)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

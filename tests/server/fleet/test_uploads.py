@@ -1,0 +1,163 @@
+"""Finished recordings go to the store by themselves, exactly once, whatever fails."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recordings import sidecar
+from server.config import Config
+from server.fleet import uploads
+from server.fleet_settings import FleetSettings
+from server.store_settings import StoreSettings
+from tests.recordings.recorded_drive import drive
+from tests.server.fakes import FakeLinks
+from tests.server.fleet.store_fixtures import delta
+from tests.server.in_process_server import InProcessServer
+from tests.server_process import ServerProcess
+from tests.timeouts import http_client
+from tests.waiting import block_until
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(uploads, "SETTLED_S", 0.0)
+    monkeypatch.setattr(uploads, "CHECK_S", 0.1)
+    monkeypatch.setattr(uploads, "FIRST_PAUSE_S", 0.1)
+    monkeypatch.setattr(uploads, "LONGEST_PAUSE_S", 0.5)
+
+
+def folder_of(data: Path) -> Path:
+    """The folder of the library."""
+    (data / "recordings").mkdir(parents=True, exist_ok=True)
+    return data / "recordings"
+
+
+def serving(data: Path, store: Path, **rules: Any) -> InProcessServer:
+    settings = StoreSettings(str(store), upload=True, **rules)
+    config = Config(port=0, data=data, sources=("/dev/ttyUSB9",), store=settings, fleet=FleetSettings(name="otter"))
+    return InProcessServer(config, FakeLinks().open)
+
+
+def states(server: InProcessServer) -> dict[str, dict[str, Any]]:
+    answer = server.client.get("/api/uploads").json()
+    return {one["id"]: one for one in answer["recordings"]}
+
+
+def until(server: InProcessServer, recording: str, state: str) -> dict[str, Any]:
+    """Wait for the state of a recording."""
+
+    def is_it() -> dict[str, Any] | None:
+        one = states(server).get(recording, {})
+        return one if one.get("state") == state else None
+
+    found: dict[str, Any] = block_until(is_it, lambda: states(server))
+    return found
+
+
+def stored(store: Path) -> list[str]:
+    """Recordings as another program reads them."""
+    return sorted(delta(store, "recordings")["name"].to_pylist())
+
+
+def events(server: InProcessServer) -> list[str]:
+    return [event.text for event in server.call(lambda: server.services.telemetry.bus.events_since(0.0))]
+
+
+def test_without_the_setting_nothing_is_uploaded(tmp_path: Path) -> None:
+    config = Config(port=0, data=tmp_path / "data", sources=("/dev/ttyUSB9",), store=StoreSettings(str(tmp_path / "s")))
+    drive(folder_of(tmp_path / "data") / "a.mcap")
+    with InProcessServer(config, FakeLinks().open) as server:
+        answer = server.client.get("/api/uploads").json()
+        assert answer == {"enabled": False, "store": "", "robot": "", "problem": "", "recordings": []}
+        assert "imuscope_uploads" not in server.client.get("/metrics").text
+
+
+@pytest.mark.slow
+def test_finished_recordings_are_stored_and_a_restart_knows_it(tmp_path: Path) -> None:
+    data, store = tmp_path / "data", tmp_path / "store"
+    drive(folder_of(data) / "a.mcap")
+    drive(folder_of(data) / "b.mcap", seconds=2.0)
+    (folder_of(data) / "noise.bin").write_bytes(b"\x55" * 5000)
+    sidecar.write(folder_of(data) / "b.mcap", sidecar.Edits(tags=("private",)))
+    with serving(data, store, skip_tags=("private",)) as server:
+        one = until(server, "a", "stored")
+        (path,) = (store / "robots").rglob("*.mcap")
+        assert one["checksum"] == hashlib.sha256(path.read_bytes()).hexdigest()
+        assert (one["object"], path.stem) == (str(path.relative_to(store)), one["recording"])
+        assert one["stored_at"] > 0
+        assert "not a format" in until(server, "noise", "refused")["reason"]
+        assert states(server)["b"]["reason"] == "It has the tag private."
+        answer = server.client.get("/api/uploads").json()
+        assert (answer["enabled"], answer["store"], answer["robot"]) == (True, str(store), "otter")
+        block_until(lambda: 'imuscope_uploads{state="stored"} 1' in server.client.get("/metrics").text, "the metric")
+        assert any("noise.bin is not uploaded" in text for text in events(server))
+    with serving(data, store, skip_tags=("secret",)) as server:
+        assert states(server)["a"] == one
+        until(server, "b", "stored")
+    assert stored(store) == ["a.mcap", "b.mcap"]
+
+
+def test_a_store_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
+    """A full disk likewise: the words are those of the store."""
+    data, store = tmp_path / "data", tmp_path / "store"
+    store.write_text("in the way")
+    drive(folder_of(data) / "a.mcap")
+    with serving(data, store) as server:
+        block_until(lambda: states(server)["a"]["reason"], "a reason")
+        assert states(server)["a"]["state"] in ("waiting", "uploading")
+        assert "is a file" in server.client.get("/api/uploads").json()["problem"]
+        store.unlink()
+        until(server, "a", "stored")
+        assert server.client.get("/api/uploads").json()["problem"] == ""
+        said = events(server)
+        assert sum("cannot be uploaded at present" in text for text in said) == 1
+        assert "Recordings are uploaded again." in said
+    assert stored(store) == ["a.mcap"]
+
+
+@pytest.mark.slow
+def test_a_recording_that_was_renamed_is_not_stored_twice(tmp_path: Path) -> None:
+    data, store = tmp_path / "data", tmp_path / "store"
+    drive(folder_of(data) / "a.mcap")
+    with serving(data, store) as server:
+        one = until(server, "a", "stored")
+        assert server.client.patch("/api/recordings/a", json={"file": "other", "title": "Other"}).status_code == 200
+        again = until(server, "other", "stored")
+        assert (again["recording"], again["object"]) == (one["recording"], one["object"])
+    assert stored(store) == ["a.mcap"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("progress", [0.01, 0.7])
+def test_a_server_that_is_killed_in_an_upload_stores_it_once(progress: float, tmp_path: Path) -> None:
+    data, store = tmp_path / "data", tmp_path / "store"
+    drive(folder_of(data) / "a.mcap", seconds=40.0)
+    os.utime(folder_of(data) / "a.mcap", (1_760_000_000, 1_760_000_000))
+    settings = tmp_path / "imuscope.toml"
+    settings.write_text(f"[store]\nurl = {json.dumps(str(store))}\nupload = true\n[fleet]\nname = 'otter'\n")
+
+    def state(server: ServerProcess) -> dict[str, Any]:
+        with http_client(base_url=server.url) as client:
+            (one,) = client.get("/api/uploads").json()["recordings"]
+        found: dict[str, Any] = one
+        return found
+
+    with ServerProcess("sim:xbus", data=data, arguments=("--config", str(settings))) as server:
+        block_until(lambda: state(server)["progress"] >= progress or state(server)["state"] == "stored", server.log)
+        os.kill(server.process.pid, signal.SIGKILL)
+        server.process.wait()
+    with ServerProcess("sim:xbus", data=data, arguments=("--config", str(settings))) as server:
+        block_until(lambda: state(server)["state"] == "stored", lambda: (state(server), server.log))
+    assert stored(store) == ["a.mcap"]
+    (path,) = (store / "robots").rglob("*.mcap")
+    assert path.read_bytes() == (data / "recordings" / "a.mcap").read_bytes()
+    rows = delta(store, "samples")
+    assert rows.num_rows > 4000
+    assert not list((data / "uploading").glob("*"))
