@@ -23,6 +23,7 @@ import { go, href } from "../route";
 import { exportingOf } from "./exporting";
 import { Jobs } from "./export-jobs";
 import { type Library, libraryOf } from "./library-store";
+import { UploadFacts } from "./upload-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -58,6 +59,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
         )}
         {info.deleted === null ? <Actions info={info} app={app} /> : <Deleted info={info} app={app} />}
         <Facts info={info} />
+        <UploadFacts upload={library.uploads.value.get(info.id)} />
         {info.deleted === null && <Words library={library} info={info} />}
         <Jobs app={app} recording={info.id} />
       </div>

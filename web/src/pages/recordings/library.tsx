@@ -23,6 +23,7 @@ import { PageOverlays } from "./overlays";
 import { Details } from "./details";
 import { type Library, libraryOf } from "./library-store";
 import { Thumb } from "./thumbnail";
+import { UploadMark } from "./upload-state";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -343,6 +344,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
             </span>
           )}
           {tone !== "" && <span class={`tag ${tone} phone`}>{words}</span>}
+          <UploadMark upload={library.uploads.value.get(info.id)} />
           {about}
         </small>
       </td>
