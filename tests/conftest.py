@@ -186,6 +186,14 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
 
 
 @pytest.fixture
+def runtime(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The runtime folder of this test alone: nobody else's holder is found. Its path is short enough for a socket."""
+    folder = tmp_path_factory.mktemp("run")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    return folder
+
+
+@pytest.fixture
 def page(open_page: Callable[..., Page], server: ServerProcess) -> Page:
     """The page of `server`, wide and dark, once samples are arriving."""
     page = open_page(server.url)

@@ -13,12 +13,15 @@ import stat
 import tempfile
 from pathlib import Path
 
+LONGEST = 107 - len("/0123456789abcdef.sock")
+"""Of the folder, bytes: the system takes no longer path of a socket."""
+
 
 def runtime_folder() -> Path:
     """The folder for sockets; it is created if necessary.
 
     Raises:
-        OSError: it cannot be created, or belongs to somebody else.
+        OSError: it cannot be created, belongs to somebody else, or its path is too long.
     """
     runtime, uid = os.environ.get("XDG_RUNTIME_DIR"), os.getuid()
     if runtime:
@@ -27,6 +30,8 @@ def runtime_folder() -> Path:
         folder = Path("/run/imuscope")
     else:
         folder = Path(tempfile.gettempdir()) / f"imuscope-{uid}"
+    if len(os.fsencode(folder)) > LONGEST:
+        raise OSError(f"the path {folder} has more than {LONGEST} bytes; set XDG_RUNTIME_DIR to a shorter one")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     about = folder.lstat()
     if not stat.S_ISDIR(about.st_mode) or about.st_uid != uid or about.st_mode & 0o022:

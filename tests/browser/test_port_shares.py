@@ -6,7 +6,6 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
 from playwright.sync_api import Page
 
 from tests.browser.test_page import TARGETS, serious
@@ -22,11 +21,8 @@ DIALOG = "document.querySelector('dialog[open]')?.innerText"
 def test_a_port_is_shared_on_a_phone(
     serve: Callable[..., ServerProcess],
     open_page: Callable[..., Page],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    runtime: Path,
 ) -> None:
-    (tmp_path / "run").mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
     port, number = DevicePort(), free_port()
     page = open_page(serve(f"{port.path}?baud=115200").url, width=390, height=844, touch=True)
     page.locator("[aria-controls=rail]:visible").first.click()

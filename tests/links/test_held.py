@@ -313,3 +313,11 @@ def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: Path) 
         await link.close()
 
     asyncio.run(check())
+
+
+def test_a_runtime_folder_with_a_path_that_is_too_long_says_what_to_do(
+    port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / ("long" * 20)))
+    with pytest.raises(OSError, match=r"has more than \d+ bytes; set XDG_RUNTIME_DIR to a shorter one"):
+        socket_of(port.path)

@@ -31,6 +31,8 @@ from tests.server_process import ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
+pytestmark = pytest.mark.usefixtures("runtime")
+
 REQUEST_ID = build(0x00)  # ReqDID
 
 
@@ -68,12 +70,6 @@ class Driver(threading.Thread):
         self._stopped.set()
         self.join(PATIENCE_S)
         os.close(self.fd)
-
-
-@pytest.fixture(autouse=True)
-def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "run").mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
 
 
 @pytest.fixture
@@ -156,9 +152,9 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
 
 
 def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
-    simulator: SimulatorThread, tmp_path: Path
+    simulator: SimulatorThread, tmp_path: Path, runtime: Path
 ) -> None:
-    path = tmp_path / "run" / "imuscope" / "imu0"
+    path = runtime / "imuscope" / "imu0"
     with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data", fresh=True) as server:
         block_until(lambda: is_live(server), "a live device")
         found = ask(server, "/shares")
