@@ -130,17 +130,19 @@ test("only a condition that was checked is judged over the past", async () => {
   const app = newApp();
   app.alarmDraft.value = { device: DEVICE };
   render(<AlarmDialog app={app} onClose={vi.fn()} />);
-  const judged = (): unknown[] =>
-    asked
-      .filter(({ path }) => path === "/api/alarms/preview")
-      .map(({ body }) => (body as { definition: unknown }).definition);
-  const checked = (): unknown[] => asked.filter(({ path }) => path === "/api/alarms/check").map(({ body }) => body);
   const condition = screen.getByLabelText("Condition");
-  for (const [i, value] of ["norm(Acceleration) > 3 g", "norm(Acceleration) >"].entries()) {
+  const texts = ["norm(Acceleration) > 3 g", "norm(Acceleration) >"];
+  const requests = (): string[] =>
+    asked.map(({ path, body }) => {
+      const { definition = body, condition: own = (definition as AlarmDefinition).condition } = body as {
+        definition?: AlarmDefinition;
+        condition?: AlarmDefinition["condition"];
+      };
+      return `${path.split("/").at(-1)} ${own.kind === "expression" && own.expression}`;
+    });
+  for (const [i, value] of texts.entries()) {
     fireEvent.input(condition, { target: { value } });
-    await waitFor(() => expect(checked()).toHaveLength(i + 1));
-    expect(judged()).toHaveLength(i); // not before it is known to be valid
-    await waitFor(() => expect(judged()).toHaveLength(i + 1));
+    await waitFor(() => expect(requests()).toHaveLength(2 * (i + 1)));
   }
-  expect(judged()).toEqual(checked());
+  expect(requests()).toEqual(texts.flatMap((text) => [`check ${text}`, `preview ${text}`]));
 });
