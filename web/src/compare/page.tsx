@@ -126,11 +126,11 @@ function Status({ model: { aligned, place, ready } }: { readonly model: CompareM
         )}
       </span>
       <span class="grow" />
+      <span role="status">{said.value}</span>
       <button type="button" class="btn edge" onClick={() => void copy()}>
         <Icon name="share" />
         {TEXT.copyLink}
       </button>
-      <span role="status">{said.value}</span>
     </div>
   );
 }
