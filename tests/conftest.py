@@ -15,6 +15,7 @@ draws new ones, many more.
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
@@ -183,6 +184,17 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     for context in contexts:
         context.close()
     assert not complaints, "\n".join(complaints)
+
+
+@pytest.fixture(autouse=True)
+def logging_as_before() -> Iterator[None]:
+    """Levels and handlers of the log as they were: a command that ran within the test sets its own."""
+    loggers = [logging.getLogger(name) for name in ("", "imuscope", "server")]
+    before = [(logger, logger.level, logger.handlers[:]) for logger in loggers]
+    yield
+    for logger, level, handlers in before:
+        logger.setLevel(level)
+        logger.handlers[:] = handlers
 
 
 @pytest.fixture
