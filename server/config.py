@@ -295,6 +295,8 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
         "is neither 0 (no limit) nor 0.001 … 1 000 000 000 MB",
     ),
     "store.upload_hours": (lambda text: not text or hours_of(text), "is not a span of time such as 22:00-06:00"),
+    "store.keep_days": (lambda days: 0 <= days <= 36_500, "is outside 0 … 36 500 days"),
+    "store.keep_gb": (lambda size: 0 <= size <= 1e6, "is outside 0 … 1 000 000 GB"),
     "map.tiles": (
         lambda text: not text or _is_tile_address(text),
         "must be an http address with {z}, {x} and {y} in its path",
@@ -366,6 +368,8 @@ def _checked(settings: Mapping[str, Any]) -> Config:
         raise ConfigError(f"data {str(config.data)!r} is a file; name a folder with --data.")
     if config.store.upload and not config.store.url:
         raise ConfigError("store.upload needs store.url: the store to upload to.")
+    if (config.store.keep_days or config.store.keep_gb) and not config.store.upload:
+        raise ConfigError("store.keep_days and store.keep_gb need store.upload: only what was uploaded is deleted.")
     if bool(config.tls_cert) != bool(config.tls_key):
         given, other = ("tls_cert", "tls_key") if config.tls_cert else ("tls_key", "tls_cert")
         raise ConfigError(f"{given} needs {other}: the files of a certificate and of its key.")

@@ -47,6 +47,39 @@ def fetch(store: StoreLocation, recording: str, path: Path) -> int:
     return size
 
 
+def verify(store: StoreLocation, recording: str) -> str:
+    """Read the object of a recording and compare it with the checksum of its row, which is returned.
+
+    Raises:
+        NotInStoreError: the store does not have the recording, or not its object as it was uploaded.
+        StoreError: the store cannot be read.
+    """
+    key, _, checksum = _row(store, recording)
+    digest = hashlib.sha256()
+    try:
+        for piece in _pieces(store, key):
+            digest.update(piece)
+    except StoreError:
+        if _is_missing(store, key):
+            raise NotInStoreError(f"{store.url}/{key} is missing", "Upload the original file again.") from None
+        raise
+    if digest.hexdigest() != checksum:
+        words = f"{store.url}/{key} is not what was uploaded: its checksum differs"
+        raise NotInStoreError(words, "Upload the original file again.")
+    return checksum
+
+
+def _is_missing(store: StoreLocation, key: str) -> bool:
+    from obstore import head
+
+    with told(store):
+        try:
+            head(store.objects(), key)
+        except FileNotFoundError:
+            return True
+    return False
+
+
 def _pieces(store: StoreLocation, key: str) -> Iterator[bytes]:
     from obstore import get
 

@@ -56,12 +56,14 @@ class Uploaded:
         key: of the object.
         is_new: whether anything had to be done.
         checksum: of the object, SHA-256, hexadecimal.
+        is_first: whether title, tags, notes and markers went along; otherwise the store has those of an earlier upload.
     """
 
     recording: str
     key: str
     is_new: bool
     checksum: str
+    is_first: bool
 
 
 def checked_robot(name: str) -> str:
@@ -99,7 +101,7 @@ def upload(
     recording = recording_id(path, source, robot)
     known = _object_of(store, recording)
     if known is not None and _is_there(store, *known):
-        return Uploaded(recording, known[0], False, known[2])
+        return Uploaded(recording, known[0], False, known[2], False)
     with tempfile.TemporaryDirectory(prefix="imuscope-") as name:
         folder = Path(name)
         columns = decode(source, folder / "columns", all_protocols(), reading, lambda share: progress(share / 2))
@@ -114,7 +116,7 @@ def upload(
             file = StoredFile(key_of_object, size, checksum, path.name, "mcap" if is_mcap(source) else source.format)
             _append_rows(store, columns, about, key, file)
     progress(1.0)
-    return Uploaded(recording, key_of_object, True, checksum)
+    return Uploaded(recording, key_of_object, True, checksum, known is None)
 
 
 def _append_rows(

@@ -28,6 +28,7 @@ class UploadOutcome:
         time: unix s.
         recording, object, checksum: in the store: identifier, key, SHA-256.
         reason: why it was refused.
+        edits: time of change of the sidecar that went along, ns; 0 for none.
     """
 
     size: int
@@ -38,6 +39,7 @@ class UploadOutcome:
     object: str = ""
     checksum: str = ""
     reason: str = ""
+    edits: int = 0
 
 
 class UploadLog:
@@ -69,6 +71,10 @@ class UploadLog:
     def add(self, entry: LibraryEntry, outcome: UploadOutcome) -> None:
         """Add an outcome; `save` writes it."""
         self._outcomes[entry.path.name] = outcome
+
+    def remove(self, entry: LibraryEntry) -> None:
+        """Forget the outcome of a recording."""
+        self._outcomes.pop(entry.path.name, None)
 
     def keep_only(self, names: Collection[str]) -> None:
         """Forget files that the library has no longer."""

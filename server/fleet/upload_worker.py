@@ -2,7 +2,11 @@
 
 The request comes on standard input, one JSON object: path, store, robot, options (of decoding), folder (for temporary
 files; its content is removed). The output are JSON lines: {"progress": 0..1}, then {"stored": {recording, object,
-checksum}} or {"failed", "words"}. What failed is the "file", which another attempt does not change, or the "store".
+checksum, is_first}} or {"failed", "words"}. What failed is the "file", which another attempt does not change, or the
+"store".
+
+With `recording` in the request, nothing is uploaded: {"confirmed": true} if the store has that recording of this file,
+read again and compared by its checksum, and false with "words" if it has not.
 """
 
 from __future__ import annotations
@@ -17,9 +21,12 @@ from pathlib import Path
 from typing import Any
 
 from recordings.bounds import TooLong, bounded, bounded_by
+from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
 from server.devices.decode_options import DecodeOptions
+from server.fleet.content import recording_id
+from server.fleet.fetch import NotInStoreError, verify
 from server.fleet.store import StoreError, location
 from server.fleet.upload import upload
 
@@ -44,6 +51,9 @@ def main() -> int:
     path = Path(request["path"])
     bounded_by(path)
     try:
+        if "recording" in request:
+            _confirm(path, request)
+            return 0
         _use_folder(Path(request["folder"]))
         made = upload(
             path, location(request["store"]), request["robot"], DecodeOptions("", request["options"]), progress
@@ -60,8 +70,22 @@ def main() -> int:
     except OSError as error:
         cause = (error.strerror or "the disk failed").lower()
         return _fail("store", f"{path.name} cannot be read, or temporary files cannot be written: {cause}", "")
-    _send(stored={"recording": made.recording, "object": made.key, "checksum": made.checksum})
+    _send(
+        stored={"recording": made.recording, "object": made.key, "checksum": made.checksum, "is_first": made.is_first}
+    )
     return 0
+
+
+def _confirm(path: Path, request: dict[str, Any]) -> None:
+    if recording_id(path, open_file(path), request["robot"]) != request["recording"]:
+        _send(confirmed=False, words="the file has changed since its upload.")
+        return
+    try:
+        is_same = verify(location(request["store"]), request["recording"]) == request["checksum"]
+    except NotInStoreError as error:
+        _send(confirmed=False, words=f"{error.message}.")
+        return
+    _send(confirmed=is_same, words="" if is_same else "the store has another checksum.")
 
 
 def _use_folder(folder: Path) -> None:

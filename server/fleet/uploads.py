@@ -4,7 +4,10 @@
                                                         └─ the store fails: again, after a growing pause
 
 An upload may be killed at any moment, with the server or without: what waits is found again in the library, and an
-upload of what is there already adds nothing (upload.py). Nothing is deleted here.
+upload of what is there already adds nothing (upload.py).
+
+With `keep_days` or `keep_gb`, recordings that the store has move to the bin, one at a time (upload_cleanup.py): right
+before, the store's object is read and compared by its checksum.
 """
 
 from __future__ import annotations
@@ -21,9 +24,11 @@ from typing import Any, Literal
 
 from recordings import file_lock
 from recordings.library import LibraryEntry
+from recordings.mcap_writer import RecordingError
 from server.backoff import Backoff
 from server.config import Config
 from server.fleet.publisher import robot_name
+from server.fleet.upload_cleanup import edits_of, next_to_go
 from server.fleet.upload_log import UploadLog, UploadOutcome
 from server.fleet.upload_rules import pause_until, refusal
 from server.library.catalogue import Catalogue
@@ -38,6 +43,7 @@ CHECK_S = 10.0  # between two looks at the library, unless it tells of a change
 SETTLED_S = 5.0  # a file that changed later may still be copied into the folder
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 5.0, 900.0
 MAX_CRASHES = 3
+DOUBT_S = 3600.0  # pause of deletion after the store did not confirm a recording
 FOLDER = "uploading"  # temporary files of the worker process
 
 UploadState = Literal["waiting", "uploading", "stored", "refused"]
@@ -86,6 +92,7 @@ class UploadService:
         self._failures: Counter[str] = Counter()
         self._crashes: Counter[str] = Counter()
         self._failed = 0
+        self._doubt_until = float("-inf")
         self._states: Counter[str] = Counter()
 
     @property
@@ -148,7 +155,7 @@ class UploadService:
         self._states = Counter(state.state for state in states)
         waiting = [entry for entry, state in zip(entries, states, strict=True) if state.state == "waiting"]
         if not waiting or self._compactor.is_busy or pause_until(self.settings, datetime.now()):
-            return None
+            return 0.0 if await self._clean(entries) else None
         now = time.time()
         due = [entry for entry in waiting if now - entry.modified >= SETTLED_S]
         if not due:
@@ -183,6 +190,7 @@ class UploadService:
         self._current, self._progress = name, 0.0
         self._states["waiting"] -= 1
         self._states["uploading"] += 1
+        edits = await asyncio.to_thread(edits_of, entry)
         try:
             answer = await self._answer_of(entry.path)
         finally:
@@ -197,11 +205,47 @@ class UploadService:
         if answer.get("failed") == "store":
             self._failures[name] += 1
             return self._fail(answer["words"])
-        await self._end(entry, answer)
+        await self._end(entry, answer, edits)
         return 0.0
 
-    async def _answer_of(self, path: Path) -> dict[str, Any]:
-        """Last message of the worker process for a file; empty if there was none."""
+    async def _clean(self, entries: list[LibraryEntry]) -> bool:
+        """Move the next recording that the rules let go to the bin; returns whether there was one."""
+        settings = self.settings
+        if not (settings.keep_days or settings.keep_gb) or time.monotonic() < self._doubt_until:
+            return False
+        played = [info.source for info in self._bus.devices.latest.values()]
+        entry = await asyncio.to_thread(next_to_go, entries, self._log.of, settings, time.time(), played)
+        outcome = None if entry is None else self._log.of(entry)
+        if entry is None or outcome is None:
+            return False
+        name = entry.path.name
+        answer = await self._answer_of(entry.path, recording=outcome.recording, checksum=outcome.checksum)
+        if not answer.get("confirmed"):
+            self._doubt_until = time.monotonic() + DOUBT_S
+            words = answer.get("words", "the process that asks ended without an answer.")
+            self._bus.event("", "device", "warning", f"The store does not confirm {name}, which stays: {words}")
+            if answer.get("confirmed") is False:
+                self._log.remove(entry)  # it is uploaded again
+            return False
+        try:
+            now = await asyncio.to_thread(self._catalogue.library.get, entry.id)
+            if self._log.of(now) != outcome or await asyncio.to_thread(edits_of, now) != outcome.edits:
+                return False  # it was changed meanwhile
+            await asyncio.to_thread(self._catalogue.library.delete, entry.id)
+        except (KeyError, RecordingError) as error:
+            log.warning("%s cannot be moved to the bin: %s", name, error)
+            self._doubt_until = time.monotonic() + DOUBT_S
+            return False
+        self._bus.event("", "device", "info", f"The recording {name} is in the store and was moved to the bin.")
+        self._bus.library_changed()
+        return True
+
+    async def _answer_of(self, path: Path, **more: str) -> dict[str, Any]:
+        """Last message of the worker process for a file; empty if there was none.
+
+        Args:
+            more: of the request.
+        """
         worker = await Worker.start("server.fleet.upload_worker")
         answer: dict[str, Any] = {}
         try:
@@ -212,6 +256,7 @@ class UploadService:
                     "robot": self.robot,
                     "options": dict(self._config.reading().values),
                     "folder": str(self._config.data / FOLDER),
+                    **more,
                 }
             )
             async for message in worker:
@@ -224,12 +269,13 @@ class UploadService:
             await worker.end()
         return answer
 
-    async def _end(self, entry: LibraryEntry, answer: dict[str, Any]) -> None:
+    async def _end(self, entry: LibraryEntry, answer: dict[str, Any], edits: int) -> None:
         name, now = entry.path.name, time.time()
         self._failures.pop(name, None)
         self._crashes.pop(name, None)
         if "stored" in answer:
-            outcome = UploadOutcome(entry.size, entry.modified, "stored", now, **answer["stored"])
+            edits = edits if answer["stored"].pop("is_first") else 0  # else the store has the words of another upload
+            outcome = UploadOutcome(entry.size, entry.modified, "stored", now, **answer["stored"], edits=edits)
             self._recover()
         else:
             outcome = UploadOutcome(entry.size, entry.modified, "refused", now, reason=answer["words"])

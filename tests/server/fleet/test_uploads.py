@@ -135,6 +135,30 @@ def test_a_recording_that_was_renamed_is_not_stored_twice(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+def test_what_the_store_confirms_moves_to_the_bin(tmp_path: Path) -> None:
+    data, store = tmp_path / "data", tmp_path / "store"
+    for name, seconds in (("a", 2.0), ("b", 3.0), ("c", 4.0)):
+        drive(folder_of(data) / f"{name}.mcap", seconds=seconds)
+    sidecar.write(folder_of(data) / "a.mcap", sidecar.Edits(title="Yard"))
+    sidecar.write(folder_of(data) / "b.mcap", sidecar.Edits(tags=("Keep",)))
+    with serving(data, store) as server:
+        for name in "abc":
+            until(server, name, "stored")
+        objects = {name: store / states(server)[name]["object"] for name in "abc"}
+    before = objects["c"].read_bytes()
+    objects["c"].write_bytes(b"x" * len(before))
+    with serving(data, store, keep_gb=1e-9, keep_tags=("keep",)) as server:
+        block_until(lambda: any("a.mcap is in the store and was moved" in text for text in events(server)), "the bin")
+        block_until(lambda: any("does not confirm c.mcap, which stays" in text for text in events(server)), "the doubt")
+        block_until(lambda: objects["c"].read_bytes() == before, "the object is uploaded again")
+        until(server, "c", "stored")
+        listed = server.client.get("/api/recordings").json()
+        assert sorted(one["id"] for one in listed if one["deleted"] is None) == ["b", "c"]
+        assert [one["id"] for one in listed if one["deleted"] is not None] == ["a"]
+    assert stored(store) == ["a.mcap", "b.mcap", "c.mcap"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("progress", [0.01, 0.7])
 def test_a_server_that_is_killed_in_an_upload_stores_it_once(progress: float, tmp_path: Path) -> None:
     data, store = tmp_path / "data", tmp_path / "store"
