@@ -66,6 +66,18 @@ def test_a_simulator_streams_answers_and_cleans_up() -> None:
     run(check())
 
 
+async def bytes_of_next_plug(link: Link) -> bytes:
+    """What a device sends first when it is plugged in next; nothing if a busy machine was too late for it."""
+    await asyncio.sleep(0.25)
+    try:
+        await link.open()
+        return joined(await gather(link, 100))
+    except LinkError as error:
+        if error.kind not in ("gone", "not-found"):
+            raise
+        return b""
+
+
 def test_a_simulator_is_unplugged_and_returns() -> None:
     async def check() -> None:
         before = left_behind()
@@ -77,9 +89,10 @@ def test_a_simulator_is_unplugged_and_returns() -> None:
         error = await fails(link.open())
         assert error.kind == "not-found"
         assert "unplugged" in error.message
-        await asyncio.sleep(0.25)
-        await link.open()
-        assert joined(await gather(link, 100)).startswith(frame(0, 0))
+        async with asyncio.timeout(PATIENCE_S):
+            while not (first := await bytes_of_next_plug(link)):
+                await link.close()
+        assert first.startswith(frame(0, 0))
         await link.close()
         assert left_behind() == before
 
