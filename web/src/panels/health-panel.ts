@@ -13,6 +13,7 @@ import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./health-history";
 import { rejections, trustOf } from "./authenticity";
 import { registerPanel } from "./registry";
+import { mountUneven } from "./uneven-times";
 import { Notices } from "./notices";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/panels";
@@ -90,6 +91,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const sparks = new Map<Key, Surface>();
   const rows = new Map<Key, HTMLElement>();
   const fill = el("i");
+  const uneven = mountUneven();
   for (const { key, name, help, spark } of ROWS) {
     const cell = new Cell();
     const mini = el("dd", { class: "mini-chart", "aria-hidden": "true" });
@@ -102,6 +104,10 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       );
     }
     if (key === "shareText") mini.append(el("span", { class: "meter" }, fill));
+    if (key === "uncertainty") {
+      mini.append(uneven.button);
+      mini.removeAttribute("aria-hidden");
+    }
     const row = el("div", { title: help }, el("dt", {}, name), mini, cell.node);
     list.append(row);
     rows.set(key, row);
@@ -109,8 +115,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
   }
   const messages = mountMessages(list, deps);
   const reasons = mountReasons(list);
-  const words = new LiveMessage(el("p", { class: "note" }));
-  const uneven = mountUneven();
+  const words = new LiveMessage(el("p", { class: "note verdict" }));
   host.append(list, words.node, uneven.node);
   const [figuresDue, ageDue] = [throttle(2), throttle(10)];
   return {
@@ -142,19 +147,6 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       list.remove();
       words.node.remove();
       uneven.node.remove();
-    },
-  };
-}
-
-/** Cause of uneven times of a device and its remedy; hidden while they are even. */
-function mountUneven(): { readonly node: HTMLElement; update(health: DeviceHealth | undefined): void } {
-  const words = new LiveMessage(el("p", { class: "note uneven" }));
-  words.node.hidden = true;
-  return {
-    node: words.node,
-    update(health) {
-      words.set(timeWords(health));
-      words.node.hidden = words.isEmpty;
     },
   };
 }
