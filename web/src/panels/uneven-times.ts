@@ -15,7 +15,7 @@ export function mountUneven(): {
 } {
   const words = new LiveMessage(el("p", { class: "note uneven", id: "uneven-times" }));
   const attributes = { type: "button", class: "btn small edge why", "aria-controls": words.node.id } as const;
-  const button = el("button", attributes, TEXT.unevenWhy);
+  const button = el("button", attributes, TEXT.unevenCause);
   let isOpen = false;
   let cause = "";
   const show = (): void => {

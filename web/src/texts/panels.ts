@@ -63,7 +63,7 @@ export const TEXT = {
   droppedHelp: "Samples not sent to this browser because it could not keep up",
   clockDrift: "Clock drift",
   driftHelp: "Device clock relative to the host clock",
-  unevenWhy: "Why?",
+  unevenCause: "Cause",
   evenAgain: "Samples arrive evenly again.",
   deviceTimeHelp: "Total uncertainty of device times on the host clock",
   sinceStart: "since the start",
