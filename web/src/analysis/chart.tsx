@@ -1,8 +1,9 @@
 /** A chart of figures against frequency or averaging time: curves with bands, marks, and a reading under the pointer. */
 import { useSignal } from "@preact/signals";
 import { useRef } from "preact/hooks";
-import { type Axis, axisOf, curve, figure, type Kind, nearest, type Point, share, ticks, valueAtShare } from "./axes";
-import { useWidth } from "./use-width";
+import { type Axis, axisOf, curve, figure, type Kind, nearest, type Point, share, valueAtShare } from "../charts/axes";
+import { type Area, Crosshair, Grid } from "../charts/grid";
+import { useWidth } from "../charts/use-size";
 
 export type Numbers = readonly (number | null)[];
 
@@ -51,7 +52,7 @@ export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, mark
     "log",
     curves.flatMap((one) => [...one.y, ...(one.low ?? []), ...(one.high ?? []), ...(one.reference ?? [])]),
   );
-  if (!x || !y) return <div class="analysis-chart" ref={host} />;
+  if (!x || !y) return <div class="chart analysis-chart" ref={host} />;
   const move = (event: PointerEvent): void => {
     const box = host.current?.getBoundingClientRect();
     if (!box) return;
@@ -59,7 +60,12 @@ export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, mark
     pointer.value = at >= 0 && at <= 1 ? valueAtShare(x, at) : undefined;
   };
   return (
-    <div class="analysis-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointer.value = undefined)}>
+    <div
+      class="chart analysis-chart"
+      ref={host}
+      onPointerMove={move}
+      onPointerLeave={() => (pointer.value = undefined)}
+    >
       <svg role="img" aria-label={label} width={width.value} height={HEIGHT}>
         <g transform={`translate(${LEFT} ${TOP})`}>
           <Grid x={x} y={y} {...inner} />
@@ -71,7 +77,7 @@ export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, mark
           {placed(marks, x, inner.width).map((mark) => (
             <Mark key={mark.x} {...mark} {...inner} />
           ))}
-          {pointer.value !== undefined && <Crosshair at={share(x, pointer.value) * inner.width} {...inner} />}
+          {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
         </g>
         <text class="title" x={LEFT + inner.width / 2} y={HEIGHT - 4} text-anchor="middle">
           {xTitle} {xUnit}
@@ -85,37 +91,7 @@ export function Chart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, mark
   );
 }
 
-interface Inner {
-  readonly width: number;
-  readonly height: number;
-}
-
-function Grid({ x, y, width, height }: { readonly x: Axis; readonly y: Axis } & Inner) {
-  const across = ticks(x, Math.max(2, Math.floor(width / 70)));
-  const up = ticks(y, Math.max(2, Math.floor(height / 34)));
-  return (
-    <g class="grid">
-      {across.map(({ at, text }) => (
-        <g key={text} transform={`translate(${at * width} 0)`}>
-          <line y2={height} />
-          <text y={height + 16} text-anchor="middle">
-            {text}
-          </text>
-        </g>
-      ))}
-      {up.map(({ at, text }) => (
-        <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
-          <line x2={width} />
-          <text x={-8} dy="0.32em" text-anchor="end">
-            {text}
-          </text>
-        </g>
-      ))}
-    </g>
-  );
-}
-
-interface DrawnProps extends Inner {
+interface DrawnProps extends Area {
   readonly curve: Curve;
   readonly axes: { readonly x: Axis; readonly y: Axis };
 }
@@ -171,7 +147,7 @@ function placed(marks: NonNullable<Props["marks"]>, axis: Axis, width: number): 
     });
 }
 
-function Mark({ at, text, width, height }: Placed & Inner) {
+function Mark({ at, text, width, height }: Placed & Area) {
   const isRight = at > width - WORD_PX;
   return (
     <g class="mark" transform={`translate(${at} 0)`}>
@@ -181,10 +157,6 @@ function Mark({ at, text, width, height }: Placed & Inner) {
       </text>
     </g>
   );
-}
-
-function Crosshair({ at, height }: { readonly at: number } & Inner) {
-  return <line class="crosshair" x1={at} x2={at} y2={height} />;
 }
 
 interface ReadingProps {

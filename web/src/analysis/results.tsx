@@ -6,7 +6,7 @@ import { type Problem, request } from "../ui/http";
 import { Message } from "../ui/message";
 import { ProblemNote } from "../ui/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../wire/routes";
-import { figure } from "./axes";
+import { figure } from "../charts/axes";
 import { Chart } from "./chart";
 import { byUnit, csvOf, curvesOf, type Name, notesOf, parametersOf, peaksOf, shortName, verdictsOf } from "./figures";
 import { Spectrogram } from "./spectrogram";

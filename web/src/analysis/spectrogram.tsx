@@ -3,9 +3,9 @@ import { useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { clock } from "../ui/format";
 import type { SignalFigures } from "../wire/routes";
-import { type Axis, axisOf, figure, nearest, share, ticks, valueAtShare } from "./axes";
+import { type Axis, axisOf, figure, nearest, share, ticks, valueAtShare } from "../charts/axes";
 import { colourAt, type Scale, scaleOf, shareOf } from "./colours";
-import { useWidth } from "./use-width";
+import { useWidth } from "../charts/use-size";
 import { TEXT } from "../texts/analysis";
 
 const LEFT = 64;
@@ -77,7 +77,7 @@ export function Spectrogram({ figures }: { readonly figures: SignalFigures }) {
     [canvas.current.width, canvas.current.height] = [Math.round(inner.width * ratio), Math.round(inner.height * ratio)];
     draw(context, picture, canvas.current.width, canvas.current.height);
   });
-  if (!picture) return <div class="analysis-chart" ref={host} />;
+  if (!picture) return <div class="chart analysis-chart" ref={host} />;
   const { x, y, scale } = picture;
   const unit = figures.units["psd"] ?? "";
   const move = (event: PointerEvent): void => {
@@ -90,7 +90,7 @@ export function Spectrogram({ figures }: { readonly figures: SignalFigures }) {
   const at = pointer.value;
   return (
     <div
-      class="analysis-chart spectrogram"
+      class="chart analysis-chart spectrogram"
       ref={host}
       onPointerMove={move}
       onPointerLeave={() => (pointer.value = undefined)}

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 import { boundsOf, type CompareModel, isLive, momentsOf, namesOf, sourceTitle } from "./model";
 import type { ComparePlace, Side } from "./sides";
 import { TEXT } from "../texts/compare";

@@ -1,8 +1,9 @@
 /** A chart of outlines over time: A and B on one axis, of which B can be dragged; or their difference. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { type Axis, axisOf, figure, share, ticks, valueAtShare } from "../analysis/axes";
-import { useWidth } from "../analysis/use-width";
+import { type Axis, axisOf, figure, share, valueAtShare } from "../charts/axes";
+import { type Area, Crosshair, Grid } from "../charts/grid";
+import { useWidth } from "../charts/use-size";
 import type { Outline } from "../wire/routes";
 import { TEXT } from "../texts/compare";
 import { type Ends, keyed, panned, wheeled, zoomed } from "./zoom";
@@ -138,7 +139,7 @@ export function OverlayChart({
     // biome-ignore lint/a11y/noStaticElementInteractions: it has a role, a slider as long as B can be moved
     // biome-ignore lint/a11y/useAriaPropsSupportedByRole: both roles have a name
     <div
-      class={`analysis-chart overlay-chart ${move ? "movable" : ""}`}
+      class={`chart analysis-chart overlay-chart ${move ? "movable" : ""}`}
       ref={host}
       style={{ minHeight: `${height}px` }}
       onPointerDown={begin}
@@ -156,7 +157,7 @@ export function OverlayChart({
     >
       <svg width={width.value} height={height} aria-hidden="true">
         <g transform={`translate(${LEFT} ${TOP})`}>
-          {y && <Grid x={x} y={y} {...inner} />}
+          {y && <Grid x={x} y={y} room={[90, 24]} {...inner} />}
           <svg {...inner} overflow="hidden">
             {y &&
               traces.map(({ side, outline, offset, name }) => (
@@ -168,14 +169,7 @@ export function OverlayChart({
                   <path class="trace" d={path(outline, offset - origin, { x, y }, inner)} />
                 </g>
               ))}
-            {pointer.value !== undefined && (
-              <line
-                class="crosshair"
-                x1={share(x, pointer.value) * inner.width}
-                x2={share(x, pointer.value) * inner.width}
-                y2={inner.height}
-              />
-            )}
+            {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
           </svg>
         </g>
         <text class="title" x={LEFT} y={12}>
@@ -189,40 +183,12 @@ export function OverlayChart({
   );
 }
 
-interface Inner {
-  readonly width: number;
-  readonly height: number;
-}
-
-function Grid({ x, y, width, height }: { readonly x: Axis; readonly y: Axis } & Inner) {
-  return (
-    <g class="grid">
-      {ticks(x, Math.max(2, Math.floor(width / 90))).map(({ at, text }) => (
-        <g key={text} transform={`translate(${at * width} 0)`}>
-          <line y2={height} />
-          <text y={height + 15} text-anchor="middle">
-            {text}
-          </text>
-        </g>
-      ))}
-      {ticks(y, Math.max(4, Math.floor(height / 24))).map(({ at, text }) => (
-        <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
-          <line x2={width} />
-          <text x={-8} dy="0.32em" text-anchor="end">
-            {text}
-          </text>
-        </g>
-      ))}
-    </g>
-  );
-}
-
 /** A line through least and greatest values, broken in gaps. */
 export function path(
   { time, low, high }: Outline,
   shift: number,
   axes: { readonly x: Axis; readonly y: Axis },
-  { width, height }: Inner,
+  { width, height }: Area,
 ): string {
   const parts: string[] = [];
   let isNew = true;

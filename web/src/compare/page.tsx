@@ -1,7 +1,7 @@
 /** The page that compares two recordings, devices or ranges on one axis of time. Loaded on first use. */
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 import { Bar } from "../pages/top-bar";
 import type { App } from "../pages/app-state";
 import { OfflineBand, ProblemBand } from "../pages/empty-states";

@@ -1,7 +1,7 @@
 /** Figures of a comparison: statistics of the differences, spectra of both, and the settings of both. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 import { Chart, type Curve, type Numbers } from "../analysis/chart";
 import type { Difference } from "../forms/types";
 import { type Problem, request } from "../ui/http";

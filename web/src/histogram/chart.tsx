@@ -1,8 +1,9 @@
 /** The picture of a histogram: the outline of each signal's bins, its normal curve, and what lies under the pointer. */
 import { useSignal } from "@preact/signals";
 import { useRef } from "preact/hooks";
-import { type Axis, axisOf, figure, share, ticks, valueAtShare } from "../analysis/axes";
-import { useHeight, useWidth } from "../analysis/use-width";
+import { type Axis, axisOf, figure, share, valueAtShare } from "../charts/axes";
+import { type Area, Crosshair, Grid } from "../charts/grid";
+import { useHeight, useWidth } from "../charts/use-size";
 import { type Bins, normal } from "./figures";
 import { TEXT } from "../texts/histogram";
 
@@ -43,7 +44,7 @@ export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Prop
   };
   return (
     <div
-      class={`histogram-chart ${isOld ? "old" : ""}`}
+      class={`chart histogram-chart ${isOld ? "old" : ""}`}
       ref={host}
       onPointerMove={move}
       onPointerLeave={() => (pointer.value = undefined)}
@@ -67,9 +68,7 @@ export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Prop
                 </g>
               );
             })}
-            {pointer.value !== undefined && (
-              <line class="crosshair" {...lineAt(share(x, pointer.value) * inner.width)} y2={inner.height} />
-            )}
+            {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
           </g>
           <text class="title" x={LEFT + inner.width} y={height.value - 4} text-anchor="end">
             {unit}
@@ -84,13 +83,9 @@ export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Prop
   );
 }
 
-const lineAt = (x: number): { readonly x1: number; readonly x2: number } => ({ x1: x, x2: x });
-
-interface Place {
+interface Place extends Area {
   readonly x: Axis;
   readonly y: Axis;
-  readonly width: number;
-  readonly height: number;
 }
 
 function outline(edges: readonly number[], values: readonly number[], { x, y, width, height }: Place): string {
@@ -108,29 +103,6 @@ function bell({ edges, mean, sigma }: Bins, scale: number, { x, y, width, height
     const top = (1 - share(y, scale * normal(value, mean, sigma))) * height;
     return `${k === 0 ? "M" : "L"}${(share(x, value) * width).toFixed(1)} ${Math.max(-TOP, top).toFixed(1)}`;
   }).join("");
-}
-
-function Grid({ x, y, width, height }: Place) {
-  return (
-    <g class="grid">
-      {ticks(x, Math.max(2, Math.floor(width / 80))).map(({ at, text }) => (
-        <g key={text} transform={`translate(${at * width} 0)`}>
-          <line y2={height} />
-          <text y={height + 14} text-anchor="middle">
-            {text}
-          </text>
-        </g>
-      ))}
-      {ticks(y, Math.max(2, Math.floor(height / 30))).map(({ at, text }) => (
-        <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
-          <line x2={width} />
-          <text x={-8} dy="0.32em" text-anchor="end">
-            {text}
-          </text>
-        </g>
-      ))}
-    </g>
-  );
 }
 
 interface ReadingProps {

@@ -4,7 +4,7 @@
  */
 import { type Signal, signal } from "@preact/signals";
 import { render } from "preact";
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 import { colourOf } from "../analysis/figures";
 import type { HistogramChoice } from "../data/view-state";
 import { LatestAnswer } from "../measure/latest-answer";

@@ -1,5 +1,5 @@
 /** The columns of the measuring table: keys, units and number formats, for the page, for text and for CSV. */
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 import { number } from "../ui/format";
 import type { RangeFigures } from "../data/range-figures";
 import { timesSeconds } from "./units";

@@ -5,7 +5,7 @@
  */
 import { figuresOf, NO_FIGURES, type RangeFigures } from "../data/range-figures";
 import type { ViewState } from "../data/view-state";
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 import { duration } from "../plots/axis";
 import { changeOf, valueAt } from "../plots/legend";
 import type { PlotSpec, Series } from "../plots/plot-selection";

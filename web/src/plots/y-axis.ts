@@ -3,7 +3,7 @@
  * axis it is zoomed and moved by ratios.
  */
 import type { YAxis } from "../data/view-state";
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 
 export type YRange = readonly [low: number, high: number];
 

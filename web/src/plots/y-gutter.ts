@@ -4,7 +4,7 @@
  */
 import { el } from "../ui/dom";
 import type { ViewSignals, YAxis } from "../data/view-state";
-import { figure } from "../analysis/axes";
+import { figure } from "../charts/axes";
 import { shifted, type YRange, zoomed } from "./y-axis";
 import { TEXT } from "../texts/plots";
 import "./y-axis.css";

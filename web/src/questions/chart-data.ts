@@ -1,5 +1,5 @@
 /** What a picture of an answer shows: good columns to begin with, groups, positions and bins. */
-import { type Axis, axisOf, figure, type Tick, ticks } from "../analysis/axes";
+import { type Axis, axisOf, figure, type Tick, ticks } from "../charts/axes";
 import type { QueryAnswer } from "../wire/routes";
 import { type Cell, type Row, secondsOf, textOf } from "./answer";
 

@@ -1,14 +1,17 @@
 /** Pictures of an answer: points of one column over another, and the histogram of a column. */
 import { useSignal } from "@preact/signals";
 import { useRef } from "preact/hooks";
-import { type Axis, axisOf, figure, share, type Tick, ticks } from "../analysis/axes";
-import { useHeight, useWidth } from "../analysis/use-width";
+import { type Axis, axisOf, figure, share } from "../charts/axes";
+import { Grid } from "../charts/grid";
+import { useHeight, useWidth } from "../charts/use-size";
 import { Icon } from "../ui/icons";
 import type { QueryAnswer } from "../wire/routes";
 import { binsOf, groupsOf, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
 import type { Questions } from "./state";
 import { TEXT } from "../texts/questions";
 
+/** Least room of a figure along each axis, px. */
+const ROOM = [80, 40] as const;
 const [LEFT, RIGHT, TOP, BOTTOM] = [72, 16, 16, 40];
 const DRAWN = 20_000;
 const NEAR_PX = 24;
@@ -71,7 +74,7 @@ export function AnswerPlot({ state, answer }: Props) {
           />
         )}
       </div>
-      <div class="answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
+      <div class="chart answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
         {picture && (
           <svg
             role="img"
@@ -80,7 +83,12 @@ export function AnswerPlot({ state, answer }: Props) {
             height={height.value}
           >
             <g transform={`translate(${LEFT} ${TOP})`}>
-              <Grid across={picture.xTicks(Math.max(2, Math.floor(inner.width / 96)))} y={picture.y} {...inner} />
+              <Grid
+                x={picture.xTicks(Math.max(2, Math.floor(inner.width / 96)))}
+                y={picture.y}
+                room={ROOM}
+                {...inner}
+              />
               {picture.groups.map(({ name, points, colour }) => (
                 <path
                   key={name}
@@ -148,10 +156,10 @@ export function AnswerHistogram({ state, answer }: Props) {
           onChange={(event) => (state.column.value = Number(event.currentTarget.value))}
         />
       </div>
-      <div class="answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
+      <div class="chart answer-chart" ref={host} onPointerMove={move} onPointerLeave={() => (pointed.value = -1)}>
         <svg role="img" aria-label={TEXT.histogramOf(nameOf(column))} width={width.value} height={height.value}>
           <g transform={`translate(${LEFT} ${TOP})`}>
-            <Grid across={ticks(x, Math.max(2, Math.floor(inner.width / 80)))} y={y} {...inner} />
+            <Grid x={x} y={y} room={ROOM} {...inner} />
             {bins.map(({ low, high, count }, k) => {
               const [from, to, top] = [
                 share(x, low) * inner.width,
@@ -208,35 +216,5 @@ function Select({ label, value, all, nameOf, onChange }: SelectProps) {
         <Icon name="down" />
       </span>
     </label>
-  );
-}
-
-interface GridProps {
-  readonly across: readonly Tick[];
-  readonly y: Axis;
-  readonly width: number;
-  readonly height: number;
-}
-
-function Grid({ across, y, width, height }: GridProps) {
-  return (
-    <g class="grid">
-      {across.map(({ at, text }) => (
-        <g key={`${text} ${at}`} transform={`translate(${at * width} 0)`}>
-          <line y2={height} />
-          <text y={height + 16} text-anchor="middle">
-            {text}
-          </text>
-        </g>
-      ))}
-      {ticks(y, Math.max(2, Math.floor(height / 40))).map(({ at, text }) => (
-        <g key={text} transform={`translate(0 ${(1 - at) * height})`}>
-          <line x2={width} />
-          <text x={-8} dy="0.32em" text-anchor="end">
-            {text}
-          </text>
-        </g>
-      ))}
-    </g>
   );
 }
