@@ -18,6 +18,7 @@ The store needs `imuscope[fleet]`.
     results.py     answers as a table, CSV, JSON or Arrow
 
     keys.py, reports.py    the bus: its keys, and what is published under them
+    later_versions.py      what a newer robot says
     bus.py, access.py      sessions of Zenoh, and the access rules of the router
     publisher.py           a robot's side (`--fleet`); device_figures.py and raised_alarms.py are what it tells
     journal.py             its last reports, for when the line was away

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -21,6 +22,7 @@ import msgspec
 
 from server.fleet import keys
 from server.fleet.database import FleetBatch, StoredEvent, StoredRobot
+from server.fleet.later_versions import unknown_parts
 from server.fleet.reports import ReportError, RobotReport, RobotStatus, decode_journal, decode_report
 from server.fleet.robots import Robots, TooManyRobotsError
 from server.fleet.status_summary import summary_of
@@ -56,6 +58,7 @@ class CollectorCounts:
     unannounced: int = 0
     refused: int = 0
     missed: int = 0
+    unknown: Counter[str] = field(default_factory=Counter)  # words and fields of later versions, by part of a report
 
 
 class Collector:
@@ -237,6 +240,7 @@ class Collector:
         stored = robot.stored
         stored.number = report.number
         stored.received += 1
+        self.counts.unknown += unknown_parts(report)
         for event in report.events:
             words = (event.kind, event.level, printable(event.text), printable(event.device))
             self.batch.events.append(StoredEvent(stored.name, report.boot, report.number, event.time, *words))

@@ -23,6 +23,7 @@ from server.fleet import keys
 from server.fleet.bus import FleetBusError, open_bus
 from server.fleet.collector import Collector
 from server.fleet.database import FleetDatabase, FleetDatabaseError
+from server.fleet.later_versions import PARTS
 from server.fleet.reports import MAX_JOURNAL
 from server.fleet.robots import Robots
 from server.prometheus_text import PrometheusText
@@ -241,6 +242,9 @@ class FleetServer:
         kinds = ("reports", "repeated", "invalid", "unannounced", "refused", "missed")
         for kind in kinds:
             page.add(getattr(counts, kind), result={"reports": "valid"}.get(kind, kind))
+        page.family("imuscope_fleet_unknown_total", "counter", "What a later version reported, by part of a report.")
+        for part in PARTS:
+            page.add(counts.unknown[part], part=part)
         page.family("imuscope_fleet_received_bytes_total", "counter", "Bytes of reports and journals.")
         page.add(counts.bytes)
         page.family("imuscope_fleet_overflows_total", "counter", "Messages that did not fit into the queue.")

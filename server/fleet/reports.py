@@ -3,8 +3,9 @@
     report      a map: version, boot, number, time, status, events, dropped
     journal     the answer of a robot to the query of its journal: a map with reports in order of their numbers
 
-docs/fleet.md is the specification. Unknown fields are ignored, so that version 1 can grow; a field that is missing has
-its default. Whatever else differs, or exceeds a limit, makes the whole report invalid: `decode_report` raises
+docs/fleet.md is the specification. Version 1 can grow: a kind, a level or a state is any short word, and fields that
+this version does not know are kept as text where a page shows them (later_versions.py). A field that is missing has its
+default. What is of another shape, or exceeds a limit, makes the whole report invalid: `decode_report` raises
 ReportError and nothing else, for any bytes.
 """
 
@@ -18,8 +19,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
-from server import wire
-from server.fleet.summaries import AlarmRaisedState
+from server.fleet.later_versions import MAX_MORE, with_further_fields
 
 VERSION: Literal[1] = 1
 MAX_REPORT = 65_536  # bytes
@@ -29,6 +29,9 @@ MAX_DEVICES, MAX_ALARMS, MAX_EVENTS, MAX_REPORTS = 64, 100, 64, 500
 Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
 Count = Annotated[int, Meta(ge=0, le=2**53 - 1)]
 Name = Annotated[str, Meta(max_length=100)]
+Word = Annotated[str, Meta(min_length=1, max_length=40)]
+"""Of a list that later versions may extend."""
+Further = Annotated[dict[Name, Name], Meta(max_length=MAX_MORE)]
 Sentence = Annotated[str, Meta(max_length=500)]
 Boot = Annotated[str, Meta(pattern="^[0-9a-f]{16}$")]
 
@@ -41,17 +44,21 @@ class ReportedAlarm(msgspec.Struct, frozen=True):
     """An alarm that is raised."""
 
     name: Name
-    level: wire.Level
-    state: AlarmRaisedState
+    level: Word
+    state: Word
     device: Name = ""
 
 
 class ReportedDevice(msgspec.Struct, frozen=True):
-    """A device; fields as those of RobotDevice (server/fleet/summaries.py)."""
+    """A device; fields as those of RobotDevice (server/fleet/summaries.py).
+
+    Args:
+        more: fields of a later version, as text.
+    """
 
     id: Name
     name: Name
-    status: wire.DeviceStatus
+    status: Word
     product: Name = ""
     serial_number: Name = ""
     firmware: Name = ""
@@ -64,10 +71,15 @@ class ReportedDevice(msgspec.Struct, frozen=True):
     temperature: Number | None = None
     clock_ppm: Number | None = None
     clock_uncertainty_ms: Number | None = None
+    more: Further = msgspec.field(default_factory=dict)
 
 
 class RobotStatus(msgspec.Struct, frozen=True):
-    """A robot at a glance, as it says itself."""
+    """A robot at a glance, as it says itself.
+
+    Args:
+        more: fields of a later version, as text.
+    """
 
     version: Name = ""
     group: Name = ""
@@ -77,14 +89,15 @@ class RobotStatus(msgspec.Struct, frozen=True):
     disk_free_bytes: Count | None = None
     alarms: Annotated[tuple[ReportedAlarm, ...], Meta(max_length=MAX_ALARMS)] = ()
     devices: Annotated[tuple[ReportedDevice, ...], Meta(max_length=MAX_DEVICES)] = ()
+    more: Further = msgspec.field(default_factory=dict)
 
 
 class RobotEvent(msgspec.Struct, frozen=True):
     """An event of a robot or of a device of it."""
 
     time: Number
-    kind: wire.EventKind
-    level: wire.Level
+    kind: Word
+    level: Word
     text: Sentence
     device: Name = ""
 
@@ -145,7 +158,8 @@ def decode_report(data: bytes) -> RobotReport:
     Raises:
         ReportError: it is invalid.
     """
-    return _decoded(data, _reports, MAX_REPORT)
+    report = _decoded(data, _reports, MAX_REPORT)
+    return report if report.status is None else _with_further(report, _all_fields(data))
 
 
 def decode_journal(data: bytes) -> JournalAnswer:
@@ -160,7 +174,9 @@ def decode_journal(data: bytes) -> JournalAnswer:
         raise ReportError("The reports of the journal are not in order.")
     if any(one.boot != answer.boot for one in answer.reports):
         raise ReportError("The reports of the journal are of different runs.")
-    return answer
+    raw = _all_fields(data).get("reports", ())
+    reports = tuple(_with_further(*pair) for pair in zip(answer.reports, raw, strict=True)) if raw else answer.reports
+    return msgspec.structs.replace(answer, reports=reports)
 
 
 def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T], limit: int) -> T:
@@ -173,6 +189,27 @@ def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T], limit: int) -> T:
     for report in (message,) if isinstance(message, RobotReport) else message.reports:
         _check_finite(report)
     return message
+
+
+def _all_fields(data: bytes) -> Any:
+    """A valid message with the fields that this version skips; an empty map if those cannot be read."""
+    try:
+        return msgspec.msgpack.decode(data)
+    except (msgspec.DecodeError, ValueError, TypeError, OverflowError, RecursionError):
+        return {}
+
+
+def _with_further(report: RobotReport, raw: Any) -> RobotReport:
+    """The report, whose status and devices have the fields of later versions as text."""
+    status, fields = report.status, raw.get("status")
+    if status is None or not fields:
+        return report
+    devices = tuple(
+        msgspec.structs.replace(one, more=with_further_fields(one.more, given, ReportedDevice.__struct_fields__))
+        for one, given in zip(status.devices, fields.get("devices") or (), strict=True)
+    )
+    more = with_further_fields(status.more, fields, RobotStatus.__struct_fields__)
+    return msgspec.structs.replace(report, status=msgspec.structs.replace(status, devices=devices, more=more))
 
 
 def _check_finite(report: RobotReport) -> None:

@@ -30,4 +30,5 @@ def summary_of(name: str, status: RobotStatus, since: float, *, is_live: bool = 
         devices=[
             RobotDevice.model_construct(**{name: getattr(one, name) for name in _FIELDS}) for one in status.devices
         ],
+        more=status.more,
     )

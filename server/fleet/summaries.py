@@ -13,8 +13,6 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from server import wire
-
 RobotState = Literal["live", "lost"]
 SettingsState = Literal["unknown", "as-profile", "drifted"]
 AlarmRaisedState = Literal["raised", "acknowledged", "missing"]
@@ -24,8 +22,8 @@ class RobotAlarm(BaseModel):
     """An alarm of a robot that is raised."""
 
     name: str
-    level: wire.Level
-    state: AlarmRaisedState = Field(description="missing: raised, and at present without data")
+    level: str = Field(description="info, warning or error, or another one of a later version")
+    state: str = Field(description="raised, acknowledged, missing (raised, and at present without data), or another")
     device: str = Field(description="id of the robot's device; empty if it is for none")
 
 
@@ -38,7 +36,7 @@ class RobotDevice(BaseModel):
     serial_number: str
     firmware: str
     protocol: str = Field(description="empty while it is unknown")
-    status: wire.DeviceStatus
+    status: str = Field(description="as DeviceStatus, or another one of a later version")
     rate: float = Field(description="samples/s of the fastest message, within 1 %")
     expected_rate: float | None = Field(description="samples/s that it is configured for; null if unknown")
     loss: float | None = Field(description="share of samples lost in the last minute, 0 … 1; null if it cannot be told")
@@ -47,6 +45,7 @@ class RobotDevice(BaseModel):
     temperature: float | None = Field(description="°C")
     clock_ppm: float | None = Field(description="its clock against that of its host")
     clock_uncertainty_ms: float | None = Field(description="± of the mapping from device time to host time")
+    more: dict[str, str] = Field(default_factory=dict, description="what a later version reports, by name")
 
 
 class RobotSummary(BaseModel):
@@ -65,6 +64,7 @@ class RobotSummary(BaseModel):
     drifted: int = Field(description="number of settings that differ from the profile")
     alarms: list[RobotAlarm] = Field(description="those that are raised")
     devices: list[RobotDevice]
+    more: dict[str, str] = Field(default_factory=dict, description="what a later version reports, by name")
 
 
 class FleetRobots(BaseModel):

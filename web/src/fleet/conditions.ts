@@ -23,6 +23,7 @@ const SLOW = 0.9;
 /** Free space at which a recording can soon not be continued, bytes. */
 const LITTLE_FREE = 2e9;
 
+/** Raised alarms. A level that this page does not know counts as a warning. */
 export const raised = (robot: RobotSummary, level: "error" | "warning"): number =>
   robot.alarms.reduce(
     (sum, one) => sum + (one.state !== "acknowledged" && (one.level === "error") === (level === "error") ? 1 : 0),

@@ -87,6 +87,14 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
         <Fact title={TEXT.latency} cell={latencyCell(robot)} />
         <Fact title={TEXT.version} cell={{ text: summary.version || "—" }} />
       </dl>
+      {Object.keys(summary.more).length > 0 && (
+        <>
+          <h3>{TEXT.alsoReported}</h3>
+          <dl class="facts">
+            <Further more={summary.more} />
+          </dl>
+        </>
+      )}
       <h3>{TEXT.ownPages}</h3>
       <OwnPages address={summary.address} isLost={isLost} />
       <h3>{TEXT.alarms}</h3>
@@ -154,7 +162,7 @@ function Alarms({
             <span>
               {name} <span class="dim">{of && TEXT.alarmOf(of.name || of.product)}</span>
             </span>
-            <span class="mid">{TEXT.alarmStates[state]}</span>
+            <span class="mid">{TEXT.alarmState(state)}</span>
           </li>
         );
       })}
@@ -197,8 +205,20 @@ function Device({ device, isLost }: { readonly device: RobotDevice; readonly isL
         {uncertainty !== null && (
           <Fact title={TEXT.clockUncertainty} cell={clockCell({ ...device, clock_ppm: null })} />
         )}
+        <Further more={device.more} />
       </dl>
     </section>
+  );
+}
+
+/** What a robot of a later version reports, as it is. */
+function Further({ more }: { readonly more: Readonly<Record<string, string>> }) {
+  return (
+    <>
+      {Object.entries(more).map(([name, text]) => (
+        <Fact key={name} title={name} cell={{ text }} />
+      ))}
+    </>
   );
 }
 

@@ -25,7 +25,7 @@ export function Events({ name }: { readonly name: string }) {
       <ul>
         {events.value?.map(({ id, time, level, text }) => (
           <li key={id}>
-            <span class={`dot ${level === "error" ? "bad" : level === "warning" ? "warn" : "off"}`} />
+            <span class={`dot ${level === "error" ? "bad" : level === "info" ? "off" : "warn"}`} />
             <span>{text}</span>
             <time class="dim" dateTime={new Date(time * 1000).toISOString()}>
               {dateWords(time).split(",")[0]} {clock(time)}

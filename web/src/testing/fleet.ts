@@ -18,6 +18,7 @@ export function deviceWith(part: Partial<RobotDevice> = {}): RobotDevice {
     temperature: 31.5,
     clock_ppm: 4.2,
     clock_uncertainty_ms: 0.2,
+    more: {},
     ...part,
   };
 }
@@ -37,6 +38,7 @@ export function robotWith(part: Partial<RobotSummary> = {}): RobotSummary {
     drifted: 0,
     alarms: [],
     devices: [deviceWith()],
+    more: {},
     ...part,
   };
 }

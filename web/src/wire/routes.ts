@@ -855,9 +855,10 @@ export interface RestProgress {
 /** An alarm of a robot that is raised. */
 export interface RobotAlarm {
   readonly name: string;
-  readonly level: "info" | "warning" | "error";
-  /** missing: raised, and at present without data */
-  readonly state: "raised" | "acknowledged" | "missing";
+  /** info, warning or error, or another one of a later version */
+  readonly level: string;
+  /** raised, acknowledged, missing (raised, and at present without data), or another */
+  readonly state: string;
   /** id of the robot's device; empty if it is for none */
   readonly device: string;
 }
@@ -872,7 +873,8 @@ export interface RobotDevice {
   readonly firmware: string;
   /** empty while it is unknown */
   readonly protocol: string;
-  readonly status: "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
+  /** as DeviceStatus, or another one of a later version */
+  readonly status: string;
   /** samples/s of the fastest message, within 1 % */
   readonly rate: number;
   /** samples/s that it is configured for; null if unknown */
@@ -889,6 +891,8 @@ export interface RobotDevice {
   readonly clock_ppm: number | null;
   /** ± of the mapping from device time to host time */
   readonly clock_uncertainty_ms: number | null;
+  /** what a later version reports, by name */
+  readonly more: Readonly<Record<string, string>>;
 }
 
 /** A robot at a glance. */
@@ -915,6 +919,8 @@ export interface RobotSummary {
   /** those that are raised */
   readonly alarms: readonly RobotAlarm[];
   readonly devices: readonly RobotDevice[];
+  /** what a later version reports, by name */
+  readonly more: Readonly<Record<string, string>>;
 }
 
 /** State of the publisher. */
