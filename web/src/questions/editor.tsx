@@ -1,7 +1,7 @@
 /** The editor of a question: completion at the caret, Ctrl+Enter, and the place of a mistake. */
-import { useSignal } from "@preact/signals";
 import { useCallback, useEffect, useRef } from "preact/hooks";
-import type { Completion } from "../signals/completion";
+import { CompletionList, completed } from "../completion/completion-list";
+import { useCompletion } from "../completion/use-completion";
 import { completionsOfSql, placeOfMistake } from "./completion";
 import type { Questions } from "./state";
 import { TEXT } from "../texts/questions";
@@ -11,53 +11,29 @@ const [LEAST_LINES, MOST_LINES] = [4, 14];
 export function Editor({ state }: { readonly state: Questions }) {
   const { sql, words, problem } = state;
   const area = useRef<HTMLTextAreaElement>(null);
-  const offered = useSignal<readonly Completion[]>([]);
-  const at = useSignal(-1);
   const isTyping = useRef(false);
-  const end = useCallback((): void => {
-    isTyping.current = false;
-    offered.value = [];
-  }, [offered]);
-  const offer = useCallback((): void => {
-    const caret = area.current?.selectionStart ?? sql.peek().length;
-    isTyping.current = true;
-    offered.value = completionsOfSql(sql.peek(), caret, words.peek());
-    at.value = -1;
-  }, [sql, words, offered, at]);
+  const find = useCallback((typed: string, caret: number) => completionsOfSql(typed, caret, words.peek()), [words]);
+  const offer = useCompletion(area, sql, find);
   useEffect(() => {
-    if (words.value && isTyping.current) offer(); // they came after a letter was typed
+    if (words.value && isTyping.current) offer.open(); // they came after a letter was typed
   }, [words.value, offer]);
-  const take = (one: Completion): void => {
-    sql.value = sql.peek().slice(0, one.from) + one.insert + sql.peek().slice(one.to);
-    end();
-    const caret = one.from + one.insert.length - (one.insert.endsWith(")") ? 1 : 0);
-    requestAnimationFrame(() => {
-      area.current?.focus();
-      area.current?.setSelectionRange(caret, caret);
-    });
+  const end = (): void => {
+    isTyping.current = false;
+    offer.close();
   };
   const onKey = (event: KeyboardEvent): void => {
     const { key } = event;
-    const all = offered.peek();
+    if (offer.onKey(event)) return;
     if (key === "Enter" && (event.ctrlKey || event.metaKey)) {
       event.preventDefault();
       end();
       void state.run();
     } else if (key === "Escape") {
       event.stopPropagation();
-      if (all.length > 0) end();
-      else state.cancel();
+      state.cancel();
     } else if (key === " " && event.ctrlKey) {
       event.preventDefault();
-      offer();
-    } else if ((key === "ArrowDown" || key === "ArrowUp") && all.length > 0) {
-      event.preventDefault();
-      at.value = (at.peek() + (key === "ArrowDown" ? 1 : -1) + all.length) % all.length;
-    } else if (key === "Enter") {
-      const chosen = all[at.peek()];
-      if (!chosen) return;
-      event.preventDefault();
-      take(chosen);
+      offer.open();
     }
   };
   const lines = Math.min(MOST_LINES, Math.max(LEAST_LINES, sql.value.split("\n").length));
@@ -69,11 +45,9 @@ export function Editor({ state }: { readonly state: Questions }) {
         id="question"
         rows={lines}
         aria-label={TEXT.editor}
-        aria-controls="question-words"
-        aria-autocomplete="list"
+        {...completed("question-words", offer)}
         aria-invalid={mistake !== undefined}
         aria-describedby="question-problem"
-        {...(at.value >= 0 ? { "aria-activedescendant": `question-word-${at.value}` } : {})}
         placeholder={TEXT.rowsFromStart}
         spellcheck={false}
         autocomplete="off"
@@ -82,28 +56,13 @@ export function Editor({ state }: { readonly state: Questions }) {
         value={sql.value}
         onInput={(event) => {
           sql.value = event.currentTarget.value;
-          offer();
+          isTyping.current = true;
+          offer.open();
         }}
         onKeyDown={onKey}
         onBlur={end}
       />
-      <div id="question-words" role="listbox" aria-label={TEXT.completions} class="question-words">
-        {offered.value.map((one, k) => (
-          <div
-            key={`${one.insert} ${one.label}`}
-            id={`question-word-${k}`}
-            role="option"
-            tabIndex={-1}
-            aria-selected={k === at.value}
-            onMouseDown={(event) => {
-              event.preventDefault();
-              take(one);
-            }}
-          >
-            <b>{one.label}</b> <span>{one.doc}</span>
-          </div>
-        ))}
-      </div>
+      <CompletionList id="question-words" offer={offer} />
       {mistake && <MistakeLine text={sql.value} at={mistake.at} />}
     </div>
   );

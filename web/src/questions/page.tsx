@@ -122,7 +122,7 @@ function Actions({ app, state }: { readonly app: App; readonly state: Questions 
       : TEXT.waiting(now.before, seconds)
     : notice.value || (given && !problem.value ? summary(given) : "");
   return (
-    <div class="question-actions">
+    <div class="query-actions">
       {now ? (
         <button
           type="button"
@@ -219,7 +219,7 @@ function Answer({ app, state, answer }: AnswerProps) {
     void copyText(text).then((done) => (notice.value = done ? TEXT.copied : TEXT.notCopied));
   };
   return (
-    <section class="answer" aria-label={TEXT.answer}>
+    <section class="query-answer" aria-label={TEXT.answer}>
       <div class="answer-tools">
         <div class="segmented" role="group" aria-label={TEXT.view}>
           {VIEWS.map((one) => (

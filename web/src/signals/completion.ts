@@ -1,17 +1,9 @@
 /** Completion of an expression: what may stand at the caret, and where the server sees a mistake. */
+import type { Completion } from "../completion/use-completion";
 import type { Channel } from "../data/channels";
 import type { ExpressionWords } from "../wire/routes";
 import type { ChannelInfo } from "../wire/types";
 import { plottable } from "./custom-plots";
-
-export interface Completion {
-  readonly label: string;
-  readonly doc: string;
-  /** Replaces the characters from ≤ i < to. */
-  readonly insert: string;
-  readonly from: number;
-  readonly to: number;
-}
 
 const MOST = 8;
 const PLAIN = /^[\p{L}_]\w*(\.\w+)*$/u;

@@ -25,6 +25,7 @@ export const COMMON = {
   devices: "Devices",
   firmware: (version: Value) => `firmware ${version}`,
   close: "Close",
+  completions: "Completions",
   skipToThePlots: "Skip to the plots",
   attitude: "Attitude",
   plots: "Plots",

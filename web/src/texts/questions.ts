@@ -10,7 +10,6 @@ export const TEXT = {
   clearHistory: "Clear",
   rowsFromStart: "One statement that reads, in the SQL of DuckDB",
   editor: "Question in SQL",
-  completions: "Completions",
   ask: "Run",
   askHint: "Run the question (Ctrl+Enter)",
   cancel: "Cancel",

@@ -35,7 +35,6 @@ export const TEXT = {
   editSignal: (name: Value) => `Edit ${name}`,
   expression: "Expression",
   expressionHint: "For example norm(Acceleration) - 1 g",
-  completions: "Completions",
   name: "Name",
   causal: "Computed on the server from the past only: a filter has its delay.",
   save: "Save",

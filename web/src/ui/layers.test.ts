@@ -58,4 +58,18 @@ describe("classes", () => {
       .flatMap((one) => one.match(/(?<=\.)[A-Za-z][\w-]*/g) ?? []);
     expect(named.filter((name) => !words.has(name))).toEqual([]);
   });
+
+  it("belong to one folder each: a page that is opened later changes nothing on another", () => {
+    const owners = new Map<string, Set<string>>();
+    for (const file of FILES.filter((one) => !/^\.\/|\/(evidence|docs)\/|phone\.css$/.test(one))) {
+      const folder = file.slice(0, file.lastIndexOf("/"));
+      // rules of a class alone; sheets of a phone and of other documents stand for themselves
+      for (const [, name = ""] of bare(file)
+        .replaceAll(/\([^()]*\)/g, "")
+        .matchAll(/(?<=[{},;]\s*)\.([\w-]+)(?=\s*[,{])/g))
+        owners.set(name, (owners.get(name) ?? new Set()).add(folder));
+    }
+    expect(owners.size).toBeGreaterThan(200);
+    expect([...owners].filter(([, folders]) => folders.size > 1)).toEqual([]);
+  });
 });
