@@ -37,10 +37,11 @@ def test_a_router_may_come_late_and_come_again() -> None:
 def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A session that accepts no connections, as seen from nodes of the router's host."""
     monkeypatch.setattr("server.ros2.session._is_here", lambda host: False)
-    monkeypatch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
     port = free_port()
-    with pytest.raises(RouterAbsentError, match=f"There is no Zenoh router at tcp/127.0.0.1:{port}."):
-        open_session(f"tcp/127.0.0.1:{port}")
+    with monkeypatch.context() as patch:
+        patch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
+        with pytest.raises(RouterAbsentError, match=f"There is no Zenoh router at tcp/127.0.0.1:{port}."):
+            open_session(f"tcp/127.0.0.1:{port}")
     with running_router(port) as router:
         session = open_session(f"tcp/127.0.0.1:{port}")
         token = session.liveliness().declare_token("@ros2_lv/0/test")
