@@ -15,6 +15,7 @@ from protocols.plugins import protocol_names
 from server import logging_setup
 from server.commands.file_arguments import add_analyse, add_calibrate, add_decode
 from server.commands.fleet_arguments import add_fleet
+from server.commands.page_arguments import add_page_address
 from server.commands.store_arguments import add_compact, add_query, add_store, add_upload
 from server.config import default_data
 from server.devices.decode_options import declared_options
@@ -215,13 +216,7 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("sources", nargs="*", metavar="SOURCE", help=about.sources)
-    command.add_argument(
-        "--host", help="address to listen on (default 127.0.0.1; any other requires a token, which is printed)"
-    )
-    command.add_argument("--port", type=int, help="port to listen on (default 8080; 0 selects a free port)")
-    command.add_argument("--tls", action="store_true", default=None, help="serve HTTPS with a self-signed certificate")
-    command.add_argument("--tls-cert", metavar="FILE", help="certificate to serve HTTPS with (PEM); requires --tls-key")
-    command.add_argument("--tls-key", metavar="FILE", help="private key of --tls-cert (PEM, without a passphrase)")
+    add_page_address(command)
     command.add_argument(
         "--share",
         action="append",

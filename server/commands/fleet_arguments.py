@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from server.commands.page_arguments import add_page_address
 from server.commands.store_arguments import add_store
 
 
@@ -45,12 +46,6 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
         "--router-config", action="store_true", help="print the configuration of a separate router (zenohd), and end"
     )
     add_store(command, "store of recordings to answer questions about: ", required=False)
-    command.add_argument(
-        "--host", help="address of the page (default 127.0.0.1; any other requires a token, which is printed)"
-    )
-    command.add_argument("--port", type=int, help="port of the page (default 8080; 0 selects a free port)")
-    command.add_argument("--tls", action="store_true", default=None, help="serve HTTPS with a self-signed certificate")
-    command.add_argument("--tls-cert", metavar="FILE", help="certificate to serve HTTPS with (PEM); requires --tls-key")
-    command.add_argument("--tls-key", metavar="FILE", help="private key of --tls-cert (PEM, without a passphrase)")
+    add_page_address(command)
     command.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings")
     return command

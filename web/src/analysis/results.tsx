@@ -10,6 +10,7 @@ import { figure } from "../charts/axes";
 import { Chart } from "./chart";
 import { byUnit, csvOf, curvesOf, type Name, notesOf, parametersOf, peaksOf, shortName, verdictsOf } from "./figures";
 import { Spectrogram } from "./spectrogram";
+import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/analysis";
 
 const MAX_MARKS = 6;
@@ -249,7 +250,7 @@ function Copy({ name, figures, body }: Answered) {
   const said = useSignal("");
   const problem = useSignal<Problem | undefined>(undefined);
   const copy = async (text: string): Promise<void> => {
-    said.value = (await copyText(text)) ? TEXT.copied : TEXT.notCopied;
+    said.value = (await copyText(text)) ? COMMON.copied : COMMON.notCopied;
   };
   const copyAs = async (format: string): Promise<void> => {
     const outcome = await request("POST /api/analysis/{name}", { path: { name }, body: { ...body, format } });

@@ -17,6 +17,7 @@ import { FleetMap } from "./map";
 import { START } from "./address";
 import { Summary, Tools } from "./tools";
 import { usePhone } from "./use-phone";
+import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/fleet";
 import "./fleet.css";
 import "./phone.css";
@@ -123,7 +124,7 @@ function NoRobot() {
   // beyond this machine the bus has TLS, or the server would not have started without being told so
   const command = `imuscope serve --fleet ${isHere ? "tcp" : "tls"}/${location.hostname}:${PORT}`;
   const copy = async (): Promise<void> => {
-    said.value = (await copyText(command)) ? TEXT.copied : TEXT.copyFailed;
+    said.value = (await copyText(command)) ? COMMON.copied : TEXT.copyFailed;
   };
   return (
     <div class="veil">

@@ -1,7 +1,9 @@
 /** The frames to be sent, as annotated bytes: pointing at a row highlights the row, its bytes and its share. */
 import { useState } from "preact/hooks";
+import { copyText } from "../ui/copy";
 import { chipsOf, spelled } from "./frame-chips";
 import type { FrameInfo } from "./types";
+import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 
 interface Props {
@@ -15,16 +17,15 @@ interface Props {
 const MAX_FRAMES = 6;
 
 export function BytesView({ frames, changed, hot, hover }: Props) {
-  const [copied, setCopied] = useState(false);
+  const [said, setSaid] = useState("");
   if (frames.length === 0) return null;
   const size = frames.reduce((sum, { hex }) => sum + hex.length / 2, 0);
   const hex = frames.map((frame) => frame.hex.toUpperCase().replace(/../g, "$& ").trim()).join("\n");
   const copy = async (): Promise<void> => {
-    await copyText(hex);
-    setCopied(true);
-    setTimeout(() => setCopied(false), 1500);
+    setSaid((await copyText(hex)) ? COMMON.copied : COMMON.notCopied);
+    setTimeout(() => setSaid(""), 1500);
   };
-  const said = frames.flatMap((frame) => (hot ? spelled(frame, hot) : []));
+  const pointedAt = frames.flatMap((frame) => (hot ? spelled(frame, hot) : []));
   return (
     <section class="hex-view" aria-label={TEXT.framePreview}>
       <div class="row">
@@ -37,7 +38,7 @@ export function BytesView({ frames, changed, hot, hover }: Props) {
         </span>
         <span class="grow" />
         <button type="button" class="btn small" onClick={() => void copy()}>
-          {copied ? TEXT.copied : TEXT.copyHex}
+          {said || TEXT.copyHex}
         </button>
       </div>
       {frames.slice(0, MAX_FRAMES).map((frame, k) => (
@@ -45,7 +46,7 @@ export function BytesView({ frames, changed, hot, hover }: Props) {
       ))}
       {frames.length > MAX_FRAMES && <p class="dim hex-description">{TEXT.moreFrames(frames.length - MAX_FRAMES)}</p>}
       <p class="hex-description" aria-hidden="true">
-        {said.slice(0, 6).map(({ bytes, words }, k) => (
+        {pointedAt.slice(0, 6).map(({ bytes, words }, k) => (
           <span key={k}>
             <span class="mono">{bytes}</span> {words}
           </span>
@@ -79,18 +80,4 @@ function Frame({
       </div>
     </>
   );
-}
-
-/** Copies a text; the browser's clipboard exists on secure origins only, which a robot's plain address is not. */
-async function copyText(text: string): Promise<void> {
-  try {
-    await navigator.clipboard.writeText(text);
-  } catch {
-    const area = document.createElement("textarea");
-    area.value = text;
-    document.body.append(area);
-    area.select();
-    document.execCommand("copy");
-    area.remove();
-  }
 }

@@ -25,6 +25,7 @@ import {
 } from "./figure-columns";
 import type { SampleAccess } from "./sample-access";
 import { type MeasuredRange, ServerFigures } from "./server-figures";
+import { COMMON } from "../texts/common";
 import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/measure";
 import "./measure.css";
@@ -66,7 +67,7 @@ export function mountMeasure(host: HTMLElement, deps: MeasureDeps): Panel {
   const copy = (text: string, of: () => string): HTMLElement => {
     const button = el("button", { type: "button", class: "btn edge" }, text);
     button.addEventListener("click", () => {
-      void copyText(of()).then((done) => (said.textContent = done ? TEXT.copied : TEXT.notCopied));
+      void copyText(of()).then((done) => (said.textContent = done ? COMMON.copied : COMMON.notCopied));
     });
     return button;
   };

@@ -13,6 +13,7 @@ import type { PacketInfo, PacketView } from "../wire/routes";
 import { fetchFrames, type FramesAsk, titleOf } from "../bytes/frames";
 import type { App } from "./app-state";
 import { rowsOf } from "./packet-rows";
+import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/packets";
 import "./packet.css";
 
@@ -135,7 +136,7 @@ interface FrameProps {
 function Frame({ packet, time, step, show }: FrameProps) {
   const said = useSignal(TEXT.copyHex);
   const copyHex = async (): Promise<void> => {
-    said.value = (await copyText(spaced(packet.hex))) ? TEXT.copied : TEXT.copyBlocked;
+    said.value = (await copyText(spaced(packet.hex))) ? COMMON.copied : COMMON.notCopied;
     setTimeout(() => (said.value = TEXT.copyHex), 2000);
   };
   const moment = clock(packet.arrival, 6);

@@ -155,7 +155,7 @@ function Actions({ app, state }: { readonly app: App; readonly state: Questions 
         disabled={sql.value.trim() === ""}
         onClick={() => {
           const link = new URL(linkOf(sql.peek().trim()), location.href).href;
-          void copyText(link).then((done) => (notice.value = done ? TEXT.copied : TEXT.notCopied));
+          void copyText(link).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
         }}
       >
         <Icon name="share" />
@@ -216,7 +216,7 @@ function Answer({ app, state, answer }: AnswerProps) {
   const open = (one: Opening): void => void openRecording(app, state, one);
   const copy = (): void => {
     const text = csvOf(answer, sorted(answer.rows, state.order.peek()));
-    void copyText(text).then((done) => (notice.value = done ? TEXT.copied : TEXT.notCopied));
+    void copyText(text).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
   };
   return (
     <section class="query-answer" aria-label={TEXT.answer}>

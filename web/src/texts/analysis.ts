@@ -79,8 +79,6 @@ export const TEXT = {
   format: { kalibr: "Kalibr", vins: "VINS", robot_localization: "robot_localization" } as Readonly<
     Record<string, string>
   >,
-  copied: "Copied.",
-  notCopied: "Copying failed. Allow this page to use the clipboard.",
   basedOn: (segments: number, length: number, rate: Value) =>
     `${count(segments, "segment")} of ${count(length, "sample")} at ${rate} Hz`,
   basedOnSamples: (samples: number, rate: Value) => `${count(samples, "sample")} at ${rate} Hz`,

@@ -36,6 +36,8 @@ export const COMMON = {
   questions: "Questions",
   recordings: "Recordings",
   loss: "Loss",
+  copied: "Copied",
+  notCopied: "The browser blocks copying.",
   linkCopied: "Link copied",
   copyBlocked: "The browser blocks copying. Copy the link from the address bar.",
   copyLink: "Copy link",

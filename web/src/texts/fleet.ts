@@ -98,7 +98,6 @@ export const TEXT = {
   keySort: "Sort now",
   keyPages: "Fleet, Recordings",
   copyCommand: "Copy the command",
-  copied: "Copied",
   copyFailed: "The browser blocks copying. Select the command and copy it.",
   connecting: "Connecting to the fleet server",
   cut: "No connection to the fleet server",

@@ -45,7 +45,6 @@ export const TEXT = {
   frameCount: (frames: number) => (frames === 1 ? "Frame" : count(frames, "frame")),
   bytesToTheDevice: (bytes: number) => `${count(bytes, "byte")} to the device`,
   changedBytesUnderlined: ", changed bytes underlined",
-  copied: "Copied",
   copyHex: "Copy hex",
   moreFrames: (frames: number) => `… and ${count(frames, "more frame")}.`,
 

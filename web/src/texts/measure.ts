@@ -12,8 +12,6 @@ export const TEXT = {
   snap: "Snap to samples",
   copyText: "Copy text",
   copyCsv: "Copy CSV",
-  copied: "Copied.",
-  notCopied: "Copying failed. Allow this page to use the clipboard.",
   close: "End measuring (Esc)",
   signal: "Signal",
   heads: {

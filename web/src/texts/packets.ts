@@ -27,8 +27,6 @@ export const TEXT = {
   meaning: "Meaning",
   raw: "Raw value",
   copyHex: "Copy hex",
-  copied: "Copied",
-  copyBlocked: "The browser refuses to copy",
   showInPlot: "Show in plot",
   moreBytes: (bytes: number) => `and ${count(bytes, "more byte")}`,
 

@@ -28,8 +28,6 @@ export const TEXT = {
   view: "Show the answer as",
   views: { table: "Table", plot: "Plot", histogram: "Histogram" },
   copy: "Copy as CSV",
-  copied: "Copied.",
-  notCopied: "This browser does not let the page copy.",
   download: "Download",
   formats: { csv: "CSV", parquet: "Parquet", arrow: "Arrow" },
   downloading: (format: Value) => `Downloading ${format}…`,
