@@ -88,7 +88,7 @@ export const TEXT = {
   undo: "Undo",
   theListCouldNotBeLoaded: "The list could not be loaded",
   noRecordingYet: "No recordings yet",
-  noRecordingHint: "Press Record or Shift R to record all devices, or drop logs and captures here.",
+  noRecordingHint: "Press Record to record all devices, or upload logs and captures; they can also be dropped here.",
   noMatches: "No matches",
   noMatchesHint: "Remove a filter or search term.",
   recordingsNewestFirst: "Recordings, newest first",
