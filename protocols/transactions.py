@@ -384,6 +384,10 @@ class DeviceDriver(ABC):
         """Load of these settings, bytes per second, exact to the byte."""
         return LinkLoad((), 0.0)
 
+    def message_rate(self, settings: Mapping[str, Values], known: DeviceContext) -> float | None:
+        """Messages per second of the kind of message that these settings send most often; None if they do not tell."""
+        return None
+
     def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         """The same settings with rates lowered so that their load is within `capacity` bytes per second."""
         return settings

@@ -34,6 +34,7 @@ from server.devices.protocol_set import protocols as installed_protocols
 from server.devices.sequence_store import SequenceStore
 from server.devices.sessions import OpenLink, Sessions
 from server.fleet.fleet_server import FleetServer
+from server.fleet.known_settings import KnownSettings
 from server.fleet.publisher import FleetPublisher
 from server.fleet.question_service import QuestionService
 from server.fleet.raised_alarms import raised_alarms
@@ -244,7 +245,12 @@ def build_services(
         timings=timings,
         folder_lock=DataFolderLock(config.data),
         workspaces=WorkspaceStore(config.data),
-        fleet=FleetPublisher(telemetry, config, lambda: raised_alarms(alarms)),
+        fleet=FleetPublisher(
+            telemetry,
+            config,
+            lambda: raised_alarms(alarms),
+            KnownSettings(config.data / "fleet", controllers.get),
+        ),
         uploads=UploadService(config, catalogue, compactor, bus),
         robots=robots,
         questions=QuestionService(config.store),

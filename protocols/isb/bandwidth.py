@@ -93,6 +93,15 @@ def load(settings: Mapping[str, Values]) -> LinkLoad:
     return LinkLoad(tuple(parts), sum(part.bytes_per_s for part in parts), tuple(limits))
 
 
+def message_rate(settings: Mapping[str, Values]) -> float | None:
+    """Packets per second of the fastest stream of these settings; None if they were not read."""
+    if STREAMS_SETTING not in settings:
+        return None
+    sources, now = sources_of(settings), in_effect(settings)
+    rows = settings[STREAMS_SETTING].get("streams", [])
+    return max((rate_of(one, sources, now) for one in rows if one["did"] in STREAMS), default=0.0)
+
+
 def source_ms(one: Values, sources: Mapping[str, float], now: Mapping[str, float] = NOTHING) -> float:
     """Period of the source of a stream, ms; 0 without one.
 

@@ -400,6 +400,9 @@ class IsbDriver(DeviceDriver):
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         return budget.load(settings)
 
+    def message_rate(self, settings: Mapping[str, Values], known: DeviceContext) -> float | None:
+        return budget.message_rate(settings)
+
     def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return budget.fit(settings, capacity)
 

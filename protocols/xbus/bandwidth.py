@@ -69,6 +69,15 @@ def load(settings: Mapping[str, Setting], model: Model | None) -> LinkLoad:
     return _of_outputs(settings.get("OutputConfiguration", {}), model)
 
 
+def message_rate(settings: Mapping[str, Setting], model: Model | None) -> float | None:
+    """MTData2 messages per second of these settings; None for a device that sends sentences, or whose were not read."""
+    if "OutputConfiguration" not in settings or settings.get("StringOutputType", {}).get("string_types"):
+        return None
+    model = as_built(model, settings.get("HardwareVersion", {}))
+    sent = [pair for pair in pairs_of(settings["OutputConfiguration"], model) if pair[1] > 0]
+    return float(sum(count for stream in streams(sent) for _, count in messages_of(stream)))
+
+
 def _of_outputs(values: Setting, model: Model | None) -> LinkLoad:
     entries = list(values.get("outputs", ()))
     pairs = pairs_of(values, model)

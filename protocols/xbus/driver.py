@@ -44,7 +44,7 @@ from protocols.transactions import (
     WriteResult,
 )
 from protocols.xbus import annotate, commands, config_effects, frames, requests
-from protocols.xbus.bandwidth import fit, load
+from protocols.xbus.bandwidth import fit, load, message_rate
 from protocols.xbus.commands import CommandRow, StoredSetting
 from protocols.xbus.device_info import formerly, identity
 from protocols.xbus.enums import OPTION_FLAGS
@@ -242,6 +242,9 @@ class XbusDriver(DeviceDriver):
 
     def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         return load(settings, model_of(known.product))
+
+    def message_rate(self, settings: Mapping[str, Values], known: DeviceContext) -> float | None:
+        return message_rate(settings, model_of(known.product))
 
     def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return fit(settings, capacity, model_of(known.product))

@@ -18,6 +18,7 @@ from server.fleet.access import FleetAccessError, RouterSettings, as_document, r
 from server.fleet.bus import BusCredentials, FleetBusError, client_settings
 from server.fleet.database import FleetDatabase, FleetDatabaseError
 from server.fleet.fleet_server import FleetServer
+from server.fleet.group_profiles import GroupProfiles
 from server.fleet.robots import Robots
 from server.fleet_settings import FleetServerSettings, FleetSettings
 from server.logging_setup import print_or_log
@@ -54,7 +55,11 @@ def fleet(options: argparse.Namespace) -> None:
 
         try:
             server = FleetServer(
-                Robots(), FleetDatabase(config.data / "fleet"), lambda: bus_settings(given), lambda: _version(given)
+                Robots(),
+                FleetDatabase(config.data / "fleet"),
+                lambda: bus_settings(given),
+                lambda: _version(given),
+                profiles=GroupProfiles(config.data / "fleet"),
             )
             if not given.router:
                 server.open()

@@ -21,6 +21,8 @@ The store needs `imuscope[fleet]`.
     later_versions.py      what a newer robot says
     bus.py, access.py      sessions of Zenoh, and the access rules of the router
     publisher.py           a robot's side (`--fleet`); device_figures.py and raised_alarms.py are what it tells
+    device_settings.py     settings of a device and their digest; known_settings.py has those of this robot
+    group_profiles.py      how far robots are from the profiles of their groups
     journal.py             its last reports, for when the line was away
     fleet_server.py        the other side (`imuscope fleet`): receives, asks, stores
     collector.py           what it makes of tokens and reports

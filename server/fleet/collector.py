@@ -26,6 +26,7 @@ from server.fleet.later_versions import unknown_parts
 from server.fleet.reports import ReportError, RobotReport, RobotStatus, decode_journal, decode_report
 from server.fleet.robots import Robots, TooManyRobotsError
 from server.fleet.status_summary import summary_of
+from server.fleet.summaries import RobotSummary
 from server.printable import printable
 
 ASK_AGAIN_S = 5.0
@@ -67,9 +68,17 @@ class Collector:
     Args:
         stored: the robots as the database has them.
         now: unix s.
+        judged: completes a summary by what this server knows besides.
     """
 
-    def __init__(self, robots: Robots, stored: list[StoredRobot], now: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        robots: Robots,
+        stored: list[StoredRobot],
+        now: Callable[[], float] = time.time,
+        judged: Callable[[RobotSummary], RobotSummary] = lambda summary: summary,
+    ) -> None:
+        self._judged = judged
         self._summaries = robots
         self._now = now
         self._robots: dict[str, _Robot] = {}
@@ -202,6 +211,17 @@ class Collector:
         self.batch.removed.add(name)
         return self._summaries.remove(name)
 
+    def show_again(self, applies: Callable[[RobotSummary], bool]) -> None:
+        """Show robots anew of which this server knows more now."""
+        for name, robot in self._robots.items():
+            shown = self._summaries.get(name)
+            if shown is not None and applies(shown):
+                self._show(robot)
+
+    def note(self, name: str, kind: str, level: str, text: str) -> None:
+        """Store an event of this server about a robot."""
+        self.batch.events.append(StoredEvent(name, "", 0, self._now(), kind, level, text, ""))
+
     def taken_batch(self) -> FleetBatch:
         """The changes since the last call, to be written."""
         batch, self.batch = self.batch, FleetBatch()
@@ -259,9 +279,9 @@ class Collector:
         status = robot.status or RobotStatus()
         since = self._started if stored.is_live and not robot.boots else stored.since
         try:
-            self._summaries.update(summary_of(stored.name, status, since, is_live=bool(robot.boots)))
+            self._summaries.update(self._judged(summary_of(stored.name, status, since, is_live=bool(robot.boots))))
         except TooManyRobotsError:  # fewer are allowed than were stored
             self.counts.refused += 1
 
     def _note(self, name: str, level: str, text: str) -> None:
-        self.batch.events.append(StoredEvent(name, "", 0, self._now(), "link", level, text, ""))
+        self.note(name, "link", level, text)

@@ -17,15 +17,18 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from server.fleet import keys
 from server.fleet.bus import FleetBusError, open_bus
 from server.fleet.collector import Collector
 from server.fleet.database import FleetDatabase, FleetDatabaseError
+from server.fleet.group_profiles import GroupProfiles
 from server.fleet.later_versions import PARTS
-from server.fleet.reports import MAX_JOURNAL
+from server.fleet.reports import MAX_JOURNAL, ReportError
 from server.fleet.robots import Robots
+from server.fleet.summaries import RobotSummary
 from server.prometheus_text import PrometheusText
 
 if TYPE_CHECKING:
@@ -42,7 +45,7 @@ SETTLE_S = 30.0
 QUERY_TIMEOUT_S = 5.0
 WATCH_S = 2.0
 
-TOKEN, REPORT, JOURNAL = range(3)
+TOKEN, REPORT, JOURNAL, SETTINGS = range(4)
 
 
 class FleetServer:
@@ -51,6 +54,7 @@ class FleetServer:
     Args:
         settings: of the session; called again when what `version` returns has changed, and the session is opened anew.
         version: of the file of robots, say.
+        profiles: of groups.
 
     Attributes:
         problem: why the state cannot be stored, or the settings cannot be used; empty otherwise.
@@ -62,9 +66,11 @@ class FleetServer:
         database: FleetDatabase,
         settings: Callable[[], Mapping[str, Any]],
         version: Callable[[], object] = lambda: None,
+        *,
+        profiles: GroupProfiles,
     ) -> None:
-        self.robots, self.database = robots, database
-        self.collector = Collector(robots, database.robots())
+        self.robots, self.database, self.profiles = robots, database, profiles
+        self.collector = Collector(robots, database.robots(), judged=profiles.judged)
         self.problem = ""
         self.overflows = 0
         self._settings, self._version = settings, version
@@ -184,18 +190,45 @@ class FleetServer:
                 collector.on_token(key, alive=bool(data))
             elif kind == REPORT:
                 collector.on_report(key, data)
-            else:
+            elif kind == JOURNAL:
                 collector.on_journal(key, data)
+            else:
+                self._learn(data)
+
+    def _learn(self, data: bytes) -> None:
+        """Take settings that a robot answered with, and compare all robots that have them."""
+        try:
+            digest = self.profiles.learn(data)
+        except ReportError:
+            self.collector.counts.invalid += 1
+            return
+        self.collector.show_again(lambda robot: any(one.settings == digest for one in robot.devices))
+
+    def profile_changed(self, robot: RobotSummary, text: str, by: str) -> None:
+        """Log a change of the profile of a robot's group, and compare all robots of the group."""
+        self.collector.note(robot.name, "command", "info", f"{text}: {by}.")
+        log.warning("%s (robot %s): %s.", text, robot.name, by)
+        self.collector.show_again(lambda other: other.group == robot.group)
 
     def _ask(self) -> None:
         session = self._session
         if session is None:
             return
+        import zenoh
 
-        def on_reply(reply: zenoh.Reply) -> None:
+        def on_reply(reply: zenoh.Reply, kind: int = JOURNAL) -> None:
             if reply.ok is not None:
-                self._put(JOURNAL, str(reply.ok.key_expr), reply.ok.payload.to_bytes())
+                self._put(kind, str(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
+        for name, device in self.profiles.questions(time.time(), QUESTIONS_PER_TURN // 10):
+            robot = self.robots.get(name)
+            if robot is None or robot.state == "lost":
+                self.profiles.forget_question(name, device)
+                continue
+            with contextlib.suppress(Exception):  # asked again later
+                parameters = zenoh.Parameters({"device": device})
+                selector = zenoh.Selector(keys.settings_key(name), parameters)
+                session.get(selector, partial(on_reply, kind=SETTINGS), timeout=QUERY_TIMEOUT_S)
         for name, boot, after in self.collector.questions(QUESTIONS_PER_TURN):
             with contextlib.suppress(Exception):  # asked again later
                 session.get(f"{keys.journal_key(name)}?boot={boot};after={after}", on_reply, timeout=QUERY_TIMEOUT_S)

@@ -3,6 +3,7 @@
 imuscope/1/robots/NAME/alive/BOOT     liveliness token of a robot
 imuscope/1/robots/NAME/report         its reports, as they are made
 imuscope/1/robots/NAME/journal        queryable: reports after a number, made while nobody took them
+imuscope/1/robots/NAME/settings       queryable: the settings of a device
 imuscope/1/fleet/clock                queryable of the fleet server: its time
 """
 
@@ -47,6 +48,11 @@ def report_key(robot: str) -> str:
 def journal_key(robot: str) -> str:
     """Key at which a robot answers with earlier reports."""
     return f"{ROBOTS}/{robot}/journal"
+
+
+def settings_key(robot: str) -> str:
+    """Key at which a robot answers with the settings of a device."""
+    return f"{ROBOTS}/{robot}/settings"
 
 
 def robot_of(key: str) -> str:

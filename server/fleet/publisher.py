@@ -30,6 +30,7 @@ from server.fleet import keys
 from server.fleet.bus import BusCredentials, FleetBusError, client_settings, open_bus
 from server.fleet.device_figures import DeviceFigures, clipped
 from server.fleet.journal import Journal
+from server.fleet.known_settings import KnownSettings
 from server.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
 from server.fleet.status_summary import summary_of
 from server.fleet.summaries import RobotSummary, settled
@@ -117,16 +118,24 @@ class FleetPublisher:
 
     Args:
         alarms: those that are raised at present.
+        settings: those of the devices, as far as they are known.
 
     Raises:
         FleetSettingsError, DecodeOptionError: the settings of the fleet are not valid.
     """
 
-    def __init__(self, telemetry: Telemetry, config: Config, alarms: Callable[[], Iterable[ReportedAlarm]]) -> None:
+    def __init__(
+        self,
+        telemetry: Telemetry,
+        config: Config,
+        alarms: Callable[[], Iterable[ReportedAlarm]],
+        settings: KnownSettings,
+    ) -> None:
         self._settings = config.fleet
         self._data = config.data
         self._bus = telemetry.bus
         self._alarms = alarms
+        self._known_settings = settings
         self._figures = DeviceFigures(telemetry.bus, telemetry.store)
         self.journal = Journal()
         self.name, self._credentials = "", BusCredentials()
@@ -235,7 +244,7 @@ class FleetPublisher:
             recording=recorder is not None and recorder.running,
             disk_free_bytes=_free(self._data),
             alarms=tuple(self._alarms())[:MAX_ALARMS],
-            devices=self._figures.devices(),
+            devices=self._known_settings.with_settings(self._figures.devices()),
         )
         shown = settled(summary_of(self.name, status, 0.0), self._shown)
         self._ticks += 1
@@ -263,6 +272,7 @@ class FleetPublisher:
 
         self._session = session
         self._declared.append(session.declare_queryable(keys.journal_key(self.name), self._on_query))
+        self._declared.append(session.declare_queryable(keys.settings_key(self.name), self._on_settings_query))
         self._publisher = session.declare_publisher(
             keys.report_key(self.name), congestion_control=zenoh.CongestionControl.DROP
         )
@@ -281,6 +291,14 @@ class FleetPublisher:
             self._budget.take(len(data))
         with query:
             query.reply(keys.journal_key(self.name), data)
+
+    def _on_settings_query(self, query: zenoh.Query) -> None:
+        """Answer with the settings of a device."""
+        with query, self._budget_lock:
+            data = self._known_settings.answer(str(query.selector.parameters.get("device") or ""))
+            if data and self._budget.available(time.monotonic()) > 0:  # else it is asked again
+                self._budget.take(len(data))
+                query.reply(keys.settings_key(self.name), data)
 
     def _measure_latency(self, session: zenoh.Session) -> None:
         asked = time.monotonic()

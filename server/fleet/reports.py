@@ -33,6 +33,7 @@ Word = Annotated[str, Meta(min_length=1, max_length=40)]
 """Of a list that later versions may extend."""
 Further = Annotated[dict[Name, Name], Meta(max_length=MAX_MORE)]
 Sentence = Annotated[str, Meta(max_length=500)]
+Digest = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
 Boot = Annotated[str, Meta(pattern="^[0-9a-f]{16}$")]
 
 
@@ -71,6 +72,8 @@ class ReportedDevice(msgspec.Struct, frozen=True):
     temperature: Number | None = None
     clock_ppm: Number | None = None
     clock_uncertainty_ms: Number | None = None
+    settings: Digest = ""
+    settings_read: Number | None = None
     more: Further = msgspec.field(default_factory=dict)
 
 
@@ -218,7 +221,7 @@ def _check_finite(report: RobotReport) -> None:
     if report.status is not None:
         numbers.append(report.status.latency_ms)
         for one in report.status.devices:
-            figures: Sequence[Any] = (one.rate, one.expected_rate, one.loss, one.temperature)
+            figures: Sequence[Any] = (one.rate, one.expected_rate, one.loss, one.temperature, one.settings_read)
             numbers += (*figures, one.clock_ppm, one.clock_uncertainty_ms)
     if not all(math.isfinite(one) for one in numbers if one is not None):
         raise ReportError("The message has a number that is not finite.")

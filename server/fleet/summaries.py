@@ -45,6 +45,8 @@ class RobotDevice(BaseModel):
     temperature: float | None = Field(description="°C")
     clock_ppm: float | None = Field(description="its clock against that of its host")
     clock_uncertainty_ms: float | None = Field(description="± of the mapping from device time to host time")
+    settings: str = Field("", description="digest of its settings, as last read; empty while they are unknown")
+    settings_read: float | None = Field(None, description="clock of the robot, unix s: when they were read")
     more: dict[str, str] = Field(default_factory=dict, description="what a later version reports, by name")
 
 

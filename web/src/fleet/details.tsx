@@ -18,6 +18,7 @@ import { Events, RemoveRobot } from "./events";
 import type { Fleet } from "./fleet-state";
 import type { Robot } from "./robots";
 import { ageText } from "./row";
+import { SettingsCheck } from "./settings";
 import type { RobotAlarm, RobotDevice } from "../wire/routes";
 import { TEXT } from "../texts/fleet";
 
@@ -99,6 +100,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
       <OwnPages address={summary.address} isLost={isLost} />
       <h3>{TEXT.alarms}</h3>
       <Alarms alarms={summary.alarms} devices={summary.devices} />
+      <SettingsCheck key={`settings ${summary.name}`} robot={summary} fleet={fleet} />
       <Events key={summary.name} name={summary.name} />
       <h3>{TEXT.devices}</h3>
       {summary.devices.length === 0 && <p class="dim">{TEXT.noDevice}</p>}

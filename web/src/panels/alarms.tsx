@@ -18,28 +18,11 @@ import {
 } from "./alarm-states";
 import { type NoticeState, noticeState, switchNotices } from "./alarm-notices";
 import type { Deps } from "./panel-context";
+import { storedName, storeName } from "../ui/person-name";
 import { registerPanel } from "./registry";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/alarms";
 import "./alarms.css";
-
-const NAME_KEY = "imuscope.person";
-
-function storedName(): string {
-  try {
-    return localStorage.getItem(NAME_KEY) ?? "";
-  } catch {
-    return ""; // a browser may forbid it
-  }
-}
-
-function storeName(name: string): void {
-  try {
-    localStorage.setItem(NAME_KEY, name);
-  } catch {
-    // it is asked for again
-  }
-}
 
 /** State of one panel: the alarm that is being acknowledged, and the last problem. */
 interface PanelState {

@@ -18,6 +18,8 @@ export function deviceWith(part: Partial<RobotDevice> = {}): RobotDevice {
     temperature: 31.5,
     clock_ppm: 4.2,
     clock_uncertainty_ms: 0.2,
+    settings: "",
+    settings_read: null,
     more: {},
     ...part,
   };

@@ -418,6 +418,24 @@ export interface DeviceFilter {
   readonly family: string;
 }
 
+/** A device against the profile of its group. */
+export interface DeviceSettingsCheck {
+  /** id */
+  readonly device: string;
+  readonly name: string;
+  readonly state: "unknown" | "as-profile" | "drifted";
+  /** why it is unknown; empty otherwise */
+  readonly why: string;
+  /** clock of the robot, unix s: when its settings were read; null if unknown */
+  readonly read: number | null;
+  readonly profile: ProfileOrigin | null;
+  /** number of fields that are as in the profile */
+  readonly same: number;
+  readonly rows: readonly SettingDifference[];
+  /** setting → why it could not be compared */
+  readonly missing: Readonly<Record<string, string>>;
+}
+
 /** Directions seen, as cells of equal area on a sphere around the sensor. */
 export interface DirectionCoverage {
   /** number of cells in each ring of a half */
@@ -723,6 +741,25 @@ export interface ProblemBody {
   readonly hint: string;
 }
 
+/** Origin of a profile. */
+export interface ProfileOrigin {
+  readonly robot: string;
+  /** displayed name */
+  readonly device: string;
+  /** name of the person */
+  readonly by: string;
+  /** clock of the fleet server, unix s */
+  readonly time: number;
+}
+
+/** A device, and the person who asks. */
+export interface ProfileRequest {
+  /** id of the robot's device */
+  readonly device: string;
+  /** name of the person */
+  readonly by: string;
+}
+
 /** An answer as JSON. A value that is missing or not finite is null. */
 export interface QueryAnswer {
   readonly columns: readonly AnswerColumn[];
@@ -891,6 +928,10 @@ export interface RobotDevice {
   readonly clock_ppm: number | null;
   /** ± of the mapping from device time to host time */
   readonly clock_uncertainty_ms: number | null;
+  /** digest of its settings, as last read; empty while they are unknown */
+  readonly settings: string;
+  /** clock of the robot, unix s: when they were read */
+  readonly settings_read: number | null;
   /** what a later version reports, by name */
   readonly more: Readonly<Record<string, string>>;
 }
@@ -998,6 +1039,17 @@ export interface SensorCorrection {
   readonly matrix: readonly (readonly number[])[];
   /** the largest standard uncertainty (1 σ) of its elements */
   readonly matrix_uncertainty: number;
+}
+
+/** A setting that differs. */
+export interface SettingDifference {
+  /** as on the page Configure */
+  readonly title: string;
+  readonly unit: string;
+  /** as text; empty if the profile does not have it */
+  readonly profile: string;
+  /** the same for the robot */
+  readonly robot: string;
 }
 
 /** Changes of a client to the settings of the device. */
@@ -1661,6 +1713,23 @@ export interface Routes {
   "GET /api/fleet/events": {
     readonly query?: { readonly robot?: string | undefined; readonly before?: number | null | undefined; readonly limit?: number | undefined };
     readonly answer: readonly FleetEvent[];
+  };
+  /** Settings of a robot's devices against the profiles of its group. */
+  "GET /api/fleet/robots/{robot}/settings": {
+    readonly path: { readonly robot: string };
+    readonly answer: readonly DeviceSettingsCheck[];
+  };
+  /** Make the settings of a device the profile of its group, for its product. Nothing is written to any robot. */
+  "POST /api/fleet/robots/{robot}/profile": {
+    readonly path: { readonly robot: string };
+    readonly body: ProfileRequest;
+    readonly answer: readonly DeviceSettingsCheck[];
+  };
+  /** Remove the profile that a device is compared with. */
+  "DELETE /api/fleet/robots/{robot}/profile": {
+    readonly path: { readonly robot: string };
+    readonly query: { readonly device: string; readonly by: string };
+    readonly answer: readonly DeviceSettingsCheck[];
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };

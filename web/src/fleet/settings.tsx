@@ -1,0 +1,155 @@
+/** Settings of a robot against the profile of its group: what differs, and making them the profile. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { storedName, storeName } from "../ui/person-name";
+import { dateWords } from "../recordings/library-filter";
+import type { Outcome, Problem } from "../ui/http";
+import { ProblemNote } from "../ui/problem-note";
+import type { DeviceSettingsCheck, RobotSummary } from "../wire/routes";
+import { askSettings, removeProfile, useProfile } from "./api";
+import type { Fleet } from "./fleet-state";
+import { COMMON } from "../texts/common";
+import { TEXT } from "../texts/fleet";
+import "./settings.css";
+
+type Answer = Outcome<readonly DeviceSettingsCheck[]>;
+
+export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; readonly fleet: Fleet }) {
+  const checks = useSignal<readonly DeviceSettingsCheck[] | undefined>(undefined);
+  const problem = useSignal<Problem | undefined>(undefined);
+  const isOpen = useSignal(false);
+  const take = (outcome: Answer): boolean => {
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (outcome.ok) checks.value = outcome.value;
+    return outcome.ok;
+  };
+  const shown = [robot.settings, robot.drifted, ...robot.devices.map((one) => one.settings)].join(" ");
+  // biome-ignore lint/correctness/useExhaustiveDependencies: asked again when the robot has changed, not with each drawing
+  useEffect(() => {
+    if (isOpen.value) void askSettings(robot.name).then(take);
+  }, [isOpen.value, robot.name, shown]);
+  return (
+    <details
+      class="fleet-events fleet-settings"
+      onToggle={(event) => {
+        isOpen.value = event.currentTarget.open;
+      }}
+    >
+      <summary>{TEXT.compare}</summary>
+      {problem.value && <ProblemNote problem={problem.value} />}
+      {checks.value?.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
+      {checks.value?.map((check) => (
+        <section key={check.device}>
+          <h4>{check.name}</h4>
+          <Check check={check} />
+          <Profile
+            check={check}
+            send={async (request) => {
+              if (!take(await request)) return false;
+              fleet.retry();
+              return true;
+            }}
+            robot={robot.name}
+          />
+        </section>
+      ))}
+    </details>
+  );
+}
+
+function Check({ check }: { readonly check: DeviceSettingsCheck }) {
+  const { rows, profile, read, why, same, missing } = check;
+  const skipped = Object.entries(missing);
+  return (
+    <>
+      {why !== "" && <p class="dim">{why}</p>}
+      {rows.length > 0 && (
+        <table>
+          <thead>
+            <tr>
+              <th>{TEXT.settingTitle}</th>
+              <th>{TEXT.profileTitle}</th>
+              <th>{TEXT.robotTitle}</th>
+            </tr>
+          </thead>
+          <tbody>
+            {rows.map(({ title, profile: right, robot: left }) => (
+              <tr key={title}>
+                <td>{title}</td>
+                <td>{right || TEXT.nothingValue}</td>
+                <td class="warn">{left || TEXT.nothingValue}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      )}
+      {profile && why === "" && <p class="dim">{TEXT.sameSettings(same)}</p>}
+      {skipped.length > 0 && (
+        <p class="dim" title={skipped.map(([name, text]) => `${name}: ${text}`).join("\n")}>
+          {TEXT.notCompared(skipped.length)}
+        </p>
+      )}
+      {profile && <p class="dim">{TEXT.profileOf(profile.robot, profile.by, dateWords(profile.time))}</p>}
+      {read !== null && <p class="dim">{TEXT.readAt(dateWords(read))}</p>}
+    </>
+  );
+}
+
+interface ProfileProps {
+  readonly check: DeviceSettingsCheck;
+  readonly robot: string;
+  readonly send: (request: Promise<Answer>) => Promise<boolean>;
+}
+
+/** Asks for the name of the person first: it is logged with what happens. */
+function Profile({ check: { device, profile, read }, robot, send }: ProfileProps) {
+  const asking = useSignal<"use" | "remove" | undefined>(undefined);
+  const submit = async (event: SubmitEvent): Promise<void> => {
+    event.preventDefault();
+    const by = String(new FormData(event.currentTarget as HTMLFormElement).get("by") ?? "").trim();
+    if (by === "") return;
+    storeName(by);
+    const change = asking.peek() === "use" ? useProfile : removeProfile;
+    if (await send(change(robot, device, by))) asking.value = undefined;
+  };
+  if (asking.value === undefined) {
+    return (
+      <div class="fleet-profile">
+        {read !== null && (
+          <button type="button" class="btn edge" onClick={() => (asking.value = "use")}>
+            {TEXT.useProfile}
+          </button>
+        )}
+        {profile && (
+          <button type="button" class="btn" onClick={() => (asking.value = "remove")}>
+            {TEXT.removeProfile}
+          </button>
+        )}
+      </div>
+    );
+  }
+  const title = asking.value === "use" ? TEXT.useProfile : TEXT.removeProfile;
+  return (
+    <form class="fleet-profile" onSubmit={(event) => void submit(event)}>
+      {asking.value === "use" && <p class="dim">{TEXT.useProfileHint}</p>}
+      <input
+        name="by"
+        type="text"
+        maxLength={60}
+        required
+        autocomplete="name"
+        aria-label={TEXT.yourName}
+        placeholder={TEXT.yourName}
+        title={TEXT.yourNameHint}
+        defaultValue={storedName()}
+        ref={(input) => input?.focus()}
+      />
+      <button type="submit" class="btn edge">
+        {title}
+      </button>
+      <button type="button" class="btn" onClick={() => (asking.value = undefined)}>
+        {COMMON.cancel}
+      </button>
+    </form>
+  );
+}
