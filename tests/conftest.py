@@ -80,6 +80,16 @@ def data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def patient_shutdown() -> Iterator[None]:
+    """Services of a server in this process have as long as a loaded machine takes to close: what is abandoned would be
+    found as a leaked process by a later test.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("server.shutdown.PART_S", PATIENCE_S)
+        yield
+
+
 # Files that take a worker half a minute and more, mostly waiting for devices; begun last, they would run on alone.
 LONGEST = ("test_rollback.py", "test_ros2.py", "test_library_api.py", "test_upload.py", "test_held_clients.py")
 

@@ -15,6 +15,7 @@ from server.ros2.session import (
     router_host,
 )
 from tests.free_ports import free_port
+from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 from tests.zenoh_router import announced, running_router
 
@@ -42,6 +43,7 @@ def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.Monke
         patch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": 200})
         with pytest.raises(RouterAbsentError, match=f"There is no Zenoh router at tcp/127.0.0.1:{port}."):
             open_session(f"tcp/127.0.0.1:{port}")
+    monkeypatch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)})
     with running_router(port) as router:
         session = open_session(f"tcp/127.0.0.1:{port}")
         token = session.liveliness().declare_token("@ros2_lv/0/test")
@@ -56,6 +58,7 @@ def test_a_client_of_a_router_elsewhere_finds_it_again(monkeypatch: pytest.Monke
 
 
 def test_messages_of_a_client_reach_a_peer_of_the_router(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.ros2.session.IMPATIENT", {**IMPATIENT, "connect/timeout_ms": round(PATIENCE_S * 1000)})
     port = free_port()
     with running_router(port), closing(open_session(f"tcp/127.0.0.1:{port}")) as peer:
         monkeypatch.setattr("server.ros2.session._is_here", lambda host: False)
