@@ -197,6 +197,7 @@ def main() -> int:
     env = {**os.environ, "NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "IMUSCOPE_NEEDS_BROWSER": "1"}
     env.pop("FORCE_COLOR", None)
     env.pop("PYTHONDONTWRITEBYTECODE", None)  # otherwise some hundred processes would each compile every module
+    env["NODE_COMPILE_CACHE"] = str(ROOT / "artifacts" / "node")  # vitest starts a process for each file of tests
     if options.deep:
         env["HYPOTHESIS_PROFILE"] = "deep"
     chosen = [part for part in PARTS if part.name in (options.parts or names)]
