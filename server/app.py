@@ -35,6 +35,7 @@ from server.api import (
     reference,
     replay,
     rerun,
+    robot_pages,
     ros2,
     shares,
     signals,
@@ -85,6 +86,7 @@ ROUTED = (
     workspaces,
     fleet,
     fleet_profiles,
+    robot_pages,
     ports,
     status,
     capabilities,
@@ -135,8 +137,9 @@ def create_app(
     )
 
     @asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         async with services.running():
+            services.fleet.pages.serve(app)
             yield
 
     app = FastAPI(

@@ -12,7 +12,8 @@ Three dangers, three checks, all before a route is reached:
 
 A view token can read, a control token can also change things. Some requests are POST only because they carry values
 (preview, fit rates, compare, analysis, comparison, calibration of a stretch, check and preview of an alarm, a question
-about the store): they change nothing, and a view token may send them.
+about the store): they change nothing, and a view token may send them. At a fleet server, the same holds for requests to
+a robot below /robots/NAME; the robot compares them with its own rules again (server/fleet/page_server.py).
 
 Wrong tokens are rate-limited: server/login_throttle.py explains how, and why a valid token is not locked out.
 
@@ -57,6 +58,7 @@ READ_ONLY_POST = re.compile(  # they carry values
     r"/api/(devices/[^/]+/(preview|fit-rates|compare)|(analysis|calibration)/[^/]+|comparison(/settings)?"
     r"|alarms/(check|preview)|query)\Z"
 )
+ON_ROBOT = re.compile(r"/robots/[^/]+(/(?:api|ws)(?:/.*)?)\Z", re.DOTALL)
 UPLOAD = ("PUT", "/api/recordings/upload")  # the only body that is not JSON: a recording, up to `upload_gb`
 UPLOAD_TYPE = "application/octet-stream"
 COOKIE_AGE_S = 90 * 24 * 3600
@@ -148,7 +150,7 @@ class Access:
         role = self._check_token(headers, client, query_token)
         if changes:
             self._check_body(headers, upload=(method, path) == UPLOAD)
-            if role != "control" and not (method == "POST" and READ_ONLY_POST.match(path)):
+            if role != "control" and is_command(method, path):
                 raise RefusedError("view-only", "This token is view-only.", "Open the page with a control token.")
         return role
 
@@ -257,6 +259,17 @@ def is_protected(path: str) -> bool:
     return any(path == prefix or path.startswith(prefix + "/") for prefix in PROTECTED)
 
 
+def is_command(method: str, path: str) -> bool:
+    """Whether a request changes something."""
+    return method not in SAFE_METHODS and not (method == "POST" and READ_ONLY_POST.match(path))
+
+
+def path_on_robot(path: str) -> str:
+    """The path at the robot of a request to its fleet server: /robots/otter-7/api/devices → /api/devices."""
+    found = ON_ROBOT.match(path)
+    return found[1] if found else path
+
+
 class Guard:
     """The rules as ASGI middleware, around everything."""
 
@@ -271,7 +284,7 @@ class Guard:
         send = with_defaults(send)
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         token = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        path, method = path_of(scope["path"]), scope.get("method", "GET")
+        path, method = path_of(path_on_robot(scope["path"])), scope.get("method", "GET")
         client = (scope.get("client") or ("", 0))[0]
         try:
             if is_protected(path):

@@ -312,6 +312,7 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
         )
         for name in ("listen", "router")
     },
+    "fleet.pages": (lambda text: text in ("off", "view", "control"), "is not off, view or control"),
     "fleet.limit_kb_s": (
         lambda rate: rate == 0 or 0.1 <= rate <= 1e6,
         "is neither 0 (no limit) nor 0.1 … 1 000 000 kB/s",

@@ -22,6 +22,7 @@ class FleetSettings:
         user, password: at the router; the password may be @FILE.
         ca, certificate, key: PEM files: authority of the router's certificate, and the robot's own certificate.
         limit_kb_s: most bytes/s that are sent, 10³ bytes; 0 for no limit.
+        pages: what the fleet server may do with the pages of this robot: "off", "view" or "control".
     """
 
     router: str = ""
@@ -34,6 +35,7 @@ class FleetSettings:
     certificate: str = ""
     key: str = ""
     limit_kb_s: float = 0.0
+    pages: str = "view"
 
 
 @dataclass(frozen=True, slots=True)

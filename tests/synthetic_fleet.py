@@ -61,6 +61,7 @@ class RobotMaker:
             latency_ms=self._random.uniform(8, 90),
             version="1.0.0" if chance() < 0.9 else "0.9.4",
             address=f"http://amr-{index + 1:03d}.example:8080/",
+            pages="view",
             recording=chance() < 0.3,
             disk_free_bytes=int(
                 self._random.uniform(0.5e9, 6e9) if chance() < 0.03 else self._random.uniform(2e10, 4e11)

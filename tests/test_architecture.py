@@ -85,6 +85,7 @@ SERVER: dict[str, set[str]] = {
     "decode_worker": {"analysis", "devices", "jit_cache", "library"},
     "fleet": {
         "alarms",
+        "auth",
         "config",
         "configuration",
         "devices",

@@ -4,8 +4,8 @@
     heron-2                        … or the name alone, which is then the common name of its client certificate
 
 From the file follow the access rules of the router: a robot may put its own reports, answer for its own journal and
-announce itself, and ask the fleet server for the time. Everything else is denied: other names, and reading anything of
-another robot. Removing a line revokes a robot.
+announce itself, ask the fleet server for the time, and be asked for its own pages. Everything else is denied: other
+names, reading anything of another robot, and asking another robot for its pages. Removing a line revokes a robot.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from server.fleet import keys
-from server.fleet.bus import MAX_SESSIONS, SETTINGS
+from server.fleet.bus import MAX_SESSIONS, SETTINGS, is_loopback_address
 
 MIN_PASSWORD = 12
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
 
 class FleetAccessError(ValueError):
@@ -78,16 +77,23 @@ def access_rules(robots: RobotCredentials) -> dict[str, Any]:
     common = [
         rule("ask the fleet server", "ingress", ["query"], f"{keys.FLEET}/**"),
         rule("answers of the fleet server", "egress", ["reply", "declare_queryable"], f"{keys.FLEET}/**"),
-        rule("who wants reports", "egress", ["declare_subscriber"], keys.ALL_REPORTS),
+        rule("who wants reports", "egress", ["declare_subscriber"], keys.ALL_REPORTS, keys.ALL_ANSWERS),
     ]
     rules, subjects, policies = list(common), [], []
     shown = "usernames" if robots.have_passwords else "cert_common_names"
     for name in robots.names:
         own = f"{keys.ROBOTS}/{name}/**"
         writes = ("put", "declare_queryable", "reply", "liveliness_token")
-        rules += [rule(f"{name} writes", "ingress", writes, own), rule(f"{name} is asked", "egress", ["query"], own)]
+        asks = keys.asks(name)
+        its = [
+            rule(f"{name} writes", "ingress", writes, own),
+            rule(f"{name} is asked", "egress", ["query"], own),
+            rule(f"{name} listens", "ingress", ["declare_subscriber"], asks),
+            rule(f"{name} is asked for pages", "egress", ["put"], asks),
+        ]
+        rules += its
         subjects.append({"id": name, shown: [name]})
-        mine = [one["id"] for one in common] + [f"{name} writes", f"{name} is asked"]
+        mine = [one["id"] for one in (*common, *its)]
         policies.append({"rules": mine, "subjects": [name]})
     return {
         "enabled": True,
@@ -117,7 +123,7 @@ class RouterSettings:
     @property
     def is_loopback(self) -> bool:
         """Whether only this machine can connect."""
-        return self.listen.partition("/")[2].rpartition(":")[0] in LOOPBACK
+        return is_loopback_address(self.listen)
 
     def check(self, *, is_open: bool) -> None:
         """Refuse to listen to a network without TLS and credentials.

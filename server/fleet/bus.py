@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MAX_SESSIONS = 100_000
 MAX_MESSAGE = 1024 * 1024  # bytes: larger ones are refused by Zenoh itself
+SLOW_LINE_US = 60_000_000
+"""A robot's line that accepts nothing for so long is opened anew; the usual 5 s are short for a bad line."""
 SETTINGS: Mapping[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
@@ -28,6 +30,9 @@ SETTINGS: Mapping[str, Any] = {
     "connect/exit_on_failure": False,
     "connect/retry": {"period_init_ms": 1000, "period_max_ms": 8000, "period_increase_factor": 2},
 }
+
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
 
 class FleetBusError(Exception):
@@ -51,6 +56,11 @@ class BusCredentials:
     key: str = ""
 
 
+def is_loopback_address(address: str) -> bool:
+    """Whether an address of a router, such as tcp/127.0.0.1:7447, is on this machine."""
+    return address.partition("/")[2].rpartition(":")[0] in LOOPBACK
+
+
 def client_settings(router: str, credentials: BusCredentials) -> dict[str, Any]:
     """Settings of a client of a router."""
     settings = {
@@ -58,6 +68,7 @@ def client_settings(router: str, credentials: BusCredentials) -> dict[str, Any]:
         "mode": "client",
         "connect/endpoints": [router],
         "listen/endpoints": [],
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": SLOW_LINE_US,
         "transport/auth/usrpwd/user": credentials.user or None,
         "transport/auth/usrpwd/password": credentials.password or None,
         "transport/link/tls/root_ca_certificate": credentials.ca or None,

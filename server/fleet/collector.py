@@ -97,6 +97,11 @@ class Collector:
         """Number of robots that are live."""
         return sum(bool(robot.boots) for robot in self._robots.values())
 
+    def boot_of(self, name: str) -> str:
+        """Run of the server of a robot; empty if it is not live."""
+        robot = self._robots.get(name)
+        return robot.stored.boot if robot is not None and robot.boots else ""
+
     def settle_absent(self) -> None:
         """Robots that were live before a restart, and have not come back, are lost since then."""
         for robot in self._robots.values():

@@ -27,6 +27,7 @@ from server.fleet.database import FleetDatabase, FleetDatabaseError
 from server.fleet.group_profiles import GroupProfiles
 from server.fleet.later_versions import PARTS
 from server.fleet.reports import MAX_JOURNAL, ReportError
+from server.fleet.robot_pages import RobotPages
 from server.fleet.robots import Robots
 from server.fleet.summaries import RobotSummary
 from server.prometheus_text import PrometheusText
@@ -71,6 +72,7 @@ class FleetServer:
     ) -> None:
         self.robots, self.database, self.profiles = robots, database, profiles
         self.collector = Collector(robots, database.robots(), judged=profiles.judged)
+        self.pages = RobotPages(self.collector.boot_of)
         self.problem = ""
         self.overflows = 0
         self._settings, self._version = settings, version
@@ -98,6 +100,7 @@ class FleetServer:
         """Begin to collect, in the event loop. A session that is not open is opened in the background."""
         if self._session is None:  # of a client: that lasts until its router is there
             threading.Thread(target=self._open_late, name="fleet server", daemon=True).start()
+        self.pages.start()
         self._task = asyncio.create_task(self._run(), name="fleet server")
 
     def _open_late(self) -> None:
@@ -113,6 +116,7 @@ class FleetServer:
     async def close(self) -> None:
         """Close the session and write what is left."""
         self._closed = True
+        self.pages.close()
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -141,6 +145,7 @@ class FleetServer:
         self._declared = [
             session.declare_queryable(keys.CLOCK, on_clock),
             session.declare_subscriber(keys.ALL_REPORTS, on_report),
+            self.pages.declare(session),
             session.liveliness().declare_subscriber(keys.ALL_TOKENS, on_token, history=True),
         ]
 
@@ -168,6 +173,7 @@ class FleetServer:
             try:
                 self._drain()
                 self._ask()
+                self.pages.tick()
                 now = loop.time()
                 if now >= write_at and (self._writing is None or self._writing.done()):
                     write_at = now + WRITE_S
@@ -264,8 +270,14 @@ class FleetServer:
         self.problem = ""
         log.warning("The file of robots has changed: all robots connect anew.")
 
+    def note_command(self, robot: str, level: str, text: str) -> None:
+        """Store that a viewer commanded a robot, or tried to."""
+        log.info("%s: %s", robot, text)
+        self.collector.note(robot, "command", level, text)
+
     def add_metrics(self, page: PrometheusText) -> None:
         """Add the families of the fleet to the page for Prometheus."""
+        self.pages.add_metrics(page)
         counts = self.collector.counts
         page.family("imuscope_fleet_robots", "gauge", "Robots by state.")
         live = self.collector.live

@@ -4,6 +4,8 @@ imuscope/1/robots/NAME/alive/BOOT     liveliness token of a robot
 imuscope/1/robots/NAME/report         its reports, as they are made
 imuscope/1/robots/NAME/journal        queryable: reports after a number, made while nobody took them
 imuscope/1/robots/NAME/settings       queryable: the settings of a device
+imuscope/1/robots/NAME/pages/ask/SERVER       requests of a fleet server to the pages of a robot
+imuscope/1/robots/NAME/pages/answer/SERVER    the robot's answers
 imuscope/1/fleet/clock                queryable of the fleet server: its time
 """
 
@@ -18,6 +20,7 @@ FLEET = f"{ROOT}/fleet"
 CLOCK = f"{FLEET}/clock"
 ALL_REPORTS = f"{ROBOTS}/*/report"
 ALL_TOKENS = f"{ROBOTS}/*/alive/*"
+ALL_ANSWERS = f"{ROBOTS}/*/pages/answer/*"
 MAX_NAME = 64
 NAME_RULE = f"1 to {MAX_NAME} letters, digits, spaces, points, hyphens and underscores, a letter or a digit first"
 _NAME = re.compile(rf"[^\W_][\w .-]{{0,{MAX_NAME - 1}}}")
@@ -66,3 +69,19 @@ def parse_token(key: str) -> tuple[str, str]:
     robot = robot_of(key)
     boot = key.rpartition("/")[2]
     return (robot, boot) if robot and is_boot(boot) and key == token_key(robot, boot) else ("", "")
+
+
+def asks(robot: str, server: str = "*") -> str:
+    """Key at which a fleet server asks for pages of a robot; of all fleet servers unless one is given."""
+    return f"{ROBOTS}/{robot}/pages/ask/{server}"
+
+
+def answers(server: str, robot: str = "*") -> str:
+    """Key at which a robot answers a fleet server; of all robots unless one is given."""
+    return f"{ROBOTS}/{robot}/pages/answer/{server}"
+
+
+def server_of(key: str) -> str:
+    """The fleet server that a key of pages belongs to; empty if it is none."""
+    server = key.rpartition("/")[2]
+    return server if is_boot(server) else ""

@@ -27,13 +27,14 @@ from server import wire
 from server.config import Config, ConfigError
 from server.devices.decode_options import secret_text
 from server.fleet import keys
-from server.fleet.bus import BusCredentials, FleetBusError, client_settings, open_bus
+from server.fleet.bus import BusCredentials, FleetBusError, client_settings, is_loopback_address, open_bus
 from server.fleet.device_figures import DeviceFigures, clipped
 from server.fleet.journal import Journal
 from server.fleet.known_settings import KnownSettings
+from server.fleet.page_server import PageServer
 from server.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
 from server.fleet.status_summary import summary_of
-from server.fleet.summaries import RobotSummary, settled
+from server.fleet.summaries import PagesAllowed, RobotSummary, settled
 from server.fleet_settings import FleetSettings
 from server.streaming.telemetry import Telemetry
 from server.version import VERSION
@@ -48,6 +49,8 @@ QUIET_EVERY = 10  # reports: without news the others are left out; this one tell
 CLOCK_S = 60.0
 FULL_EVERY = 600  # reports: the whole status, for whoever has joined since
 BURST_S = 10.0  # a line with a limit may send the bytes of so many seconds at once
+RESERVED = 0.3
+"""Share of it that pages leave for reports."""
 KINDS = ("link", "device", "alarm", "marker", "command", "clock")
 """Events that are told; gaps and rejects are in the figures."""
 
@@ -113,6 +116,21 @@ def credentials_of(settings: FleetSettings) -> BusCredentials:
     return BusCredentials(settings.user, password, settings.ca, settings.certificate, settings.key)
 
 
+def allowed_pages(settings: FleetSettings) -> PagesAllowed:
+    """Rights of the fleet server at the pages of this robot.
+
+    Raises:
+        FleetSettingsError: it may command over a line that others can write to.
+    """
+    router = settings.router
+    if settings.pages == "control" and not (router.startswith("tls/") or is_loopback_address(router)):
+        raise FleetSettingsError(
+            f'fleet.pages = "control" lets the fleet server command this robot, but {router} is reached without TLS, '
+            'where others on the network could pose as it: use a router at tls/HOST:PORT, or pages = "view".'
+        )
+    return "control" if settings.pages == "control" else "view" if settings.pages == "view" else "off"
+
+
 class FleetPublisher:
     """The robot in its fleet. To be used in the event loop of the server.
 
@@ -143,6 +161,8 @@ class FleetPublisher:
             self.name, self._credentials = robot_name(self._settings), credentials_of(self._settings)
         self._budget = ByteBudget(self._settings.limit_kb_s * 1000)
         self._budget_lock = threading.Lock()
+        pages = allowed_pages(self._settings)
+        self.pages = PageServer(self.name, self.journal.boot, pages, self._tell_command, self._delay_of_pages)
         self._session: zenoh.Session | None = None
         self._publisher: zenoh.Publisher | None = None
         self._declared: list[object] = []  # a token ends with its object
@@ -171,6 +191,7 @@ class FleetPublisher:
     async def close(self) -> None:
         """Leave."""
         self._closed.set()
+        await self.pages.close()
         if self._unsubscribe is not None:
             self._unsubscribe()
         if self._task is not None:
@@ -202,6 +223,7 @@ class FleetPublisher:
     def _report(self) -> None:
         publisher = self._publisher
         self._tell_connection()
+        self.pages.tick()
         session = self._session
         if session is not None and time.monotonic() >= self._measure_at:
             self._measure_at = time.monotonic() + CLOCK_S
@@ -225,6 +247,7 @@ class FleetPublisher:
             return
         if not is_connected:
             self._latency_ms = None
+            self.pages.line_lost()
         place = self._settings.router
         if is_connected:
             self._bus.event("", "link", "info", f"The fleet at {place} is reached; this robot is {self.name}.")
@@ -232,6 +255,20 @@ class FleetPublisher:
             words = f"The line to the fleet at {place} is lost; reports are kept until it is back."
             self._bus.event("", "link", "warning", words)
         self._was_connected = is_connected
+
+    def _tell_command(self, level: wire.Level, text: str) -> None:
+        self._bus.event("", "command", level, text)
+
+    def _delay_of_pages(self, size: int) -> float:
+        """Seconds until a message of a page may be sent; 0: it is counted as sent. A part of the limit is left for
+        reports.
+        """
+        with self._budget_lock:
+            missing = size - self._budget.available(time.monotonic()) + self._budget.rate * BURST_S * RESERVED
+            if missing <= 0:
+                self._budget.take(size)
+                return 0.0
+            return missing / self._budget.rate
 
     def _changed_status(self) -> RobotStatus | None:
         """The status, if a person would see a difference, or nobody was told for long."""
@@ -243,6 +280,7 @@ class FleetPublisher:
             latency_ms=self._latency_ms,
             recording=recorder is not None and recorder.running,
             disk_free_bytes=_free(self._data),
+            pages=self.pages.pages,
             alarms=tuple(self._alarms())[:MAX_ALARMS],
             devices=self._known_settings.with_settings(self._figures.devices()),
         )
@@ -271,6 +309,7 @@ class FleetPublisher:
         import zenoh
 
         self._session = session
+        self._declared.append(self.pages.declare(session))
         self._declared.append(session.declare_queryable(keys.journal_key(self.name), self._on_query))
         self._declared.append(session.declare_queryable(keys.settings_key(self.name), self._on_settings_query))
         self._publisher = session.declare_publisher(

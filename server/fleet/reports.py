@@ -90,6 +90,7 @@ class RobotStatus(msgspec.Struct, frozen=True):
     latency_ms: Number | None = None
     recording: bool = False
     disk_free_bytes: Count | None = None
+    pages: Word = "off"
     alarms: Annotated[tuple[ReportedAlarm, ...], Meta(max_length=MAX_ALARMS)] = ()
     devices: Annotated[tuple[ReportedDevice, ...], Meta(max_length=MAX_DEVICES)] = ()
     more: Further = msgspec.field(default_factory=dict)

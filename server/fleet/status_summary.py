@@ -20,6 +20,7 @@ def summary_of(name: str, status: RobotStatus, since: float, *, is_live: bool = 
         latency_ms=status.latency_ms,
         version=status.version,
         address=status.address,
+        pages=status.pages,
         recording=status.recording,
         disk_free_bytes=status.disk_free_bytes,
         settings="unknown",

@@ -15,6 +15,7 @@ from pydantic import BaseModel, Field
 
 RobotState = Literal["live", "lost"]
 SettingsState = Literal["unknown", "as-profile", "drifted"]
+PagesAllowed = Literal["off", "view", "control"]
 AlarmRaisedState = Literal["raised", "acknowledged", "missing"]
 
 
@@ -60,6 +61,9 @@ class RobotSummary(BaseModel):
     latency_ms: float | None = Field(description="round trip between robot and fleet server; null if unknown")
     version: str = Field(description="of its imuscope")
     address: str = Field(description="of its own page; empty if it gave none")
+    pages: str = Field(
+        description="what the fleet server may do with its pages at /robots/NAME/: off, view, control, or another word"
+    )
     recording: bool
     disk_free_bytes: int | None = Field(description="of its data folder; null if unknown")
     settings: SettingsState = Field(description="compared with the profile of its group")

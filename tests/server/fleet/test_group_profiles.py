@@ -50,7 +50,14 @@ def robot(name: str, settings: DeviceSettings | None, group: str = "otters") -> 
     return RobotSummary.model_validate(
         {
             **{"name": name, "group": group, "state": "live", "since": 0, "latency_ms": None, "version": ""},
-            **{"address": "", "recording": False, "disk_free_bytes": None, "settings": "unknown", "drifted": 0},
+            **{
+                "address": "",
+                "pages": "off",
+                "recording": False,
+                "disk_free_bytes": None,
+                "settings": "unknown",
+                "drifted": 0,
+            },
             **{"alarms": [], "devices": [device]},
         }
     )

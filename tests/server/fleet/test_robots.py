@@ -50,6 +50,7 @@ def robot(name: str = "otter-7", **changed: Any) -> RobotSummary:
         "latency_ms": 21.0,
         "version": "1.0",
         "address": "",
+        "pages": "off",
         "recording": False,
         "disk_free_bytes": 10**11,
         "settings": "unknown",

@@ -34,6 +34,7 @@ export function robotWith(part: Partial<RobotSummary> = {}): RobotSummary {
     latency_ms: 21,
     version: "1.0.0",
     address: "http://amr-001.example:8080/",
+    pages: "view",
     recording: false,
     disk_free_bytes: 2e11,
     settings: "as-profile",

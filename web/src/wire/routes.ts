@@ -950,6 +950,8 @@ export interface RobotSummary {
   readonly version: string;
   /** of its own page; empty if it gave none */
   readonly address: string;
+  /** what the fleet server may do with its pages at /robots/NAME/: off, view, control, or another word */
+  readonly pages: string;
   readonly recording: boolean;
   /** of its data folder; null if unknown */
   readonly disk_free_bytes: number | null;
