@@ -23,6 +23,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from server.analysis.sampling import sampling_of, unwrapped
@@ -211,17 +212,31 @@ def _correlations(grids: Sequence[tuple[_Grid, _Grid]]) -> tuple[NDArray[np.int6
 
 def _independent(grids: Sequence[tuple[_Grid, _Grid]], lag: int) -> float:
     """Effective number of independent pairs of samples at a lag: autocorrelation makes it less than their number."""
-    from scipy.fft import rfft
-
     total = 0.0
     for a, b in grids:
         begin, end = max(lag, 0), min(len(a.values), lag + len(b.values))
         x, y = a.values[begin:end], b.values[begin - lag : end - lag]
-        powers = [np.square(np.abs(rfft(one - one.mean(), 2 * len(one)))) for one in (x, y)]
+        size = _even_fast_length(2 * len(x))
+        powers = [_power(one - one.mean(), size) for one in (x, y)]
         both = 2 * float(np.dot(powers[0], powers[1]))
         if both > 0:
-            total += len(x) * float(powers[0].sum()) * float(powers[1].sum()) * 4 / both / (2 * len(x))
+            total += len(x) * float(powers[0].sum()) * float(powers[1].sum()) * 4 / both / size
     return total / len(grids)
+
+
+def _power(values: Floats, size: int) -> Floats:
+    """Squared magnitudes of the transform of values that are followed by zeros, `size` in all."""
+    from scipy.fft import rfft
+
+    found: Floats = np.square(np.abs(rfft(values, size)))
+    return found
+
+
+def _even_fast_length(least: int) -> int:
+    """Length of a transform: with a large prime factor it would take several times as long."""
+    from scipy.fft import next_fast_len
+
+    return 2 * int(next_fast_len((least + 1) // 2, real=True))
 
 
 def _lobe(correlation: Floats, best: int) -> int:
@@ -321,10 +336,8 @@ def _step(
 
 def _chance(x: Floats, y: Floats) -> float:
     """Variance of Σ x y for signals of these spectra that have nothing to do with each other."""
-    from scipy.fft import rfft
-
-    size = 2 * len(x)
-    power = np.square(np.abs(rfft(x, size))) * np.square(np.abs(rfft(y, size)))
+    size = _even_fast_length(2 * len(x))
+    power = _power(x, size) * _power(y, size)
     return 2 * float(power.sum()) / size / len(x)
 
 
@@ -353,16 +366,12 @@ def _variance(raw: Floats, residual: Floats, derivative: Floats, weight: Floats,
     Args:
         raw: the residual before it was smoothed: its density is smoother than that of the smoothed one.
     """
-    from scipy.fft import rfft
-    from scipy.signal import welch
-
     n = len(raw)
-    frequency, density = welch(raw, 1.0, nperseg=min(n, max(MIN_POINTS, n // 16)), detrend=False)
+    frequency, density = _density(raw, min(n, max(MIN_POINTS, n // 16)))
     density /= weight.sum() / n  # of the samples that are there
-    density[1:-1] /= 2  # two-sided
     density[:2] = density[:3].max()  # the mean was taken out, and the gain fitted
-    size = 2 * n
-    power = np.square(np.abs(rfft(derivative, size)))
+    size = _even_fast_length(2 * n)
+    power = _power(derivative, size)
     power[1:-1] *= 2
     grid = np.arange(len(power)) / size
     smoothed = np.interp(grid, frequency, density) * np.exp(-4 * np.square(np.pi * width * grid))
@@ -371,3 +380,15 @@ def _variance(raw: Floats, residual: Floats, derivative: Floats, weight: Floats,
     even = float(np.square(residual[there]).mean()) * float(np.square(derivative).sum())
     uneven = float(np.dot(np.square(residual), np.square(derivative)))
     return stationary * max(1.0, uneven / even if even > 0 else 1.0)
+
+
+def _density(values: Floats, length: int) -> tuple[Floats, Floats]:
+    """Frequencies in cycles per sample and the two-sided density of values by Welch's method: Hann windows of `length`
+    that overlap by half, all transformed at once.
+    """
+    from scipy.fft import rfft, rfftfreq
+
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+    segments = sliding_window_view(values, length)[:: length - length // 2]
+    density: Floats = np.square(np.abs(rfft(segments * window))).mean(axis=0) / float(np.square(window).sum())
+    return rfftfreq(length), density
