@@ -17,7 +17,7 @@ from starlette.routing import Route, WebSocketRoute
 
 from server import wire
 from server.app import create_app
-from server.auth import Access, Guard, is_protected
+from server.auth import Access, Guard, is_protected, path_on_robot
 from server.config import Config
 from server.wire_codec import WireError, decode_text
 from tests.server.asgi_client import ACCEPTED, Answer, ask
@@ -42,10 +42,13 @@ ASKING = {
     ),
     *(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare")),
 }
-# Without a token: they hold nothing of the devices.
-OPEN = {"/healthz", "/{name:path}", "/docs", "/docs/{name}"}
+# Without a token: they hold nothing of the devices. /robots/NAME only leads to the fleet server's own page.
+OPEN = {"/healthz", "/{name:path}", "/docs", "/docs/{name}", "/robots/{robot}"}
 # WebSockets, all of which only look; a scene's panel is dealt with in test_viewer_secrets.py.
-SOCKETS = {"/ws", "/ws/scene/{recording}", "/viser", "/viser/{key}", "/rerun/live", "/foxglove", "/foxglove/"}
+SOCKETS = {
+    *("/ws", "/ws/scene/{recording}", "/viser", "/viser/{key}", "/rerun/live", "/foxglove", "/foxglove/"),
+    "/robots/{robot}/ws",
+}
 
 
 def settings(folder: Path) -> Config:
@@ -107,6 +110,10 @@ def filled(path: str) -> str:
     return re.sub(r"\{.*?\}", "1", path)
 
 
+def _needs_token(path: str) -> bool:
+    return is_protected(path_on_robot(filled(path)))
+
+
 def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
     plain = [route for route in routes if isinstance(route, Route)]
     assert len(plain) > 60
@@ -116,6 +123,9 @@ def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
             body = "" if method in SAFE else "application/octet-stream" if upload else "application/json"
             answer, reached = attempt(tmp_path, method, filled(route.path), TOKENS[role], body)
             what = (method, route.path, role)
+            if route.path.startswith("/api/") and not upload:  # the same through the line of a robot
+                through, reached_robot = attempt(tmp_path, method, "/robots/1" + filled(route.path), TOKENS[role], body)
+                assert (through.status, reached_robot) == (answer.status, reached), what
             if route.path in OPEN:
                 assert reached == "open", what
                 continue
@@ -132,7 +142,7 @@ def test_read_only_routes_are_those_listed(routes: list[Any]) -> None:
     """An outdated entry in the list would authorise a route that is added later."""
     paths = {route.path for route in routes}
     assert paths >= ASKING | OPEN | SOCKETS
-    assert {route.path for route in routes if not is_protected(filled(route.path))} == OPEN
+    assert {route.path for route in routes if not _needs_token(route.path)} == OPEN
     assert not ASKING & {
         route.path for route in routes if {"PUT", "PATCH", "DELETE"} & set(getattr(route, "methods", ()) or ())
     }
@@ -172,6 +182,9 @@ def _has_op(one: Any) -> bool:
     [
         *("/api/devices/", "//api/devices", "/api//devices", "/./api/devices", "/x/../api/devices", "/API/devices"),
         *("/%61pi/devices", "/api%2Fdevices", "/api/devices%00", "/api;x/devices", "/\\api\\devices", "/api\n", "/ws/"),
+        *("/robots//api/devices", "/robots/x//api/devices", "/robots/x/y/api/devices", "/robots/x/../api/devices"),
+        *("/robots/x/api%2Fdevices", "/robots/x%2Fapi/devices", "/robots/x/%61pi/devices", "/ROBOTS/x/api/devices"),
+        *("/robots/x\n/api/devices", "/robots/x/api\n", "/robots/x/API/devices", "/robots/x/ws/"),
     ],
 )
 def test_no_way_of_writing_a_path_leads_around_the_guard(path: str, guarded: Guard) -> None:
