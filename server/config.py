@@ -313,6 +313,9 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
         for name in ("listen", "router")
     },
     "fleet.pages": (lambda text: text in ("off", "view", "control"), "is not off, view or control"),
+    "fleet_server.alarm_lost_s": (lambda time: 0 <= time <= 1e7, "is outside 0 … 10 000 000 s"),
+    "fleet_server.alarm_loss_percent": (lambda share: 0 <= share <= 100, "is outside 0 … 100 %"),
+    "fleet_server.alarm_disk_gb": (lambda size: 0 <= size <= 1e6, "is outside 0 … 1 000 000 GB"),
     "fleet.limit_kb_s": (
         lambda rate: rate == 0 or 0.1 <= rate <= 1e6,
         "is neither 0 (no limit) nor 0.1 … 1 000 000 kB/s",

@@ -49,6 +49,11 @@ class FleetServerSettings:
         anyone: anyone on the network may join and listen.
         certificate, key, ca: PEM files: certificate of this server, and the authority of the other side's.
         user, password: at the router; the password may be @FILE.
+        alarm_lost_s: a robot that is lost for longer raises an alarm; 0 for none.
+        alarm_loss_percent: the same for a device that loses a larger share of its samples in a minute, %.
+        alarm_settings: the same for settings that differ from the profile of the group.
+        alarm_disk_gb: the same for less free space, 10⁹ bytes.
+        alarm_webhook: address to which changes of these alarms are posted; "" for none.
     """
 
     listen: str = ""
@@ -60,3 +65,8 @@ class FleetServerSettings:
     ca: str = ""
     user: str = ""
     password: str = field(default="", repr=False)
+    alarm_lost_s: float = 60.0
+    alarm_loss_percent: float = 1.0
+    alarm_settings: bool = True
+    alarm_disk_gb: float = 2.0
+    alarm_webhook: str = field(default="", repr=False)

@@ -77,6 +77,20 @@ async def remove_robot(robot: str, server: TheFleetServer) -> Response:
     return Response(status_code=204)
 
 
+class FleetAcknowledgement(BaseModel):
+    """An acknowledgement."""
+
+    condition: str = Field(max_length=40, description="as in RobotAlarm")
+    by: str = Field(max_length=200, description="name of the person")
+
+
+@router.post("/robots/{robot}/acknowledge", status_code=204, responses=responses(404, 409, 422))
+async def acknowledge_alarm(robot: str, body: FleetAcknowledgement, server: TheFleetServer) -> Response:
+    """Acknowledge an alarm of the fleet server. Those of a robot are acknowledged on its own page."""
+    server.acknowledge(robot, body.condition, body.by)
+    return Response(status_code=204)
+
+
 @router.get("/events", responses=responses(404, 409, 422))
 async def list_events(
     server: TheFleetServer,

@@ -14,9 +14,11 @@ from server.commands.common import UsageError
 from server.commands.serve import run
 from server.config import Config, load
 from server.devices.decode_options import secret_text
+from server.errors import DomainError
 from server.fleet.access import FleetAccessError, RouterSettings, as_document, read_robots
 from server.fleet.bus import BusCredentials, FleetBusError, client_settings
 from server.fleet.database import FleetDatabase, FleetDatabaseError
+from server.fleet.fleet_alarms import FleetAlarms
 from server.fleet.fleet_server import FleetServer
 from server.fleet.group_profiles import GroupProfiles
 from server.fleet.robots import Robots
@@ -54,16 +56,18 @@ def fleet(options: argparse.Namespace) -> None:
         from server.app import create_app
 
         try:
+            profiles = GroupProfiles(config.data / "fleet")
             server = FleetServer(
                 Robots(),
                 FleetDatabase(config.data / "fleet"),
                 lambda: bus_settings(given),
                 lambda: _version(given),
-                profiles=GroupProfiles(config.data / "fleet"),
+                profiles=profiles,
+                alarms=FleetAlarms(config.data / "fleet", config.fleet_server, profiles.applies),
             )
             if not given.router:
                 server.open()
-        except (FleetDatabaseError, FleetBusError, FleetAccessError) as error:
+        except (DomainError, FleetDatabaseError, FleetBusError, FleetAccessError) as error:
             raise UsageError(str(error)) from None
         place = f"at the router {given.router}" if given.router else f"at {given.listen or DEFAULT_LISTEN}"
         print_or_log(f"Robots join {place}: imuscope serve … --fleet {given.router or given.listen or DEFAULT_LISTEN}")

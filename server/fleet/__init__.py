@@ -23,6 +23,7 @@ The store needs `imuscope[fleet]`.
     publisher.py           a robot's side (`--fleet`); device_figures.py and raised_alarms.py are what it tells
     device_settings.py     settings of a device and their digest; known_settings.py has those of this robot
     group_profiles.py      how far robots are from the profiles of their groups
+    fleet_alarms.py        alarms that a fleet server raises itself
     journal.py             its last reports, for when the line was away
     fleet_server.py        the other side (`imuscope fleet`): receives, asks, stores
     collector.py           what it makes of tokens and reports

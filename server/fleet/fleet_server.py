@@ -24,6 +24,7 @@ from server.fleet import keys
 from server.fleet.bus import FleetBusError, open_bus
 from server.fleet.collector import Collector
 from server.fleet.database import FleetDatabase, FleetDatabaseError
+from server.fleet.fleet_alarms import FleetAlarms
 from server.fleet.group_profiles import GroupProfiles
 from server.fleet.later_versions import PARTS
 from server.fleet.reports import MAX_JOURNAL, ReportError
@@ -56,6 +57,7 @@ class FleetServer:
         settings: of the session; called again when what `version` returns has changed, and the session is opened anew.
         version: of the file of robots, say.
         profiles: of groups.
+        alarms: its own.
 
     Attributes:
         problem: why the state cannot be stored, or the settings cannot be used; empty otherwise.
@@ -69,9 +71,12 @@ class FleetServer:
         version: Callable[[], object] = lambda: None,
         *,
         profiles: GroupProfiles,
+        alarms: FleetAlarms,
     ) -> None:
-        self.robots, self.database, self.profiles = robots, database, profiles
-        self.collector = Collector(robots, database.robots(), judged=profiles.judged)
+        self.robots, self.database, self.profiles, self.alarms = robots, database, profiles, alarms
+        self.collector = Collector(
+            robots, database.robots(), judged=lambda robot: alarms.with_alarms(profiles.judged(robot))
+        )
         self.pages = RobotPages(self.collector.boot_of)
         self.problem = ""
         self.overflows = 0
@@ -120,6 +125,7 @@ class FleetServer:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
+        await self.alarms.close()
         await asyncio.to_thread(self._leave)
         if self._writing is not None:
             await asyncio.gather(self._writing, return_exceptions=True)
@@ -177,6 +183,7 @@ class FleetServer:
                 now = loop.time()
                 if now >= write_at and (self._writing is None or self._writing.done()):
                     write_at = now + WRITE_S
+                    self._look_at_alarms()
                     self._writing = loop.create_task(self._write(), name="fleet database")
                 if now >= settle_at:
                     settle_at = float("inf")
@@ -216,6 +223,25 @@ class FleetServer:
         log.warning("%s (robot %s): %s.", text, robot.name, by)
         self.collector.show_again(lambda other: other.group == robot.group)
 
+    def _look_at_alarms(self) -> None:
+        collector = self.collector
+        changed = self.alarms.turn(
+            self.robots.summaries, time.time(), lambda name, level, text: collector.note(name, "alarm", level, text)
+        )
+        if changed:
+            collector.show_again(lambda robot: robot.name in changed)
+
+    def acknowledge(self, robot: str, condition: str, by: str) -> None:
+        """Acknowledge an alarm of this server.
+
+        Raises:
+            DomainError: it is not raised, or the name is missing.
+        """
+        self.alarms.acknowledge(robot, condition, by, time.time())
+        text = f"“{self.alarms.title_of(condition)}” was acknowledged by {' '.join(by.split())}."
+        self.collector.note(robot, "alarm", "info", text)
+        self.collector.show_again(lambda one: one.name == robot)
+
     def _ask(self) -> None:
         session = self._session
         if session is None:
@@ -240,6 +266,8 @@ class FleetServer:
                 session.get(f"{keys.journal_key(name)}?boot={boot};after={after}", on_reply, timeout=QUERY_TIMEOUT_S)
 
     async def _write(self) -> None:
+        if self.alarms.is_changed:
+            await asyncio.to_thread(self.alarms.save, self.alarms.saved_text())
         batch = self.collector.taken_batch()
         if not batch:
             return

@@ -28,6 +28,7 @@ from server.configuration.api_models import Difference
 from server.configuration.controllers import driver_of
 from server.errors import DomainError
 from server.fleet.device_settings import DeviceSettings, SettingsAnswer, decode_settings, difference, encode_settings
+from server.fleet.person import person
 from server.fleet.reports import ReportError
 from server.fleet.summaries import RobotDevice, RobotSummary, SettingsState
 
@@ -38,7 +39,6 @@ MAX_PROFILES = 200
 MAX_KNOWN = 5000
 MAX_DIFFERENCES = 10_000
 ASK_AGAIN_S = 5.0
-MAX_BY = 60  # characters of a name
 
 
 class GroupProfile(msgspec.Struct, frozen=True):
@@ -139,6 +139,10 @@ class GroupProfiles:
         if found is None:
             return SettingsCheck("unknown", "Its settings cannot be compared; the log has details.", profile)
         return SettingsCheck("drifted" if found.rows else "as-profile", "", profile, found)
+
+    def applies(self, robot: RobotSummary) -> bool:
+        """Whether the group of a robot has a profile for one of its devices."""
+        return any((robot.group, one.protocol, one.product) in self._profiles for one in robot.devices)
 
     def _difference(self, digest: str, wanted: DeviceSettings) -> Difference | None:
         key = digest, wanted.digest
@@ -242,15 +246,3 @@ class GroupProfiles:
             raise DomainError("disk", message, "Free space in the data folder, or make it writable.") from None
         self._profiles = profiles
         self.problem = ""
-
-
-def person(by: str) -> str:
-    """The name of a person in one line.
-
-    Raises:
-        DomainError: it is missing or too long.
-    """
-    name = " ".join(by.split())
-    if not name or len(name) > MAX_BY or not name.isprintable():
-        raise DomainError("bad-value", "by: give the name of the person who does this.", f"Up to {MAX_BY} characters.")
-    return name

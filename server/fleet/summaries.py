@@ -26,6 +26,8 @@ class RobotAlarm(BaseModel):
     level: str = Field(description="info, warning or error, or another one of a later version")
     state: str = Field(description="raised, acknowledged, missing (raised, and at present without data), or another")
     device: str = Field(description="id of the robot's device; empty if it is for none")
+    condition: str = Field("", description="of the fleet server's own: lost, loss, settings or disk; else empty")
+    acknowledged_by: str = Field("", description="of the fleet server's own: name of the person")
 
 
 class RobotDevice(BaseModel):

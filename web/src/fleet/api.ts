@@ -30,5 +30,8 @@ export const removeProfile = (
 ): Promise<Outcome<readonly DeviceSettingsCheck[]>> =>
   request("DELETE /api/fleet/robots/{robot}/profile", { path: { robot }, query: { device, by } });
 
+export const acknowledge = (robot: string, condition: string, by: string): Promise<Outcome<undefined>> =>
+  request("POST /api/fleet/robots/{robot}/acknowledge", { path: { robot }, body: { condition, by } });
+
 export const removeRobot = (robot: string): Promise<Outcome<undefined>> =>
   request("DELETE /api/fleet/robots/{robot}", { path: { robot } });

@@ -3,6 +3,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { number } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
+import { Alarms } from "./alarms";
 import {
   type Cell,
   clockCell,
@@ -19,7 +20,7 @@ import type { Fleet } from "./fleet-state";
 import type { Robot } from "./robots";
 import { ageText } from "./row";
 import { SettingsCheck } from "./settings";
-import type { RobotAlarm, RobotDevice } from "../wire/routes";
+import type { RobotDevice } from "../wire/routes";
 import { TEXT } from "../texts/fleet";
 
 export function Details({ fleet }: { readonly fleet: Fleet }) {
@@ -99,7 +100,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
       <h3>{TEXT.ownPages}</h3>
       <OwnPages address={summary.address} isLost={isLost} />
       <h3>{TEXT.alarms}</h3>
-      <Alarms alarms={summary.alarms} devices={summary.devices} />
+      <Alarms key={`alarms ${summary.name}`} robot={summary} fleet={fleet} />
       <SettingsCheck key={`settings ${summary.name}`} robot={summary} fleet={fleet} />
       <Events key={summary.name} name={summary.name} />
       <h3>{TEXT.devices}</h3>
@@ -143,32 +144,6 @@ function OwnPages({ address, isLost }: { readonly address: string; readonly isLo
       </div>
       {isLost && <p class="dim">{TEXT.unreachableHint}</p>}
     </>
-  );
-}
-
-function Alarms({
-  alarms,
-  devices,
-}: {
-  readonly alarms: readonly RobotAlarm[];
-  readonly devices: readonly RobotDevice[];
-}) {
-  if (alarms.length === 0) return <p class="dim">{TEXT.noAlarm}</p>;
-  return (
-    <ul class="fleet-alarms">
-      {alarms.map(({ name, level, state, device }) => {
-        const of = devices.find(({ id }) => id === device);
-        return (
-          <li key={`${name} ${device}`}>
-            <span class={`dot ${state === "acknowledged" ? "off" : level === "error" ? "bad" : "warn"}`} />
-            <span>
-              {name} <span class="dim">{of && TEXT.alarmOf(of.name || of.product)}</span>
-            </span>
-            <span class="mid">{TEXT.alarmState(state)}</span>
-          </li>
-        );
-      })}
-    </ul>
   );
 }
 

@@ -30,7 +30,16 @@ function anyRobot(roll: (sides: number) => number, index: number): RobotSummary 
     drifted: roll(3),
     alarms: pick(
       [],
-      [{ name: "Hot", level: pick("warning", "error"), state: pick("raised", "acknowledged", "missing"), device: "1" }],
+      [
+        {
+          name: "Hot",
+          level: pick("warning", "error"),
+          state: pick("raised", "acknowledged", "missing"),
+          device: "1",
+          condition: "",
+          acknowledged_by: "",
+        },
+      ],
     ),
     devices: Array.from({ length: roll(3) }, (_, i) =>
       deviceWith({
@@ -106,17 +115,33 @@ describe("the list", () => {
   it("begins with the robot that needs somebody most", () => {
     const worst: readonly Partial<RobotSummary>[] = [
       { name: "b", state: "lost", since: 200 },
-      { name: "a", state: "lost", since: 100, alarms: [{ name: "Hot", level: "error", state: "raised", device: "" }] },
-      { name: "d", alarms: [{ name: "Hot", level: "error", state: "raised", device: "" }] },
+      {
+        name: "a",
+        state: "lost",
+        since: 100,
+        alarms: [{ name: "Hot", level: "error", state: "raised", device: "", condition: "", acknowledged_by: "" }],
+      },
+      {
+        name: "d",
+        alarms: [{ name: "Hot", level: "error", state: "raised", device: "", condition: "", acknowledged_by: "" }],
+      },
       { name: "e", devices: [deviceWith({ status: "lost" })] },
-      { name: "f", alarms: [{ name: "Hot", level: "warning", state: "missing", device: "" }] },
+      {
+        name: "f",
+        alarms: [{ name: "Hot", level: "warning", state: "missing", device: "", condition: "", acknowledged_by: "" }],
+      },
       { name: "h", devices: [deviceWith({ loss: 0.1 })] },
       { name: "g", devices: [deviceWith({ loss: 0.02 })] },
       { name: "i", devices: [deviceWith({ fix: "No fix" })] },
       { name: "j", devices: [deviceWith({ rate: 300 })] },
       { name: "k", disk_free_bytes: 1e9 },
       { name: "l", settings: "drifted", drifted: 2 },
-      { name: "m", alarms: [{ name: "Hot", level: "error", state: "acknowledged", device: "" }] },
+      {
+        name: "m",
+        alarms: [
+          { name: "Hot", level: "error", state: "acknowledged", device: "", condition: "", acknowledged_by: "" },
+        ],
+      },
       { name: "c" },
     ];
     const robots = [...worst].reverse().map((part) => robotOf(robotWith(part)));

@@ -65,7 +65,9 @@ test("rows do not move under the pointer, and figures change in place", async ()
   await eventually(() => expect(names()).toEqual(["amr-001", "amr-002"]));
   const fleet = fleetOf(app);
   fleet.pointer(true);
-  const alarms = [{ name: "Hot", level: "error", state: "raised", device: "" }] as const;
+  const alarms = [
+    { name: "Hot", level: "error", state: "raised", device: "", condition: "", acknowledged_by: "" },
+  ] as const;
   // however much later: each answer would bring another order
   await eventually(() => {
     tell([numbered(2, { alarms })]);

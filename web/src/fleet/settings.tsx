@@ -1,16 +1,14 @@
 /** Settings of a robot against the profile of its group: what differs, and making them the profile. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { storedName, storeName } from "../ui/person-name";
 import { dateWords } from "../recordings/library-filter";
 import type { Outcome, Problem } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
 import type { DeviceSettingsCheck, RobotSummary } from "../wire/routes";
 import { askSettings, removeProfile, useProfile } from "./api";
 import type { Fleet } from "./fleet-state";
-import { COMMON } from "../texts/common";
+import { PersonForm } from "./person-form";
 import { TEXT } from "../texts/fleet";
-import "./settings.css";
 
 type Answer = Outcome<readonly DeviceSettingsCheck[]>;
 
@@ -101,14 +99,9 @@ interface ProfileProps {
   readonly send: (request: Promise<Answer>) => Promise<boolean>;
 }
 
-/** Asks for the name of the person first: it is logged with what happens. */
 function Profile({ check: { device, profile, read }, robot, send }: ProfileProps) {
   const asking = useSignal<"use" | "remove" | undefined>(undefined);
-  const submit = async (event: SubmitEvent): Promise<void> => {
-    event.preventDefault();
-    const by = String(new FormData(event.currentTarget as HTMLFormElement).get("by") ?? "").trim();
-    if (by === "") return;
-    storeName(by);
+  const submit = async (by: string): Promise<void> => {
     const change = asking.peek() === "use" ? useProfile : removeProfile;
     if (await send(change(robot, device, by))) asking.value = undefined;
   };
@@ -128,28 +121,12 @@ function Profile({ check: { device, profile, read }, robot, send }: ProfileProps
       </div>
     );
   }
-  const title = asking.value === "use" ? TEXT.useProfile : TEXT.removeProfile;
   return (
-    <form class="fleet-profile" onSubmit={(event) => void submit(event)}>
-      {asking.value === "use" && <p class="dim">{TEXT.useProfileHint}</p>}
-      <input
-        name="by"
-        type="text"
-        maxLength={60}
-        required
-        autocomplete="name"
-        aria-label={TEXT.yourName}
-        placeholder={TEXT.yourName}
-        title={TEXT.yourNameHint}
-        defaultValue={storedName()}
-        ref={(input) => input?.focus()}
-      />
-      <button type="submit" class="btn edge">
-        {title}
-      </button>
-      <button type="button" class="btn" onClick={() => (asking.value = undefined)}>
-        {COMMON.cancel}
-      </button>
-    </form>
+    <PersonForm
+      title={asking.value === "use" ? TEXT.useProfile : TEXT.removeProfile}
+      hint={asking.value === "use" ? TEXT.useProfileHint : ""}
+      send={submit}
+      cancel={() => (asking.value = undefined)}
+    />
   );
 }

@@ -122,6 +122,9 @@ export const TEXT = {
   latency: "Latency",
   alarms: "Alarms",
   noAlarm: "No alarm is raised.",
+  acknowledge: "Acknowledge",
+  acknowledgeAlarm: (name: Value) => `Acknowledge ${name}`,
+  acknowledgedBy: (by: Value) => `acknowledged by ${by}`,
   alarmState: (state: string) =>
     ({ raised: "raised", acknowledged: "acknowledged", missing: "raised, no data" })[state] ?? state,
   alarmOf: (device: Value) => `on ${device}`,

@@ -543,6 +543,14 @@ export interface FlagCondition {
   readonly is_set: boolean;
 }
 
+/** An acknowledgement. */
+export interface FleetAcknowledgement {
+  /** as in RobotAlarm */
+  readonly condition: string;
+  /** name of the person */
+  readonly by: string;
+}
+
 /** An event of a robot, or of a device of it. */
 export interface FleetEvent {
   /** rises with each event that the fleet server receives */
@@ -898,6 +906,10 @@ export interface RobotAlarm {
   readonly state: string;
   /** id of the robot's device; empty if it is for none */
   readonly device: string;
+  /** of the fleet server's own: lost, loss, settings or disk; else empty */
+  readonly condition: string;
+  /** of the fleet server's own: name of the person */
+  readonly acknowledged_by: string;
 }
 
 /** A device of a robot. */
@@ -1709,6 +1721,12 @@ export interface Routes {
   /** Remove a robot that is lost, for good, from the list. Its events stay. One that joins again is listed again. */
   "DELETE /api/fleet/robots/{robot}": {
     readonly path: { readonly robot: string };
+    readonly answer: undefined;
+  };
+  /** Acknowledge an alarm of the fleet server. Those of a robot are acknowledged on its own page. */
+  "POST /api/fleet/robots/{robot}/acknowledge": {
+    readonly path: { readonly robot: string };
+    readonly body: FleetAcknowledgement;
     readonly answer: undefined;
   };
   /** Events of all robots, the newest first, each once. They are stored within a second of their arrival. */
