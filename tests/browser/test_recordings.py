@@ -297,15 +297,19 @@ def test_a_recording_is_played_as_a_live_device(recorded: ServerProcess, open_pa
         )
 
 
-def test_the_bar_has_room_while_it_records(server: ServerProcess, open_page: Callable[..., Page]) -> None:
+@pytest.mark.parametrize("pages", [3, 4])
+def test_the_bar_has_room_while_it_records(server: ServerProcess, open_page: Callable[..., Page], pages: int) -> None:
+    """With Questions as the fourth page too, which a server with a store has."""
     page = open_page(server.url)
     until(page, READY)
+    if pages == 4:
+        page.evaluate("document.querySelector('.nav a:last-child').insertAdjacentHTML('afterend', '<a>Questions</a>')")
     recording = "window.imuscope.store.recorder.value?.running === "
     fits = "(() => { const bar = document.querySelector('.bar'); return bar.scrollWidth <= bar.clientWidth; })()"
     for state in ("true", "false"):
         page.keyboard.press("Shift+R")
         until(page, recording + state)
-        for width in (1440, 1280, 1120, 1061, 1001, 961, 921, 900, 768, 721, 390, 360):
+        for width in (*range(1840, 720, -40), 721, 390, 360):
             page.set_viewport_size({"width": width, "height": 844})
             until(page, fits)
         page.set_viewport_size({"width": 1440, "height": 844})

@@ -1,4 +1,5 @@
 /** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
+import { useRef } from "preact/hooks";
 import { compareView } from "../compare/sides";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
@@ -8,6 +9,7 @@ import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/page-state";
 import { theme, toggleTheme } from "../ui/theme";
+import { useFit } from "../ui/use-fit";
 import { SceneButton } from "../views/viser";
 import { ArrangeButton } from "../workspace/arrange";
 import type { App } from "./app-state";
@@ -31,13 +33,17 @@ interface Props {
   readonly app: App;
 }
 
+const STEPS_OF_FULL_BAR = 10; // ui/layout.css
+
 /** @param deps of the panels that can be arranged: those of Live by default */
 export function Bar({ app, deps }: Props & { readonly deps?: Deps }) {
   const { page } = route.value;
   const isLive = page === "live";
   const panels = page === "fleet" || page === "questions" ? undefined : PANELS[page];
+  const bar = useRef<HTMLElement>(null);
+  useFit(bar, STEPS_OF_FULL_BAR);
   return (
-    <header class="bar">
+    <header class="bar" ref={bar}>
       <div class="brand">
         <Logo />
         <span>imuscope</span>
