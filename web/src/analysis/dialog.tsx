@@ -55,7 +55,8 @@ interface ViewProps extends Omit<Props, "title" | "onClose"> {
 /** The analysis without the dialog around it. */
 export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) {
   const { viewState, store } = deps;
-  const names = useComputed(() => signalNames(store.channels.value, viewState.view.value.device));
+  const names = useComputed(() => signalNames(store.channels.value, viewState.device.value));
+  const canRange = useComputed(() => hasCursors(viewState));
   const shown = useSignal<Name>(only ?? "psd");
   const state = useChoice(viewState, only);
   // of the dialog: cursors that are set when it is opened are what is looked at
@@ -114,7 +115,7 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
         choice={choice.value}
         set={state.set}
         names={names.value}
-        hasCursors={hasCursors(viewState)}
+        hasCursors={canRange.value}
       />
       {problem.value && <ProblemNote problem={problem.value} />}
       {answered.value ? (

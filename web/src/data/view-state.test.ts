@@ -53,3 +53,19 @@ it("a view made like another one begins with its series, shares its frame, and c
   ]);
   expect(one.frame.value).toBe("NED");
 });
+
+it("no code reads a part of the view through all of it, or it would run with every frame of a drag", () => {
+  const sources = import.meta.glob<string>(
+    ["../**/*.{ts,tsx}", "!../**/*.test.*", "!./view-state.ts", "!../plots/bench.ts"],
+    {
+      eager: true,
+      query: "?raw",
+      import: "default",
+    },
+  );
+  const reads = Object.entries(sources).flatMap(([file, text]) =>
+    [...text.matchAll(/\bview\.value\.\w+|\{[^{}=]*\} = [\w.#]*\bview\.value;/g)].map(([found]) => `${file}: ${found}`),
+  );
+  expect(Object.keys(sources).length).toBeGreaterThan(200);
+  expect(reads).toEqual([]);
+});

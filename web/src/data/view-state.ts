@@ -2,7 +2,7 @@
  * The state of one view of samples: device, time window, cursors, and which series and plots are shown. Plots, panels and keys
  * of a view share it; it is small, reactive and holds no samples. A page may have several views beside each other.
  */
-import { type Signal, signal } from "@preact/signals";
+import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import type { WorldFrame } from "./rotations";
 import { DEFAULT_ORDER } from "../plots/plot-order";
 import { DEFAULT_LAYOUT, type Layout } from "../workspace/layout";
@@ -147,7 +147,15 @@ export interface ViewSignals {
   readonly layout: Signal<Layout>;
 }
 
-export interface ViewState extends ViewSignals {
+/** Parts of `view`, for what is drawn anew when one changes: the view itself changes with every frame of a drag. */
+export interface ViewParts {
+  readonly device: ReadonlySignal<View["device"]>;
+  readonly isLive: ReadonlySignal<boolean>;
+  readonly span: ReadonlySignal<number>;
+  readonly timeBase: ReadonlySignal<TimeBase>;
+}
+
+export interface ViewState extends ViewSignals, ViewParts {
   readonly actions: ViewActions;
 }
 
@@ -172,5 +180,12 @@ export function createViewState(like?: ViewSignals): ViewState {
     analyses: signal(like?.analyses.peek() ?? {}),
     layout: signal(like?.layout.peek() ?? DEFAULT_LAYOUT),
   };
-  return { ...signals, actions: new ViewActions(signals) };
+  const { view } = signals;
+  const parts: ViewParts = {
+    device: computed(() => view.value.device),
+    isLive: computed(() => view.value.live),
+    span: computed(() => view.value.span),
+    timeBase: computed(() => view.value.timeBase),
+  };
+  return { ...signals, ...parts, actions: new ViewActions(signals) };
 }

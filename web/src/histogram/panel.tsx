@@ -134,7 +134,7 @@ async function ask(
 function View({ deps, state }: { readonly deps: Deps; readonly state: Signal<State> }) {
   const { answered, isOld, problem } = state.value;
   const { viewState, store } = deps;
-  void [store.channels.value, viewState.view.value.device];
+  void [store.channels.value, viewState.device.value];
   const choice = viewState.histogram.value;
   const channels = countable(channelsOf(deps));
   const channel = chosenChannel(channels, choice);

@@ -92,12 +92,12 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const alarmDraft = signal<AlarmDraft>({});
   const packetAt: App["packetAt"] = signal(undefined);
   const showsSignals = signal(false);
-  const { view, frame } = deps.viewState;
-  const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
+  const { view, frame, device: selected } = deps.viewState;
+  const device = computed(() => store.devices.value.find(({ id }) => id === selected.value));
   // a ring does not signal whether it holds anything; the slow clock checks again
   const seen = computed(() => {
     void tick.value;
-    const id = view.value.device;
+    const id = selected.value;
     return store.channels.value.some(({ info, ring }) => info.device === id && ring.length > 0);
   });
   // without a connection the display stays; only a page that never had one is starting

@@ -90,7 +90,7 @@ interface DeviceProps {
 }
 
 function Device({ app, device, shared, removing }: DeviceProps) {
-  const current = app.viewState.view.value.device === device.id;
+  const current = app.viewState.device.value === device.id;
   const health = app.store.health.value.get(device.id);
   const { gaps } = recently(app, device.id);
   const { dot, word } = markOf(device.status, gaps);

@@ -75,13 +75,13 @@ function act(action: KeyAction, app: App): void {
       app.overlay.value = "evidence";
       return;
     case "compare":
-      if (view.value.device !== undefined) compareView(app.viewState, view.value.device);
+      if (view.peek().device !== undefined) compareView(app.viewState, view.peek().device ?? "");
       return;
     case "signals":
       app.showsSignals.value = !app.showsSignals.value;
       return;
     case "playPause":
-      return view.value.live ? actions.pause() : actions.live();
+      return view.peek().live ? actions.pause() : actions.live();
     case "pan":
       return actions.pan(action.windows);
     case "step":
@@ -97,7 +97,7 @@ function act(action: KeyAction, app: App): void {
     case "packet":
       return actions.bytes();
     case "span":
-      return actions.setSpan(nextSpan(view.value.span, action.longer));
+      return actions.setSpan(nextSpan(view.peek().span, action.longer));
     case "zoom":
       return actions.zoom(action.factor);
     case "fit":

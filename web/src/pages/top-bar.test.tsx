@@ -119,11 +119,11 @@ test.each(["the key", "the button"])("%s opens every key there is, and they rest
   expect(shown).toEqual(KEY_GROUPS.flatMap(({ lines }) => lines.map(({ keys }) => keys)));
   expect(within(help).getAllByRole("link").length).toBe(2);
   press(" ", { code: "Space" });
-  expect(app.viewState.view.value.live).toBe(true);
+  expect(app.viewState.isLive.value).toBe(true);
   fireEvent.click(within(help).getByRole("button", { name: "Close" }));
   await eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
   press(" ", { code: "Space" });
-  expect(app.viewState.view.value.live).toBe(false);
+  expect(app.viewState.isLive.value).toBe(false);
 });
 
 test("the link to the current view is copied, or the failure reported", async () => {

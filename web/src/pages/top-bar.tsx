@@ -141,17 +141,17 @@ function StateTags({ app }: Props) {
 
 /** The time controls; absent while there is no time range. */
 function TimeControls({ app }: Props) {
-  const { view, actions } = app.viewState;
+  const { isLive, actions } = app.viewState;
   // highlighted if live: not without a server connection, nor with a lost device
-  const lit = view.value.live && !app.store.isCut && app.device.value?.status === "live";
+  const lit = isLive.value && !app.store.isCut && app.device.value?.status === "live";
   return (
     <>
       <div class="segmented desk" role="group" aria-label={TEXT.playState}>
-        <button type="button" aria-pressed={view.value.live} title={TEXT.followNewest} onClick={() => actions.live()}>
+        <button type="button" aria-pressed={isLive.value} title={TEXT.followNewest} onClick={() => actions.live()}>
           <span class={lit ? "dot live" : "dot off"} />
           {TEXT.live}
         </button>
-        <button type="button" aria-pressed={!view.value.live} title={TEXT.pauseView} onClick={() => actions.pause()}>
+        <button type="button" aria-pressed={!isLive.value} title={TEXT.pauseView} onClick={() => actions.pause()}>
           <Icon name="pause" />
           {COMMON.pause}
         </button>
@@ -227,8 +227,8 @@ interface WindowProps extends Props {
 
 /** The length of the window; a length set by zooming is added to the list. */
 function Window({ app, class: name, words = false }: WindowProps) {
-  const { view, actions } = app.viewState;
-  const current = view.value.span;
+  const { span: length, actions } = app.viewState;
+  const current = length.value;
   const listed = SPANS.some((seconds) => Math.abs(seconds - current) < 1e-6);
   const all = listed ? SPANS : [...SPANS, current].sort((a, b) => a - b);
   return (
@@ -251,8 +251,8 @@ function Window({ app, class: name, words = false }: WindowProps) {
 }
 
 function TimeBase({ app }: Props) {
-  const { view, actions } = app.viewState;
-  const device = view.value.timeBase === "device";
+  const { timeBase, actions } = app.viewState;
+  const device = timeBase.value === "device";
   const choose = (wanted: boolean) => () => {
     if (wanted !== device) actions.toggleTimeBase();
   };
@@ -315,8 +315,8 @@ function Move({ app }: Props) {
 
 /** The controls of time for a thumb. */
 export function Dock({ app }: Props) {
-  const { view, actions } = app.viewState;
-  const { live } = view.value;
+  const { isLive, timeBase, actions } = app.viewState;
+  const live = isLive.value;
   return (
     <div class="dock" role="region" aria-label={TEXT.timeControls}>
       <button
@@ -329,7 +329,7 @@ export function Dock({ app }: Props) {
       </button>
       <Window app={app} class="" />
       <button type="button" class="btn edge" aria-label={TEXT.timeAxisChoice} onClick={() => actions.toggleTimeBase()}>
-        {view.value.timeBase === "device" ? COMMON.device : TEXT.arrival}
+        {timeBase.value === "device" ? COMMON.device : TEXT.arrival}
       </button>
       {STEPS.filter((step) => !step.extra).map((step) => (
         <button

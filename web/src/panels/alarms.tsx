@@ -38,7 +38,7 @@ interface Props {
 }
 
 function AlarmPanel({ deps, alarms, state }: Props) {
-  const device = deps.viewState.view.value.device ?? "";
+  const device = deps.viewState.device.value ?? "";
   const own = alarmsOf(alarms.value, device);
   const idle = idleAlarms(alarms.value);
   return (

@@ -36,7 +36,7 @@ function mountEvents(host: HTMLElement, deps: Deps): Panel {
     update(now) {
       if (!due(now)) return;
       const events = deps.allEvents ?? deps.store.events.value;
-      const { device } = deps.viewState.view.value;
+      const device = deps.viewState.device.value;
       if (events === shown && state === `${device} ${sort.value}`) return;
       [shown, state] = [events, `${device} ${sort.value}`];
       const mine = events.filter((event) => event.device === device || event.device === "");

@@ -272,7 +272,7 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
   return {
     update(now) {
       if (host.offsetParent === null || !due(now)) return;
-      const id = deps.viewState.view.value.device ?? "";
+      const id = deps.viewState.device.value ?? "";
       const recent = recently(deps, id);
       const device = selected(deps);
       const expected = device?.status !== "ended";

@@ -80,18 +80,18 @@ export interface Deps {
 
 /** The moment read by the panels. */
 export function reading(deps: Deps): Reading {
-  const { view, cursor } = deps.viewState;
-  return readingAt(view.value, cursor.value, deps.store.edgeOf(view.value.device));
+  const { view, cursor, device } = deps.viewState;
+  return readingAt(view.value, cursor.value, deps.store.edgeOf(device.value));
 }
 
 /** Channels of the selected device. */
 export function channelsOf(deps: Deps): readonly Channel[] {
-  const { device } = deps.viewState.view.value;
+  const device = deps.viewState.device.value;
   return deps.store.channels.value.filter((channel) => channel.info.device === device);
 }
 
 export function selected(deps: Pick<Deps, "store" | "viewState">): DeviceInfo | undefined {
-  const id = deps.viewState.view.value.device;
+  const id = deps.viewState.device.value;
   return deps.store.devices.value.find((device) => device.id === id);
 }
 

@@ -15,7 +15,7 @@ const panel = (id: string, order: number, applies?: PanelDefinition["applies"]):
 });
 const deps = {
   store: { devices: signal([{ id: "1", protocol: "one" }]) },
-  viewState: { view: signal({ device: "1" }) },
+  viewState: { device: signal("1") },
 } as unknown as Deps;
 
 it("panels of an area are in order, where they apply, with unique ids", () => {

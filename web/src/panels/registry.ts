@@ -50,7 +50,7 @@ export function arrangedPanels(deps: Deps): readonly PanelDefinition[] {
  * rendered.
  */
 export function panelsAt(where: PanelPlace, deps: Deps): readonly PanelDefinition[] {
-  const first = protocolAmong(deps.store.devices.value, deps.viewState.view.value.device)?.panels ?? [];
+  const first = protocolAmong(deps.store.devices.value, deps.viewState.device.value)?.panels ?? [];
   const rank = ({ id }: PanelDefinition): number => (first.includes(id) ? first.indexOf(id) : first.length);
   return [...panels.values()]
     .filter((panel) => panel.where === where && (panel.applies?.(deps) ?? true))

@@ -92,7 +92,7 @@ function mountUnknownPayloads(host: HTMLElement, deps: Deps): Panel {
     update(now) {
       const device = selected(deps);
       const payloads = deps.store.unknownPayloads.value.filter(
-        (payload) => payload.device === deps.viewState.view.value.device,
+        (payload) => payload.device === deps.viewState.device.value,
       );
       const names = `${device?.id} ${payloads.map(key).join(" ")}`;
       if (names === known && !due(now)) return;
@@ -125,6 +125,6 @@ registerPanel({
   where: "below",
   order: 20,
   class: "raw-payloads",
-  applies: (deps) => deps.store.unknownPayloads.value.some(({ device }) => device === deps.viewState.view.value.device),
+  applies: (deps) => deps.store.unknownPayloads.value.some(({ device }) => device === deps.viewState.device.value),
   mount: mountUnknownPayloads,
 });

@@ -104,12 +104,12 @@ export function staleness(
 
 function whenOf(deps: Deps, at: Reading): string {
   if (at.word === "now" && deps.held()) {
-    const old = age(ageOf(deps, deps.viewState.view.value.device ?? ""));
+    const old = age(ageOf(deps, deps.viewState.device.value ?? ""));
     return TEXT.heldFor(old.value, old.unit);
   }
   if (at.word !== "now")
     return TEXT.atTime(clock(at.time, 3), deps.viewState.actions.cursorBeside() === undefined ? "" : TEXT.offScreen);
-  const window = span(deps.viewState.view.value.span);
+  const window = span(deps.viewState.span.value);
   return TEXT.windowLength(window.value, window.unit);
 }
 
@@ -214,7 +214,7 @@ function writeStats(line: Line, at: Reading, deps: Deps): void {
   const decimals = decimalsOf(row.info, row.info.unit || row.channel.unit);
   const stats = deps.statistics
     ? deps.statistics(channel, row.column, at)
-    : channel.ring.stats(row.column, at.from, at.to, deps.viewState.view.value.timeBase);
+    : channel.ring.stats(row.column, at.from, at.to, deps.viewState.timeBase.value);
   mean.set(stats && stats.n > 0 ? number(stats.mean, decimals) : NONE);
   sd.set(stats && stats.n > 1 ? number(stats.sigma, decimals) : NONE);
 }

@@ -2,7 +2,7 @@
  * The lanes of a device as a panel: all of them, wherever a person puts them, on the time axis of the plots. While it is shown the plots
  * have no lanes. The same gestures as on the plots move through time and set the cursors.
  */
-import { computed, effect } from "@preact/signals";
+import { effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { Deps } from "../panels/panel-context";
 import { el, type Panel, throttle } from "../ui/dom";
@@ -53,7 +53,7 @@ class LanesPanel {
     resized.observe(this.#root);
     addEventListener("imuscope:theme", relook);
     const { viewState } = deps;
-    const device = computed(() => viewState.view.value.device); // the rest of the view changes with every drag
+    const { device } = viewState;
     this.#stops.push(
       () => resized.disconnect(),
       () => removeEventListener("imuscope:theme", relook),

@@ -144,7 +144,7 @@ class Stack {
       this.#theme += 1;
       this.#layoutDue = true;
     };
-    const device = computed(() => this.#state.view.value.device); // the rest of the view changes with every drag
+    const { device } = this.#state;
     const order = computed(() => this.#state.plotOrder.value.order);
     const resized = new ResizeObserver(relook);
     resized.observe(this.#root);

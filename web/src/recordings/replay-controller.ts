@@ -91,7 +91,7 @@ export class ReplayController {
     );
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
-    this.device = computed(() => this.near.devices.value.find(({ id }) => id === viewState.view.value.device));
+    this.device = computed(() => this.near.devices.value.find(({ id }) => id === viewState.device.value));
     this.samples = {
       drawn: this.drawn,
       reads: (channel, t) => this.reads(channel, t),

@@ -26,7 +26,7 @@ interface Props {
 }
 
 export function NewSignal({ deps, signal, onClose, onMade }: Props) {
-  const device = deps.viewState.view.value.device ?? "";
+  const device = deps.viewState.device.value ?? "";
   const text = useSignal(signal?.expression ?? "");
   const name = useSignal(signal?.name ?? "");
   const words = useSignal<ExpressionWords | undefined>(undefined);

@@ -3,7 +3,7 @@
  *
  *     ↑ ↓ Home End   move      → ←   unfold, fold      Enter   go to the plots for the signal      Esc   close
  */
-import { type Signal, useComputed, useSignal } from "@preact/signals";
+import { type Signal, untracked, useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { CustomPlot } from "../data/view-state";
 import { type Deps, reading } from "../panels/panel-context";
@@ -45,7 +45,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   const editing = useSignal<ComputedSignal | "new" | undefined>(undefined);
   const rows = useComputed(() => treeRows(store.devices.value, store.channels.value, open.value, search.value));
   const plots = useComputed(() => {
-    const { device } = view.value;
+    const device = viewState.device.value;
     const own = store.channels.value.filter(({ info }) => info.device === device);
     const all = plotsOf(own, protocolAmong(store.devices.value, device)?.plots);
     const shown = all.filter(({ primary, key }) => primary !== extraPlots.value.has(key));
@@ -102,7 +102,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
     else onClose();
   };
   void tick.value;
-  const at = reading(deps);
+  const at = untracked(() => reading(deps)); // at the pace of the clock, not of a drag
   const alarm = (row: TreeRow): void =>
     deps.open.alarm({ expression: alarmCondition(row, reading(deps)), device: row.device });
   return (
@@ -159,7 +159,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         row={chosen.value}
         plots={plots.value}
         custom={customPlots.value}
-        device={view.value.device ?? ""}
+        device={viewState.device.value ?? ""}
         onPut={put}
         onTakeOff={takeOff}
       >

@@ -11,8 +11,8 @@ import { TEXT } from "../texts/workspace";
 const STEP_PX = 24;
 
 export function PlotList({ deps: { store, viewState } }: { readonly deps: Deps }) {
-  const { plotOrder, actions, customPlots, extraPlots, view } = viewState;
-  void [store.channels.value, customPlots.value, extraPlots.value, view.value.device];
+  const { plotOrder, actions, customPlots, extraPlots, device } = viewState;
+  void [store.channels.value, customPlots.value, extraPlots.value, device.value];
   const of = plotOrder.value;
   const plots = actions.plots();
   const keys = plots.map(({ key }) => key);

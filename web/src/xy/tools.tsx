@@ -18,7 +18,7 @@ export function choose(
 
 export function XyTools({ deps }: { readonly deps: Deps }) {
   const { viewState } = deps;
-  void [deps.store.channels.value, viewState.view.value.device];
+  void [deps.store.channels.value, viewState.device.value];
   const signals = plottableOf(channelsOf(deps));
   const choice = viewState.xy.value;
   const pair = chosenPair(signals, choice);

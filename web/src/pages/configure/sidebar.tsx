@@ -58,7 +58,7 @@ function DevicePicker({ app }: { readonly app: App }) {
       <label class="select device-select">
         <span class={`dot ${mark.dot}`} />
         <span class="visually-hidden">{TEXT.deviceState(mark.word)}</span>
-        <select value={app.viewState.view.value.device ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
+        <select value={app.viewState.device.value ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
           {app.store.devices.value.map(({ id, name, serial_number }) => (
             <option key={id} value={id}>
               {name}

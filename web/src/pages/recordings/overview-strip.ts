@@ -82,7 +82,7 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
   };
   let decoded = NaN;
   const unwatch = effect(() => {
-    const { device } = replay.viewState.view.value;
+    const device = replay.viewState.device.value;
     const progress = replay.progress.value;
     if (device === undefined || (device === of && progress === decoded)) return;
     [of, decoded] = [device, progress];

@@ -63,7 +63,7 @@ test("a recording opens in full, with the playhead at its start", async () => {
   await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t0), 2));
   await eventually(() => expect(text(".transport .now")).toMatch(/^00:00\.000 \/ 00:0[56]/));
   expect([...document.querySelectorAll(".rail .categories button")].length).toBe(YARD.devices.length);
-  expect(page.app.viewState.view.value.live).toBe(true); // Live is unchanged
+  expect(page.app.viewState.isLive.value).toBe(true); // Live is unchanged
 });
 
 test("keys move the playhead, and the values follow", async () => {

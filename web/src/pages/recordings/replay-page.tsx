@@ -78,7 +78,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
           <RerunButton replay={replay} shown={recording.rerun} />
         </SceneLine>
         <ReplayScene app={app} replay={replay} />
-        <Panels key={replay.viewState.view.value.device} recording={recording} />
+        <Panels key={replay.viewState.device.value} recording={recording} />
         <Transport recording={recording} />
         <PanelHost class="overview" label={TEXT.wholeRecording} mount={(host) => mountOverview(host, replay)} />
       </main>
@@ -154,7 +154,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
 
 function Analysis({ recording: { replay, app, deps } }: { readonly recording: OpenRecording }) {
   const { info, devices } = replay.detail;
-  const device = replay.viewState.view.value.device;
+  const device = replay.viewState.device.value;
   return (
     <AnalysisDialog
       key={device}
@@ -299,7 +299,7 @@ function About({ recording }: { readonly recording: OpenRecording }) {
             type="button"
             key={device.id}
             title={`${device.name} ${device.serial_number}`.trim()}
-            aria-pressed={replay.viewState.view.value.device === device.id}
+            aria-pressed={replay.viewState.device.value === device.id}
             onClick={() => replay.choose(device.id)}
           >
             <span class="ellipsis">{device.name}</span>

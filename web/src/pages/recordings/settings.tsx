@@ -65,7 +65,7 @@ function presentOf(app: App, { about }: Settings): DeviceInfo | undefined {
 /** A line of the sidebar; absent if no settings were recorded. */
 export function SettingsLine({ recording }: { readonly recording: OpenRecording }) {
   const { replay, showsSettings } = recording;
-  const settings = settingsOf(replay, replay.viewState.view.value.device);
+  const settings = settingsOf(replay, replay.viewState.device.value);
   if (!settings) return null;
   return (
     <div class="apply-as-settings">
@@ -80,7 +80,7 @@ export function SettingsLine({ recording }: { readonly recording: OpenRecording 
 
 export function SettingsDialog({ recording }: { readonly recording: OpenRecording }) {
   const { replay, app, showsSettings } = recording;
-  const settings = showsSettings.value ? settingsOf(replay, replay.viewState.view.value.device) : undefined;
+  const settings = showsSettings.value ? settingsOf(replay, replay.viewState.device.value) : undefined;
   if (!settings) return null;
   const present = presentOf(app, settings);
   const { about, taken } = settings;
@@ -117,7 +117,7 @@ export function SettingsDialog({ recording }: { readonly recording: OpenRecordin
         ) : (
           <p class="hint">{TEXT.compareUnavailable}</p>
         )}
-        <Values recording={replay.detail.info.id} device={replay.viewState.view.value.device ?? ""} />
+        <Values recording={replay.detail.info.id} device={replay.viewState.device.value ?? ""} />
       </div>
     </Dialog>
   );

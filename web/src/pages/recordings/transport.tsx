@@ -15,7 +15,7 @@ import { TEXT } from "../../texts/recordings";
 
 export function Transport({ recording }: { readonly recording: OpenRecording }) {
   const { replay, app, said } = recording;
-  const { view, actions } = replay.viewState;
+  const { timeBase, actions } = replay.viewState;
   const playing = replay.playing.value;
   const { first } = replay.bounds;
   const loop = replay.looping.value ? replay.loop.value : undefined;
@@ -104,11 +104,11 @@ export function Transport({ recording }: { readonly recording: OpenRecording }) 
       <button
         type="button"
         class="btn desk"
-        aria-label={TEXT.timeAxisOf(view.value.timeBase)}
+        aria-label={TEXT.timeAxisOf(timeBase.value)}
         title={TEXT.deviceTimeOrArrivalTimeT}
         onClick={() => actions.toggleTimeBase()}
       >
-        {view.value.timeBase === "device" ? COMMON.deviceTime : COMMON.arrivalTime}
+        {timeBase.value === "device" ? COMMON.deviceTime : COMMON.arrivalTime}
       </button>
       <button
         type="button"
