@@ -264,7 +264,12 @@ def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOpti
         raise UsageError("a comparison has no --option, and --format is table or json")
     if options.search is not None and not options.search > 0:
         raise UsageError(f"--search {options.search:g} is not a valid time, in seconds; it must be more than 0")
-    sides = (options.signal, options.signal_b or (), options.begin, options.end)
+    range_a = (options.begin, options.end)
+    range_b = (
+        options.begin if options.from_b is None else options.from_b,
+        options.end if options.to_b is None else options.to_b,
+    )
+    sides = (options.signal, options.signal_b or (), range_a, range_b)
     request = FileComparison(*sides, options.align, options.offset, options.search)
     try:
         with seekable(file) as a, seekable(readable(str(options.other))) as b:

@@ -28,20 +28,23 @@ NAME = "comparison"
 FIGURES = ("n", "mean", "sigma", "rms", "min", "max", "low", "high", "mounting", "remaining")
 
 
+FileRange = tuple[float, float | None]
+
+
 @dataclass(frozen=True, slots=True)
 class FileComparison:
     """Request for a comparison of two files.
 
     Args:
         signals, signals_b: names in A and B, in the same order; without names of B those of A.
-        begin_s, end_s: seconds from the beginning of each file.
+        range_a, range_b: begin and end of the compared parts, s from the beginning of the file; end None: its end.
         align, offset, search: as of ComparisonOptions.
     """
 
     signals: Sequence[str]
     signals_b: Sequence[str] = ()
-    begin_s: float = 0.0
-    end_s: float | None = None
+    range_a: FileRange = (0.0, None)
+    range_b: FileRange = (0.0, None)
     align: Alignment = "offset"
     offset: float = 0.0
     search: float | None = None
@@ -59,16 +62,16 @@ def compare_files(a: Path, b: Path, reading: DecodeOptions, request: FileCompari
     try:
         with decoded(a, reading, notes) as first, decoded(b, reading, notes) as second:
             sides = [
-                _side(store, path.name, words, request)
-                for store, path, words in zip((first, second), (a, b), names, strict=True)
+                _side(first, a.name, names[0], request.range_a),
+                _side(second, b.name, names[1], request.range_b),
             ]
             return compared(sides, sides, ComparisonOptions(request.align, request.offset, request.search))
     except DecodedFileError as error:
         raise AnalyseError(str(error)) from None
 
 
-def _side(store: ColumnStore, name: str, words: Sequence[str], request: FileComparison) -> ComparisonSide:
-    t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
+def _side(store: ColumnStore, name: str, words: Sequence[str], part: FileRange) -> ComparisonSide:
+    t0, t1 = time_range_of(store, name, *part)
     found = requested_signals(channels_of(store).values(), words, zero_phase=True, product=products_of(store))
     return ComparisonSide(found, lambda column: recorded_samples(store, column, t0, t1))
 

@@ -72,6 +72,8 @@ def add_analyse(add_parser: AddParser, analyses: str) -> argparse.ArgumentParser
     group.add_argument(
         "--signal-b", action="append", metavar="NAME", help="signal of B for each --signal (default: the same names)"
     )
+    group.add_argument("--from-b", type=float, metavar="S", help="start in B (default: that of --from)")
+    group.add_argument("--to-b", type=float, metavar="S", help="end in B (default: that of --to)")
     group.add_argument(
         "--align",
         choices=("offset", "start", "correlation"),

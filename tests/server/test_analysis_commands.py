@@ -121,6 +121,17 @@ def test_two_files_are_compared_where_they_fit_best(tmp_path: Path, capsys: pyte
     assert "m/s²" in table
 
 
+def test_two_parts_of_one_file_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = shaken(tmp_path / "a.bin", seconds=8.0)
+    parts = ("--from", "1", "--to", "3", "--from-b", "4", "--to-b", "6")
+    how = ("--with", file, "--signal", "Acceleration.x", "--align", "start", "--json", *parts)
+    body = json.loads(printed(capsys, "analyse", file, "comparison", *how))
+    assert body["offset"] == pytest.approx(-3.0, abs=0.02)
+    (row,) = body["signals"]
+    assert row["figures"]["n"] == pytest.approx(2 * RATE, abs=3)
+    assert refused(capsys, "analyse", file, "comparison", *how, "--from-b", "7")  # after --to-b
+
+
 def test_mistakes_of_a_comparison_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a = shaken(tmp_path / "a.bin", seconds=3.0)
     signal = ("--signal", "Acceleration.x")
