@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import time
 
 import pytest
 from hypothesis import given
@@ -163,6 +164,22 @@ def test_a_wrong_rate_receives_a_realistic_amount_of_noise(sent: int, heard: int
 @given(st.binary(max_size=60), st.integers(1, 4_000_000), st.integers(1, 4_000_000))
 def test_any_pair_of_rates_ends(data: bytes, sent: int, heard: int) -> None:
     assert len(misread_at(data, sent, heard)) <= 10 * len(data) + 1
+
+
+def test_noise_costs_time_in_proportion_to_its_bytes() -> None:
+    """Regression: it cost the square of it, so a simulator that a busy host had delayed never caught up again."""
+    data = random.Random(0).randbytes(32_000)
+
+    def spent(size: int) -> float:
+        """Processor time of this thread, the least of some."""
+        times = []
+        for _ in range(5):
+            began = time.thread_time()
+            misread_at(data[:size], 115_200, 921_600)
+            times.append(time.thread_time() - began)
+        return min(times)
+
+    assert spent(32_000) < 64 * spent(2000)  # 16 times as much; its square would be 256 times
 
 
 @pytest.mark.parametrize(
