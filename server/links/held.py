@@ -16,6 +16,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -83,6 +84,7 @@ class HeldLink(ThreadedLink):
         self._messages = MessageReader()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._requests: dict[int, asyncio.Future[None]] = {}
+        self._answers: deque[Mapping[str, Any]] = deque()  # from the reading thread to the event loop
         self._numbers = 0
         self._offset_ns = 0  # from the monotonic clock to the clock of arrivals
         self._frames = "", ""
@@ -272,12 +274,13 @@ class HeldLink(ThreadedLink):
             if was_open and not self.state["open"]:
                 raise self._port_error()
         elif kind == MessageKind.DONE:
-            self._in_loop(self._on_done, json.loads(body))
+            self._answers.append(json.loads(body))
+            self._in_loop(self._take_answers)
 
-    def _in_loop(self, function: Callable[..., None], argument: Any) -> None:
+    def _in_loop(self, function: Callable[..., None], *arguments: Any) -> None:
         assert self._loop is not None
         with contextlib.suppress(RuntimeError):  # the loop is closed already
-            self._loop.call_soon_threadsafe(function, argument)
+            self._loop.call_soon_threadsafe(function, *arguments)
 
     # ── sending ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -334,6 +337,11 @@ class HeldLink(ThreadedLink):
         hint = "Wait until it has finished, or end it under Share port."
         return LinkError("busy", f"{who} is {does} {self.source}.", hint)
 
+    def _take_answers(self) -> None:
+        """Pass on the answers received so far. Idempotent."""
+        while self._answers:
+            self._on_done(self._answers.popleft())
+
     def _on_done(self, body: Mapping[str, Any]) -> None:
         answered = self._requests.get(int(body["id"]))
         if answered is None or answered.done():
@@ -384,6 +392,7 @@ class HeldLink(ThreadedLink):
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
+        self._take_answers()  # a holder that ends on request answers first; its end may be noticed before the answer
         for answered in self._requests.values():
             if not answered.done():
                 answered.set_exception(closed(self.source))

@@ -29,6 +29,7 @@ from tests.links.shared_port import (
     shared,
 )
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 FRAME = bytes.fromhex("faff3600cb")
 pytestmark = pytest.mark.usefixtures("runtime")
@@ -311,6 +312,38 @@ def test_a_holder_that_was_killed_is_replaced(port: DevicePort, tmp_path: Path) 
         os.close(driver)
         await link.request("end")
         await link.close()
+
+    asyncio.run(check())
+
+
+def test_a_request_is_answered_though_the_end_of_its_holder_is_noticed_first(
+    port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: on a busy host the last share of a port could not be ended: "The link is closed."."""
+
+    async def check() -> None:
+        link = link_to(port, str(tmp_path / "imu0"))
+        await link.open()
+
+        async def read_until_gone() -> None:
+            with pytest.raises(LinkError, match="ended"):
+                await received(link, 1 << 20)
+            await link.close()
+
+        async def write_and_delay(fd: int, data: bytes) -> None:
+            """Delay the event loop just before the woken reader runs, which finds the answer and the end."""
+            port.send(FRAME)
+            block_until(lambda: link.backlog, "the bytes of the device")
+            await asyncio.sleep(0)  # they wake the reader, which is next
+            os.write(fd, data)
+            assert link._reader is not None
+            link._reader.join(PATIENCE_S)
+
+        reading = asyncio.create_task(read_until_gone())
+        await asyncio.sleep(0)  # it waits for bytes
+        monkeypatch.setattr("server.links.held.write_all", write_and_delay)
+        await link.request("end")
+        await reading
 
     asyncio.run(check())
 
