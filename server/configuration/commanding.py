@@ -16,6 +16,7 @@ from protocols.transactions import AT_REST, DeviceRejectedError, NoReplyError, R
 from server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
 from server.configuration.reading import SettingsReader
 from server.configuration.rollback import RESTORE_HINT
+from server.configuration.timings import ConfigurationTimings
 from server.configuration.transaction_runner import group
 from server.links.base import LinkError
 from server.wire_codec import to_json_safe
@@ -32,11 +33,19 @@ def altered(controller: DeviceController, command: str, values: Values) -> list[
 
 
 def run(
-    reader: SettingsReader, controller: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool
+    reader: SettingsReader,
+    timings: ConfigurationTimings,
+    controller: DeviceController,
+    command: str,
+    values: Values,
+    *,
+    changes: bool,
+    restarts: bool,
 ) -> Callable[[QueuedJob], Awaitable[None]]:
     """Job that runs one command.
 
     Args:
+        timings: how long a restarting device is waited for.
         changes: the command writes something, so a snapshot is taken first, unless it continues the work of an earlier
             command, which reading everything would discard.
         restarts: the device restarts, perhaps at a baud rate that was stored before; the link follows it.
@@ -62,7 +71,7 @@ def run(
         if isinstance(body, RequiresState) and body.state == "any" and not restarts:
             controller.rest(controller.state == AT_REST)
         if restarts:
-            await _follow(controller, task)
+            await _follow(controller, task, timings.rounds)
         controller.note_unfinished(command, driver.unfinished(command, values))
         task.job.values = to_json_safe(answer)
         task.job.message = task.job.message or ("Answered." if answer else "Done.")
@@ -78,20 +87,23 @@ async def _read_again(
     if not names or not controller.read_at or controller.unfinished:
         return  # never read: no values to update; unfinished: reading would discard it
     try:
-        for _ in range(AWAKE_TRIES if restarts else 0):
-            if await controller.run(controller.driver.is_alive(controller.context)):
-                break
+        if restarts:
+            await answers(controller, AWAKE_TRIES)
         await reader.read_settings(controller, task, list(names))
     except (NoReplyError, DeviceRejectedError, LinkError) as error:
         controller.log.add_note(str(error), error=True)
         task.job.hint = task.job.hint or "The changed settings could not be read; read them again."
 
 
-async def _follow(controller: DeviceController, task: QueuedJob) -> None:
-    """Set the link to the baud rate of the device after its restart."""
+async def _follow(controller: DeviceController, task: QueuedJob, rounds: int) -> None:
+    """Set the link to the baud rate of the device after its restart.
+
+    Args:
+        rounds: number of attempts at each rate: a slow device, or one at a busy host, is missed at first.
+    """
     before = controller.session.baud
-    rates = controller.driver.rates(controller.values, controller.context) if before is not None else ()
-    for rate in rates:
+    rates = tuple(controller.driver.rates(controller.values, controller.context)) if before is not None else ()
+    for rate in rates * rounds:
         if rate != controller.session.baud and not await controller.runner.reopen(rate):
             continue
         controller.step(task, f"The device restarts; trying {group(rate)} Bd")
@@ -102,6 +114,14 @@ async def _follow(controller: DeviceController, task: QueuedJob) -> None:
     if rates:
         await controller.runner.reopen(before)
         raise JobError("The device does not answer after its restart.", RESTORE_HINT)
+
+
+async def answers(controller: DeviceController, rounds: int) -> bool:
+    """Whether a device that restarts answers at the present rate, in one of some attempts."""
+    for _ in range(rounds):
+        if await controller.run(controller.driver.is_alive(controller.context)):
+            return True
+    return False
 
 
 def raw(controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:

@@ -215,8 +215,11 @@ class Jobs:
     ) -> list[WriteResult]:
         """Restart the device and read the written settings back."""
         controller.step(task, "The device restarts")
-        await controller.run(controller.driver.store_and_restart(controller.context))
-        if not await controller.run(controller.driver.is_alive(controller.context)):
+        try:
+            await controller.run(controller.driver.store_and_restart(controller.context))
+        except NoReplyError as error:  # a lost answer to a reset is normal
+            controller.log.add_note(str(error))
+        if not await commanding.answers(controller, self._timings.rounds):
             hint = "Wait a few seconds and read its settings; if it stays silent, switch it off and on."
             raise JobError("The device does not answer after its restart.", hint)
         names = [one.setting for one in written]
@@ -304,7 +307,9 @@ class Jobs:
         self, controller: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool = False
     ) -> Callable[[QueuedJob], Awaitable[None]]:
         """Run one command; see server/configuration/commanding.py."""
-        return commanding.run(self._reader, controller, command, values, changes=changes, restarts=restarts)
+        return commanding.run(
+            self._reader, self._timings, controller, command, values, changes=changes, restarts=restarts
+        )
 
     def raw(self, controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
         """Send raw bytes."""

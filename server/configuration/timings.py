@@ -11,7 +11,7 @@ class ConfigurationTimings:
 
     Args:
         rollback_s: time to confirm settings that could cut the link; then they are rolled back.
-        rounds: number of alternating attempts at the new and the old rate.
+        rounds: number of attempts to find a device that restarts, at each of its possible rates in turn.
         restart_s: wait for the port of a restarting device, which answers after 2 s.
         port_back_s: wait for a port that vanished because USB restarts with the device.
         port_look_s: interval of attempts to open it.

@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from httpx import Client
 
+from protocols.transactions import DeviceContext, Transaction
+from protocols.xbus.driver import XbusDriver
 from protocols.xbus.simulator.device import XbusSimulator
 from recordings import atomic_write
 from server.configuration.device_controller import ControlError, DeviceController
@@ -215,8 +217,21 @@ def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_eit
     run(check())
 
 
-def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(tmp_path: Path) -> None:
+def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: each rate was tried once, for as long as a device takes that is neither slow nor at a busy host."""
+    missed = [921_600, 115_200]
+    is_alive = XbusDriver.is_alive
+
+    def late(driver: XbusDriver, known: DeviceContext) -> Transaction[bool]:
+        if known.baud in missed:
+            missed.remove(known.baud)
+            return False
+        return (yield from is_alive(driver, known))
+
     async def check() -> None:
+        monkeypatch.setattr(XbusDriver, "is_alive", late)
         async with house(tmp_path) as here:
             desk = await here.add("sim:xbus?product=MTi-300&baud=921600")
             jobs = here.desks.jobs
@@ -225,6 +240,7 @@ def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(tmp_path: 
             job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
             assert (job.state, desk.session.baud) == ("done", 115_200), job
             assert job.message == "The device uses 115 200 Bd after its restart; the link was changed to it."
+            assert not missed
 
     run(check())
 
