@@ -24,10 +24,12 @@ from server.configuration.products import mismatch
 from server.configuration.risk_check import ChangeRequest, discarded, plan_changes, plan_command
 from server.configuration.value_format import numbers
 from server.errors import DomainError
+from server.wire import DeviceHealth
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 
 MAX_RAW = 4096
+CONFIRM_S = (1, 600)
 
 
 def controllers_of(services: TheServices) -> ControllerRegistry:
@@ -83,10 +85,19 @@ async def read_settings(body: ReadRequest, controller: OneController, controller
     return controller.add("Read all settings", controllers.jobs.read(controller, body.settings, body.reason)).job
 
 
+@router.get("/health", responses=responses(404, 409, 422))
+async def get_health(controller: OneController) -> DeviceHealth:
+    """Figures of the device: messages and rates, losses, clock, load of the link. 409 until it has sent something."""
+    health = controller.bus.health_of(controller.device)
+    if health is None:
+        raise DomainError("not-now", f"{controller.session.info.name} has sent nothing yet.", "Ask again later.")
+    return health
+
+
 @router.post("/apply", status_code=202, responses=responses(404, 409, 422))
 async def apply(body: ApplyRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
     """Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be
-    lost.
+    lost, or whatever they are with `confirm_s`.
     """
     targets = [
         controller,
@@ -94,6 +105,9 @@ async def apply(body: ApplyRequest, controller: OneController, controllers: AllC
     ]
     if not body.changes:
         raise DomainError("bad-request", "`changes` is empty.", "Name a setting and its values.")
+    if body.confirm_s is not None and not CONFIRM_S[0] <= body.confirm_s <= CONFIRM_S[1]:
+        hint = f"Give {CONFIRM_S[0]} … {CONFIRM_S[1]} s, or leave it out."
+        raise DomainError("bad-value", f"confirm_s: {body.confirm_s:g} s cannot be the time to confirm.", hint)
     requests = [await _change_request(one, controllers, body.changes) for one in targets]
     product = body.product or (controller.context.product if len(targets) > 1 else "")
     others = [Risk("loses-settings", words) for one in targets if (words := mismatch(product, one.context.product))]
@@ -103,7 +117,8 @@ async def apply(body: ApplyRequest, controller: OneController, controllers: AllC
         one.add(
             request.title,
             controllers.jobs.apply(
-                one, request.values, body.reason, base if one is controller else None, request.current
+                *(one, request.values, body.reason, base if one is controller else None, request.current),
+                confirm_s=body.confirm_s,
             ),
         )
         for one, request in zip(targets, requests, strict=True)

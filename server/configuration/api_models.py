@@ -219,6 +219,8 @@ class ApplyRequest:
     product: str = ""  # product of these settings (of a profile); another product needs confirmation (409)
     base: dict[str, dict[str, Any]] = field(default_factory=dict)  # the settings when they were edited; if the device
     # has another value by now, nothing is written
+    confirm_s: float | None = None  # any change is temporary, and rolled back unless it is confirmed in this time, s
+    # null: only a change that could cut the link, for `rollback_s` of the configuration
 
 
 @dataclass(slots=True)

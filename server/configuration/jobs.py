@@ -54,12 +54,14 @@ class Change:
         todo: settings to write, complete or in part.
         held: those of them with values that the device reported earlier; they are sent unchecked.
         restart: they take effect after a restart.
+        confirm_s: the change is temporary until it is confirmed within this time, s.
     """
 
     found: settings_procedures.SettingsSnapshot
     todo: dict[str, dict[str, Any]]
     held: Collection[str]
     restart: bool
+    confirm_s: float | None = None
 
 
 class Jobs:
@@ -108,6 +110,7 @@ class Jobs:
         reason: str,
         base: Mapping[str, Mapping[str, Any]] | None = None,
         held: Collection[str] = (),
+        confirm_s: float | None = None,
     ) -> Callable[[QueuedJob], Awaitable[None]]:
         """Write settings, with a rollback.
 
@@ -115,6 +118,8 @@ class Jobs:
             base: values of the device when the changes were made. If it has other values by now, nothing is written,
                 because another client's change would be undone silently.
             held: settings whose values the device has, or had once; they are sent unchecked.
+            confirm_s: any change is temporary until it is confirmed within this time, s; None: only one that could
+                cut the link, for the usual time.
         """
 
         async def work(task: QueuedJob) -> None:
@@ -138,7 +143,7 @@ class Jobs:
                 controller, found, "Before this change", reason or f"Before writing {titles}."
             )
             restart = any(rows[name].after == "reset" for name in todo)
-            await self._write(controller, task, Change(found, todo, held, restart))
+            await self._write(controller, task, Change(found, todo, held, restart, confirm_s))
 
         return work
 
@@ -146,7 +151,7 @@ class Jobs:
         rows, driver, old = controller.rows, controller.driver, change.found.values
         lines = [driver.line_change(name, old.get(name), new, controller.context) for name, new in change.todo.items()]
         cuts = [line for line in lines if line is not None]
-        if cuts:
+        if cuts or change.confirm_s is not None:
             record = self._record(controller, change, cuts)
             record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
@@ -251,6 +256,7 @@ class Jobs:
             changes += changed_words(row, controller.driver.same(name, old[name], new), old[name], new)
         bauds = [cut.baud for cut in cuts if cut.baud is not None]
         baud = controller.session.baud
+        seconds = self._timings.rollback_s if change.confirm_s is None else change.confirm_s
         return RollbackRecord(
             source=controller.session.info.source,
             protocol=controller.session.info.protocol,
@@ -264,8 +270,8 @@ class Jobs:
             other_bauds=[] if baud is None else list(dict.fromkeys(rate for cut in cuts for rate in cut.others)),
             restart=change.restart,
             changes=changes[:MAX_WORDS],
-            deadline=controller.bus.now() + 60 + self._timings.rollback_s,
-            seconds=self._timings.rollback_s,
+            deadline=controller.bus.now() + 60 + seconds,
+            seconds=seconds,
             device=name_of(controller.session),
             address=address_of(controller.session),
         )
@@ -274,9 +280,11 @@ class Jobs:
         self, controller: DeviceController, task: QueuedJob, rows: Mapping[str, Setting], written: Sequence[WriteResult]
     ) -> None:
         """Report the outcome of a write."""
-        for one in written:
-            if one.actual is not None:
-                controller.values[one.setting] = {**controller.values.get(one.setting, {}), **one.actual}
+        actual = {one.setting: one.actual for one in written if one.actual is not None}
+        controller.values = {  # another object: whoever has the earlier values compares
+            **controller.values,
+            **{name: {**controller.values.get(name, {}), **values} for name, values in actual.items()},
+        }
         job = task.job
         job.outcomes = settings_procedures.outcomes(controller.driver, rows, written)
         refused = [one for one in job.outcomes if not one.path]

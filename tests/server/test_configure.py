@@ -389,5 +389,8 @@ def test_missing_names_are_reported(http: Client) -> None:
     assert post(http, "apply", {"changes": {"Nonsense": {}}}).status_code == 404
     assert post(http, "apply", {"changes": {"ProductCode": {"product_code": "x"}}}).status_code == 404
     assert post(http, "apply", {"changes": {}}).status_code == 422
+    for seconds in (0, 601):
+        refused = post(http, "apply", {"changes": {"LocationID": {"location_id": 7}}, "confirm_s": seconds})
+        assert refused.json()["message"] == f"confirm_s: {seconds} s cannot be the time to confirm."
     assert post(http, "confirm", {}).json()["kind"] == "not-now"
     assert post(http, "read", {}, 4).json()["kind"] == "no-settings"

@@ -72,6 +72,32 @@ def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("keep", [True, False])
+def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(SOURCE)
+            await here.read(desk)
+            before, new, seconds = desk.values["LocationID"], {"location_id": 7}, 30.0 if keep else 1.0
+            assert before != new
+            task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": new}, "", confirm_s=seconds))
+            await until(
+                lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks"
+            )
+            assert desk.pending_rollback is not None
+            assert (desk.pending_rollback.seconds, desk.values["LocationID"]) == (seconds, new)
+            assert len(files(tmp_path)) == 1
+            if keep:
+                desk.decide(keep=True)
+            job = await over(task)
+            assert job.state == ("done" if keep else "failed"), job
+            await here.read(desk)
+            assert desk.values["LocationID"] == (new if keep else before)
+            assert files(tmp_path) == []
+
+    run(check())
+
+
+@pytest.mark.parametrize("keep", [True, False])
 def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
     async def check() -> None:
         async with house(tmp_path, rollback_s=30.0) as here:

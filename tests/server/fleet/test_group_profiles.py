@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,11 @@ from server.fleet.device_settings import (
     writable_settings,
 )
 from server.fleet.group_profiles import FILE, GroupProfiles
-from server.fleet.reports import ReportError
+from server.fleet.known_settings import KnownSettings
+from server.fleet.reports import ReportedDevice, ReportError
 from server.fleet.summaries import RobotDevice, RobotSummary
 from tests.free_ports import free_port
+from tests.server.control_harness import house
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
@@ -210,3 +213,27 @@ def test_from_a_simulated_sensor_to_the_answer(tmp_path: Path) -> None:
         removed = httpx.delete(f"{at}/otter-7/profile?device=1&by=Ben", timeout=PATIENCE_S)
         assert removed.status_code == 200
         assert shown()["settings"] == "unknown"
+
+
+def test_a_write_is_reported_even_if_a_report_is_made_in_the_middle_of_it(tmp_path: Path) -> None:
+    """A write once changed values that a report had kept to compare them, so that none ever told of it."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("sim:xbus?product=MTi-630")
+            await here.read(desk)
+            known, device = (
+                KnownSettings(tmp_path / "fleet", here.desks.get),
+                ReportedDevice(desk.device, "MTi", "live"),
+            )
+            before = known.with_settings((device,))[0].settings
+            task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 7}}, ""))
+            while not task.finished.is_set():
+                known.with_settings((device,))
+                await asyncio.sleep(0)
+            assert task.job.state == "done"
+            after = known.with_settings((device,))[0].settings
+            assert after not in ("", before)
+            assert after == KnownSettings(tmp_path / "new", here.desks.get).with_settings((device,))[0].settings
+
+    asyncio.run(check())

@@ -272,6 +272,8 @@ export interface ApplyRequest {
   readonly product: string;
   /** the settings when they were edited; if the device */
   readonly base: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
+  /** any change is temporary, and rolled back unless it is confirmed in this time, s */
+  readonly confirm_s: number | null;
 }
 
 export interface RunRequest {

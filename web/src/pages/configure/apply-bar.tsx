@@ -113,6 +113,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
     devices: [],
     product: "",
     base: model.basesOf(names),
+    confirm_s: null,
   };
   const outcome = await server.apply(model.id, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {

@@ -279,7 +279,15 @@ function ask(
       if (check?.ok !== true) continue;
       const { profile, product } = check.value;
       void server
-        .apply(id, { changes: profile, reason: TEXT.profile(title), confirmed: true, devices: [], product, base: {} })
+        .apply(id, {
+          changes: profile,
+          reason: TEXT.profile(title),
+          confirmed: true,
+          devices: [],
+          product,
+          base: {},
+          confirm_s: null,
+        })
         .then((answer) => {
           results.value = {
             ...results.peek(),
