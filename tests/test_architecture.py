@@ -93,6 +93,7 @@ SERVER: dict[str, set[str]] = {
         "library",
         "store_settings",
         "streaming",
+        "wire_codec",
     },
     "integrations": {"wire_codec", "streaming", "config", "auth", "ros2"},
     "reference": {"configuration", "library"},

@@ -13,6 +13,7 @@ from server.api.fleet import TheFleetServer
 from server.errors import DomainError
 from server.fleet.fleet_server import FleetServer
 from server.fleet.group_profiles import SettingsCheck
+from server.fleet.rollout_models import ProfileOrigin
 from server.fleet.summaries import RobotDevice, RobotSummary, SettingsState
 
 router = APIRouter(prefix="/api/fleet/robots", tags=["fleet"])
@@ -25,15 +26,6 @@ class SettingDifference(BaseModel):
     unit: str
     profile: str = Field(description="as text; empty if the profile does not have it")
     robot: str = Field(description="the same for the robot")
-
-
-class ProfileOrigin(BaseModel):
-    """Origin of a profile."""
-
-    robot: str
-    device: str = Field(description="displayed name")
-    by: str = Field(description="name of the person")
-    time: float = Field(description="clock of the fleet server, unix s")
 
 
 class DeviceSettingsCheck(BaseModel):
@@ -64,7 +56,8 @@ def _robot(server: FleetServer, name: str) -> RobotSummary:
     return robot
 
 
-def _device(server: FleetServer, robot: str, device: str) -> tuple[RobotSummary, RobotDevice]:
+def device_of(server: FleetServer, robot: str, device: str) -> tuple[RobotSummary, RobotDevice]:
+    """A robot and a device of it; DomainError if there is none."""
     found = _robot(server, robot)
     for one in found.devices:
         if one.id == device:
@@ -101,7 +94,7 @@ async def compare_settings(robot: str, server: TheFleetServer) -> list[DeviceSet
 @router.post("/{robot}/profile", responses=responses(404, 409, 422, 507))
 async def use_profile(robot: str, body: ProfileRequest, server: TheFleetServer) -> list[DeviceSettingsCheck]:
     """Make the settings of a device the profile of its group, for its product. Nothing is written to any robot."""
-    found, device = _device(server, robot, body.device)
+    found, device = device_of(server, robot, body.device)
     profile = server.profiles.use(found, device, body.by, time.time())
     server.profile_changed(found, f"The settings of {device.name} are the profile of {_group(found)} now", profile.by)
     return await compare_settings(robot, server)
@@ -115,7 +108,7 @@ async def remove_profile(
     by: Annotated[str, Query(max_length=200, description="name of the person")],
 ) -> list[DeviceSettingsCheck]:
     """Remove the profile that a device is compared with."""
-    found, one = _device(server, robot, device)
+    found, one = device_of(server, robot, device)
     server.profiles.remove(found, one, by)
     server.profile_changed(found, f"The profile of {_group(found)} for {one.product} was removed", by)
     return await compare_settings(robot, server)

@@ -22,6 +22,7 @@ from server.fleet.fleet_alarms import FleetAlarms
 from server.fleet.fleet_server import FleetServer
 from server.fleet.group_profiles import GroupProfiles
 from server.fleet.robots import Robots
+from server.fleet.rollouts import RolloutFiles
 from server.fleet_settings import FleetServerSettings, FleetSettings
 from server.logging_setup import print_or_log
 
@@ -64,6 +65,7 @@ def fleet(options: argparse.Namespace) -> None:
                 lambda: _version(given),
                 profiles=profiles,
                 alarms=FleetAlarms(config.data / "fleet", config.fleet_server, profiles.applies),
+                rollouts=RolloutFiles(config.data / "fleet"),
             )
             if not given.router:
                 server.open()

@@ -30,6 +30,7 @@ from server.fleet.later_versions import PARTS
 from server.fleet.reports import MAX_JOURNAL, ReportError
 from server.fleet.robot_pages import RobotPages
 from server.fleet.robots import Robots
+from server.fleet.rollouts import RolloutFiles, Rollouts
 from server.fleet.summaries import RobotSummary
 from server.prometheus_text import PrometheusText
 
@@ -58,6 +59,7 @@ class FleetServer:
         version: of the file of robots, say.
         profiles: of groups.
         alarms: its own.
+        rollouts: those of earlier runs.
 
     Attributes:
         problem: why the state cannot be stored, or the settings cannot be used; empty otherwise.
@@ -72,12 +74,14 @@ class FleetServer:
         *,
         profiles: GroupProfiles,
         alarms: FleetAlarms,
+        rollouts: RolloutFiles,
     ) -> None:
         self.robots, self.database, self.profiles, self.alarms = robots, database, profiles, alarms
         self.collector = Collector(
             robots, database.robots(), judged=lambda robot: alarms.with_alarms(profiles.judged(robot))
         )
         self.pages = RobotPages(self.collector.boot_of)
+        self.rollouts = Rollouts(rollouts, robots, profiles, self.pages, self._note_command)
         self.problem = ""
         self.overflows = 0
         self._settings, self._version = settings, version
@@ -106,6 +110,7 @@ class FleetServer:
         if self._session is None:  # of a client: that lasts until its router is there
             threading.Thread(target=self._open_late, name="fleet server", daemon=True).start()
         self.pages.start()
+        self.rollouts.start()
         self._task = asyncio.create_task(self._run(), name="fleet server")
 
     def _open_late(self) -> None:
@@ -121,6 +126,7 @@ class FleetServer:
     async def close(self) -> None:
         """Close the session and write what is left."""
         self._closed = True
+        await self.rollouts.close()
         self.pages.close()
         if self._task is not None:
             self._task.cancel()
@@ -301,6 +307,9 @@ class FleetServer:
     def note_command(self, robot: str, level: str, text: str) -> None:
         """Store that a viewer commanded a robot, or tried to."""
         log.info("%s: %s", robot, text)
+        self.collector.note(robot, "command", level, text)
+
+    def _note_command(self, robot: str, level: str, text: str) -> None:
         self.collector.note(robot, "command", level, text)
 
     def add_metrics(self, page: PrometheusText) -> None:

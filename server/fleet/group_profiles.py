@@ -144,6 +144,27 @@ class GroupProfiles:
         """Whether the group of a robot has a profile for one of its devices."""
         return any((robot.group, one.protocol, one.product) in self._profiles for one in robot.devices)
 
+    def profile_of(self, group: str, device: RobotDevice) -> tuple[GroupProfile, DeviceDriver]:
+        """The profile of a group for a device's product, and what it is written with.
+
+        Raises:
+            DomainError: there is none, or this version cannot use it.
+        """
+        profile, wanted = self._profiles.get((group, device.protocol, device.product), (None, None))
+        if profile is None or wanted is None:
+            hint = "Make the settings of a device the profile first."
+            raise DomainError("not-found", f"The group has no profile for {device.product:.80}.", hint)
+        driver = self._drivers(wanted.protocol)
+        if driver is None:
+            raise DomainError(
+                "no-driver", f"Devices of {wanted.protocol:.40} cannot be configured.", "Update the fleet server."
+            )
+        return profile, driver
+
+    def settings_of(self, device: RobotDevice) -> DeviceSettings | None:
+        """Settings of a device; None if they are not known here."""
+        return self._known.get(device.settings)
+
     def _difference(self, digest: str, wanted: DeviceSettings) -> Difference | None:
         key = digest, wanted.digest
         if key not in self._differences:

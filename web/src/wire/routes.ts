@@ -1,6 +1,6 @@
 /** Routes of the HTTP API. Generated from its OpenAPI document by `python -m server.generate_ts_types`; do not edit. */
 
-import type { Attempt, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
+import type { Attempt, DeviceHealth, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
 import type { ApplyRequest, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo, SpanInfo } from "../forms/types";
 import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, HeldBytes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, SaveMemoryRequest, SavedMemory, StartRequest } from "../recordings/types";
@@ -418,6 +418,15 @@ export interface DeviceFilter {
   readonly family: string;
 }
 
+/** A device that differs, or may differ, and would not be written to. */
+export interface DeviceLeftOut {
+  readonly robot: string;
+  /** id */
+  readonly device: string;
+  readonly name: string;
+  readonly why: string;
+}
+
 /** A device against the profile of its group. */
 export interface DeviceSettingsCheck {
   /** id */
@@ -714,6 +723,17 @@ export interface PairsSignal {
   readonly part: number;
 }
 
+/** A device that a rollout would write to. */
+export interface PlannedDevice {
+  readonly robot: string;
+  /** id */
+  readonly device: string;
+  readonly name: string;
+  readonly changes: readonly RolloutChange[];
+  /** consequences, one sentence each */
+  readonly risks: readonly string[];
+}
+
 /** One serial port. */
 export interface PortInfo {
   readonly device: string;
@@ -976,6 +996,121 @@ export interface RobotSummary {
   readonly devices: readonly RobotDevice[];
   /** what a later version reports, by name */
   readonly more: Readonly<Record<string, string>>;
+}
+
+/** A rollout. */
+export interface Rollout {
+  readonly id: number;
+  readonly group: string;
+  readonly product: string;
+  readonly protocol: string;
+  readonly profile: ProfileOrigin;
+  /** name of the person who started it */
+  readonly by: string;
+  readonly state: "running" | "done" | "failed" | "stopped" | "interrupted";
+  /** why it ended, in words */
+  readonly words: string;
+  /** name of the person who stopped it */
+  readonly stopped_by: string;
+  /** clock of the fleet server, unix s */
+  readonly started: number;
+  readonly ended: number | null;
+  /** time for which a device has to deliver before it is confirmed, s */
+  readonly watch_s: number;
+  /** number of devices in each wave */
+  readonly waves: readonly number[];
+  /** the present one, from 1 */
+  readonly wave: number;
+  readonly devices: readonly RolloutDevice[];
+}
+
+/** A setting that is changed. */
+export interface RolloutChange {
+  /** as on the page Configure */
+  readonly title: string;
+  /** value of the device as text; empty if it has none */
+  readonly now: string;
+  /** value of the profile as text; empty if it has none */
+  readonly profile: string;
+}
+
+/** A device in a rollout. */
+export interface RolloutDevice {
+  readonly robot: string;
+  /** id */
+  readonly device: string;
+  readonly name: string;
+  /** from 1 */
+  readonly wave: number;
+  readonly state: "waiting" | "applying" | "watching" | "confirming" | "done" | "failed" | "unknown" | "left" | "not-started";
+  /** what happened, in words */
+  readonly words: string;
+  /** clock of the fleet server, unix s: since when it is in this state */
+  readonly time: number | null;
+  readonly changes: readonly RolloutChange[];
+}
+
+/** A rollout without its devices. */
+export interface RolloutHead {
+  readonly id: number;
+  readonly group: string;
+  readonly product: string;
+  readonly protocol: string;
+  readonly profile: ProfileOrigin;
+  /** name of the person who started it */
+  readonly by: string;
+  readonly state: "running" | "done" | "failed" | "stopped" | "interrupted";
+  /** why it ended, in words */
+  readonly words: string;
+  /** name of the person who stopped it */
+  readonly stopped_by: string;
+  /** clock of the fleet server, unix s */
+  readonly started: number;
+  readonly ended: number | null;
+  /** time for which a device has to deliver before it is confirmed, s */
+  readonly watch_s: number;
+  /** number of devices in each wave */
+  readonly waves: readonly number[];
+  /** the present one, from 1 */
+  readonly wave: number;
+}
+
+/** Plan of a rollout, as of now. */
+export interface RolloutPlan {
+  /** to be sent with the start; another one as soon as something else would be done */
+  readonly id: string;
+  readonly group: string;
+  readonly product: string;
+  readonly profile: ProfileOrigin;
+  /** in the order in which they would be written to */
+  readonly devices: readonly PlannedDevice[];
+  readonly left_out: readonly DeviceLeftOut[];
+  /** number of devices that have the settings of the profile already */
+  readonly same: number;
+  /** number of devices in each wave */
+  readonly waves: readonly number[];
+  /** id of the rollout of this profile that is under way */
+  readonly running: number | null;
+}
+
+/** The plan that a person has seen, and how it is to be carried out. */
+export interface RolloutRequest {
+  /** id of a device of the robot, whose profile it is */
+  readonly device: string;
+  /** id of the plan */
+  readonly plan: string;
+  /** name of the person */
+  readonly by: string;
+  /** sizes of waves, or percentages of the rest, separated by commas; the last one is repeated */
+  readonly waves?: string;
+  /** time for which a device has to deliver before it is confirmed, s */
+  readonly watch_s?: number;
+}
+
+/** A person who stops a rollout. */
+export interface RolloutStopRequest {
+  /** name of the person */
+  readonly by: string;
 }
 
 /** State of the publisher. */
@@ -1293,10 +1428,15 @@ export interface Routes {
     readonly body: Defaulted<ReadRequest, "settings" | "reason" | "confirmed">;
     readonly answer: Job;
   };
-  /** Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be lost. */
+  /** Figures of the device: messages and rates, losses, clock, load of the link. 409 until it has sent something. */
+  "GET /api/devices/{device}/health": {
+    readonly path: { readonly device: string };
+    readonly answer: DeviceHealth;
+  };
+  /** Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be lost, or whatever they are with `confirm_s`. */
   "POST /api/devices/{device}/apply": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<ApplyRequest, "reason" | "confirmed" | "devices" | "product" | "base">;
+    readonly body: Defaulted<ApplyRequest, "reason" | "confirmed" | "devices" | "product" | "base" | "confirm_s">;
     readonly answer: Job;
   };
   /** Run a command. A command that writes a setting is applied like any change, with snapshot and rollback. */
@@ -1750,6 +1890,31 @@ export interface Routes {
     readonly path: { readonly robot: string };
     readonly query: { readonly device: string; readonly by: string };
     readonly answer: readonly DeviceSettingsCheck[];
+  };
+  /** Plan of a rollout: devices of the group that differ from the profile that this one is compared with. */
+  "GET /api/fleet/robots/{robot}/rollout": {
+    readonly path: { readonly robot: string };
+    readonly query: { readonly device: string; readonly waves?: string | undefined };
+    readonly answer: RolloutPlan;
+  };
+  /** Carry a plan out, in waves. Each device is written to with settings that are temporary until they are confirmed: once it has delivered for `watch_s` at the rate of the profile, with the settings of the profile. Otherwise the robot rolls back by itself, and no further wave begins. 412 if the plan has changed. */
+  "POST /api/fleet/robots/{robot}/rollout": {
+    readonly path: { readonly robot: string };
+    readonly body: RolloutRequest;
+    readonly answer: Rollout;
+  };
+  /** Rollouts, the newest first. */
+  "GET /api/fleet/rollouts": { readonly answer: readonly RolloutHead[]; };
+  /** A rollout, with the state of each device. */
+  "GET /api/fleet/rollouts/{rollout}": {
+    readonly path: { readonly rollout: number };
+    readonly answer: Rollout;
+  };
+  /** Begin with no further device. Those that are under way are finished: confirmed, or rolled back. */
+  "POST /api/fleet/rollouts/{rollout}/stop": {
+    readonly path: { readonly rollout: number };
+    readonly body: RolloutStopRequest;
+    readonly answer: Rollout;
   };
   /** The serial ports of this host, without opening them. */
   "GET /api/ports": { readonly answer: readonly PortInfo[]; };

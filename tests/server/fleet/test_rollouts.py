@@ -1,0 +1,199 @@
+"""Rollouts: a profile applied to real servers with simulated sensors, in waves, with all that can go wrong."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from protocols.xbus.simulator.device import XbusSimulator
+from server.errors import DomainError
+from server.fleet.rollout_models import Rollout, wave_sizes
+from server.fleet.rollouts import RolloutFiles
+from server.links.simulator import SimulatorThread
+from tests.server.control_harness import bench
+from tests.server.fleet.rollout_fleet import OTHER_HZ, PROFILE_HZ, RolloutFleet
+from tests.waiting import block_until
+
+
+@pytest.mark.parametrize(
+    ("text", "count", "sizes"),
+    [
+        ("1, 5, 25 %", 40, [1, 5, 9, 7, 5, 4, 3, 2, 1, 1, 1, 1]),
+        ("1, 5, 25 %", 3, [1, 2]),
+        ("2", 5, [2, 2, 1]),
+        ("100%", 7, [7]),
+        ("1", 0, []),
+    ],
+)
+def test_waves(text: str, count: int, sizes: list[int]) -> None:
+    assert wave_sizes(text, count) == sizes
+
+
+@pytest.mark.parametrize("text", ["", "0", "1,", "101 %", "0 %", "-1", "1.5", "x", ",".join("1" * 21), "999999"])
+def test_waves_that_cannot_be_used(text: str) -> None:
+    with pytest.raises(DomainError, match="waves: "):
+        wave_sizes(text, 5)
+
+
+def test_a_profile_is_applied_in_waves_and_confirmed(tmp_path: Path) -> None:
+    with RolloutFleet(tmp_path) as fleet:
+        plan = fleet.plan()
+        assert [one["robot"] for one in plan["devices"]] == ["b", "c"]
+        assert (plan["waves"], plan["same"], plan["left_out"]) == ([1, 1], 1, [])
+        changes = [(one["now"], one["profile"]) for one in plan["devices"][0]["changes"]]
+        assert (f"{OTHER_HZ} Hz", f"{PROFILE_HZ} Hz") in changes
+        assert fleet.plan(waves="100 %")["waves"] == [2]
+        assert fleet.start("another").json()["kind"] == "changed"
+        assert fleet.start(plan["id"], by=" ").json()["kind"] == "bad-value"
+        assert fleet.start(plan["id"], waves="none").json()["kind"] == "bad-value"
+        assert fleet.start(plan["id"]).status_code == 202
+        assert fleet.start(plan["id"]).json()["kind"] == "busy"
+        over = fleet.until_over()
+        assert (over["state"], fleet.states()) == ("done", {"b": "done", "c": "done"}), over
+        for name in "bc":
+            assert fleet.rate(name) == PROFILE_HZ
+            assert fleet.rollback(name) == "confirmed"
+        told = "Command through the fleet server of Ada, rollout 1: POST /api/devices/1/apply."
+        block_until(lambda: told in fleet.events("b"), lambda: fleet.events("b"))
+        texts = fleet.events("b")
+        assert any(text.startswith("Rollout 1 of Ada, MTi-630: done.") for text in texts), texts
+        assert "Rollout 1 to 2 devices of the group otters was started by Ada." in fleet.events("")
+        block_until(lambda: fleet.plan()["same"] == 3, "all are as the profile")
+        assert fleet.start(fleet.plan()["id"]).json()["kind"] == "not-now"
+        assert fleet.send("rollouts/1/stop", by="Ada").json()["kind"] == "not-now"
+        assert fleet.send("rollouts/7/stop", by="Ada").status_code == 404
+
+
+def test_a_device_that_stops_to_deliver_is_rolled_back_and_the_next_wave_does_not_begin(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with bench(measuring=True) as there:
+            there.hold_open()
+            await asyncio.to_thread(play, there)
+
+    def play(there: SimulatorThread) -> None:
+        sources = {"b": f"serial://{there.slave}?baud=115200"}
+        with RolloutFleet(tmp_path, sources=sources) as fleet, pytest.MonkeyPatch.context() as patch:
+            assert fleet.start(fleet.plan()["id"]).status_code == 202
+            patch.setattr(XbusSimulator, "_due", no_samples(XbusSimulator._due))
+            over = fleet.until_over()
+            assert (over["state"], fleet.states()) == ("failed", {"b": "failed", "c": "not-started"}), over
+            assert over["words"].startswith("1 more was not started. b, MTi-630: It delivered ")
+            assert f"instead of {PROFILE_HZ}. The device was rolled back" in over["words"]
+            assert fleet.rollback("b") == "rolled-back"
+            assert [fleet.rate(name) for name in "bc"] == [OTHER_HZ, OTHER_HZ]
+            assert not any("Command" in text for text in fleet.events("c"))
+
+    asyncio.run(check())
+
+
+def no_samples(due: Callable[[XbusSimulator, int, list[bytes]], None]) -> Callable[..., None]:
+    """Samples that are due, except those of a device with the settings of the profile."""
+
+    def silent(device: XbusSimulator, now: int, out: list[bytes]) -> None:
+        if any(frequency == OTHER_HZ for _, frequency in device.output):
+            due(device, now, out)
+
+    return silent
+
+
+def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(tmp_path: Path) -> None:
+    with RolloutFleet(tmp_path) as fleet:
+        assert fleet.start(fleet.plan()["id"], watch_s=5).status_code == 202
+        fleet.until_state("b", "watching")
+        assert fleet.post("b", "roll-back", {}).status_code == 200
+        over = fleet.until_over()
+        assert fleet.states() == {"b": "failed", "c": "not-started"}, over
+        assert over["devices"][0]["words"] == "The device was rolled back to the old settings, as requested."
+
+
+def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(tmp_path: Path) -> None:
+    with RolloutFleet(tmp_path, "abcd") as fleet:
+        assert fleet.start(fleet.plan()["id"], waves="1", watch_s=5).status_code == 202
+        fleet.until_state("b", "watching")
+        outputs = fleet.values("c")["OutputConfiguration"]
+        for one in outputs["outputs"]:
+            one["output_frequency"] = 20 if one["output_frequency"] == OTHER_HZ else one["output_frequency"]
+        fleet.post("c", "apply", {"changes": {"OutputConfiguration": outputs}, "confirmed": True})
+        block_until(lambda: fleet.rate("c") == 20, "it is changed")
+        over = fleet.until_over()
+        assert fleet.states() == {"b": "done", "c": "failed", "d": "not-started"}, over
+        assert "was changed by another client" in over["words"]
+        assert [fleet.rate(name) for name in "bcd"] == [PROFILE_HZ, 20, OTHER_HZ]
+
+
+def test_a_robot_whose_line_is_cut_rolls_back_by_itself(tmp_path: Path) -> None:
+    with RolloutFleet(tmp_path, behind="b") as fleet:
+        assert fleet.start(fleet.plan()["id"], watch_s=3).status_code == 202
+        fleet.until_state("b", "watching")
+        assert fleet.line is not None
+        fleet.line.cut()
+        over = fleet.until_over()
+        assert (over["state"], fleet.states()) == ("failed", {"b": "unknown", "c": "not-started"}), over
+        assert "The robot rolls back by itself unless the settings were confirmed" in over["words"]
+        block_until(lambda: fleet.rollback("b") == "rolled-back", lambda: fleet.rollback("b"), seconds=180)
+        block_until(lambda: fleet.rate("b") == OTHER_HZ, "it has its old settings")
+        assert fleet.rate("c") == OTHER_HZ
+
+
+def test_a_stop_finishes_what_has_begun_and_begins_nothing_else(tmp_path: Path) -> None:
+    with RolloutFleet(tmp_path) as fleet:
+        assert fleet.start(fleet.plan()["id"]).status_code == 202
+        fleet.until_state("b", "applying", "watching")
+        assert fleet.send("rollouts/1/stop", by="  ").json()["kind"] == "bad-value"
+        assert fleet.send("rollouts/1/stop", by="Ben").json()["stopped_by"] == "Ben"
+        over = fleet.until_over()
+        assert (over["state"], over["words"]) == ("stopped", "Stopped by Ben: 1 not started."), over
+        assert fleet.states() == {"b": "done", "c": "not-started"}
+        assert [fleet.rate(name) for name in "bc"] == [PROFILE_HZ, OTHER_HZ]
+        assert "Rollout 1 was stopped by Ben." in fleet.events("")
+
+
+def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
+    with RolloutFleet(tmp_path, "abcd") as fleet:
+        fleet.robots["d"].process.kill()
+        block_until(lambda: fleet.summary("d")["state"] == "lost", "d is lost")
+        plan = fleet.plan()
+        assert [(one["robot"], one["why"]) for one in plan["left_out"]] == [("d", "The robot is lost.")]
+        assert fleet.start(plan["id"], watch_s=5).status_code == 202
+        fleet.until_state("b", "watching")
+        fleet.robots["c"].process.kill()
+        block_until(lambda: fleet.summary("c")["state"] == "lost", "c is lost")
+        over = fleet.until_over()
+        assert (over["state"], over["words"]) == ("done", "1 of 2 left out."), over
+        assert fleet.states() == {"b": "done", "c": "left"}
+        assert over["devices"][1]["words"] == "The robot was lost before anything was sent."
+
+
+def test_a_fleet_server_that_is_killed_says_what_it_interrupted_and_sends_nothing_again(tmp_path: Path) -> None:
+    with RolloutFleet(tmp_path) as fleet:
+        assert fleet.start(fleet.plan()["id"], watch_s=3).status_code == 202
+        fleet.until_state("b", "watching")
+        fleet.server.process.kill()
+        fleet.server.stop()
+        block_until(lambda: fleet.rollback("b") == "rolled-back", lambda: fleet.rollback("b"), seconds=180)
+        fleet.begin()
+        over = fleet.rollout()
+        assert (over["state"], fleet.states()) == ("interrupted", {"b": "unknown", "c": "not-started"}), over
+        assert over["devices"][0]["words"].startswith("The fleet server ended while this device was watching. ")
+        block_until(lambda: fleet.summary("c")["state"] == "live" and fleet.summary("b")["state"] == "live", "all back")
+        block_until(lambda: fleet.summary("b")["settings"] == "drifted", "b is compared again")
+        assert [fleet.rate(name) for name in "bc"] == [OTHER_HZ, OTHER_HZ]
+        assert not any("apply" in text for text in fleet.events("c"))
+        block_until(lambda: sum("/apply" in text for text in fleet.events("b")) == 1, lambda: fleet.events("b"))
+        block_until(lambda: len(fleet.plan()["devices"]) == 2, lambda: fleet.plan())
+        assert fleet.start(fleet.plan()["id"], by="Ben").json()["id"] == 2
+
+
+def test_a_damaged_file_stays_and_its_number_is_not_given_again(tmp_path: Path) -> None:
+    files = RolloutFiles(tmp_path)
+    assert (files.all(), files.next_id()) == ([], 1)
+    files.save(4, "{")
+    assert (files.all(), files.next_id()) == ([], 5)
+    (tmp_path / "rollouts").rename(tmp_path / "elsewhere")
+    (tmp_path / "rollouts").write_text("in the way")
+    with pytest.raises(DomainError, match="cannot be stored"):
+        files.save(5, "{}")
+    assert Rollout.model_fields["state"].default == "running"
