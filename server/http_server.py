@@ -54,6 +54,8 @@ SWITCH_S = 0.001  # longest wait of a reading thread for a busy loop, per datagr
 NOT_SENT_BYTES = 64 * 1024  # precedent: HTTP/2 servers, so that priorities stay meaningful
 MAX_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
 MAX_PINGS = 20  # WebSocket pings per second; a browser sends none, a library one in twenty seconds
+QUEUE = 2048  # connections that the system holds until they are accepted
+ACCEPTED_AT_ONCE = 16  # for some turns of the loop before one is read: in a flood it would be the one idle longest
 MAX_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
 MAX_FROM_VIEWER = 1024 * 1024  # meshes for the 3D scene are sent in pieces of half that size
 
@@ -254,6 +256,8 @@ class Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
+        for one in sockets or ():
+            one.listen(QUEUE)  # asyncio has set it to ACCEPTED_AT_ONCE
         if not self.should_exit:
             if self._keeper is not None:
                 self._certificate_task = asyncio.create_task(watch_certificate(self._keeper), name="certificate")
@@ -326,7 +330,7 @@ def listen(host: str, port: int) -> socket.socket:
         if family == socket.AF_INET6 and host in ("::", ""):
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
         listener.bind(address)
-        listener.listen(128)
+        listener.listen(QUEUE)
     except OSError:
         listener.close()
         raise
@@ -354,6 +358,7 @@ def server(
         log_config=None,
         log_level="warning",
         lifespan="on",
+        backlog=ACCEPTED_AT_ONCE,
         timeout_graceful_shutdown=1,  # after ending.CUT_S: never reached, unless a request will not be cancelled
     )
     logging.getLogger("uvicorn.error").addFilter(_is_ours)

@@ -115,7 +115,7 @@ def serve(options: argparse.Namespace) -> None:
     clock = Time()
     config = Config(
         data=options.data,
-        sources=("quick:",),
+        sources=("tcp://192.0.2.1:1",),  # never opened: `open_link` below
         protocol="xbus",
         record=options.what == "server",
         record_head=False,

@@ -12,6 +12,7 @@ import stat
 import struct
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -108,6 +109,21 @@ def test_an_idle_connection_makes_room_for_one_that_asks(tmp_path: Path) -> None
         assert all(answers(running) for _ in range(3))
         for one in idle:
             one.close()
+
+
+def test_a_request_before_a_burst_of_connections_is_answered(tmp_path: Path) -> None:
+    """They were all accepted before the request was read, which was then taken for the one idle longest."""
+    blocked, go_on = threading.Event(), threading.Event()
+    with serving(tmp_path, most=100) as running, contextlib.ExitStack() as held:
+        assert running.loop is not None
+        running.loop.call_soon_threadsafe(lambda: (blocked.set(), go_on.wait(PATIENCE_S)))
+        assert blocked.wait(PATIENCE_S)
+        asks = held.enter_context(connected(running))
+        asks.sendall(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+        for _ in range(400):
+            held.enter_context(connected(running))
+        go_on.set()
+        assert asks.recv(12) == b"HTTP/1.1 200"
 
 
 def test_websockets_leave_room_for_requests(tmp_path: Path) -> None:
