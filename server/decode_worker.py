@@ -24,6 +24,7 @@ from server.analysis.recorded_signals import add_computed_signals
 from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
+from server.library.store_source import write_source
 
 STEP = 0.005
 
@@ -49,13 +50,15 @@ def main() -> int:
             _send(progress=round(share, 3))
 
     try:
-        bounded_by(Path(request["path"]))
-        source = open_file(Path(request["path"]))
+        path, store = Path(request["path"]), Path(request["store"])
+        stamp = path.stat()
+        bounded_by(path)
+        source = open_file(path)
         usual = DecodeOptions("", request.get("reading", {}))
         shown = lambda folder: _send(shown=str(folder))  # noqa: E731
         decode(
             source,
-            Path(request["store"]),
+            store,
             all_protocols(),
             DecodeOptions(),
             progress,
@@ -63,6 +66,7 @@ def main() -> int:
             usual,
             add_computed_signals,
         )
+        write_source(store, path, stamp)
     except RecordingError as error:
         _send(message=error.message, hint=error.hint)
         return 1

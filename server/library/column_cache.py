@@ -7,7 +7,9 @@ changes.
 Decoding an hour takes seconds of a core, so it runs in a subprocess: live devices are not affected, nor is the server
 by a crash of a decoder. The process takes a second to start; while the library is viewed it is started in advance
 (`prepare`). The name of a store is derived from all of its inputs (the file's name, size and time, the decoder's
-sources, the decode options): stale stores are never found, and are deleted when the folder has grown too large.
+sources, the decode options): stale stores are never found. Before another recording is decoded, those are deleted whose
+recording is gone or has changed, and then the least recently used, until the rest takes no more than its share of the
+disk: a robot that records all the time, with a quota, would otherwise fill it with columns of what it has deleted.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from recordings.column_store import VERSION, ColumnStore
 from recordings.mcap_writer import RecordingError
 from server.devices.decode_options import DecodeOptions
 from server.library.sources import decoding_mark
+from server.library.store_source import is_stale
 from server.workers import Worker
 
 log = logging.getLogger("imuscope.columns")
@@ -36,6 +39,7 @@ log = logging.getLogger("imuscope.columns")
 KEPT_OPEN = 16
 AT_ONCE = 2  # recordings decoded at a time: each may use a large part of the memory (recordings/bounds.py)
 CACHE_BYTES = 20 << 30
+SHARE_OF_DISK = 4  # the cache takes at most one part in so many of what the disk has besides
 ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
 SPARE_S = 120.0  # lifetime of a process started in advance
 FAILED_FOR_S = 5.0  # an error is returned again for this long before another attempt
@@ -203,7 +207,8 @@ class ColumnCache:
     async def _decode(self, recording: str, store: Path, opening: DecodeJob) -> None:
         try:
             self._cache.mkdir(parents=True, exist_ok=True)
-            await asyncio.to_thread(_sweep, self._cache, CACHE_BYTES)
+            for gone in await asyncio.to_thread(_sweep, self._cache, CACHE_BYTES):
+                self._open.pop(gone, None)  # its mapped files would keep their place on the disk
             async with self._slots:
                 await self._run(recording, store, opening)
         except RecordingError as error:
@@ -232,19 +237,24 @@ class ColumnCache:
             await worker.end()
 
 
-def _sweep(cache: Path, budget: int) -> None:
-    """Delete the least recently used stores until the rest is within the budget.
+def _sweep(cache: Path, most: int) -> list[Path]:
+    """Delete stale stores, and the least recently used ones until the rest is within `most` bytes and its share of the
+    disk; returns what was deleted.
 
     Hidden folders are being made: they are left alone, and vanish or get their name while this looks.
     """
-    stores = []
+    stores, deleted = [], []
     for folder in cache.iterdir():
         if not folder.name.startswith("."):
             with contextlib.suppress(OSError):  # deleted meanwhile
-                stores.append((folder.stat().st_mtime, folder, sum(file.stat().st_size for file in folder.iterdir())))
-    total = sum(size for _, _, size in stores)
-    for _, folder, size in sorted(stores):
-        if total <= budget:
-            return
+                size = sum(file.stat().st_size for file in folder.iterdir())
+                stores.append((not is_stale(folder), folder.stat().st_mtime, folder, size))
+    total = sum(size for *_, size in stores)
+    budget = min(most, (shutil.disk_usage(cache).free + total) // SHARE_OF_DISK)
+    for is_used, _, folder, size in sorted(stores):
+        if is_used and total <= budget:
+            break
         shutil.rmtree(folder, ignore_errors=True)
+        deleted.append(folder)
         total -= size
+    return deleted

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from server.library import column_cache
+from server.library.column_cache import ColumnCache
+from server.library.store_source import write_source
+from tests.fault_injection.fault_harness import frames
+from tests.fault_injection.recorded_files import recording
 
 
 def store(cache: Path, name: str, size: int, age: int) -> Path:
@@ -22,6 +28,48 @@ def test_the_least_recently_used_are_deleted_first(tmp_path: Path) -> None:
     old, middle, new = (store(tmp_path, name, 100, age) for name, age in (("a", 30), ("b", 20), ("c", 10)))
     column_cache._sweep(tmp_path, 200)
     assert (old.exists(), middle.exists(), new.exists()) == (False, True, True)
+
+
+def test_columns_of_a_recording_that_is_gone_or_has_changed_are_deleted(tmp_path: Path) -> None:
+    cache = tmp_path / "columns"
+    cache.mkdir()
+    kept, gone, changed, foreign = (store(cache, name, 100, age) for age, name in enumerate(("a", "b", "c", "d")))
+    for folder in (kept, gone, changed):
+        recording = tmp_path / f"{folder.name}.mcap"
+        recording.write_bytes(b"1")
+        write_source(folder, recording, recording.stat())
+    (tmp_path / "b.mcap").unlink()
+    (tmp_path / "c.mcap").write_bytes(b"12")
+    assert sorted(column_cache._sweep(cache, 1 << 30)) == [gone, changed]
+    assert (kept.exists(), gone.exists(), changed.exists(), foreign.exists()) == (True, False, False, True)
+
+
+def test_columns_go_with_their_recording(tmp_path: Path) -> None:
+    paths = {name: tmp_path / f"{name}.mcap" for name in "ab"}
+    for path in paths.values():
+        recording(path, frames(0, 200))
+
+    async def check() -> None:
+        columns = ColumnCache(tmp_path, paths.__getitem__)
+        try:
+            await columns.opened("a")
+            first = columns.store_of("a")
+            paths["a"].unlink()
+            await columns.opened("b")
+            assert not first.exists()
+            assert columns.store_of("b").is_dir()
+        finally:
+            await columns.close()
+
+    asyncio.run(check())
+
+
+def test_the_cache_takes_no_more_than_its_share_of_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stores = [store(tmp_path, name, 100, age) for age, name in enumerate("dcba")]
+    free = 600
+    monkeypatch.setattr(column_cache.shutil, "disk_usage", lambda path: SimpleNamespace(free=free))
+    column_cache._sweep(tmp_path, 1 << 30)  # (600 + 400) / 4
+    assert [folder.exists() for folder in stores] == [True, True, False, False]
 
 
 def test_what_is_being_made_is_neither_deleted_nor_missed_when_it_vanishes(
