@@ -315,8 +315,8 @@ class Rollouts:
         now = time.time()
         if bad:
             more = f" So did {len(bad) - 1} more." if len(bad) > 1 else ""
-            rest = "" if not waiting else f"{waiting} more {'was' if waiting == 1 else 'were'} not started. "
-            rollout.end("failed", f"{rest}{bad[0].robot}, {bad[0].name}: {bad[0].words}{more}", now)
+            rest = "" if not waiting else f" {waiting} {'was' if waiting == 1 else 'were'} not started."
+            rollout.end("failed", f"{bad[0].robot}, {bad[0].name}: {bad[0].words}{more}{rest}", now)
         elif waiting:
             rollout.end("stopped", f"Stopped by {rollout.stopped_by}: {waiting} not started.", now)
         else:

@@ -80,7 +80,8 @@ def test_a_device_that_stops_to_deliver_is_rolled_back_and_the_next_wave_does_no
             patch.setattr(XbusSimulator, "_due", no_samples(XbusSimulator._due))
             over = fleet.until_over()
             assert (over["state"], fleet.states()) == ("failed", {"b": "failed", "c": "not-started"}), over
-            assert over["words"].startswith("1 more was not started. b, MTi-630: It delivered ")
+            assert over["words"].startswith("b, MTi-630: It delivered ")
+            assert over["words"].endswith(" 1 was not started.")
             assert f"instead of {PROFILE_HZ}. The device was rolled back" in over["words"]
             assert fleet.rollback("b") == "rolled-back"
             assert [fleet.rate(name) for name in "bc"] == [OTHER_HZ, OTHER_HZ]

@@ -7,8 +7,12 @@ import { ProblemNote } from "../ui/problem-note";
 import type { DeviceSettingsCheck, RobotSummary } from "../wire/routes";
 import { askSettings, removeProfile, useProfile } from "./api";
 import type { Fleet } from "./fleet-state";
+import { GroupRollout } from "./group-rollout";
 import { PersonForm } from "./person-form";
+import { late } from "../ui/late";
 import { TEXT } from "../texts/fleet";
+
+const RolloutDialog = late(async () => (await import("./rollout-dialog")).RolloutDialog);
 
 type Answer = Outcome<readonly DeviceSettingsCheck[]>;
 
@@ -16,6 +20,7 @@ export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; 
   const checks = useSignal<readonly DeviceSettingsCheck[] | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
   const isOpen = useSignal(false);
+  const rolling = useSignal<{ readonly device: string; readonly rollout: number | undefined } | undefined>(undefined);
   const take = (outcome: Answer): boolean => {
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) checks.value = outcome.value;
@@ -26,7 +31,7 @@ export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; 
   useEffect(() => {
     if (isOpen.value) void askSettings(robot.name).then(take);
   }, [isOpen.value, robot.name, shown]);
-  return (
+  const settings = (
     <details
       class="fleet-events fleet-settings"
       onToggle={(event) => {
@@ -40,6 +45,14 @@ export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; 
         <section key={check.device}>
           <h4>{check.name}</h4>
           <Check check={check} />
+          {check.profile && (
+            <GroupRollout
+              robot={robot}
+              device={check.device}
+              open={(rollout) => (rolling.value = { device: check.device, rollout })}
+              isShown={rolling.value !== undefined}
+            />
+          )}
           <Profile
             check={check}
             send={async (request) => {
@@ -52,6 +65,22 @@ export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; 
         </section>
       ))}
     </details>
+  );
+  return (
+    <>
+      {settings}
+      {rolling.value && (
+        <RolloutDialog
+          {...rolling.value}
+          robot={robot.name}
+          group={robot.group}
+          onClose={() => {
+            rolling.value = undefined;
+            fleet.retry();
+          }}
+        />
+      )}
+    </>
   );
 }
 
