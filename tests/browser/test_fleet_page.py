@@ -88,7 +88,9 @@ def test_keys_reach_every_robot_and_its_details(fleet: SyntheticFleet, open_page
     until(page, "document.querySelector('.fleet-details h2')?.textContent === 'amr-005'")
     until(page, "document.querySelectorAll('.fleet-device').length === 2")
     link = page.get_by_role("link", name="Configure", exact=True).last
-    assert link.get_attribute("href") == "http://amr-005.example:8080/#/configure"
+    assert link.get_attribute("href") == "/robots/amr-005/#/configure"
+    own = page.get_by_role("link", name="Open at its own address")
+    assert own.get_attribute("href") == "http://amr-005.example:8080/"
     assert serious(page, colours=False) == []
     page.go_back()
     until(page, "document.querySelector('.fleet-details') === null")

@@ -3,6 +3,7 @@
  * plain grid about its first point. The corners of each tile are projected onto that grid, so track and map agree along the track.
  * Tiles come through our own port (server/api/map_tiles.py), a few at a time, and recent ones are cached.
  */
+import { serverRoot } from "../ui/server-place";
 import { metresFrom } from "./projection";
 import type { Point, TrackView } from "./track";
 
@@ -121,7 +122,7 @@ export class TileCache {
     };
     image.onload = () => done(true);
     image.onerror = () => done(false);
-    image.src = path;
+    image.src = serverRoot() + path;
     for (const old of this.#images.keys()) {
       if (this.#images.size <= KEPT) break;
       this.#images.delete(old);

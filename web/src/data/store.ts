@@ -77,6 +77,8 @@ export class Store {
   readonly nextTry: Signal<number | undefined> = signal(undefined);
   /** The last unreadable or refused message. */
   readonly problem: Signal<string | undefined> = signal(undefined);
+  /** Round trip to the server, s; undefined until the first is measured. */
+  readonly roundTrip: Signal<number | undefined> = signal(undefined);
   /** True from a subscription until its history is complete. */
   readonly filling: Signal<boolean> = signal(false);
 
@@ -187,6 +189,9 @@ export class Store {
       case "clock":
         this.#offset = message.offset;
         this.#uncertainty = message.uncertainty;
+        return;
+      case "round-trip":
+        this.roundTrip.value = message.seconds;
         return;
       case "problem":
         this.problem.value = message.message;

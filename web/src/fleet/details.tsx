@@ -2,6 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { number } from "../ui/format";
+import { robotHref } from "../ui/server-place";
 import { IconButton } from "../ui/icon-button";
 import { Alarms } from "./alarms";
 import {
@@ -20,8 +21,9 @@ import type { Fleet } from "./fleet-state";
 import type { Robot } from "./robots";
 import { ageText } from "./row";
 import { SettingsCheck } from "./settings";
-import type { RobotDevice } from "../wire/routes";
+import type { RobotDevice, RobotSummary } from "../wire/routes";
 import { TEXT } from "../texts/fleet";
+import "./details.css";
 
 export function Details({ fleet }: { readonly fleet: Fleet }) {
   const { robot: name } = fleet.place.value;
@@ -98,7 +100,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
         </>
       )}
       <h3>{TEXT.ownPages}</h3>
-      <OwnPages address={summary.address} isLost={isLost} />
+      <OwnPages summary={summary} />
       <h3>{TEXT.alarms}</h3>
       <Alarms key={`alarms ${summary.name}`} robot={summary} fleet={fleet} />
       <SettingsCheck key={`settings ${summary.name}`} robot={summary} fleet={fleet} />
@@ -125,9 +127,10 @@ function webAddress(address: string): string | undefined {
   }
 }
 
-function OwnPages({ address, isLost }: { readonly address: string; readonly isLost: boolean }) {
+/** Through the fleet server if the robot allows it, and at its own address if it published one. */
+function OwnPages({ summary: { name, address, pages, state } }: { readonly summary: RobotSummary }) {
   const at = webAddress(address);
-  if (at === undefined) return <p class="dim">{TEXT.noAddress}</p>;
+  const isOff = pages === "off";
   const links = [
     ["", TEXT.openLive],
     ["configure", TEXT.openConfigure],
@@ -135,14 +138,23 @@ function OwnPages({ address, isLost }: { readonly address: string; readonly isLo
   ] as const;
   return (
     <>
-      <div class="fleet-links">
-        {links.map(([page, title]) => (
-          <a key={page} class="btn edge" href={`${at}/#/${page}`} target="_blank" rel="noopener noreferrer">
-            {title}
-          </a>
-        ))}
-      </div>
-      {isLost && <p class="dim">{TEXT.unreachableHint}</p>}
+      {!isOff && (
+        <div class="fleet-links">
+          {links.map(([page, title]) => (
+            <a key={page} class="btn edge" href={robotHref(name, page)}>
+              {title}
+            </a>
+          ))}
+        </div>
+      )}
+      {isOff && <p class="dim">{TEXT.pagesOff}</p>}
+      {pages === "view" && <p class="dim">{TEXT.pagesView}</p>}
+      {at !== undefined && (
+        <a class="btn own-address" href={`${at}/`} target="_blank" rel="noopener noreferrer">
+          {TEXT.atOwnAddress}
+        </a>
+      )}
+      {state === "lost" && <p class="dim">{TEXT.unreachableHint}</p>}
     </>
   );
 }

@@ -6,6 +6,7 @@ import { type Cell, cellOf, COLUMNS, type ColumnName, deviceCell, stateWord } fr
 import { fleetHref, type FleetPlace } from "./address";
 import type { RobotDevice } from "../wire/routes";
 import type { Robot } from "./robots";
+import { robotHref } from "../ui/server-place";
 import { ROLES, rowProperties } from "./roles";
 import { TEXT } from "../texts/fleet";
 
@@ -104,13 +105,25 @@ export class Row extends Component<RowProps> {
 
   #name(): JSX.Element {
     const { robot, place } = this.props;
-    const { name, group } = robot.summary;
+    const { name, group, pages, state } = robot.summary;
     return (
       <span key="name" {...ROLES.cell} data-column="name">
         <a class="ellipsis" tabIndex={-1} href={fleetHref({ ...place, robot: name })}>
           {name}
         </a>
         {group !== "" && <small class="ellipsis">{group}</small>}
+        {pages !== "off" && state === "live" && (
+          <a
+            class="open-robot"
+            tabIndex={-1}
+            href={robotHref(name)}
+            aria-label={TEXT.openRobot(name)}
+            title={TEXT.openRobot(name)}
+            onClick={(event) => event.stopPropagation()}
+          >
+            <Icon name="forward" />
+          </a>
+        )}
       </span>
     );
   }

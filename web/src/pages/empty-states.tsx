@@ -9,6 +9,8 @@ import type { DeviceInfo, Attempt } from "../wire/types";
 import { type App, connect, linkOf, run, scanPorts } from "./app-state";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
+import { ThroughFleetBand } from "./through-fleet";
+import { serverRoot } from "../ui/server-place";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -260,15 +262,16 @@ export function OfflineBand({ app }: Props) {
   );
 }
 
-/** Address of the WebSocket: the page's own host, with the page's own kind of security. */
+/** Address of the WebSocket: the page's own host and root, with the page's own kind of security. */
 export function socketUrl(): string {
-  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`;
+  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${serverRoot()}/ws`;
 }
 
-/** Bands of every page: a failed request, until it is read, and a recording that has ended. */
+/** Bands of every page: the robot at its fleet server, a failed request, until it is read, and a recording that has ended. */
 export function ProblemBand({ app }: Props) {
   return (
     <>
+      <ThroughFleetBand app={app} />
       <FailedBand app={app} />
       <SavedBand app={app} />
     </>

@@ -165,6 +165,9 @@ export const TEXT = {
   openLive: "Live",
   openConfigure: "Configure",
   openRecordings: "Recordings",
-  noAddress: "It published no address.",
+  pagesOff: "The robot does not show its pages through the fleet server.",
+  pagesView: "For viewing only: the robot takes no commands from the fleet server.",
+  atOwnAddress: "Open at its own address",
+  openRobot: (name: string) => `Open the page of ${name}`,
   unreachableHint: "The robot does not answer the fleet server now.",
 };

@@ -3,6 +3,7 @@
  */
 import type { AddDeviceRequest, DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
 import { COMMON } from "../texts/common";
+import { serverRoot } from "./server-place";
 
 /** The only shape of errors: what went wrong, and what to do next. */
 export interface Problem extends ProblemBody {
@@ -49,7 +50,8 @@ function address(route: Route, { path = {}, query = {} }: Parts): string {
   const given = Object.entries(query).flatMap(([name, value]) =>
     value === undefined || value === null ? [] : [[name, String(value)]],
   );
-  return given.length > 0 ? `${place}?${new URLSearchParams(given)}` : place;
+  const full = serverRoot() + place;
+  return given.length > 0 ? `${full}?${new URLSearchParams(given)}` : full;
 }
 
 /** One request whose answer is JSON, text, or nothing. */

@@ -5,6 +5,7 @@
 import type { Signal } from "@preact/signals";
 import type { ReplayController } from "../recordings/replay-controller";
 import { Icon } from "../ui/icons";
+import { shownRobot } from "../ui/server-place";
 import { theme } from "../ui/theme";
 import { viewerHref } from "./viewer-href";
 import { ViewerPanel } from "./viewer-panel";
@@ -18,6 +19,7 @@ interface Props {
 
 /** Opens the selected range of a recording. */
 export function RerunButton({ replay, shown }: Props & { readonly replay: ReplayController }) {
+  if (shownRobot() !== undefined) return null;
   const open = (): void => {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
     shown.value = viewerHref(replay.detail.info.id, loop, theme.peek());

@@ -10,6 +10,7 @@ import type { ReplayController } from "../recordings/replay-controller";
 import { type App, perApp } from "../pages/app-state";
 import { IconButton } from "../ui/icon-button";
 import { Icon } from "../ui/icons";
+import { shownRobot } from "../ui/server-place";
 import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
 import { Begun, Following, Frame } from "./scene-frame";
@@ -35,6 +36,7 @@ interface Props {
 /** Opens and closes the panel. */
 export function SceneButton({ app }: Props) {
   const { isOpen } = sceneOf(app);
+  if (shownRobot() !== undefined) return null; // viewers of others are pages of the robot, which the fleet server does not pass on
   const open = isOpen.value;
   return (
     <IconButton
@@ -51,9 +53,10 @@ export function SceneButton({ app }: Props) {
 /** The same on a phone, whose bar has no room for it: a line of its own, hidden while the panel is open. */
 export function SceneLine({ app, children }: Props & { readonly children?: preact.ComponentChildren }) {
   const { isOpen } = sceneOf(app);
+  const isNear = shownRobot() === undefined;
   return (
     <div class="scene-actions" role="group" aria-label={TEXT.otherViews}>
-      {!isOpen.value && (
+      {isNear && !isOpen.value && (
         <button type="button" class="btn edge" onClick={() => (isOpen.value = true)}>
           <Icon name="cube" />
           {TEXT.scene3d}
@@ -74,10 +77,12 @@ export function LiveViews({ app }: Props) {
   };
   return (
     <SceneLine app={app}>
-      <button type="button" class="btn edge" onClick={rerun}>
-        <Icon name="wave" />
-        {TEXT.rerun}
-      </button>
+      {shownRobot() === undefined && (
+        <button type="button" class="btn edge" onClick={rerun}>
+          <Icon name="wave" />
+          {TEXT.rerun}
+        </button>
+      )}
       <button type="button" class="btn edge" title={TEXT.gesturesAndKeys} onClick={() => (app.overlay.value = "help")}>
         <Icon name="help" />
         {TEXT.help}

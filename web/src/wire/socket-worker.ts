@@ -145,6 +145,7 @@ function onText(data: string): void {
       break;
     case "pong": {
       clock.add(text.t, text.server_time, localNow());
+      post({ kind: "round-trip", seconds: localNow() - text.t });
       const estimate = clock.estimate;
       if (estimate !== undefined) post({ kind: "clock", ...estimate });
       return;

@@ -23,4 +23,6 @@ export type FromWorker =
   /** Start of silence on an open connection, unix seconds by our clock; undefined: messages arrive again. */
   | { readonly kind: "silence"; readonly since: number | undefined }
   | { readonly kind: "clock"; readonly offset: number; readonly uncertainty: number }
+  /** Of the latest ping: from this page to the server and back. */
+  | { readonly kind: "round-trip"; readonly seconds: number }
   | { readonly kind: "problem"; readonly message: string };
