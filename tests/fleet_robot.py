@@ -53,7 +53,9 @@ class FleetRobot:
     def _answer(self, query: zenoh.Query) -> None:
         asked = query.selector.parameters
         with query:
-            data = self.journal.answer(str(asked.get("boot")), int(asked.get("after") or 0))
+            data = self.journal.answer(
+                str(asked.get("boot")), int(asked.get("after") or 0), earlier=bool(asked.get("earlier"))
+            )
             query.reply(keys.journal_key(self.name), data)
 
     def report(self, number: int, time: float = 1_700_000_000.0) -> None:

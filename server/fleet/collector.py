@@ -4,7 +4,10 @@
     report of NAME  ──┬─ the next number          taken
                       ├─ an earlier number        ignored: taken already
                       └─ a later number           the journal of NAME is asked for those after the last one
-    journal of NAME ────> reports in order, taken; a hole is what NAME had to drop, and is counted
+    journal of NAME ────> reports in order, taken; what NAME had to drop is counted
+
+A robot that was restarted has reports of earlier runs. Those come first, run by run, from the last report that this
+server has of each; meanwhile only the status is taken from what the robot reports.
 
 Nothing here trusts the bus: whatever does not decode, belongs to a run that is not announced, or has no valid name is
 counted and ignored.
@@ -17,6 +20,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import msgspec
 
@@ -33,6 +37,7 @@ ASK_AGAIN_S = 5.0
 CONFIRM_S = 300.0
 """How often a robot is told which of its reports are stored, by asking for those after it."""
 MAX_BOOTS = 4
+MAX_ENDS = 64
 MAX_UNWRITTEN = 50_000
 """Events that wait for the disk; above it reports are not taken, but stay with the robots."""
 _status = msgspec.msgpack.Decoder(RobotStatus)
@@ -40,12 +45,33 @@ _status = msgspec.msgpack.Decoder(RobotStatus)
 
 @dataclass(slots=True)
 class _Robot:
-    stored: StoredRobot
+    stored: StoredRobot  # boot and number: the last report that was taken
     status: RobotStatus | None = None
     boots: list[str] = field(default_factory=list)  # announced runs; more than one: several robots of one name
-    latest: int = 0  # number that the robot has
+    latest: int = 0  # number that the robot has of that run
+    left: str | None = None  # run whose reports were being taken when a second robot of the name came
+    written: str = ""  # RUN.NUMBER that are on disk
+    ends: dict[str, int] = field(default_factory=dict)  # numbers up to which reports of earlier runs were taken
     ask_at: float = float("inf")
     confirm_at: float = 0.0
+
+    @property
+    def live_boot(self) -> str:
+        """The run that is shown; empty if the robot is lost."""
+        return self.boots[-1] if self.boots else ""
+
+
+class Question(NamedTuple):
+    """A question for the reports of a robot after a number of a run.
+
+    Args:
+        kept: RUN.NUMBER up to which they are on disk; empty if that is not known.
+    """
+
+    name: str
+    boot: str
+    after: int
+    kept: str
 
 
 @dataclass(slots=True)
@@ -69,6 +95,7 @@ class Collector:
         stored: the robots as the database has them.
         now: unix s.
         judged: completes a summary by what this server knows besides.
+        last_number: last number of a robot's run of which an event is stored.
     """
 
     def __init__(
@@ -77,8 +104,10 @@ class Collector:
         stored: list[StoredRobot],
         now: Callable[[], float] = time.time,
         judged: Callable[[RobotSummary], RobotSummary] = lambda summary: summary,
+        last_number: Callable[[str, str], int] = lambda robot, boot: 0,
     ) -> None:
         self._judged = judged
+        self._last_number = last_number
         self._summaries = robots
         self._now = now
         self._robots: dict[str, _Robot] = {}
@@ -90,6 +119,7 @@ class Collector:
             with contextlib.suppress(msgspec.DecodeError):  # of another version
                 status = _status.decode(one.status) if one.status else None
             robot = self._robots[one.name] = _Robot(one, status)
+            robot.written = _position(one)
             self._show(robot)
 
     @property
@@ -100,7 +130,7 @@ class Collector:
     def boot_of(self, name: str) -> str:
         """Run of the server of a robot; empty if it is not live."""
         robot = self._robots.get(name)
-        return robot.stored.boot if robot is not None and robot.boots else ""
+        return robot.live_boot if robot is not None else ""
 
     def settle_absent(self) -> None:
         """Robots that were live before a restart, and have not come back, are lost since then."""
@@ -124,6 +154,7 @@ class Collector:
             if not robot.boots:
                 robot.stored.is_live, robot.stored.since = False, now
                 robot.ask_at = float("inf")
+            self._resume(robot)
             self._changed(robot)
             return
         if len(robot.boots) >= MAX_BOOTS:
@@ -134,8 +165,11 @@ class Collector:
             self._note(name, "error", words)
         robot.boots.append(boot)
         if robot.stored.boot != boot:
-            robot.stored.boot, robot.stored.number, robot.latest = boot, 0, 0
             robot.stored.is_live = False
+        if len(robot.boots) > 1:  # which of them has earlier runs is not known
+            robot.left = robot.stored.boot if robot.left is None else robot.left
+            self._turn_to(robot, boot)
+        self._resume(robot)
         if not robot.stored.is_live:
             robot.stored.is_live, robot.stored.since = True, now
         robot.ask_at = now  # what happened while this server did not listen
@@ -151,10 +185,14 @@ class Collector:
             self.counts.invalid += 1
             return
         robot = self._robots.get(name)
-        if robot is None or report.boot != robot.stored.boot or report.boot not in robot.boots:
+        if robot is None or not robot.boots or report.boot != robot.live_boot:
             self.counts.unannounced += 1  # it is asked for when the token arrives
             return
         self.counts.reports += 1
+        if report.boot != robot.stored.boot:  # the reports of earlier runs come first
+            self._take_status(robot, report)
+            self._changed(robot)
+            return
         robot.latest = max(robot.latest, report.number)
         if report.is_empty and report.number <= robot.stored.number:
             return
@@ -174,10 +212,12 @@ class Collector:
         except ReportError:
             self.counts.invalid += 1
             return
-        if robot is None or answer.boot != robot.stored.boot or answer.boot not in robot.boots:
+        if robot is None or not robot.boots or not self._is_expected(robot, answer.boot):
             self.counts.unannounced += 1
             return
         stored = robot.stored
+        if answer.boot != stored.boot:
+            self._turn_to(robot, answer.boot)
         if answer.first > stored.number + 1:
             missed = answer.first - stored.number - 1
             stored.missed += missed
@@ -187,15 +227,18 @@ class Collector:
             stored.number = answer.first - 1
             self._changed(robot)
         for report in answer.reports:
-            if report.number == stored.number + 1:
-                self._take(robot, report)
+            if report.number > stored.number and not self._take(robot, report):
+                return
+        if answer.following and stored.number >= answer.last and answer.boot not in robot.boots:
+            self._turn_to(robot, answer.following)
+            return
         robot.latest = max(robot.latest, answer.last)
         robot.ask_at = float("inf")
         if robot.latest > stored.number:  # there is more; an answer without reports: the line of the robot is limited
             robot.ask_at = self._now() + (0.0 if answer.reports else 1.0)
 
-    def questions(self, limit: int) -> Iterator[tuple[str, str, int]]:
-        """Journals to ask now: name, run, number after which. Each is asked again if no answer comes."""
+    def questions(self, limit: int) -> Iterator[Question]:
+        """Journals to ask now. Each is asked again if no answer comes."""
         now = self._now()
         for name, robot in self._robots.items():
             if limit <= 0:
@@ -204,7 +247,9 @@ class Collector:
                 robot.ask_at = now + ASK_AGAIN_S if robot.ask_at <= now else robot.ask_at
                 robot.confirm_at = now + CONFIRM_S
                 limit -= 1
-                yield name, robot.stored.boot, robot.stored.number
+                yield Question(
+                    name, robot.stored.boot, robot.stored.number, robot.written if robot.left is None else ""
+                )
 
     def remove(self, name: str) -> bool:
         """Forget a robot that is lost; returns whether there was one."""
@@ -240,6 +285,12 @@ class Collector:
         batch.removed |= self.batch.removed
         self.batch = batch
 
+    def written(self, batch: FleetBatch) -> None:
+        """Changes are on disk: robots need not keep them any more."""
+        for name, one in batch.robots.items():
+            if name in self._robots:
+                self._robots[name].written = _position(one)
+
     def all_lost(self) -> None:
         """The line to the router is lost: no token is known any more."""
         for name, robot in self._robots.items():
@@ -258,10 +309,35 @@ class Collector:
             self._robots[name] = robot
         return robot
 
-    def _take(self, robot: _Robot, report: RobotReport) -> None:
+    def _is_expected(self, robot: _Robot, boot: str) -> bool:
+        """Whether an answer may be of this run: another one than asked for if that has ended."""
+        return boot == robot.stored.boot or (len(robot.boots) == 1 and robot.stored.boot not in robot.boots)
+
+    def _turn_to(self, robot: _Robot, boot: str) -> None:
+        """Take the reports of another run from now on, after those that were taken already."""
+        stored = robot.stored
+        if stored.boot:
+            robot.ends.pop(stored.boot, None)
+            robot.ends[stored.boot] = stored.number
+            while len(robot.ends) > MAX_ENDS:
+                del robot.ends[next(iter(robot.ends))]
+        if boot not in robot.ends:
+            robot.ends[boot] = self._last_number(stored.name, boot)
+        stored.boot, stored.number, robot.latest = boot, robot.ends[boot], 0
+        robot.ask_at = self._now()
+        self._changed(robot)
+
+    def _resume(self, robot: _Robot) -> None:
+        """Go on with the reports of a run that were left for a second robot of the name, once there is one."""
+        if robot.left is not None and len(robot.boots) == 1:
+            left, robot.left = robot.left, None
+            self._turn_to(robot, left)
+
+    def _take(self, robot: _Robot, report: RobotReport) -> bool:
+        """Take a report; returns whether there was room."""
         if len(self.batch.events) >= MAX_UNWRITTEN:
             robot.ask_at = self._now() + ASK_AGAIN_S
-            return
+            return False
         stored = robot.stored
         stored.number = report.number
         stored.received += 1
@@ -269,10 +345,14 @@ class Collector:
         for event in report.events:
             words = (event.kind, event.level, printable(event.text), printable(event.device))
             self.batch.events.append(StoredEvent(stored.name, report.boot, report.number, event.time, *words))
+        self._take_status(robot, report)
+        self._changed(robot)
+        return True
+
+    def _take_status(self, robot: _Robot, report: RobotReport) -> None:
         if report.status is not None:
             robot.status = report.status
-            stored.status = msgspec.msgpack.encode(report.status)
-        self._changed(robot)
+            robot.stored.status = msgspec.msgpack.encode(report.status)
 
     def _changed(self, robot: _Robot) -> None:
         self.batch.robots[robot.stored.name] = robot.stored
@@ -290,3 +370,7 @@ class Collector:
 
     def _note(self, name: str, level: str, text: str) -> None:
         self.note(name, "link", level, text)
+
+
+def _position(robot: StoredRobot) -> str:
+    return f"{robot.boot}.{robot.number}" if robot.boot else ""

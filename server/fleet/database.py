@@ -170,6 +170,14 @@ class FleetDatabase:
             ).fetchall()
         return [(row[0], StoredEvent(*row[1:])) for row in rows]
 
+    def last_number(self, robot: str, boot: str) -> int:
+        """Number of the last report of a run whose events are here; 0 if there is none."""
+        with self._lock:
+            row = self._file.execute(
+                "SELECT max(number) FROM events WHERE robot = ? AND boot = ?", (robot, boot)
+            ).fetchone()
+        return int(row[0] or 0)
+
     def close(self) -> None:
         """Close the file."""
         with self._lock:

@@ -78,7 +78,10 @@ class FleetServer:
     ) -> None:
         self.robots, self.database, self.profiles, self.alarms = robots, database, profiles, alarms
         self.collector = Collector(
-            robots, database.robots(), judged=lambda robot: alarms.with_alarms(profiles.judged(robot))
+            robots,
+            database.robots(),
+            judged=lambda robot: alarms.with_alarms(profiles.judged(robot)),
+            last_number=database.last_number,
         )
         self.pages = RobotPages(self.collector.boot_of)
         self.rollouts = Rollouts(rollouts, robots, profiles, self.pages, self._note_command)
@@ -267,9 +270,10 @@ class FleetServer:
                 parameters = zenoh.Parameters({"device": device})
                 selector = zenoh.Selector(keys.settings_key(name), parameters)
                 session.get(selector, partial(on_reply, kind=SETTINGS), timeout=QUERY_TIMEOUT_S)
-        for name, boot, after in self.collector.questions(QUESTIONS_PER_TURN):
+        for name, boot, after, kept in self.collector.questions(QUESTIONS_PER_TURN):
             with contextlib.suppress(Exception):  # asked again later
-                session.get(f"{keys.journal_key(name)}?boot={boot};after={after}", on_reply, timeout=QUERY_TIMEOUT_S)
+                asked = f"{keys.journal_key(name)}?boot={boot};after={after};earlier=1;kept={kept}"
+                session.get(asked, on_reply, timeout=QUERY_TIMEOUT_S)
 
     async def _write(self) -> None:
         if self.alarms.is_changed:
@@ -279,6 +283,7 @@ class FleetServer:
             return
         try:
             await asyncio.to_thread(self.database.write, batch)
+            self.collector.written(batch)
             self.problem = ""
         except FleetDatabaseError as error:
             self.collector.give_back(batch)

@@ -29,7 +29,7 @@ from server.devices.decode_options import secret_text
 from server.fleet import keys
 from server.fleet.bus import BusCredentials, FleetBusError, client_settings, is_loopback_address, open_bus
 from server.fleet.device_figures import DeviceFigures, clipped
-from server.fleet.journal import Journal
+from server.fleet.journal import ANSWER_BYTES, FOLDER, Journal
 from server.fleet.known_settings import KnownSettings
 from server.fleet.page_server import PageServer
 from server.fleet.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
@@ -155,7 +155,7 @@ class FleetPublisher:
         self._alarms = alarms
         self._known_settings = settings
         self._figures = DeviceFigures(telemetry.bus, telemetry.store)
-        self.journal = Journal()
+        self.journal = Journal(folder=config.data / FOLDER)
         self.name, self._credentials = "", BusCredentials()
         if self.is_enabled:
             self.name, self._credentials = robot_name(self._settings), credentials_of(self._settings)
@@ -184,6 +184,7 @@ class FleetPublisher:
         if not self.is_enabled:
             return
         self._unsubscribe = self._bus.events.subscribe(self._on_event)
+        self.journal.start()
         loop = asyncio.get_running_loop()
         threading.Thread(target=self._open, args=(loop,), name="fleet", daemon=True).start()
         self._task = loop.create_task(self._report_each_second(), name="fleet")
@@ -200,6 +201,7 @@ class FleetPublisher:
         session, self._session = self._session, None
         if session is not None:
             await asyncio.to_thread(_leave, session)
+        await asyncio.to_thread(self.journal.close)
 
     # ── in the event loop ────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -255,6 +257,7 @@ class FleetPublisher:
             words = f"The line to the fleet at {place} is lost; reports are kept until it is back."
             self._bus.event("", "link", "warning", words)
         self._was_connected = is_connected
+        self.journal.set_line(is_there=is_connected)
 
     def _tell_command(self, level: wire.Level, text: str) -> None:
         self._bus.event("", "command", level, text)
@@ -308,6 +311,7 @@ class FleetPublisher:
             return
         import zenoh
 
+        self.journal.wait_loaded()  # earlier runs are asked for as soon as the token is there
         self._session = session
         self._declared.append(self.pages.declare(session))
         self._declared.append(session.declare_queryable(keys.journal_key(self.name), self._on_query))
@@ -326,7 +330,9 @@ class FleetPublisher:
             boot, after = "", 0
         with self._budget_lock:
             room = self._budget.available(time.monotonic())
-            data = self.journal.answer(boot, after, *([] if room == float("inf") else [max(0, int(room))]))
+            limit = ANSWER_BYTES if room == float("inf") else max(0, int(room))
+            earlier, kept = bool(asked.get("earlier")), str(asked.get("kept") or "")
+            data = self.journal.answer(boot, after, limit, earlier=earlier, kept=kept)
             self._budget.take(len(data))
         with query:
             query.reply(keys.journal_key(self.name), data)

@@ -137,12 +137,14 @@ class JournalAnswer(msgspec.Struct, frozen=True):
     Args:
         first: number of the oldest report that the robot still has; one more than the newest if it has none.
         last: number of the newest one.
+        following: the run after this one, if this one has ended; empty otherwise.
     """
 
     boot: Boot
     first: Count
     last: Count
     reports: Annotated[tuple[RobotReport, ...], Meta(max_length=MAX_REPORTS)] = ()
+    following: Annotated[str, Meta(pattern="^([0-9a-f]{16})?$")] = ""
 
 
 T = TypeVar("T", RobotReport, JournalAnswer)

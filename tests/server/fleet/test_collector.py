@@ -28,7 +28,7 @@ class Bus:
         self.folder = folder
         self.limit = journal_limit
         self.made = 0
-        self.journal = Journal(journal_limit)
+        self.journal = self.started_journal()
         self.start()
 
     def now(self) -> float:
@@ -37,7 +37,7 @@ class Bus:
     def start(self) -> None:
         self.database = FleetDatabase(self.folder)
         self.robots = Robots(now=self.now)
-        self.collector = Collector(self.robots, self.database.robots(), self.now)
+        self.collector = Collector(self.robots, self.database.robots(), self.now, last_number=self.database.last_number)
 
     def restart_server(self, *, is_killed: bool) -> None:
         if not is_killed:
@@ -46,10 +46,26 @@ class Bus:
         self.start()
         self.announce(alive=True)
 
-    def restart_robot(self) -> None:
-        self.announce(alive=False)
-        self.journal = Journal(self.limit)
+    def started_journal(self) -> Journal:
+        journal = Journal(self.limit, self.folder / "robot")
+        journal.start()
+        journal.wait_loaded()
+        return journal
+
+    def restart_robot(self, *, is_noticed: bool = True) -> None:
+        """Restart it.
+
+        Args:
+            is_noticed: its token is withdrawn before; else after the next one has come.
+        """
+        before = self.journal
+        if is_noticed:
+            self.announce(alive=False)
+        self.journal.close()
+        self.journal = self.started_journal()
         self.announce(alive=True)
+        if not is_noticed:
+            self.collector.on_token(keys.token_key(NAME, before.boot), alive=False)
 
     def announce(self, *, alive: bool) -> None:
         self.collector.on_token(keys.token_key(NAME, self.journal.boot), alive=alive)
@@ -64,8 +80,9 @@ class Bus:
     def ask(self) -> int:
         """Journals that are asked for now; each answers."""
         asked = list(self.collector.questions(10))
-        for name, boot, after in asked:
-            self.collector.on_journal(keys.journal_key(name), self.journal.answer(boot, after, 400))
+        for name, boot, after, kept in asked:
+            data = self.journal.answer(boot, after, 400, earlier=True, kept=kept)
+            self.collector.on_journal(keys.journal_key(name), data)
         return len(asked)
 
     def catch_up(self) -> None:
@@ -75,7 +92,9 @@ class Bus:
             self.ask()
 
     def write(self) -> None:
-        self.database.write(self.collector.taken_batch())
+        batch = self.collector.taken_batch()
+        self.database.write(batch)
+        self.collector.written(batch)
 
     @property
     def events(self) -> list[str]:
@@ -87,6 +106,7 @@ class Bus:
 def bus(tmp_path: Path) -> Bus:
     bus = Bus(tmp_path)
     bus.announce(alive=True)
+    bus.ask()
     return bus
 
 
@@ -168,7 +188,9 @@ def test_two_robots_of_one_name_are_reported(bus: Bus) -> None:
 
 
 steps = st.lists(
-    st.sampled_from(["arrives", "lost", "repeated", "ask", "write", "stopped", "killed", "line", "robot", "wait"]),
+    st.sampled_from(
+        ["arrives", "lost", "repeated", "ask", "write", "stopped", "killed", "line", "robot", "soon", "wait"]
+    ),
     max_size=40,
 )
 
@@ -192,16 +214,15 @@ def test_whatever_happens_everything_is_stored_once(steps: list[str], tmp_path_f
             case "line":
                 bus.announce(alive=False)
                 bus.announce(alive=True)
-            case "robot":
-                bus.catch_up()
-                bus.write()
-                bus.restart_robot()
+            case "robot" | "soon":
+                bus.restart_robot(is_noticed=step == "robot")
             case "wait":
                 bus.time += 20
     bus.catch_up()
     assert bus.events == [str(number) for number in range(1, bus.made + 1)]
     assert bus.collector.counts.missed == 0
     bus.database.close()
+    bus.journal.close()
 
 
 @given(

@@ -80,6 +80,7 @@ def test_what_is_not_known_is_counted_once() -> None:
     assert report.status.more == {"humidity": "40"}
     collector = Collector(Robots(), [])
     collector.on_token(keys.token_key("otter", BOOT), alive=True)
+    collector.on_journal(keys.journal_key("otter"), encode(JournalAnswer(BOOT, 1, 0)))
     for _ in range(2):  # the second one is a repetition
         collector.on_report(keys.report_key("otter"), msgspec.msgpack.encode(later))
     assert collector.counts.unknown == unknown_parts(report)

@@ -145,15 +145,19 @@ def test_the_journal_answers_with_what_is_missing() -> None:
 
 
 def test_the_journal_is_bounded_and_counts_what_was_not_taken() -> None:
-    size = len(Journal().report(0.0, STATUS))
+    def happens(journal: Journal) -> bytes:
+        journal.add_event(EVENT)
+        return journal.report(0.0, None)
+
+    size = len(happens(Journal()))
     journal = Journal(limit=4 * size + 20)
-    for number in range(6):
-        journal.report(float(number), STATUS)
+    for _ in range(6):
+        happens(journal)
     assert journal.dropped == 2
     assert journal.nbytes <= 4 * size + 20
     answer = decode_journal(journal.answer(journal.boot, 6))
     assert (answer.first, answer.last, answer.reports) == (3, 6, ())
-    journal.report(7.0, STATUS)
+    happens(journal)
     assert journal.dropped == 2  # the oldest was taken
 
 
