@@ -4,6 +4,7 @@ import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/viewers";
 import type { Panel } from "../ui/dom";
 import { late } from "../ui/late";
+import { shownRobot } from "../ui/server-place";
 import { type Deps, reading, selected } from "./panel-context";
 import { registerPanel } from "./registry";
 
@@ -32,5 +33,6 @@ registerPanel({
   order: 28,
   class: "scene-frame",
   optional: true,
+  applies: () => shownRobot() === undefined, // a fleet server does not pass viewers on
   mount: mountScene,
 });
