@@ -82,14 +82,24 @@ class RobotLine:
             raise
         finally:
             stream.close()
-        try:
-            if status < 400:
-                return msgspec.json.decode(data, type=answer)
-            problem = msgspec.json.decode(data, type=_Problem)
-        except msgspec.MsgspecError:
-            raise LineError("The robot's answer is not valid.") from None
-        kind = problem.kind if problem.kind in KINDS and KINDS[problem.kind].status else "refused"
-        raise DomainError(kind, printable(problem.message[:500]), printable(problem.hint[:500]))
+        return decoded(status, data, answer)
+
+
+def decoded(status: int, data: bytes, answer: type[T]) -> T:
+    """The answer of a robot.
+
+    Raises:
+        LineError: it is not valid.
+        DomainError: the robot refuses.
+    """
+    try:
+        if status < 400:
+            return msgspec.json.decode(data, type=answer)
+        problem = msgspec.json.decode(data, type=_Problem)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        raise LineError("The robot's answer is not valid.") from None
+    kind = problem.kind if problem.kind in KINDS and KINDS[problem.kind].status else "refused"
+    raise DomainError(kind, printable(problem.message[:500]), printable(problem.hint[:500]))
 
 
 async def _answer(stream: PageStream) -> tuple[int, bytes]:

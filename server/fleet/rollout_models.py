@@ -51,14 +51,20 @@ class RolloutChange(BaseModel):
     profile: str = Field(description="value of the profile as text; empty if it has none")
 
 
+class RolloutChanges(BaseModel):
+    """Settings that are changed, of all devices that have the same."""
+
+    rows: list[RolloutChange]
+    risks: list[str] = Field(description="consequences, one sentence each")
+
+
 class PlannedDevice(BaseModel):
     """A device that a rollout would write to."""
 
     robot: str
     device: str = Field(description="id")
     name: str
-    changes: list[RolloutChange]
-    risks: list[str] = Field(description="consequences, one sentence each")
+    change: int = Field(description="place in `changes`")
 
 
 class DeviceLeftOut(BaseModel):
@@ -78,6 +84,7 @@ class RolloutPlan(BaseModel):
     product: str
     profile: ProfileOrigin
     devices: list[PlannedDevice] = Field(description="in the order in which they would be written to")
+    changes: list[RolloutChanges]
     left_out: list[DeviceLeftOut]
     same: int = Field(description="number of devices that have the settings of the profile already")
     waves: list[int] = Field(description="number of devices in each wave")
@@ -96,7 +103,7 @@ class RolloutDevice(BaseModel):
     time: float | None = Field(
         default=None, description="clock of the fleet server, unix s: since when it is in this state"
     )
-    changes: list[RolloutChange]
+    change: int = Field(description="place in `changes`")
 
 
 class RolloutHead(BaseModel):
@@ -122,6 +129,7 @@ class Rollout(RolloutHead):
     """A rollout."""
 
     devices: list[RolloutDevice]
+    changes: list[RolloutChanges]
 
     def interrupt(self, now: float) -> None:
         """This server ended. Nothing goes on by itself: what was under way is unknown, and what waited never begins."""

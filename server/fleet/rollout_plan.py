@@ -13,7 +13,7 @@ from server.configuration.dangers import dangers_of_write
 from server.errors import DomainError
 from server.fleet.device_settings import DeviceSettings
 from server.fleet.group_profiles import GroupProfile, GroupProfiles, SettingsCheck
-from server.fleet.rollout_models import DeviceLeftOut, PlannedDevice, ProfileOrigin, RolloutChange
+from server.fleet.rollout_models import DeviceLeftOut, PlannedDevice, ProfileOrigin, RolloutChange, RolloutChanges
 from server.fleet.summaries import RobotDevice, RobotSummary
 from server.wire_codec import to_json_safe
 
@@ -40,12 +40,14 @@ class GroupPlan:
 
     Args:
         id: digest of all that it would do.
+        changes: the different ones, as they are shown.
     """
 
     id: str
     profile: GroupProfile
     wanted: DeviceSettings
     devices: tuple[DeviceChange, ...]
+    changes: tuple[RolloutChanges, ...]
     left_out: tuple[DeviceLeftOut, ...]
     same: int
 
@@ -54,6 +56,55 @@ class GroupPlan:
         """Origin of the profile."""
         one = self.profile
         return ProfileOrigin(robot=one.robot, device=one.device, by=one.by, time=one.time)
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """Change of all devices with the same settings.
+
+    Args:
+        place: of what is shown.
+    """
+
+    place: int
+    changes: Mapping[str, Any]
+    base: Mapping[str, Any]
+
+
+class _Changes:
+    """Changes by digest of the settings of a device: thousands of robots have a few."""
+
+    def __init__(self, profiles: GroupProfiles, driver: DeviceDriver) -> None:
+        self.shown: list[RolloutChanges] = []
+        self._profiles, self._driver = profiles, driver
+        self._made: dict[str, _Change | None] = {}
+
+    def of(self, device: RobotDevice, check: SettingsCheck) -> _Change | None:
+        """Change of a device; None if nothing that differs can be written."""
+        if device.settings not in self._made:
+            self._made[device.settings] = self._make(device, check)
+        return self._made[device.settings]
+
+    def _make(self, device: RobotDevice, check: SettingsCheck) -> _Change | None:
+        known, found = self._profiles.settings_of(device), check.difference
+        if known is None or found is None or not found.changes:
+            return None
+        rows = {row.name: row for row in self._driver.settings(known.context)}
+        risks: list[str] = []
+        for name, values in found.changes.items():
+            try:
+                dangers = dangers_of_write(self._driver, rows[name], known.values.get(name), values, known.context)
+            except Exception:  # values from the bus can have any shape below the names; the robot checks them again
+                return None
+            risks += [one.consequence for one in dangers]
+        shown = RolloutChanges(
+            rows=[RolloutChange(title=row.title, now=row.left, profile=row.right) for row in found.rows],
+            risks=list(dict.fromkeys(risks)),
+        )
+        if shown not in self.shown:
+            self.shown.append(shown)
+        base = {name: known.values[name] for name in found.changes if name in known.values}
+        return _Change(self.shown.index(shown), to_json_safe(found.changes), to_json_safe(base))
 
 
 def plan_of(
@@ -67,6 +118,8 @@ def plan_of(
     wanted = profile.settings
     found: list[DeviceChange] = []
     left_out: list[DeviceLeftOut] = []
+    changes = _Changes(profiles, driver)
+    parts: list[Any] = [profile.by, profile.time]
     same = 0
     for robot in sorted((one for one in robots if one.group == profile.group), key=lambda one: one.name):
         for device in robot.devices:
@@ -76,54 +129,28 @@ def plan_of(
             if check.state == "as-profile":
                 same += 1
                 continue
-            change = _change(profiles, device, robot.name, check, driver)
-            why = _obstacle(robot, device, check, change)
-            if change is None or why:
-                named = {"robot": robot.name, "device": device.id, "name": device.name}
-                left_out.append(DeviceLeftOut(**named, why=why))
+            why = _obstacle(robot, device, check)
+            change = None if why else changes.of(device, check)
+            named = {"robot": robot.name, "device": device.id, "name": device.name or device.product}
+            if change is None:
+                left_out.append(DeviceLeftOut(**named, why=why or "What differs cannot be written."))
             else:
-                found.append(change)
+                shown = PlannedDevice(**named, change=change.place)
+                found.append(DeviceChange(shown, change.changes, change.base))
+                parts.append([robot.name, device.id, device.settings])
     if len(found) > MAX_DEVICES:
         hint = "Split the group, or write to some of the robots on their own pages first."
         raise DomainError("full", f"A rollout can have {MAX_DEVICES} devices; this one has {len(found)}.", hint)
-    parts = [profile.time, *([one.shown.robot, one.shown.device, one.changes, one.base] for one in found)]
-    digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+    digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
     settings = DeviceSettings(wanted.protocol, wanted.product, wanted.firmware, wanted.values)
-    return GroupPlan(digest, profile, settings, tuple(found), tuple(left_out), same)
+    return GroupPlan(digest, profile, settings, tuple(found), tuple(changes.shown), tuple(left_out), same)
 
 
-def _obstacle(robot: RobotSummary, device: RobotDevice, check: SettingsCheck, change: DeviceChange | None) -> str:
+def _obstacle(robot: RobotSummary, device: RobotDevice, check: SettingsCheck) -> str:
     if robot.state == "lost":
         return "The robot is lost."
     if robot.pages != "control":
         return 'The robot does not allow it: set pages = "control" in the table [fleet] of its configuration file.'
     if check.state == "unknown":
         return check.why
-    if device.status != "live":
-        return f"The device is {device.status}."
-    return "" if change is not None else "What differs cannot be written."
-
-
-def _change(
-    profiles: GroupProfiles, device: RobotDevice, robot: str, check: SettingsCheck, driver: DeviceDriver
-) -> DeviceChange | None:
-    known, found = profiles.settings_of(device), check.difference
-    if known is None or found is None or not found.changes:
-        return None
-    rows = {row.name: row for row in driver.settings(known.context)}
-    risks: list[str] = []
-    for name, values in found.changes.items():
-        try:
-            dangers = dangers_of_write(driver, rows[name], known.values.get(name), values, known.context)
-        except Exception:  # values from the bus can have any shape below the names; the robot checks them again
-            return None
-        risks += [one.consequence for one in dangers]
-    shown = PlannedDevice(
-        robot=robot,
-        device=device.id,
-        name=device.name or device.product,
-        changes=[RolloutChange(title=row.title, now=row.left, profile=row.right) for row in found.rows],
-        risks=list(dict.fromkeys(risks)),
-    )
-    base = {name: known.values[name] for name in found.changes if name in known.values}
-    return DeviceChange(shown, to_json_safe(found.changes), to_json_safe(base))
+    return "" if device.status == "live" else f"The device is {device.status}."

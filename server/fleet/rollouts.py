@@ -180,6 +180,7 @@ class Rollouts:
             product=plan.wanted.product,
             profile=plan.origin,
             devices=[one.shown for one in plan.devices],
+            changes=list(plan.changes),
             left_out=list(plan.left_out),
             same=plan.same,
             waves=wave_sizes(waves, len(plan.devices)),
@@ -237,10 +238,11 @@ class Rollouts:
                     device=one.shown.device,
                     name=one.shown.name,
                     wave=number,
-                    changes=one.shown.changes,
+                    change=one.shown.change,
                 )
                 for one, number in zip(plan.devices, numbers, strict=True)
             ],
+            changes=list(plan.changes),
         )
         self._next += 1
         run = self._runs[rollout.id] = _Run(rollout, plan, driver)  # before the disk is waited for: no second one

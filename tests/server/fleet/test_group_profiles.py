@@ -26,44 +26,12 @@ from server.fleet.device_settings import (
 from server.fleet.group_profiles import FILE, GroupProfiles
 from server.fleet.known_settings import KnownSettings
 from server.fleet.reports import ReportedDevice, ReportError
-from server.fleet.summaries import RobotDevice, RobotSummary
 from tests.free_ports import free_port
 from tests.server.control_harness import house
+from tests.server.fleet.compared_robots import PRODUCT, robot, settings_at
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
-
-PRODUCT = "MTi-630-8A1G6"
-
-
-def settings_at(rate: int, **other: Any) -> DeviceSettings:
-    outputs = [{"data_identifier": 0x2010, "output_frequency": rate}]
-    return DeviceSettings("xbus", PRODUCT, "1.12.0", {"OutputConfiguration": {"outputs": outputs}, **other})
-
-
-def robot(name: str, settings: DeviceSettings | None, group: str = "otters") -> RobotSummary:
-    figures = {"rate": 100, "lost": 0, "loss": None, "fix": "", "status": "live", "protocol": "xbus"}
-    device = RobotDevice.model_validate(
-        {
-            **{"id": "1", "name": "MTi", "product": PRODUCT, "serial_number": "1", "firmware": "1.12.0", **figures},
-            **dict.fromkeys(("expected_rate", "temperature", "clock_ppm", "clock_uncertainty_ms")),
-            "settings": "" if settings is None else settings.digest,
-        }
-    )
-    return RobotSummary.model_validate(
-        {
-            **{"name": name, "group": group, "state": "live", "since": 0, "latency_ms": None, "version": ""},
-            **{
-                "address": "",
-                "pages": "off",
-                "recording": False,
-                "disk_free_bytes": None,
-                "settings": "unknown",
-                "drifted": 0,
-            },
-            **{"alarms": [], "devices": [device]},
-        }
-    )
 
 
 def learned(folder: Path, *settings: DeviceSettings) -> GroupProfiles:

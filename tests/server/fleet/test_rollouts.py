@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
+from protocols.registry import PROTOCOLS
 from protocols.xbus.simulator.device import XbusSimulator
 from server.errors import DomainError
+from server.fleet.device_settings import encode_settings
+from server.fleet.group_profiles import GroupProfiles
+from server.fleet.robot_line import LineError, decoded
 from server.fleet.rollout_models import Rollout, wave_sizes
+from server.fleet.rollout_plan import plan_of
 from server.fleet.rollouts import RolloutFiles
 from server.links.simulator import SimulatorThread
 from tests.server.control_harness import bench
+from tests.server.fleet.compared_robots import robot, settings_at
 from tests.server.fleet.rollout_fleet import OTHER_HZ, PROFILE_HZ, RolloutFleet
 from tests.waiting import block_until
 
@@ -43,7 +54,8 @@ def test_a_profile_is_applied_in_waves_and_confirmed(tmp_path: Path) -> None:
         plan = fleet.plan()
         assert [one["robot"] for one in plan["devices"]] == ["b", "c"]
         assert (plan["waves"], plan["same"], plan["left_out"]) == ([1, 1], 1, [])
-        changes = [(one["now"], one["profile"]) for one in plan["devices"][0]["changes"]]
+        assert [one["change"] for one in plan["devices"]] == [0, 0]
+        changes = [(one["now"], one["profile"]) for one in plan["changes"][0]["rows"]]
         assert (f"{OTHER_HZ} Hz", f"{PROFILE_HZ} Hz") in changes
         assert fleet.plan(waves="100 %")["waves"] == [2]
         assert fleet.start("another").json()["kind"] == "changed"
@@ -198,3 +210,48 @@ def test_a_damaged_file_stays_and_its_number_is_not_given_again(tmp_path: Path) 
     with pytest.raises(DomainError, match="cannot be stored"):
         files.save(5, "{}")
     assert Rollout.model_fields["state"].default == "running"
+
+
+texts = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=10,
+)
+
+
+@given(st.integers(200, 599), st.binary(max_size=60) | texts.map(lambda one: json.dumps(one).encode()))
+@example(200, b"[" * 100_000)
+@example(500, b'{"message": "\xff"}')
+@example(409, b'{"kind": "bad-subprotocol", "message": "\\u001b[2J"}')
+def test_what_a_robot_answers_does_no_harm(status: int, data: bytes) -> None:
+    with contextlib.suppress(LineError, DomainError):
+        found = decoded(status, data, dict[str, Any])
+        assert isinstance(found, dict)
+
+
+def test_a_plan_of_thousands_looks_at_each_kind_of_settings_once(tmp_path: Path) -> None:
+    driver = PROTOCOLS["xbus"].driver
+    assert driver is not None
+    profiles = GroupProfiles(tmp_path)
+    right, *wrong = [settings_at(rate) for rate in (100, 50, 200)]
+    for one in (right, *wrong):
+        profiles.learn(encode_settings(one))
+    first = robot("a", right)
+    profile = profiles.use(first, first.devices[0], "Ada", 5.0)
+    others = [
+        robot(f"r{n}", wrong[n % 2]).model_copy(update={"pages": "view" if n < 6 else "control"}) for n in range(3000)
+    ]
+    asked: list[object] = []
+
+    class Counted:
+        def __getattr__(self, name: str) -> Any:
+            asked.append(name)
+            return getattr(driver, name)
+
+    plan = plan_of(profiles, [first, *others], profile, Counted())  # type: ignore[arg-type]
+    assert (len(plan.devices), len(plan.left_out), len(plan.changes), plan.same) == (2994, 6, 2, 1)
+    assert 'set pages = "control"' in plan.left_out[0].why
+    assert asked.count("settings") == 2
+    again = plan_of(profiles, [first, *others], profile, driver)
+    assert again.id == plan.id
+    assert plan_of(profiles, [first, *others[:-1]], profile, driver).id != plan.id

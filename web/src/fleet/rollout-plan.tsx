@@ -6,7 +6,7 @@ import type { Problem } from "../ui/http";
 import { Message } from "../ui/message";
 import { storedName, storeName } from "../ui/person-name";
 import { ProblemNote } from "../ui/problem-note";
-import type { DeviceLeftOut, PlannedDevice, RolloutPlan } from "../wire/routes";
+import type { DeviceLeftOut, PlannedDevice, RolloutChanges, RolloutPlan } from "../wire/routes";
 import { askPlan, startRollout } from "./rollout-api";
 import { TEXT as FLEET } from "../texts/fleet";
 import { TEXT } from "../texts/rollouts";
@@ -77,8 +77,12 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
           {TEXT.same(found.same)} {TEXT.origin(found.profile.robot, found.profile.by, dateWords(found.profile.time))}
         </span>
       </p>
-      {alike(found.devices).map((devices) => (
-        <Changes key={devices.map((one) => `${one.robot} ${one.device}`).join("\n")} devices={devices} />
+      {found.changes.map((one, place) => (
+        <Changes
+          key={JSON.stringify(one)}
+          changes={one}
+          devices={found.devices.filter(({ change }) => change === place)}
+        />
       ))}
       {found.left_out.length > 0 && <LeftOut devices={found.left_out} isOpen={n === 0} />}
       {n > 0 && (
@@ -146,21 +150,12 @@ function sizesOf(waves: readonly number[]): string {
   return waves.length > LISTED ? TEXT.manySizes(first, waves.length) : TEXT.sizes(first);
 }
 
-/** Devices with the same changes, in the order of the plan. */
-function alike(devices: readonly PlannedDevice[]): readonly (readonly PlannedDevice[])[] {
-  const found = new Map<string, PlannedDevice[]>();
-  for (const one of devices) {
-    const key = JSON.stringify([one.changes, one.risks]);
-    const others = found.get(key);
-    if (others) others.push(one);
-    else found.set(key, [one]);
-  }
-  return [...found.values()];
+interface ChangesProps {
+  readonly changes: RolloutChanges;
+  readonly devices: readonly PlannedDevice[];
 }
 
-function Changes({ devices }: { readonly devices: readonly PlannedDevice[] }) {
-  const [first] = devices;
-  if (first === undefined) return null;
+function Changes({ changes, devices }: ChangesProps) {
   const named = devices.slice(0, NAMED).map(({ robot }) => robot);
   const others = devices.slice(NAMED).map(({ robot }) => robot);
   return (
@@ -178,7 +173,7 @@ function Changes({ devices }: { readonly devices: readonly PlannedDevice[] }) {
           </tr>
         </thead>
         <tbody>
-          {first.changes.map(({ title, now, profile }) => (
+          {changes.rows.map(({ title, now, profile }) => (
             <tr key={title}>
               <td>{title}</td>
               <td>{now || TEXT.nothingValue}</td>
@@ -187,7 +182,7 @@ function Changes({ devices }: { readonly devices: readonly PlannedDevice[] }) {
           ))}
         </tbody>
       </table>
-      {first.risks.map((words) => (
+      {changes.risks.map((words) => (
         <p class="risk" key={words}>
           <span class="dot warn" /> <Message text={words} />
         </p>

@@ -10,8 +10,9 @@ import { PersonForm } from "./person-form";
 import { askRollout, stopRollout } from "./rollout-api";
 import { TEXT } from "../texts/rollouts";
 
-/** Pause between two requests, ms. */
+/** Pause between two requests, ms: of a rollout, and for each of its devices. */
 const ASK_MS = 1000;
+const ASK_DEVICE_MS = 2;
 /** What a person looks for comes first. */
 const ORDER: readonly RolloutDevice["state"][] = [
   ...(["failed", "unknown", "applying", "watching", "confirming"] as const),
@@ -31,7 +32,10 @@ export function RolloutProgress({ id }: { readonly id: number }) {
       if (isOver) return;
       if (outcome.ok) rollout.value = outcome.value;
       problem.value = outcome.ok ? undefined : outcome.problem;
-      if (!outcome.ok || outcome.value.state === "running") timer = setTimeout(() => void ask(), ASK_MS);
+      const devices = rollout.peek()?.devices.length ?? 0;
+      if (!outcome.ok || outcome.value.state === "running") {
+        timer = setTimeout(() => void ask(), ASK_MS + ASK_DEVICE_MS * devices);
+      }
     };
     void ask();
     return () => {

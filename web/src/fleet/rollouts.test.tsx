@@ -9,16 +9,20 @@ import type { DeviceSettingsCheck, FleetRobots, Rollout, RolloutDevice, RolloutP
 
 const PATIENCE = { timeout: 30_000 };
 const PROFILE = { robot: "heron", device: "A-100", by: "Ben", time: 1_700_000_000 };
-const CHANGES = [{ title: "Rate", now: "400 Hz", profile: "100 Hz" }];
+const ROWS = [{ title: "Rate", now: "400 Hz", profile: "100 Hz" }];
 const PLAN: RolloutPlan = {
   id: "p1",
   group: "Harbour",
   product: "A-100",
   profile: PROFILE,
   devices: [
-    { robot: "otter", device: "1", name: "A-100", changes: CHANGES, risks: [] },
-    { robot: "seal", device: "1", name: "A-100", changes: CHANGES, risks: [] },
-    { robot: "whale", device: "1", name: "A-100", changes: CHANGES, risks: ["The device restarts."] },
+    { robot: "otter", device: "1", name: "A-100", change: 0 },
+    { robot: "seal", device: "1", name: "A-100", change: 0 },
+    { robot: "whale", device: "1", name: "A-100", change: 1 },
+  ],
+  changes: [
+    { rows: ROWS, risks: [] },
+    { rows: ROWS, risks: ["The device restarts."] },
   ],
   left_out: [{ robot: "walrus", device: "1", name: "A-100", why: "The robot is lost." }],
   same: 7,
@@ -41,10 +45,11 @@ function rolloutWith(part: Partial<Rollout>, states: readonly RolloutDevice["sta
   return {
     ...{ id: 3, group: "Harbour", product: "A-100", protocol: "a", profile: PROFILE, by: "Ada", state: "running" },
     ...{ words: "", stopped_by: "", started: 1_700_000_100, ended: null, watch_s: 5, waves: [1, 2], wave: 1 },
-    devices: PLAN.devices.map(({ robot, device, name, changes }, at) => ({
-      ...{ robot, device, name, changes, time: 1_700_000_100, wave: at === 0 ? 1 : 2, words: `words of ${robot}` },
+    devices: PLAN.devices.map(({ robot, device, name, change }, at) => ({
+      ...{ robot, device, name, change, time: 1_700_000_100, wave: at === 0 ? 1 : 2, words: `words of ${robot}` },
       state: states[at] ?? "waiting",
     })),
+    changes: PLAN.changes,
     ...part,
   };
 }

@@ -729,9 +729,8 @@ export interface PlannedDevice {
   /** id */
   readonly device: string;
   readonly name: string;
-  readonly changes: readonly RolloutChange[];
-  /** consequences, one sentence each */
-  readonly risks: readonly string[];
+  /** place in `changes` */
+  readonly change: number;
 }
 
 /** One serial port. */
@@ -1022,6 +1021,7 @@ export interface Rollout {
   /** the present one, from 1 */
   readonly wave: number;
   readonly devices: readonly RolloutDevice[];
+  readonly changes: readonly RolloutChanges[];
 }
 
 /** A setting that is changed. */
@@ -1032,6 +1032,13 @@ export interface RolloutChange {
   readonly now: string;
   /** value of the profile as text; empty if it has none */
   readonly profile: string;
+}
+
+/** Settings that are changed, of all devices that have the same. */
+export interface RolloutChanges {
+  readonly rows: readonly RolloutChange[];
+  /** consequences, one sentence each */
+  readonly risks: readonly string[];
 }
 
 /** A device in a rollout. */
@@ -1047,7 +1054,8 @@ export interface RolloutDevice {
   readonly words: string;
   /** clock of the fleet server, unix s: since when it is in this state */
   readonly time: number | null;
-  readonly changes: readonly RolloutChange[];
+  /** place in `changes` */
+  readonly change: number;
 }
 
 /** A rollout without its devices. */
@@ -1084,6 +1092,7 @@ export interface RolloutPlan {
   readonly profile: ProfileOrigin;
   /** in the order in which they would be written to */
   readonly devices: readonly PlannedDevice[];
+  readonly changes: readonly RolloutChanges[];
   readonly left_out: readonly DeviceLeftOut[];
   /** number of devices that have the settings of the profile already */
   readonly same: number;
