@@ -272,16 +272,26 @@ class PtySink:
     async def close(self) -> None:
         asyncio.get_running_loop().remove_reader(self._master)
         if self._slave >= 0:
-            # FIONREAD is briefly 0 while the kernel moves bytes between its buffers, so check several times.
-            end, quiet = asyncio.get_running_loop().time() + STUCK_S, 0
-            while quiet < QUIET_POLLS and asyncio.get_running_loop().time() < end:
-                quiet = 0 if self._backlog() else quiet + 1
-                await asyncio.sleep(POLL_S)
+            await self._taken()
             os.close(self._slave)
         os.close(self._master)
 
+    async def _taken(self) -> None:
+        """Wait until the receiver has read all bytes, or nothing for a while: closing the master discards the rest."""
+        clock = asyncio.get_running_loop().time
+        poll = select.poll()
+        poll.register(self._slave, select.POLLIN)
+        end, quiet, before = clock() + STUCK_S, 0, -1
+        while quiet < QUIET_POLLS and clock() < end:
+            poll.poll(0)  # waits for bytes that the kernel is moving between its buffers; FIONREAD says 0 meanwhile
+            unread = self._backlog()
+            if unread != before:
+                end, before = clock() + STUCK_S, unread
+            quiet = 0 if unread else quiet + 1
+            await asyncio.sleep(POLL_S)
+
     def _backlog(self) -> int:
-        """Number of unread bytes."""
+        """Number of unread bytes in the receiver's buffer."""
         answer = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
         return int(struct.unpack("i", answer)[0])
 

@@ -83,7 +83,7 @@ def test_over_udp_a_datagram_for_each_chunk(tmp_path: Path) -> None:
 
 def heard(port: int) -> bytes:
     """Bytes received within a time; b"" if there are none or the other end has closed."""
-    if not select.select([port], [], [], 20.0)[0]:
+    if not select.select([port], [], [], PATIENCE_S)[0]:
         return b""
     with contextlib.suppress(OSError):
         return os.read(port, 65536)
