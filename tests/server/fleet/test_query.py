@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
@@ -101,7 +102,17 @@ def test_a_question_may_come_from_standard_input(
     assert commands.query(store, "-") == [{"a": 1}]
 
 
-CPU_S = 4.0  # more than the start takes
+WORK_S = 0.3  # of one thread besides the first, which imports the modules and waits
+
+
+def busiest_thread_s(pid: int) -> float:
+    """Processor time of a process's busiest thread besides the first."""
+    found = 0
+    for path in Path(f"/proc/{pid}/task").glob("*/stat"):
+        with contextlib.suppress(OSError):  # it has ended
+            if path.parent.name != str(pid):
+                found = max(found, sum(map(int, path.read_text().rsplit(")", 1)[1].split()[11:13])))
+    return found / os.sysconf("SC_CLK_TCK")
 
 
 def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) -> None:
@@ -116,9 +127,7 @@ def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) ->
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a job in the background ignores it
     )
     try:
-        status = Path(f"/proc/{process.pid}/stat")
-        tick = os.sysconf("SC_CLK_TCK")
-        block_until(lambda: sum(map(int, status.read_text().split()[13:15])) > CPU_S * tick, "work on the question")
+        block_until(lambda: busiest_thread_s(process.pid) > WORK_S, "work on the question")
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=PATIENCE_S)
         assert (process.returncode, out) == (130, ""), err
