@@ -141,6 +141,10 @@ class RolloutFleet:
         """Tell a robot something at its own address."""
         return httpx.post(f"{self.robots[name].url}/api/devices/1/{what}", json=body, timeout=PATIENCE_S)
 
+    def confirm(self, name: str) -> None:
+        """Confirm the settings of a robot at its own address, which ends the watching."""
+        assert self.post(name, "confirm", {}).status_code == 200
+
     def values(self, name: str) -> dict[str, Any]:
         """Settings of a robot, as it says itself."""
         return dict(get(f"{self.robots[name].url}/api/devices/1/values").json()["values"])
