@@ -295,6 +295,10 @@ _ALLOWED: dict[str, tuple[Callable[[Any], object], str]] = {  # setting → whet
         "is neither 0 (no limit) nor 0.001 … 1 000 000 000 MB",
     ),
     "store.upload_hours": (lambda text: not text or hours_of(text), "is not a span of time such as 22:00-06:00"),
+    "store.upload_kb_s": (
+        lambda rate: rate == 0 or 10 <= rate <= 1e6,
+        "is neither 0 (no limit) nor 10 … 1 000 000 kB/s",
+    ),
     "store.keep_days": (lambda days: 0 <= days <= 36_500, "is outside 0 … 36 500 days"),
     "store.keep_gb": (lambda size: 0 <= size <= 1e6, "is outside 0 … 1 000 000 GB"),
     "map.tiles": (

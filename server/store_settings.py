@@ -32,6 +32,7 @@ class StoreSettings:
         upload_max_mb: largest, 10⁶ bytes; 0 for no limit.
         upload_alarms_only: only those that an alarm has begun or marked.
         upload_hours: "22:00-06:00", local time in which an upload begins; "" for always.
+        upload_kb_s: most that uploads send, 10³ bytes/s; 0 for no limit.
         keep_days: recordings move to the bin so many days after their upload; 0 for never.
         keep_gb: … or the oldest that were uploaded, while the library is larger, 10⁹ bytes; 0 for no limit.
         keep_tags: recordings with one of these stay.
@@ -47,6 +48,7 @@ class StoreSettings:
     upload_max_mb: float = 0.0
     upload_alarms_only: bool = False
     upload_hours: str = ""
+    upload_kb_s: float = 0.0
     keep_days: float = 0.0
     keep_gb: float = 0.0
     keep_tags: tuple[str, ...] = ()

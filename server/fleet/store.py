@@ -16,17 +16,20 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
+
+from server.fleet.limited_line import LimitedLine
 
 RETRY_S = 60
 MAX_RETRIES = 8
 CONNECT_S = 10
 REQUEST_S = 60
 CLOUDS = {"s3": "AWS", "s3a": "AWS", "az": "AZURE", "abfs": "AZURE", "abfss": "AZURE", "gs": "GOOGLE"}
+IN_FLIGHT = 64 << 20  # bytes that requests of one upload may have to send at once
 FORMS = "a folder, file:///folder, s3://bucket/prefix, az://container/prefix or gs://bucket/prefix"
 MISSING = "a store needs further packages; install them with: pip install 'imuscope[fleet]'"
 PACKAGES = ("deltalake", "obstore", "duckdb")
@@ -51,10 +54,18 @@ class StoreLocation:
     Args:
         url: for people and for the libraries; of a folder its absolute path.
         folder: None in a cloud.
+        rate: bytes/s that are sent; 0 for no limit.
+        proxy: that keeps this rate.
     """
 
     url: str
     folder: Path | None
+    rate: float = 0.0
+    proxy: str = ""
+
+    @property
+    def _request_s(self) -> int:
+        return REQUEST_S + (round(IN_FLIGHT / self.rate) if self.rate else 0)
 
     def table(self, name: str) -> str:
         """Address of a Delta table of the store."""
@@ -66,11 +77,13 @@ class StoreLocation:
         if self.folder is not None:
             return {}
         options = {
-            "timeout": f"{REQUEST_S}s",
+            "timeout": f"{self._request_s}s",
             "connect_timeout": f"{CONNECT_S}s",
             "max_retries": str(MAX_RETRIES),
-            "retry_timeout": f"{RETRY_S}s",
+            "retry_timeout": f"{max(RETRY_S, self._request_s)}s",
         }
+        if self.proxy:
+            options["proxy_url"] = self.proxy
         if _is_plain_http():
             options["allow_http"] = "true"
         return options
@@ -86,11 +99,34 @@ class StoreLocation:
         with told(self):
             if self.folder is not None:
                 return store.LocalStore(self.folder, mkdir=True)
-            seconds = {"timeout": timedelta(seconds=REQUEST_S), "connect_timeout": timedelta(seconds=CONNECT_S)}
-            retry = {"max_retries": MAX_RETRIES, "retry_timeout": timedelta(seconds=RETRY_S)}
-            client = {**seconds, **({"allow_http": True} if _is_plain_http() else {})}
+            seconds = {"timeout": timedelta(seconds=self._request_s), "connect_timeout": timedelta(seconds=CONNECT_S)}
+            longest = timedelta(seconds=max(RETRY_S, self._request_s))
+            retry = {"max_retries": MAX_RETRIES, "retry_timeout": longest}
+            more = {"proxy_url": self.proxy} if self.proxy else {}
+            client = {**seconds, **more, **({"allow_http": True} if _is_plain_http() else {})}
             open_url: Any = store.from_url  # its overloads want the scheme to be known
             return open_url(self.url, client_options=client, retry_config=retry)
+
+
+@contextmanager
+def limited(store: StoreLocation, rate: float) -> Iterator[StoreLocation]:
+    """The same store, at a rate.
+
+    Args:
+        rate: bytes/s; 0 for no limit.
+
+    Raises:
+        StoreError: the environment has a proxy already.
+    """
+    if not rate or store.folder is not None:
+        yield replace(store, rate=rate)
+        return
+    for name in ("HTTPS_PROXY", "HTTP_PROXY", "ALL_PROXY"):
+        if os.environ.get(name) or os.environ.get(name.lower()):
+            hint = f"Unset {name}, or set upload_kb_s = 0 and limit the rate in that proxy."
+            raise StoreError(f"store.upload_kb_s cannot limit a line that goes through the proxy of {name}", hint)
+    with LimitedLine(rate) as line:
+        yield replace(store, rate=rate, proxy=line.url)
 
 
 def is_installed() -> bool:

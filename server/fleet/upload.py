@@ -16,7 +16,7 @@ import os
 import re
 import tempfile
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -35,6 +35,7 @@ from server.devices.protocol_set import all_protocols
 from server.fleet.content import as_recording, checksum_of, is_mcap, recording_id
 from server.fleet.delta_dataset import dataset_of
 from server.fleet.delta_tables import append_once, as_schema, has_rows, open_table
+from server.fleet.limited_line import Pace
 from server.fleet.metadata import RecordingKey, StoredFile, arrow_rows, small_tables, start_of
 from server.fleet.minutes import minute_rows
 from server.fleet.samples import sample_reader, sample_rows, sample_schema
@@ -44,6 +45,8 @@ from server.library.decode import decode
 
 LONGEST_NAME = 100
 PART_BYTES = 16 << 20
+LEAST_PART_BYTES = 5 << 20  # of S3: a part that fails is sent again
+PACED_BYTES = 64 << 10
 _FORBIDDEN = re.compile(r"[/\\?#%*:|\"<>{}^`\[\]~]")
 Progress = Callable[[float], None]
 
@@ -189,7 +192,12 @@ def _put(store: StoreLocation, path: Path, key: str, expected: str | None) -> tu
         return size, checksum
     objects = store.objects()
     with told(store):
-        put(objects, key, path, chunk_size=PART_BYTES, max_concurrency=4)
+        if store.folder is not None and store.rate:
+            put(objects, key, _paced(path, store.rate), chunk_size=PACED_BYTES, max_concurrency=1)
+        elif store.rate:
+            put(objects, key, path, chunk_size=LEAST_PART_BYTES, max_concurrency=1)
+        else:
+            put(objects, key, path, chunk_size=PART_BYTES, max_concurrency=4)
         if store.folder is not None:
             _sync(store.folder / key)
         digest = hashlib.sha256()
@@ -199,6 +207,15 @@ def _put(store: StoreLocation, path: Path, key: str, expected: str | None) -> tu
         hint = "Check the memory and the network, and start the same command again."
         raise StoreError(f"{store.url}/{key} is not what was sent", hint)
     return size, checksum
+
+
+def _paced(path: Path, rate: float) -> Iterator[bytes]:
+    """Content of a file in pieces, at a rate: a folder may be on a disk of the network."""
+    pace = Pace(rate)
+    with path.open("rb") as file:
+        while piece := file.read(PACED_BYTES):
+            pace.wait(len(piece))
+            yield piece
 
 
 def _sync(path: Path) -> None:

@@ -1,9 +1,9 @@
 """`python -m server.fleet.upload_worker`: upload one recording in a subprocess, for uploads.py.
 
-The request comes on standard input, one JSON object: path, store, robot, options (of decoding), folder (for temporary
-files; its content is removed). The output are JSON lines: {"progress": 0..1}, then {"stored": {recording, object,
-checksum, is_first}} or {"failed", "words"}. What failed is the "file", which another attempt does not change, or the
-"store".
+The request comes on standard input, one JSON object: path, store, rate (bytes/s; 0 for no limit), robot, options (of
+decoding), folder (for temporary files; its content is removed). The output are JSON lines: {"progress": 0..1}, then
+{"stored": {recording, object, checksum, is_first}} or {"failed", "words"}. What failed is the "file", which another
+attempt does not change, or the "store".
 
 With `recording` in the request, nothing is uploaded: {"confirmed": true} if the store has that recording of this file,
 read again and compared by its checksum, and false with "words" if it has not.
@@ -27,7 +27,7 @@ from recordings.parent_death import die_with_parent
 from server.devices.decode_options import DecodeOptions
 from server.fleet.content import recording_id
 from server.fleet.fetch import NotInStoreError, verify
-from server.fleet.store import StoreError, location
+from server.fleet.store import StoreError, limited, location
 from server.fleet.upload import upload
 
 STEP = 0.01
@@ -55,9 +55,8 @@ def main() -> int:
             _confirm(path, request)
             return 0
         _use_folder(Path(request["folder"]))
-        made = upload(
-            path, location(request["store"]), request["robot"], DecodeOptions("", request["options"]), progress
-        )
+        with limited(location(request["store"]), request["rate"]) as store:
+            made = upload(path, store, request["robot"], DecodeOptions("", request["options"]), progress)
     except StoreError as error:
         return _fail("store", error.message, error.hint)
     except RecordingError as error:
@@ -81,7 +80,8 @@ def _confirm(path: Path, request: dict[str, Any]) -> None:
         _send(confirmed=False, words="the file has changed since its upload.")
         return
     try:
-        is_same = verify(location(request["store"]), request["recording"]) == request["checksum"]
+        with limited(location(request["store"]), request["rate"]) as store:
+            is_same = verify(store, request["recording"]) == request["checksum"]
     except NotInStoreError as error:
         _send(confirmed=False, words=f"{error.message}.")
         return

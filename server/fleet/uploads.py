@@ -253,6 +253,7 @@ class UploadService:
                 {
                     "path": str(path),
                     "store": self.settings.url,
+                    "rate": self.settings.upload_kb_s * 1000,
                     "robot": self.robot,
                     "options": dict(self._config.reading().values),
                     "folder": str(self._config.data / FOLDER),

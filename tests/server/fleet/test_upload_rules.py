@@ -77,6 +77,7 @@ def test_uploads_begin_in_their_hours(hours: str, time: str, until: str) -> None
         ('upload_hours = "22:00-22:00"', "is not a span of time"),
         ("upload_min_s = -1.0", "store.upload_min_s -1 is outside"),
         ("upload_max_mb = -1.0", "store.upload_max_mb -1 is neither"),
+        ("upload_kb_s = 5.0", "store.upload_kb_s 5 is neither 0"),
         ('skip_tags = "private"', "store.skip_tags must be a list of strings"),
     ],
 )
