@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -23,7 +22,7 @@ from server.fleet.store import StoreError, location, store_error
 from server.fleet.tables import TABLES
 from tests.recordings.recorded_drive import START, drive
 from tests.server.fleet.store_fixtures import Commands, delta
-from tests.server_process import ROOT
+from tests.server_process import ROOT, begun
 
 COUNTS = {"recordings": 1, "devices": 1, "events": 5, "losses": 1, "minutes": 22, "samples": 521}
 
@@ -167,17 +166,16 @@ def test_an_upload_that_was_cut_off_is_finished_by_the_next(
 
 
 def test_a_killed_upload_leaves_nothing_lost_or_doubled(commands: Commands, recording: Path, store: Path) -> None:
-    words = [sys.executable, "-m", "server.cli", "upload", str(recording), "--store", str(store), "--robot", "otter"]
     whole_s = 0.0
     for share in (None, 0.6, 0.8, 0.9):
         shutil.rmtree(store, ignore_errors=True)
         started = time.monotonic()
-        process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = begun("upload", str(recording), "--store", str(store), "--robot", "otter")
         try:
             process.wait(None if share is None else share * whole_s)
         except subprocess.TimeoutExpired:
-            process.send_signal(signal.SIGKILL)
-            process.wait()
+            process.kill()
+        process.communicate()
         whole_s = whole_s or time.monotonic() - started
         if share is not None:
             commands.upload(recording, store)
@@ -189,9 +187,9 @@ def test_a_killed_upload_leaves_nothing_lost_or_doubled(commands: Commands, reco
 def test_two_uploads_at_once_are_one(commands: Commands, recording: Path, store: Path, tmp_path: Path) -> None:
     drive(tmp_path / "second.mcap", seconds=3.0)
     files = (recording, recording, tmp_path / "second.mcap", tmp_path / "second.mcap")
-    words = [sys.executable, "-m", "server.cli", "upload", "--store", str(store), "--robot", "otter"]
-    processes = [subprocess.Popen([*words, str(file)], cwd=ROOT, stdout=subprocess.DEVNULL) for file in files]
-    assert [process.wait() for process in processes] == [0, 0, 0, 0]
+    processes = [begun("upload", "--store", str(store), "--robot", "otter", str(file)) for file in files]
+    said = [process.communicate()[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0, 0], said
     assert counts(store) | {"samples": 0} == {name: 2 * n for name, n in COUNTS.items()} | {"samples": 0}
     rows = commands.query(store, "SELECT count(*) AS n, count(DISTINCT recording) AS d FROM recordings")
     assert rows == [{"n": 2, "d": 2}]
