@@ -36,7 +36,7 @@ import re
 import secrets
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -72,16 +72,32 @@ class RefusedError(DomainError):
         self.retry_s = retry_s
 
 
+class PartialRights(Protocol):
+    """Tokens of persons who see everything and command a part of it (server/fleet/operators.py)."""
+
+    def holder(self, token: str) -> str:
+        """The name of the person with this token; empty if there is none."""
+        ...
+
+    def may_command(self, token: str, path: str) -> bool:
+        """Whether that person may command what the path of a request names."""
+        ...
+
+
 class Access:
     """The rules, independent of any framework: headers in, a role or a refusal out.
 
     Args:
         config: addresses, tokens and allow-lists. Missing tokens are generated when the server listens beyond loopback.
         failures: counter of wrong tokens.
+
+    Attributes:
+        operators: further tokens; None for none.
     """
 
     def __init__(self, config: Config, failures: LoginThrottle | None = None) -> None:
         self.config = config
+        self.operators: PartialRights | None = None
         self._failures = LoginThrottle() if failures is None else failures
         needed = not config.is_loopback
         self.control_token = config.control_token or (secrets.token_urlsafe(18) if needed else "")
@@ -102,7 +118,13 @@ class Access:
         for role, right in (("view", self.view_token), ("control", self.control_token)):
             if right and hmac.compare_digest(token.encode(), right.encode()):
                 found = "control" if role == "control" else "view"
+        if found is None and self.operators is not None and self.operators.holder(token):
+            found = "view"
         return found
+
+    def operator_of(self, headers: Mapping[str, str], query_token: str) -> str:
+        """Name of the operator whose token a request has; empty if it has none of them."""
+        return self.operators.holder(self._token(headers, query_token)) if self.operators is not None else ""
 
     def resolve_role(self, token: str, client: str, headers: Mapping[str, str]) -> Role | None:
         """Rights of a token; where a token is needed, an invalid one is counted.
@@ -130,10 +152,13 @@ class Access:
         client: str,
         query_token: str = "",
         websocket: bool = False,
+        place: str = "",
     ) -> Role:
         """The role of a request to a protected path.
 
         Args:
+            path: at the robot, if the request is passed on to one.
+            place: the path of the request itself, which names that robot; default: none is named.
             method: upper case; "GET" for a WebSocket.
             headers: names in lower case.
             client: address of the peer, "" when unknown.
@@ -148,11 +173,20 @@ class Access:
         else:
             self._check_site(headers)
         role = self._check_token(headers, client, query_token)
+        if role == "view" and place and self.operators is not None:
+            role = "control" if self.operators.may_command(self._token(headers, query_token), place) else "view"
         if changes:
             self._check_body(headers, upload=(method, path) == UPLOAD)
             if role != "control" and is_command(method, path):
-                raise RefusedError("view-only", "This token is view-only.", "Open the page with a control token.")
+                raise self._view_only(headers, query_token)
         return role
+
+    def _view_only(self, headers: Mapping[str, str], query_token: str) -> RefusedError:
+        hint = "Open the page with a control token."
+        name = self.operator_of(headers, query_token)
+        if name:
+            return RefusedError("view-only", f"The token of {name} does not command this.", f"{hint} Or add the group.")
+        return RefusedError("view-only", "This token is view-only.", hint)
 
     def is_open(self, client: str, headers: Mapping[str, str]) -> bool:
         """Whether the request needs no token: the server listens on loopback only; the client is on this machine."""
@@ -186,8 +220,11 @@ class Access:
         parts = urlsplit(headers.get("referer", ""))
         self._check_origin(headers.get("origin") or f"{parts.scheme}://{parts.netloc}", headers.get("host", ""))
 
+    def _token(self, headers: Mapping[str, str], query_token: str) -> str:
+        return _bearer(headers) or query_token or self._cookie(headers)
+
     def _check_token(self, headers: Mapping[str, str], client: str, query_token: str) -> Role:
-        token = _bearer(headers) or query_token or self._cookie(headers)
+        token = self._token(headers, query_token)
         role = self.resolve_role(token, client, headers) if token else None
         if role is not None:
             return role
@@ -289,8 +326,11 @@ class Guard:
         try:
             if is_protected(path):
                 socket = scope["type"] == "websocket"
-                role = self._access.check(path, method, headers, client=client, query_token=token, websocket=socket)
-                scope.setdefault("state", {})["role"] = role
+                place = scope["path"]
+                role = self._access.check(
+                    path, method, headers, client=client, query_token=token, websocket=socket, place=place
+                )
+                scope.setdefault("state", {}).update(role=role, operator=self._access.operator_of(headers, token))
             elif (
                 token
                 and scope["type"] == "http"

@@ -46,6 +46,7 @@ class FleetServerSettings:
         listen: address for robots; "" for none.
         router: address of a Zenoh router to use instead.
         robots: file of the robots that may connect, with their passwords (server/fleet/access.py).
+        operators: file of persons who may command some groups (server/fleet/operators.py).
         anyone: anyone on the network may join and listen.
         certificate, key, ca: PEM files: certificate of this server, and the authority of the other side's.
         user, password: at the router; the password may be @FILE.
@@ -59,6 +60,7 @@ class FleetServerSettings:
     listen: str = ""
     router: str = ""
     robots: str = ""
+    operators: str = ""
     anyone: bool = False
     certificate: str = ""
     key: str = ""

@@ -43,8 +43,8 @@ class _ViewerGoneError(Exception):
     """The viewer has closed the connection."""
 
 
-def _who(role: str, peer: str) -> str:
-    return f"{'operator' if role == 'control' else 'viewer'} at {peer or 'an unknown address'}"
+def _who(role: str, operator: str, peer: str) -> str:
+    return f"{operator or ('operator' if role == 'control' else 'viewer')} at {peer or 'an unknown address'}"
 
 
 def _request(connection: Request | WebSocket, path: str) -> Open:
@@ -58,7 +58,7 @@ def _request(connection: Request | WebSocket, path: str) -> Open:
         query=urlencode(query),
         headers=tuple((name, text) for name, text in connection.headers.items() if name in FORWARDED),
         role=role,
-        who=_who(role, peer),
+        who=_who(role, connection.state.operator, peer),
         peer=peer[:64],
     )
 

@@ -21,6 +21,7 @@ from server.fleet.database import FleetDatabase, FleetDatabaseError
 from server.fleet.fleet_alarms import FleetAlarms
 from server.fleet.fleet_server import FleetServer
 from server.fleet.group_profiles import GroupProfiles
+from server.fleet.operators import Operators
 from server.fleet.robots import Robots
 from server.fleet.rollouts import RolloutFiles
 from server.fleet_settings import FleetServerSettings, FleetSettings
@@ -67,6 +68,8 @@ def fleet(options: argparse.Namespace) -> None:
                 alarms=FleetAlarms(config.data / "fleet", config.fleet_server, profiles.applies),
                 rollouts=RolloutFiles(config.data / "fleet"),
             )
+            if given.operators:
+                access.operators = Operators(Path(given.operators), server.group_of, server.group_of_rollout)
             if not given.router:
                 server.open()
         except (DomainError, FleetDatabaseError, FleetBusError, FleetAccessError) as error:
@@ -110,6 +113,7 @@ def _config(options: argparse.Namespace) -> Config:
         "listen": options.listen,
         "router": options.router,
         "robots": options.robots,
+        "operators": options.operators,
         "certificate": options.bus_certificate,
         "key": options.bus_key,
         "ca": options.bus_ca,

@@ -16,7 +16,7 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
         "fleet",
         help="serve the page of many robots, and the router that they connect to",
         epilog="Robots join with `imuscope serve … --fleet tcp/HOST:PORT`. Settings of a file are in its table\n"
-        "[fleet_server]: listen, router, robots, certificate, key, ca, user, password; see docs/fleet.md.",
+        "[fleet_server]: listen, router, robots, operators, certificate, key, ca, user, password; see docs/fleet.md.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument(
@@ -29,6 +29,11 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
         "--robots",
         metavar="FILE",
         help="robots that may connect: NAME:PASSWORD in each line; without a line, no access",
+    )
+    command.add_argument(
+        "--operators",
+        metavar="FILE",
+        help="persons who may command robots of some groups: NAME:TOKEN:GROUP,GROUP in each line",
     )
     command.add_argument("--bus-certificate", metavar="FILE", help="certificate for tls/ (PEM); requires --bus-key")
     command.add_argument("--bus-key", metavar="FILE", help="private key of --bus-certificate (PEM)")

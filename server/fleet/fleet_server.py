@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from server.errors import DomainError
 from server.fleet import keys
 from server.fleet.bus import FleetBusError, open_bus
 from server.fleet.collector import Collector
@@ -239,6 +240,18 @@ class FleetServer:
         )
         if changed:
             collector.show_again(lambda robot: robot.name in changed)
+
+    def group_of(self, robot: str) -> str | None:
+        """The group of a robot; None if there is no such robot."""
+        found = self.robots.get(robot)
+        return None if found is None else found.group
+
+    def group_of_rollout(self, number: str) -> str | None:
+        """The group of a rollout; None if there is no such rollout."""
+        try:
+            return self.rollouts.get(int(number)).group
+        except DomainError:
+            return None
 
     def acknowledge(self, robot: str, condition: str, by: str) -> None:
         """Acknowledge an alarm of this server.

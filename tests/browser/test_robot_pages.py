@@ -9,7 +9,7 @@ from playwright.sync_api import Page
 
 from tests.browser.test_page import serious
 from tests.chromium import until
-from tests.server.fleet.test_robot_pages import CONTROL, fleet_of
+from tests.server.fleet.robot_with_pages import CONTROL, fleet_of
 
 
 def test_a_robot_is_opened_from_the_fleet_and_left_again(tmp_path: Path, open_page: Callable[..., Page]) -> None:

@@ -20,7 +20,7 @@ from server.app import create_app
 from server.auth import Access, Guard, is_protected, path_on_robot
 from server.config import Config
 from server.wire_codec import WireError, decode_text
-from tests.server.asgi_client import ACCEPTED, Answer, ask
+from tests.server.asgi_client import ACCEPTED, Answer, Reached, ask
 
 VIEW, CONTROL = "view-token-of-this-test", "control-token-of-this-test"
 TOKENS = {"none": "", "view": VIEW, "control": CONTROL, "wrong": "w" * 30}
@@ -79,21 +79,6 @@ def _leaves(routes: Any) -> Iterator[Any]:
             yield route
         else:  # an included router; any other kind would escape this check
             yield from _leaves(route.original_router.routes)
-
-
-class Reached:
-    """Replaces the application: a request that arrives here was authorised, with this role."""
-
-    role = ""
-
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        self.role = scope["state"].get("role", "open")
-        if scope["type"] == "websocket":
-            await receive()
-            await send({"type": "websocket.accept"})
-            return
-        await send({"type": "http.response.start", "status": 200, "headers": []})
-        await send({"type": "http.response.body", "body": b""})
 
 
 def attempt(folder: Path, method: str, path: str, token: str, body: str = "") -> tuple[Answer, str]:

@@ -6,8 +6,6 @@ import asyncio
 import json
 import sqlite3
 from collections import deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,55 +21,22 @@ from server.fleet.page_messages import Open, encode
 from server.fleet.publisher import FleetSettingsError, allowed_pages
 from server.fleet_settings import FleetSettings
 from tests.fleet_robot import FleetRobot
-from tests.free_ports import free_port
 from tests.server.control_harness import at_rate, bench
+from tests.server.fleet.robot_with_pages import (
+    CONTROL,
+    PASSWORDS,
+    VIEW,
+    base,
+    commands,
+    fleet_of,
+    summary,
+    token,
+)
 from tests.server_process import ServerProcess
 from tests.timeouts import connect, get, http_client
 from tests.waiting import block_until
 
-PASSWORDS = {"otter 7": "password-of-otter", "b": "password-of-b"}
-VIEW, CONTROL = "view-view-view-view", "control-control-control"
 FAST = 0x80  # the code of 921 600 Bd
-SOURCE = "sim:xbus?product=MTi-630"
-
-
-def base(server: ServerProcess, robot: str = "otter%207") -> str:
-    return f"{server.url.rstrip('/')}/robots/{robot}"
-
-
-def token(text: str) -> dict[str, str]:
-    return {"authorization": f"Bearer {text}"}
-
-
-@contextmanager
-def fleet_of(folder: Path, pages: str, *sources: str) -> Iterator[tuple[ServerProcess, ServerProcess, str]]:
-    """A fleet server with passwords and tokens, a robot that is live there, and the address of the bus."""
-    bus = f"tcp/127.0.0.1:{free_port()}"
-    robots = folder / "robots.txt"
-    robots.write_text("".join(f"{name}:{password}\n" for name, password in PASSWORDS.items()))
-    settings = folder / "fleet.toml"
-    settings.write_text(f'view_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
-    robot = folder / "robot.toml"
-    user = f'user = "otter 7"\npassword = "{PASSWORDS["otter 7"]}"\n'
-    robot.write_text(f'[fleet]\nrouter = "{bus}"\nname = "otter 7"\npages = "{pages}"\n{user}')
-    asked = ("--listen", bus, "--robots", str(robots), "--config", str(settings))
-    with (
-        ServerProcess(data=folder / "fleet", arguments=asked, command="fleet") as server,
-        ServerProcess(*(sources or (SOURCE,)), data=folder / "robot", arguments=("--config", str(robot))) as own,
-    ):
-        block_until(lambda: summary(server).get("pages") == pages, "the robot has reported")
-        yield server, own, bus
-
-
-def summary(server: ServerProcess) -> dict[str, Any]:
-    robots = get(f"{server.url}/api/fleet/robots").json()["robots"]
-    return next((one for one in robots if one["name"] == "otter 7" and one["state"] == "live"), {})
-
-
-def commands(server: ServerProcess) -> list[str]:
-    """The stored events about commands, the oldest first."""
-    events = get(f"{server.url}/api/fleet/events", params={"robot": "otter 7"}).json()
-    return [one["text"] for one in reversed(events) if one["kind"] == "command"]
 
 
 def test_a_robot_shows_its_devices_and_carries_out_commands_which_both_ends_log(tmp_path: Path) -> None:
