@@ -212,10 +212,12 @@ def store_error(error: BaseException, store: StoreLocation) -> StoreError:
     return StoreError(f"{store.url}: {first[:300] or type(error).__name__}")
 
 
-_AGAIN = "What has arrived stays; start the same command again."
+AGAIN = "What has arrived stays; start the same command again."
 _CAUSES = (
-    (r"No space left|StorageFull|os error 28\b", "the disk is full", f"Free some space. {_AGAIN}"),
-    (r"quota|os error 122\b", "the quota of the disk is used up", f"Free some space. {_AGAIN}"),
+    (r"No space left|os error 28\b", "the disk is full", f"Free some space. {AGAIN}"),
+    (r"os error 122\b|Disk quota", "the quota of the disk is used up", f"Free some space. {AGAIN}"),
+    (r"Quota", "the quota of the store is used up", f"Free some space there, or raise the quota. {AGAIN}"),
+    (r"Storage_?Full|Insufficient ?Storage|\b507\b", "the store is full", f"Free some space there. {AGAIN}"),
     (r"Read-only file system|os error 30\b", "the disk is read-only", "Give a folder that can be written."),
     (
         r"InvalidAccessKeyId|SignatureDoesNotMatch|Unauthenticated|401 Unauthorized|ExpiredToken|InvalidToken",
@@ -248,6 +250,6 @@ _CAUSES = (
         r"Connection refused|ConnectError|tcp connect|Connection reset|connection closed|error sending request"
         r"|timed? ?out|\b50[0234]\b|SlowDown|IncompleteMessage",
         "its server does not answer, or answers with errors",
-        f"Check AWS_ENDPOINT_URL and the network. {_AGAIN}",
+        f"Check AWS_ENDPOINT_URL and the network. {AGAIN}",
     ),
 )

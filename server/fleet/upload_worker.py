@@ -12,6 +12,7 @@ read again and compared by its checksum, and false with "words" if it has not.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import shutil
@@ -27,7 +28,7 @@ from recordings.parent_death import die_with_parent
 from server.devices.decode_options import DecodeOptions
 from server.fleet.content import recording_id
 from server.fleet.fetch import NotInStoreError, verify
-from server.fleet.store import StoreError, limited, location
+from server.fleet.store import AGAIN, StoreError, limited, location
 from server.fleet.upload import upload
 
 STEP = 0.01
@@ -67,6 +68,9 @@ def main() -> int:
     except TooLong:
         return _fail("file", "Decoding it exceeds the time limit", "The file may be damaged.")
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            words = f"The disk of this robot is full: the upload of {path.name} needs room for temporary files"
+            return _fail("store", words, f"Free some space. {AGAIN}")
         cause = (error.strerror or "the disk failed").lower()
         return _fail("store", f"{path.name} cannot be read, or temporary files cannot be written: {cause}", "")
     _send(
@@ -91,11 +95,12 @@ def _confirm(path: Path, request: dict[str, Any]) -> None:
 def _use_folder(folder: Path) -> None:
     """Make temporary files here, without those of an upload that was killed."""
     shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     tempfile.tempdir = str(folder)
 
 
 def _fail(what: str, message: str, hint: str) -> int:
+    hint = hint.replace(AGAIN, "What has arrived stays; the rest is tried again.")
     _send(failed=what, words=f"{message.rstrip('.')}. {hint}".strip())
     return 1
 

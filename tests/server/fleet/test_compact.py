@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 from server.fleet.tables import TABLES
 from tests.recordings.recorded_drive import START, drive
 from tests.server.fleet.store_fixtures import Commands
+from tests.server_process import ROOT, tied
 
 DAYS = 8 * 86_400
 
@@ -67,3 +70,57 @@ def test_a_store_that_cannot_be_compacted_says_why(commands: Commands, store: Pa
     assert not store.exists()
     (tmp_path / "file").write_bytes(b"")
     assert "is a file" in commands.refused("compact", "--store", tmp_path / "file")
+
+
+COMPACT_FOR_EVER = """
+import sys
+from server.fleet.compact import compact
+from server.fleet.store import StoreError, location
+while True:
+    try:
+        for table in compact(location(sys.argv[1]), remove=True):
+            print(table.joined, flush=True)
+    except StoreError as error:  # an upload committed first
+        print(0, error.message, flush=True)
+"""
+
+
+@pytest.mark.slow
+def test_uploads_of_several_processes_go_on_while_files_are_joined(
+    commands: Commands, store: Path, drives: list[Path], tmp_path: Path
+) -> None:
+    later = [tmp_path / f"later-{n}.mcap" for n in range(6)]
+    for n, file in enumerate(later):
+        drive(file, seconds=1.0, started_ns=START + (10 + n) * 60_000_000_000)
+    command = tied([sys.executable, "-c", COMPACT_FOR_EVER, str(store)])
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as joining:
+        assert joining.stdout is not None
+        joining.stdout.readline()
+        uploads = [
+            subprocess.Popen(
+                tied(
+                    [sys.executable, "-m", "server.cli", "upload", str(file), "--store", str(store), "--robot", robot]
+                ),
+                cwd=ROOT,
+                stdout=subprocess.DEVNULL,
+            )
+            for file, robot in [*((file, "otter") for file in later[:3]), (later[0], "otter"), (drives[0], "otter")]
+        ]
+        assert [one.wait() for one in uploads] == [0] * len(uploads)
+        for file in later[3:]:
+            commands.upload(file, store)
+        assert joining.poll() is None, "files are still joined"
+        joining.kill()
+        said = joining.stdout.read()
+    assert any(line.split()[0] not in ("0", "1") for line in said.splitlines()), (
+        "files of uploads were joined meanwhile"
+    )
+    count = "SELECT count(*) AS n, count(DISTINCT recording) AS different FROM recordings"
+    assert commands.query(store, count) == [{"n": 10, "different": 10}]
+    alone = tmp_path / "alone"
+    for file in (*drives, *later):
+        commands.upload(file, alone)
+    for name in ("devices", "events", "losses", "settings", "minutes", "samples_wide"):
+        assert commands.query(store, f"SELECT * FROM {name} ORDER BY ALL") == commands.query(
+            alone, f"SELECT * FROM {name} ORDER BY ALL"
+        )

@@ -254,6 +254,10 @@ def test_missing_rights_are_one_line(commands: Commands, recording: Path, store:
     ("said", "words"),
     [
         ("Generic LocalFileSystem error: No space left on device (os error 28)", "the disk is full"),
+        ("Server returned non-2xx status code: 507 Insufficient Storage: ", "the store is full"),
+        ("<Error><Code>XMinioStorageFull</Code></Error>", "the store is full"),
+        ("403 Forbidden: <Error><Code>QuotaExceeded</Code></Error>", "the quota of the store is used up"),
+        ("Disk quota exceeded (os error 122)", "the quota of the disk is used up"),
         ("Unable to write: Permission denied (os error 13)", "access is denied"),
         ("Generic S3 error: Client error with status 403 Forbidden: AccessDenied", "access is denied"),
         ("Generic S3 error: <Code>InvalidAccessKeyId</Code>", "credentials are not accepted"),

@@ -6,6 +6,8 @@ import hashlib
 import json
 import os
 import signal
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -185,3 +187,69 @@ def test_a_server_that_is_killed_in_an_upload_stores_it_once(progress: float, tm
     rows = delta(store, "samples")
     assert rows.num_rows > 4000
     assert not list((data / "uploading").glob("*"))
+
+
+# ── full disks ───────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 64 kB."""
+    place = tmp_path / "small"
+    place.mkdir()
+    words = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
+    try:
+        mounted = subprocess.run(words, capture_output=True, text=True)
+    except FileNotFoundError:
+        pytest.skip("there is no mount command")
+    if mounted.returncode:
+        pytest.skip(f"a small file system needs the right to mount: {mounted.stderr.strip()}")
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", "--lazy", str(place)], check=True)
+
+
+def grow(place: Path) -> None:
+    """Make room."""
+    subprocess.run(["mount", "-o", "remount,size=64m", str(place)], check=True)
+
+
+def problem(server: InProcessServer) -> str:
+    return str(server.client.get("/api/uploads").json()["problem"])
+
+
+def overcome(server: InProcessServer, small: Path, words: str) -> None:
+    """Check that a full disk is told once, and that the upload goes on when there is room."""
+    block_until(lambda: words in problem(server), lambda: problem(server))
+    assert "tried again" in problem(server)
+    assert states(server)["a"]["state"] in ("waiting", "uploading")
+    block_until(lambda: "imuscope_upload_failures_total 3" in server.client.get("/metrics").text, "more attempts")
+    grow(small)
+    until(server, "a", "stored")
+    assert problem(server) == ""
+    said = events(server)
+    assert sum("cannot be uploaded at present" in text for text in said) == 1
+    assert "Recordings are uploaded again." in said
+
+
+@pytest.mark.slow
+def test_a_store_without_room(tmp_path: Path, small: Path) -> None:
+    data, store = tmp_path / "data", small / "store"
+    drive(folder_of(data) / "a.mcap")
+    with serving(data, store) as server:
+        overcome(server, small, f"{store}: the disk is full. Free some space.")
+    assert stored(store) == ["a.mcap"]
+    assert (folder_of(data) / "a.mcap").exists()
+    assert len(list((store / "robots").rglob("*.mcap"))) == 1
+
+
+@pytest.mark.slow
+def test_a_robot_without_room_for_temporary_files(tmp_path: Path, small: Path) -> None:
+    data, store = tmp_path / "data", tmp_path / "store"
+    (small / "uploading").mkdir()
+    drive(folder_of(data) / "a.mcap")
+    (data / uploads.FOLDER).symlink_to(small / "uploading")
+    with serving(data, store) as server:
+        overcome(server, small, "The disk of this robot is full: the upload of a.mcap needs room for temporary files.")
+    assert stored(store) == ["a.mcap"]
