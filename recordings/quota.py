@@ -19,6 +19,7 @@ from recordings.mcap_reader import MAGIC, McapReader
 from recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
 
 BIN = ".bin"
+RESERVE_BYTES, RESERVE_SHARE = 2 * 10**9, 20  # a disk with less of it free, and less than one part in so many, is short
 _PROFILE_AT = len(MAGIC) + 1 + 8 + 4  # after the header's opcode, its length and that of the string
 
 log = logging.getLogger("imuscope.quota")
@@ -38,11 +39,23 @@ def is_pinned(path: Path) -> bool:
         return True
 
 
-def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[Path]:
+def excess_bytes(folder: Path, quota_bytes: int) -> int:
+    """Bytes by which the recordings of a folder exceed the quota; negative if there is room."""
+    return sum(size for _, _, size in (*_deleted(folder), *_recordings(folder))) - quota_bytes
+
+
+def is_short(folder: Path) -> bool:
+    """Whether less than the reserve of its disk is free."""
+    disk = shutil.disk_usage(folder)
+    return disk.free < min(RESERVE_BYTES, disk.total // RESERVE_SHARE)
+
+
+def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_if_short: bool = False) -> list[Path]:
     """Delete until the recordings of a folder are within the quota, or only pinned and spared ones are left.
 
     Args:
-        spare: recordings in progress.
+        spare: recordings that stay: those in progress, for one.
+        only_if_short: stop as soon as the disk is not short.
 
     Returns:
         Deleted paths, in that order; for the bin the recordings in it.
@@ -52,13 +65,13 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
     excess = sum(size for _, _, size in (*deleted, *found)) - quota_bytes
     gone: list[Path] = []
     for _, path, size in deleted:
-        if excess <= 0:
+        if excess <= 0 or (only_if_short and not is_short(folder)):
             return gone
         gone += [one for one in sorted(path.glob("*")) if one.suffix != sidecar.SUFFIX]
         shutil.rmtree(path, ignore_errors=True)
         excess -= size
     for _, path, size in found:
-        if excess <= 0:
+        if excess <= 0 or (only_if_short and not is_short(folder)):
             break
         if path in spare or file_lock.is_written(path) or is_pinned(path):
             continue

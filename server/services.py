@@ -216,6 +216,8 @@ def build_services(
     robots = robots if fleet_server is None else fleet_server.robots
     recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory, signals)
     alarms = AlarmService(bus, telemetry.store, config.data, recorder)
+    uploads = UploadService(config, catalogue, compactor, bus)
+    recorder.waiting = uploads.waiting_paths
     return Services(
         config=config,
         reading=reading,
@@ -251,7 +253,7 @@ def build_services(
             lambda: raised_alarms(alarms),
             KnownSettings(config.data / "fleet", controllers.get),
         ),
-        uploads=UploadService(config, catalogue, compactor, bus),
+        uploads=uploads,
         robots=robots,
         questions=QuestionService(config.store),
         fleet_server=fleet_server,

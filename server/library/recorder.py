@@ -24,7 +24,7 @@ import math
 import platform
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -105,6 +105,8 @@ class Recorder:
         signals: ComputedDefinitions | None = None,
     ) -> None:
         self.plan = plan
+        self.waiting: Callable[[], Collection[Path]] = lambda: ()
+        """Recordings to be uploaded first, which the quota deletes only when the disk is short. For any thread."""
         self._signals = signals
         self._wall_ns = wall_ns
         self._bus = bus
@@ -435,10 +437,17 @@ class Recorder:
         """Delete recordings above the quota; runs in a thread."""
         if not self.plan.quota_bytes:
             return
-        deleted = quota.cull(self.plan.folder, self.plan.quota_bytes, spare)
+        folder, most = self.plan.folder, self.plan.quota_bytes
+        if quota.excess_bytes(folder, most) <= 0:
+            return
+        waiting = self.waiting()
+        deleted = quota.cull(folder, most, [*spare, *waiting])
         if deleted:
-            names = ", ".join(path.stem for path in deleted)
-            self._soon(self._notice, f"Over the quota, the oldest recordings were deleted: {names}.")
+            self._soon(self._notice, f"Over the quota, the oldest recordings were deleted: {_stems(deleted)}.")
+        lost = quota.cull(folder, most, spare, only_if_short=True) if waiting else []
+        if lost:
+            words = f"The disk is short: recordings were deleted before they were uploaded: {_stems(lost)}."
+            self._soon(self._notice, words, "error")
 
     def _clock_was_set(self, now: RecordingSession, by_ns: int) -> None:
         words = f"The host's clock was set by {by_ns / 1e9:+.1f} s"
@@ -448,8 +457,8 @@ class Recorder:
         else:
             self._notice(f"{words}; the recording keeps its original time.")
 
-    def _notice(self, text: str) -> None:
-        self._bus.event("", "device", "warning", text)
+    def _notice(self, text: str, level: wire.Level = "warning") -> None:
+        self._bus.event("", "device", level, text)
         self._bus.library_changed()
 
     def _publish(self) -> None:
@@ -458,6 +467,10 @@ class Recorder:
     def _appeared(self, session: Session) -> None:
         if self._now is not None and self._now.every:
             self._now.join(session)
+
+
+def _stems(paths: Sequence[Path]) -> str:
+    return ", ".join(path.stem for path in paths)
 
 
 def _words(names: Sequence[str]) -> str:

@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import mcap.writer
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recordings import quota
 from recordings.compaction import compact
 from recordings.importers import SUFFIXES
 from recordings.library import INDEX, KEPT_S, Library, clean_name
 from recordings.mcap_writer import McapWriter, RecordingError
-from recordings.quota import BIN, cull, is_pinned
+from recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
 from recordings.sidecar import Edits, Marker, sidecar_path
 from tests.recordings.store_fixtures import START, store
 
@@ -271,6 +273,36 @@ def test_an_external_id_is_not_a_path(name: str, tmp_path: Path) -> None:
         library.path(name)
     with pytest.raises(KeyError):
         library.undelete(name)
+
+
+def test_on_a_short_disk_the_quota_deletes_no_more_than_is_needed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = [tmp_path / f"{name}.mcap" for name in "abc"]
+    for age, path in enumerate(paths):
+        writer = McapWriter(path, {})
+        writer.chunk("1", "rx", os.urandom(100_000), 1)
+        writer.close()
+        os.utime(path, (1000 + age, 1000 + age))
+    assert excess_bytes(tmp_path, 200_000) > 100_000
+    free = iter((10**12, 10**9, 10**9, 3 * 10**9))
+    monkeypatch.setattr(
+        quota.shutil, "disk_usage", lambda folder: SimpleNamespace(free=next(free), total=10**12), raising=True
+    )
+    assert cull(tmp_path, 0, only_if_short=True) == []
+    assert cull(tmp_path, 0, only_if_short=True) == paths[:2]
+    assert paths[2].exists()
+
+
+@pytest.mark.parametrize(
+    ("free", "total", "short"),
+    [(2e9, 1e12, False), (1.9e9, 1e12, True), (5e8, 8e9, False), (3e8, 8e9, True)],
+)
+def test_a_disk_is_short_below_its_reserve(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: float, total: float, short: bool
+) -> None:
+    monkeypatch.setattr(quota.shutil, "disk_usage", lambda folder: SimpleNamespace(free=int(free), total=int(total)))
+    assert is_short(tmp_path) is short
 
 
 def test_the_quota_deletes_the_bin_first_and_no_file_of_others(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from recordings import quota
 from recordings.compaction import compact, is_uncompacted
 from recordings.file_names import free_path, slug
 from recordings.mcap_reader import McapReader, json_messages
@@ -249,6 +250,31 @@ def test_over_the_quota_the_oldest_unpinned_recordings_are_deleted(tmp_path: Pat
         assert left == sorted(["old-0", "old-4", state["id"]])
         events = running.call(lambda: [event.text for event in running.services.telemetry.log])
         assert any("old-1, old-2, old-3" in text for text in events)
+
+
+def test_what_waits_for_its_upload_is_kept_beyond_the_quota_until_the_disk_is_short(
+    tmp_path: Path, links: FakeLinks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    for n in range(4):
+        path = folder / f"old-{n}.mcap"
+        writer = McapWriter(path, {})
+        writer.chunk("1", "rx", os.urandom(400_000), 1)
+        writer.close()
+        os.utime(path, (1000 + n, 1000 + n))
+    config = Config(sources=("/dev/one",), data=tmp_path, recordings_quota_gb=0.001)
+    with InProcessServer(config, links.open) as running:
+        recorder = running.services.recorder
+        recorder.waiting = lambda: {folder / f"old-{n}.mcap" for n in (0, 1, 2)}
+        running.client.post("/api/recordings/start", json={}).raise_for_status()
+        running.client.post("/api/recordings/stop", json={}).raise_for_status()
+        assert {path.stem for path in folder.glob("old-*")} == {"old-0", "old-1", "old-2"}
+        monkeypatch.setattr(quota, "is_short", lambda place: True)
+        running.client.post("/api/recordings/start", json={}).raise_for_status()
+        assert {path.stem for path in folder.glob("old-*")} == {"old-1", "old-2"}
+        events = running.call(lambda: [(event.level, event.text) for event in running.services.telemetry.log])
+        assert ("error", "The disk is short: recordings were deleted before they were uploaded: old-0.") in events
 
 
 def test_a_name_from_outside_never_becomes_a_path(tmp_path: Path) -> None:

@@ -124,6 +124,34 @@ def test_a_store_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
     assert stored(store) == ["a.mcap"]
 
 
+def test_a_backlog_that_fills_the_quota_is_told_once(tmp_path: Path) -> None:
+    data, store = tmp_path / "data", tmp_path / "store"
+    store.write_text("in the way")
+    size = 0
+    for name in "ab":
+        drive(folder_of(data) / f"{name}.mcap")
+        size += (folder_of(data) / f"{name}.mcap").stat().st_size
+    settings = StoreSettings(str(store), upload=True)
+    config = Config(
+        port=0,
+        data=data,
+        sources=("/dev/ttyUSB9",),
+        store=settings,
+        fleet=FleetSettings(name="otter"),
+        recordings_quota_gb=1.1 * size / 1e9,
+    )
+    with InProcessServer(config, FakeLinks().open) as server:
+        block_until(lambda: sum("cannot be uploaded at present" in text for text in events(server)), "it was tried")
+        assert server.services.uploads.waiting_paths() == {folder_of(data) / f"{name}.mcap" for name in "ab"}
+        store.unlink()
+        until(server, "a", "stored")
+        until(server, "b", "stored")
+        assert server.services.uploads.waiting_paths() == set()
+        waits = [text for text in events(server) if "wait for their upload" in text]
+        assert len(waits) == 1
+        assert "kept beyond it until the disk is short" in waits[0]
+
+
 @pytest.mark.slow
 def test_a_recording_that_was_renamed_is_not_stored_twice(tmp_path: Path) -> None:
     data, store = tmp_path / "data", tmp_path / "store"
