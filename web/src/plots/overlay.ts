@@ -34,6 +34,21 @@ export interface Marks {
   readonly alarms: AlarmMarks;
 }
 
+/** Whether there is nothing to draw: the rule while a device streams without loss and nobody points at anything. */
+export function isBare({ t0, t1 }: TimeWindow, marks: Marks): boolean {
+  const before = t0 - (t1 - t0); // words of a marker reach into the window
+  return (
+    marks.cursor === undefined &&
+    marks.measure === undefined &&
+    marks.selection === undefined &&
+    (marks.lostSince === undefined || marks.lostSince >= t1) &&
+    marks.alarms.spans.length === 0 &&
+    marks.alarms.limits.length === 0 &&
+    !marks.losses.some((loss) => loss.t1 >= before && loss.t0 <= t1) &&
+    !marks.markers.some(({ time }) => time >= before && time <= t1)
+  );
+}
+
 export function drawGlass(
   sheet: CanvasLayer,
   panes: readonly Pane[],

@@ -25,7 +25,7 @@ import { clock } from "../ui/format";
 import { el, throttle } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
-import { drawGlass, type Pane } from "./overlay";
+import { drawGlass, isBare, type Pane } from "./overlay";
 import type { Reads } from "./legend";
 import { Lanes } from "./status-lanes";
 import { LaneNames } from "./lane-names";
@@ -324,7 +324,11 @@ class Stack {
       selection: this.#selection,
       reads: this.#reads,
     };
+    const bare = isBare(w, marks);
+    // not even composed then: it is as large as all plots together
+    if (this.#changed("bare", `${bare}`)) this.#glass.canvas.style.visibility = bare ? "hidden" : "";
     if (
+      !bare &&
       this.#changed(
         "glass",
         `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${stampOf(marks.alarms, this.#plots)} ${shown.size} ${reading === undefined ? "" : still}`,
