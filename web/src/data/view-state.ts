@@ -3,6 +3,7 @@
  * of a view share it; it is small, reactive and holds no samples. A page may have several views beside each other.
  */
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
+import type { Problem } from "../ui/http";
 import type { WorldFrame } from "./rotations";
 import { DEFAULT_ORDER } from "../plots/plot-order";
 import { DEFAULT_LAYOUT, type Layout } from "../workspace/layout";
@@ -55,6 +56,8 @@ export interface GoToBar {
   /** As typed: a time or a condition. */
   readonly text: string;
   readonly kind: Destination;
+  /** The answer to the last move. */
+  readonly said?: { readonly words: string } | { readonly problem: Problem } | undefined;
 }
 
 /** The order of the plots, by key, and chosen heights, px, as far as a person chose them (plots/plot-order.ts). */

@@ -60,6 +60,18 @@ it("goes to a time, and from there on", async () => {
   await vi.waitFor(() => expect(said()).toBe("The data are from 08:53:20 to 08:55:00 UTC."));
 });
 
+it("is as it was when its page is made anew, with the caret after what was typed", async () => {
+  open();
+  await type("12:00");
+  await vi.waitFor(() => expect(said()).toBe("The data are from 08:53:20 to 08:55:00 UTC."));
+  cleanup();
+  render(<GoTo deps={{ viewState: state, source: () => "yard", places: () => [] }} />);
+  const field = await input();
+  expect(said()).toBe("The data are from 08:53:20 to 08:55:00 UTC.");
+  expect([document.activeElement, field.value]).toEqual([field, "12:00"]);
+  expect([field.selectionStart, field.selectionEnd]).toEqual([5, 5]);
+});
+
 it("goes to the next and previous place of a kind", async () => {
   open();
   state.actions.pin(START + 6);

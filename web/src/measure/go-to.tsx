@@ -2,9 +2,8 @@
  * The bar that goes to a moment: a time, or the next and previous sample, event, marker, gap, or place where a condition is true.
  * The server looks for conditions: over a whole recording, or over what it has of a live device in memory.
  */
-import { useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import type { Destination, ViewState } from "../data/view-state";
+import type { Destination, GoToBar, ViewState } from "../data/view-state";
 import { day, duration } from "../plots/axis";
 import { clock } from "../ui/format";
 import { type Problem, request } from "../ui/http";
@@ -28,12 +27,12 @@ export interface GoToDeps {
 
 const KINDS: readonly Destination[] = ["sample", "event", "marker", "gap", "condition"];
 
-/** The answer to the last move: words, or a problem. */
-type Said = { readonly words: string } | { readonly problem: Problem } | undefined;
-
 export function GoTo({ deps }: { readonly deps: GoToDeps }) {
   const { goTo, actions } = deps.viewState;
-  const said = useSignal<Said>(undefined);
+  // of the view: the page of a recording is made anew when more of it has been decoded
+  const say = (said: GoToBar["said"]): void => {
+    goTo.value = { ...goTo.peek(), said };
+  };
   const asked = useRef(0);
   const input = useRef<HTMLInputElement>(null);
   const step = (forward: boolean): void => {
@@ -43,33 +42,33 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
     deps.halt?.();
     if (kind === "sample") {
       actions.stepSample(forward ? 1 : -1);
-      said.value = undefined;
+      say(undefined);
     } else if (kind === "condition") void search(forward, asked.current);
     else {
       const found = neighbour(deps.places(kind), reference(deps), forward);
       if (found !== undefined) actions.goTo(found);
-      said.value = { words: found === undefined ? TEXT.none(TEXT.kinds[kind], forward) : TEXT.at(clock(found, 3)) };
+      say({ words: found === undefined ? TEXT.none(TEXT.kinds[kind], forward) : TEXT.at(clock(found, 3)) });
     }
   };
   const search = async (forward: boolean, turn: number): Promise<void> => {
     const text = goTo.peek().text.trim();
     if (text === "" || momentOf(text, 0) !== undefined) {
-      said.value = { words: TEXT.needsCondition };
+      say({ words: TEXT.needsCondition });
       input.current?.focus();
       return;
     }
-    said.value = { words: TEXT.searching };
+    say({ words: TEXT.searching });
     const found = await placeOf(text, reference(deps), forward, deps);
     if (turn !== asked.current) return;
     if ("problem" in found) {
-      said.value = found;
+      say(found);
       const place = mistakeIn(text, found.problem.message);
       if (place) input.current?.focus();
       if (place) input.current?.setSelectionRange(...place);
       return;
     }
     if (found.begin !== undefined) actions.goTo(found.begin);
-    said.value = { words: wordsOfPlace(found, forward) };
+    say({ words: wordsOfPlace(found, forward) });
   };
   const submit = (forward: boolean): void => {
     const text = goTo.peek().text.trim();
@@ -80,26 +79,31 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
     }
     const bounds = actions.bounds();
     if (bounds !== undefined && (at < bounds.first || at > bounds.last)) {
-      said.value = { words: TEXT.outside(...wordsOf(bounds)) };
+      say({ words: TEXT.outside(...wordsOf(bounds)) });
       return;
     }
     deps.halt?.();
     actions.goTo(at);
-    said.value = { words: TEXT.at(clock(at, 3)) };
+    say({ words: TEXT.at(clock(at, 3)) });
   };
   // biome-ignore lint/correctness/useExhaustiveDependencies: a view has one bar
   useEffect(() => actions.attachSteps(step), []);
-  const { isOpen, text, kind } = goTo.value;
+  const { isOpen, text, kind, said } = goTo.value;
+  const isTyped = useRef(isOpen);
   // before the next key: what is typed at once belongs to the input, not to the page
   useLayoutEffect(() => {
-    if (isOpen) input.current?.select();
+    const field = input.current;
+    if (isOpen && isTyped.current) {
+      field?.focus();
+      field?.setSelectionRange(field.value.length, field.value.length);
+    } else if (isOpen) field?.select();
+    isTyped.current = false;
   }, [isOpen]);
   if (!isOpen) return null;
   const close = (): void => {
-    goTo.value = { ...goTo.peek(), isOpen: false };
-    said.value = undefined;
+    goTo.value = { ...goTo.peek(), isOpen: false, said: undefined };
   };
-  const problem = said.value !== undefined && "problem" in said.value ? said.value.problem : undefined;
+  const problem = said !== undefined && "problem" in said ? said.problem : undefined;
   return (
     <form
       class="go-to"
@@ -155,7 +159,7 @@ export function GoTo({ deps }: { readonly deps: GoToDeps }) {
             <Message text={problem.message} /> <Message text={problem.hint} />
           </>
         ) : (
-          said.value !== undefined && "words" in said.value && said.value.words
+          said !== undefined && "words" in said && said.words
         )}
       </span>
       <IconButton icon="close" label={TEXT.close} onClick={close} />
