@@ -34,7 +34,9 @@ def test_a_spectrum_and_an_allan_deviation(serve: Callable[..., ServerProcess], 
     page.get_by_role("button", name="Allan deviation").click()
     until(page, f"{CURVES} === 6 && {DIALOG}.includes('Random walk N')")  # accelerometers and gyroscopes
     until(page, f"{DIALOG}.includes('of the MTi-630-8A1G6 data sheet')")
-    assert serious(page, PLACE) == []
+    for verdict in ("met", "above", "open"):  # whichever the noise of these seconds gives
+        page.evaluate(f"document.querySelectorAll('.analysis-verdicts li').forEach(li => li.className = '{verdict}')")
+        assert serious(page, PLACE) == []
     page.get_by_role("button", name="Spectrogram").click()
     until(page, f"{PICTURES} > 0")
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 100)
