@@ -11,8 +11,9 @@ Code that reads much data calls `load_for` with its size and need not call `load
 that over (`automatic`) and loads in a thread.
 
 numba keeps its cache in NUMBA_CACHE_DIR (server/jit_cache.py chooses it), beside the source file or in the user's cache
-folder; if none of them is writable the functions are compiled for this run only. With NUMBA_DISABLE_JIT=1 they stay
-Python.
+folder; if none of them is writable the functions are compiled for this run only. An entry is keyed by what the machine
+code is made of (`Kernel.fingerprint`, numba's version, the processor), so copies of the source and versions of it share
+one folder. With NUMBA_DISABLE_JIT=1 the functions stay Python.
 
 Because numba may not be imported, a signature names its types: a `TypeSpec` makes the numba type from the module
 `numba.types` once it is imported.
@@ -31,8 +32,10 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
+import importlib
 import os
 from collections.abc import Callable
+from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
@@ -157,6 +160,10 @@ class Kernel:
                 digest.update(repr(value).encode())
         return digest.hexdigest()[:12]
 
+    def stored_name(self) -> str:
+        """Name of its entry in the cache, and of the symbol in machine code."""
+        return f"{self.function.__qualname__}_{self.fingerprint()}"
+
     def compile(self) -> Any:
         """Numba's dispatcher of it, compiled or loaded from the cache."""
         if self.dispatcher is None:
@@ -168,7 +175,7 @@ class Kernel:
                 code, plain.__globals__ | inner, plain.__name__, plain.__defaults__, plain.__closure__
             )
             source.__module__ = plain.__module__
-            source.__qualname__ = f"{plain.__qualname__}_{self.fingerprint()}"  # numba's cache is keyed by that name
+            source.__qualname__ = self.stored_name()
             if self.signature is None:
                 self.dispatcher = numba.njit(inline="always")(source)
             else:
@@ -249,15 +256,49 @@ def is_loaded() -> bool:
     return _loaded
 
 
+def is_stored(folder: Path) -> bool:
+    """Whether the cache in `folder` has every kernel of the modules imported so far. Does not import numba."""
+    if DISABLED:
+        return True
+    mine = [one for one in _kernels if one.signature is not None]
+    return all(any((folder / one.__module__).glob(f"*.{one.stored_name()}-*.nbi")) for one in mine)
+
+
 def recompiled() -> int:
     """Number of functions compiled because the cache lacked them."""
     return sum(sum(one.dispatcher.stats.cache_misses.values()) for one in _kernels if one.dispatcher is not None)
 
 
 def _cached(numba: Any, function: FunctionType, signature: Any) -> Any:
+    """Numba's dispatcher, from the cache or compiled into it.
+
+    Its cache is keyed by the folder of the source, the contents of the file and a line number, so that another copy of
+    the same source compiles everything again. Here the function's name decides, which holds its kernel's fingerprint.
+    """
+    caching: Any = importlib.import_module("numba.core.caching")
+
+    class Locator(caching.UserProvidedCacheLocator):  # type: ignore[misc]
+        def __init__(self, function: FunctionType, file: str) -> None:
+            self._py_file, self._cache_path = file, os.path.join(caching.config.CACHE_DIR, function.__module__)
+
+        def get_source_stamp(self) -> str:
+            return ""
+
+        def get_disambiguator(self) -> str:
+            return ""
+
+    class Storage(caching.CompileResultCacheImpl):  # type: ignore[misc]
+        _locator_classes = (Locator, *caching.CompileResultCacheImpl._locator_classes)
+
+    class Cache(caching.FunctionCache):  # type: ignore[misc]
+        _impl_class = Storage
+
+    dispatcher = numba.njit(nogil=True)(function)
     try:
-        return numba.njit(signature, cache=True, nogil=True)(function)
+        dispatcher._cache = Cache(function)
     except RuntimeError as problem:
-        if "locator" not in str(problem):
+        if "locator" not in str(problem):  # no cache folder is writable
             raise
-        return numba.njit(signature, nogil=True)(function)  # no cache folder is writable
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return dispatcher

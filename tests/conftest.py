@@ -28,22 +28,21 @@ from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
 from protocols import jit
-from server import jit_cache
-from tests import browser_engine, chromium, fork_server, server_process
+from tests import browser_engine, chromium, each_row, fork_server, server_process
+from tests.cache_folder import compiled_code
 from tests.chromium import until
 from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S
 
-ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
 
 READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)
     && document.querySelector("[data-numeral]") !== null"""
 """In a page: samples have arrived and are shown."""
 
-# Servers started by tests have a data folder each; numba's cache is shared by all of them.
-os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
+# Servers started by tests have a data folder each; compiled code is shared by all of them, and by all clones.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
 if fork_server.IS_THERE:
     server_process.nursery = ForkServer()
 
@@ -56,11 +55,19 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 COMPILE = "from server import jit_cache; jit_cache.load(report=print)"
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--row", default="", help="only rows whose title contains this")
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile before several workers would do it beside each other."""
-    if not getattr(config.option, "numprocesses", None):
+    """Compile before the tests, and before several workers would do it beside each other."""
+    each_row.only = config.getoption("row")
+    if "PYTEST_XDIST_WORKER" in os.environ:
         return
-    if not jit_cache.is_filled():
+    from protocols import registry  # noqa: F401 (its modules have the functions)
+    from server.links import read_loop  # noqa: F401
+
+    if not jit.is_stored(Path(os.environ["NUMBA_CACHE_DIR"])):
         subprocess.run([sys.executable, "-c", COMPILE], cwd=ROOT, check=False)
 
 

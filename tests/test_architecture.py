@@ -25,6 +25,7 @@ from protocols.registry import PROTOCOLS
 from protocols.transactions import DeviceContext
 from server.reference.blocks import anchor
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, PAINTERS
+from tests.each_row import each_row
 from tests.source_files import ROOT, nodes_of, python_files, text_of
 
 HOUSES = ("protocols", "recordings", "server")
@@ -305,7 +306,7 @@ def code_of_page(pattern: re.Pattern[str]) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("house", HOUSES)
+@each_row("house", HOUSES)
 def test_arrows_point_one_way(house: str) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
@@ -342,7 +343,7 @@ def test_tests_import_from_helper_modules_only() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("place", ONE_PLACE)
+@each_row("place", ONE_PLACE)
 def test_each_mechanism_is_in_one_place(place: str) -> None:
     pattern = re.compile(ONE_PLACE[place])
     wrong = [
@@ -355,7 +356,7 @@ def test_each_mechanism_is_in_one_place(place: str) -> None:
     assert not wrong, f"use {place}:\n" + "\n".join(wrong)
 
 
-@pytest.mark.parametrize(("house", "forbidden"), [("protocols", IMPURE), ("recordings", SERVING)])
+@each_row(("house", "forbidden"), [("protocols", IMPURE), ("recordings", SERVING)])
 def test_only_the_server_uses_network_and_clock(house: str, forbidden: set[str]) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
@@ -461,7 +462,7 @@ def test_the_readme_is_true() -> None:
     assert len(readme.splitlines()) <= 80, "what is longer belongs into docs/"
 
 
-@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "docs/architecture.md"])
+@each_row("name", ["CONTRIBUTING.md", "docs/architecture.md"])
 def test_a_document_names_files_that_exist(name: str) -> None:
     named = re.findall(r"\b((?:protocols|recordings|server|web|tests)/[\w/.-]*[\w/])", (ROOT / name).read_text())
     assert len(named) > 3

@@ -7,9 +7,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 from protocols.plural import counted, plural
+from tests.each_row import each_row
 from tests.source_files import ROOT, documented_nodes, module_docstring, python_files
 
 SOURCES = ("protocols", "recordings", "server")
@@ -35,7 +34,7 @@ def first_sentence(text: str) -> str:
     return " ".join(SENTENCE.split(text.strip(), maxsplit=1)[0].split())
 
 
-@pytest.mark.parametrize("folder", SOURCES)
+@each_row("folder", SOURCES)
 def test_docstrings_open_with_a_noun_phrase_or_an_imperative(folder: str) -> None:
     wrong = [
         f"{where} {sentence}"
@@ -45,7 +44,7 @@ def test_docstrings_open_with_a_noun_phrase_or_an_imperative(folder: str) -> Non
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("folder", ["tests", "web"])
+@each_row("folder", ["tests", "web"])
 def test_modules_open_with_a_noun_phrase_or_an_imperative(folder: str) -> None:
     wrong = [
         f"{where}:1 {sentence}"
@@ -60,7 +59,7 @@ def test_modules_open_with_a_noun_phrase_or_an_imperative(folder: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("folder", SOURCES)
+@each_row("folder", SOURCES)
 def test_plurals_come_from_one_function(folder: str) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{number} {line.strip()}"

@@ -8,9 +8,9 @@ import tomllib
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, distribution
 
-import pytest
 from packaging.requirements import Requirement
 
+from tests.each_row import each_row
 from tests.server_process import ROOT
 
 # any-OSI (apsw) is SPDX for any licence of choice that OSI has approved; eclipse-zenoh offers Apache-2.0 besides EPL.
@@ -55,7 +55,7 @@ def test_linked_libraries_are_permissive() -> None:
     assert not_permissive() == []
 
 
-@pytest.mark.parametrize("words", ["GPL-3.0-only", "Eclipse Public License 2.0 (EPL-2.0)", "OSI Approved"])
+@each_row("words", ["GPL-3.0-only", "Eclipse Public License 2.0 (EPL-2.0)", "OSI Approved"])
 def test_a_licence_that_is_not_permissive_is_named(words: str) -> None:
     assert not_permissive(lambda name: (words if name == "numpy" else "MIT", [])) == [f"numpy: {words}"]
 

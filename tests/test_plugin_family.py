@@ -25,6 +25,7 @@ from protocols.registry import ProtocolInfo, load_families
 from protocols.simulator.family import SimulatorRequest
 from recordings.importers import open_file
 from tests import fork_server
+from tests.each_row import each_row
 from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S
@@ -107,7 +108,7 @@ def eventually(look: Callable[[], Any]) -> Any:
     return found
 
 
-@pytest.mark.parametrize("vector", VECTORS, ids=lambda vector: f"{vector['of']}, {vector['from']}")
+@each_row("vector", VECTORS, ids=lambda vector: f"{vector['of']}, {vector['from']}")
 def test_packets_of_others_are_read_and_made_again(family: ProtocolInfo, vector: dict[str, str]) -> None:
     packet = bytes.fromhex(vector["packet"])
     lister = family.listing()

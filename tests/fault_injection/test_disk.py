@@ -35,6 +35,7 @@ from recordings.mcap_writer import RecordingError
 from server.config import Config
 from server.devices.protocol_set import all_protocols
 from server.library.decode import decode
+from tests.each_row import each_row
 from tests.fault_injection.recorded_files import received
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks, sample
@@ -220,7 +221,7 @@ def damaged(raw: bytes, seed: int) -> bytes:
             return raw[:at] + raw[at + size :]
 
 
-@pytest.mark.parametrize("packed", [False, True])
+@each_row("packed", [False, True])
 def test_a_recording_damaged_at_random_bytes(tmp_path: Path, whole: tuple[bytes, bytes, int], packed: bool) -> None:
     opened = 0
     for seed in range(12):

@@ -28,6 +28,7 @@ from typing import Any
 
 import pytest
 
+from tests.each_row import each_row
 from tests.fault_injection.fault_harness import FaultHarness, frames, stage, told
 from tests.links.link_fixtures import Pty, device, pty
 from tests.server_process import tied
@@ -288,7 +289,7 @@ def test_noise_after_a_silence_is_told() -> None:
     run(check())
 
 
-@pytest.mark.parametrize("known", [True, False])
+@each_row("known", [True, False])
 def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
     """The bytes are then endless noise, reported as such; if no rate was given, the new one is found."""
 

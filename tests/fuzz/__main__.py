@@ -19,6 +19,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from tests.cache_folder import compiled_code
 from tests.fuzz.cases import write
 from tests.fuzz.search import CorpusSearch, minimised
 from tests.fuzz.targets import TARGETS
@@ -70,7 +71,7 @@ def main() -> int:
 
 
 def _outside(given: argparse.Namespace) -> int:
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[2] / "artifacts" / "numba"))
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
     from tests.fuzz.external_inputs import ExternalRun  # afterwards, because it loads compiled code
 
     begin = time.monotonic()

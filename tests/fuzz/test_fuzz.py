@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.each_row import each_row
 from tests.fuzz import cases
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.invariants import check
@@ -18,13 +19,13 @@ BURST = 80  # cases: a second; `python -m tests.fuzz` goes on
 KEPT = [path for name in TARGETS for path in cases.findings(name)]
 
 
-@pytest.mark.parametrize("path", KEPT, ids=lambda path: f"{path.parent.name}-{path.stem}")
+@each_row("path", KEPT, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_former_failures_pass(path: Path) -> None:
     assert path.read_text().startswith("# ")
     check(TARGETS[path.parent.name].speaker, cases.read(path), guessing=True)
 
 
-@pytest.mark.parametrize("protocol", TARGETS)
+@each_row("protocol", TARGETS)
 def test_a_short_burst(protocol: str) -> None:
     search = CorpusSearch(protocol, seed=0, captures=False)
     for _ in range(BURST):
@@ -36,7 +37,7 @@ def test_a_short_burst(protocol: str) -> None:
     assert {kind for kind, *_ in search.seen} >= {"batch", "reject", "note" if protocol == "idtp" else "text"}
 
 
-@pytest.mark.parametrize("protocol", TARGETS)
+@each_row("protocol", TARGETS)
 def test_a_seed_repeats_its_cases(protocol: str) -> None:
     searches = [CorpusSearch(protocol, seed=3, captures=False) for _ in range(2)]
     for _ in range(25):
@@ -45,7 +46,7 @@ def test_a_seed_repeats_its_cases(protocol: str) -> None:
         assert len({search.bytes for search in searches}) == 1
 
 
-@pytest.mark.parametrize("protocol", TARGETS)
+@each_row("protocol", TARGETS)
 def test_every_protocol_has_run_for_ten_minutes(protocol: str) -> None:
     runs = json.loads((Path(__file__).parent / "runs.json").read_text())
     assert max(run["minutes"] for run in runs if run["protocol"] == protocol and run["compiled"]) >= 10

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.each_row import each_row
 from tests.fuzz import cases, files, http, ws
 from tests.fuzz.cases import FINDINGS, BrokenError, Case
 
@@ -44,7 +45,7 @@ def test_a_few_requests(server: http.FuzzedServer) -> None:
     assert search.statuses.keys() >= {200}
 
 
-@pytest.mark.parametrize("path", ASKED, ids=lambda path: path.stem)
+@each_row("path", ASKED, ids=lambda path: path.stem)
 def test_a_request_that_once_broke_something_is_answered(server: http.FuzzedServer, path: Path) -> None:
     response = server.ask(http.Asked.read(path))
     http.check_error(response)
@@ -52,7 +53,7 @@ def test_a_request_that_once_broke_something_is_answered(server: http.FuzzedServ
     assert response.status_code < 500
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("status", "body"),
     [
         (500, '{"kind": "fault", "message": "x.", "hint": ""}'),
@@ -81,7 +82,7 @@ def test_a_few_external_texts(server: http.FuzzedServer) -> None:
     assert floor.talks >= TALKS
 
 
-@pytest.mark.parametrize("path", TALKED, ids=lambda path: path.stem)
+@each_row("path", TALKED, ids=lambda path: path.stem)
 def test_formerly_failing_texts_are_answered(server: http.FuzzedServer, path: Path) -> None:
     floor = ws.Floor(server)
     floor.hold(ws.Talk.read(path))
@@ -91,7 +92,7 @@ def test_formerly_failing_texts_are_answered(server: http.FuzzedServer, path: Pa
 # -- files -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", files.KINDS)
+@each_row("kind", files.KINDS)
 def test_a_whole_file_of_each_kind_is_read(files_search: files.FileSearch, kind: str) -> None:
     files_search.check(Case(files_search.whole[kind], (), {"kind": kind, "cut": False}))
 
@@ -107,20 +108,20 @@ def test_a_few_damaged_files(files_search: files.FileSearch) -> None:
                 pytest.fail(f"{broken}\n{small.settings}\n{small.data.hex()}")
 
 
-@pytest.mark.parametrize("path", list(cases.findings("files")), ids=lambda path: path.stem)
+@each_row("path", list(cases.findings("files")), ids=lambda path: path.stem)
 def test_a_file_that_once_broke_something_is_read_or_refused(files_search: files.FileSearch, path: Path) -> None:
     with files.bounded():
         files_search.check(cases.read(path))
 
 
-@pytest.mark.parametrize("kind", files.KINDS)
-@pytest.mark.parametrize("data", [b"", b"\0", b"\x89MCAP0\r\n", b"\xff" * 300, b"[" * 300], ids=len)
+@each_row("kind", files.KINDS)
+@each_row("data", [b"", b"\0", b"\x89MCAP0\r\n", b"\xff" * 300, b"[" * 300], ids=len)
 def test_empty_files(files_search: files.FileSearch, kind: str, data: bytes) -> None:
     with files.bounded():
         files_search.check(Case(data, (), {"kind": kind, "cut": False}))
 
 
-@pytest.mark.parametrize("packing", ["zstd", "lz4"])
+@each_row("packing", ["zstd", "lz4"])
 def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: str) -> None:
     """Regression: the chunk claimed 1 kB, but zstd used its own header, and lz4 had no limit."""
     from recordings.mcap_reader import _unpack

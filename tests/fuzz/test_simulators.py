@@ -6,12 +6,11 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
-import pytest
-
 from protocols.isb.frames import DATA, NACK, get_data
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.xbus.frames import build
 from protocols.xbus.simulator.device import XbusSimulator
+from tests.each_row import each_row
 from tests.fuzz.mutations import spoil
 from tests.fuzz.targets import TARGETS
 from tests.protocols import isb_vectors, xbus_vectors
@@ -29,7 +28,7 @@ SIMULATORS: dict[str, Callable[[int], Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", SIMULATORS)
+@each_row("name", SIMULATORS)
 def test_any_bytes_from_a_host(name: str) -> None:
     random = Random(7)
     for seed in range(40):

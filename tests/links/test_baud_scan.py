@@ -12,6 +12,7 @@ from server.links.base import ScanWindows
 from server.links.baud_scan import ENOUGH_BYTES, find_baud, likely_rates, scan
 from server.links.detection_text import describe_bytes
 from server.links.serial import SerialSettings, open_port
+from tests.each_row import each_row
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
 
 SHORT = ScanWindows(0.02, 0.05)
@@ -21,7 +22,7 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-@pytest.mark.parametrize("baud", [115_200, 921_600, 460_800, 57_600])
+@each_row("baud", [115_200, 921_600, 460_800, 57_600])
 def test_the_rate_is_found_and_every_attempt_reported(baud: int) -> None:
     async def check() -> None:
         with device(baud) as bench:

@@ -17,6 +17,7 @@ from protocols.registry import PROTOCOLS
 from recordings.capture_timing import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, CaptureTiming, TimedBytes, play
 from server.links import open_link
 from server.links.capture_file import FileLink
+from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, frame, gather, joined, left_behind, opened, settings
 from tests.timeouts import PATIENCE_S
 
@@ -102,7 +103,7 @@ def test_a_clock_that_jumps_back_holds_the_pace_and_a_long_pause_is_skipped() ->
     assert pace.skipped_ns > 1000e9
 
 
-@pytest.mark.parametrize("decoder", [None, "xbus"])
+@each_row("decoder", [None, "xbus"])
 def test_without_a_clock_the_rate_of_a_full_line_is_used(decoder: str | None) -> None:
     data = bytes(range(200)) * 1000
     pieces = list(CaptureTiming(io.BytesIO(data), PROTOCOLS[decoder].decoder() if decoder else None))
@@ -111,7 +112,7 @@ def test_without_a_clock_the_rate_of_a_full_line_is_used(decoder: str | None) ->
     assert pieces[-1].due_ns == pytest.approx(len(data) / BLIND_RATE * 1e9, rel=1e-6)
 
 
-@pytest.mark.parametrize("speed", [0.5, 1.0, 8.0])
+@each_row("speed", [0.5, 1.0, 8.0])
 def test_play_waits_until_each_piece_is_due(speed: float) -> None:
     now = 77
 
@@ -179,7 +180,7 @@ def test_loop_begins_again(capture: Path) -> None:
     run(check())
 
 
-@pytest.mark.parametrize("at_once", [True, False])
+@each_row("at_once", [True, False])
 def test_a_short_stretch_of_another_protocol_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool
 ) -> None:

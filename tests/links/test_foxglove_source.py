@@ -13,6 +13,7 @@ import pytest
 
 from server.links import open_link
 from server.links.base import LinkError, LinkSettings, steady_clock
+from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros
 from tests.links.message_sources import SdkServer, has, sdk_server, sending, watched
@@ -184,7 +185,7 @@ def test_damaged_messages_are_counted_and_the_others_are_shown() -> None:
     run(play)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("source", "words"),
     [
         ("foxglove://:8765/imu", "host is missing"),

@@ -16,6 +16,7 @@ from server.holder.arbiter import QUIET_S
 from server.holder.places import socket_of
 from server.links.base import LinkError
 from server.links.held import ClientData, HeldLink, is_held
+from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links.shared_port import (
     DevicePort,
@@ -264,7 +265,7 @@ def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePort, tmp
     asyncio.run(check())
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("share", "words"),
     [
         ("{folder}/file", "exists and is not a link of a share"),

@@ -12,6 +12,7 @@ from server.links import open_link
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.text import is_ours
 from server.links.udp import MAX_SENDERS, UdpLink
+from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, settings
 from tests.timeouts import PATIENCE_S
 
@@ -176,7 +177,7 @@ def test_listener_lets_a_returning_device_replace_its_silent_connection() -> Non
     run(check())
 
 
-@pytest.mark.parametrize("scheme", ["tcp-listen", "udp"])
+@each_row("scheme", ["tcp-listen", "udp"])
 def test_a_port_in_use(scheme: str) -> None:
     kind = socket.SOCK_STREAM if scheme == "tcp-listen" else socket.SOCK_DGRAM
     with socket.socket(socket.AF_INET, kind) as taken:
@@ -194,7 +195,7 @@ def test_a_port_of_another_program() -> None:
     assert is_ours(1) is False
 
 
-@pytest.mark.parametrize("scheme", ["tcp-listen", "udp"])
+@each_row("scheme", ["tcp-listen", "udp"])
 def test_an_address_of_another_host(scheme: str) -> None:
     error = run(fails(open_link(f"{scheme}://192.0.2.1:0", settings()).open()))
     assert error.kind == "not-found"
@@ -283,7 +284,7 @@ def test_udp_counts_datagrams_dropped_by_the_kernel(monkeypatch: pytest.MonkeyPa
     run(check())
 
 
-@pytest.mark.parametrize("source", ["tcp-listen://127.0.0.1:0", "udp://127.0.0.1:0"])
+@each_row("source", ["tcp-listen://127.0.0.1:0", "udp://127.0.0.1:0"])
 def test_no_threads_or_descriptors_are_left(source: str) -> None:
     async def check() -> None:
         before = left_behind()

@@ -15,6 +15,7 @@ from server.devices.protocol_set import all_protocols
 from server.links import Link, LinkError, open_link, split_devices
 from server.links.base import Chunk, steady_clock
 from server.links.replay import ReplayLink
+from tests.each_row import each_row
 from tests.links.link_fixtures import fails, joined, left_behind, opened, settings, xbus
 from tests.links.replayed import START, device_bytes, of, recording
 from tests.server.in_process_server import InProcessServer
@@ -110,7 +111,7 @@ def test_devices_that_are_opened_together_keep_step(tmp_path: Path) -> None:
     assert min(late) < 50_000_000  # … and catches up
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "words"),
     [
         ("?device=9", "holds no device '9'"),
@@ -179,7 +180,7 @@ def test_playing_a_recording_makes_its_devices_appear(running: InProcessServer) 
     assert "from=0.2" in stretch.json()[0]["source"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "body", "status"),
     [
         ("none", {}, 404),

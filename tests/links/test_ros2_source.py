@@ -17,6 +17,7 @@ from server.links.ros2 import Ros2Link
 from server.ros2.graph import RosGraph, TopicPublisher
 from server.ros2.key_expressions import QosProfile
 from server.ros2.session import open_session
+from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros
 from tests.links.message_sources import has, sending, watched
@@ -150,7 +151,7 @@ def test_the_domain_is_that_of_the_environment_unless_named(monkeypatch: pytest.
     assert domain_of("ros2://robot/imu") == 0
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("source", "words"),
     [
         ("ros2://robot/imu-data", "'/imu-data' is not a name of a topic"),

@@ -17,6 +17,7 @@ import serial
 
 from server.links import open_link
 from server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
+from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
 
 
@@ -202,7 +203,7 @@ def test_a_port_of_another_program_says_how_both_can_use_it() -> None:
     run(check())
 
 
-@pytest.mark.parametrize("number", [errno.EACCES, errno.EPERM])
+@each_row("number", [errno.EACCES, errno.EPERM])
 def test_missing_permission_names_the_group_and_the_command(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Root is never denied access, so the refusal comes from a port that refuses."""
 
@@ -220,7 +221,7 @@ def test_missing_permission_names_the_group_and_the_command(number: int, monkeyp
     assert "sudo usermod -aG dialout $USER" in error.hint
 
 
-@pytest.mark.parametrize(("group", "mode"), [(0, 0o660), (20, 0o600)])
+@each_row(("group", "mode"), [(0, 0o660), (20, 0o600)])
 def test_a_group_without_write_permission_is_not_suggested(group: int, mode: int) -> None:
     """Regression: a port accessible to root alone was reported as belonging to dialout, and joining it did not help."""
     with pty() as port:
@@ -232,7 +233,7 @@ def test_a_group_without_write_permission_is_not_suggested(group: int, mode: int
     assert "usermod" not in hint
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("failure", "kind"),
     [
         (OSError(errno.EBUSY, "busy"), "busy"),
@@ -265,7 +266,7 @@ def test_a_free_port_has_no_owner() -> None:
     assert holder("/dev/ttyNope") == ""
 
 
-@pytest.mark.parametrize(("text", "told"), [("16\n", True), ("2", True), ("1\n", False), ("odd", False), (None, False)])
+@each_row(("text", "told"), [("16\n", True), ("2", True), ("1\n", False), ("odd", False), (None, False)])
 def test_a_high_latency_timer_is_reported_with_its_fix(tmp_path: Path, text: str | None, told: bool) -> None:
     folder = tmp_path / "bus/usb-serial/devices/ttyUSB7"
     folder.mkdir(parents=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import time
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,6 +13,7 @@ from protocols.isb.frames import build as isb_build
 from server.links.baud_mismatch import misread_at
 from server.links.ftdi_packets import FtdiPacketizer
 from server.links.simulated_line import LineFaults, SimulatedLine, frames_of
+from tests.each_row import each_row
 from tests.links.link_fixtures import frame, xbus
 
 FRAMES = [frame(i, i * 100) for i in range(200)]
@@ -142,7 +142,7 @@ def test_an_adapter_keeps_every_byte_no_longer_than_its_timer(frames: list[tuple
     assert all(len(data) <= (packet or 1 << 30) for _, data in out)
 
 
-@pytest.mark.parametrize("baud", [4800, 9600, 115_200, 921_600])
+@each_row("baud", [4800, 9600, 115_200, 921_600])
 def test_the_right_rate_receives_the_sent_bytes(baud: int) -> None:
     data = bytes(range(256))
     assert misread_at(data, baud, baud) == data
@@ -150,7 +150,7 @@ def test_the_right_rate_receives_the_sent_bytes(baud: int) -> None:
     assert misread_at(data, baud, round(baud * 0.98)) == data
 
 
-@pytest.mark.parametrize(("sent", "heard"), [(115_200, 9600), (115_200, 921_600), (57_600, 115_200), (115_200, 57_600)])
+@each_row(("sent", "heard"), [(115_200, 9600), (115_200, 921_600), (57_600, 115_200), (115_200, 57_600)])
 def test_a_wrong_rate_receives_a_realistic_amount_of_noise(sent: int, heard: int) -> None:
     data = random.Random(0).randbytes(1000)
     noise = misread_at(data, sent, heard)
@@ -182,7 +182,7 @@ def test_noise_costs_time_in_proportion_to_its_bytes() -> None:
     assert spent(32_000) < 64 * spent(2000)  # 16 times as much; its square would be 256 times
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("protocol", "frames"),
     [
         ("isb", [isb_build(4, 58, bytes(36)), isb_build(8), isb_build(5, 12, bytes(4), offset=16)]),

@@ -22,6 +22,7 @@ from server.links.serial import SerialLink, SerialSettings, open_port
 from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.simulator import SimulatorLink, SimulatorThread
 from server.links.source_url import SourceUrl
+from tests.each_row import each_row
 from tests.links.link_fixtures import (
     PeriodicDevice,
     dies,
@@ -233,9 +234,7 @@ def test_the_line_is_fast_enough_for_the_samples() -> None:
     assert chosen == {1: 115_200, 100: 115_200, 200: 230_400, 400: 460_800, 800: 921_600, 2000: 4_000_000}
 
 
-@pytest.mark.parametrize(
-    "query", ["", "rate=400&product=MTi-680G", "drop=0.05&corrupt=0.05&burst_ms=16&drift_ppm=50&jump_s=1"]
-)
+@each_row("query", ["", "rate=400&product=MTi-680G", "drop=0.05&corrupt=0.05&burst_ms=16&drift_ppm=50&jump_s=1"])
 def test_the_real_simulator_streams(query: str) -> None:
     async def check() -> None:
         before = left_behind()
@@ -258,7 +257,7 @@ def test_the_real_simulator_streams(query: str) -> None:
     run(check())
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("source", "baud", "names"),
     [
         ("sim:isb", 921_600, {"DID_IMU", "DID_INS_1", "DID_INS_2"}),
@@ -316,14 +315,14 @@ def test_faults_cut_whole_frames_of_any_family() -> None:
         run(check(protocol))
 
 
-@pytest.mark.parametrize("source", ["sim:isb?mode=lite", "sim:idtp?product=MTi-630", "sim:isb?product=MTi-630"])
+@each_row("source", ["sim:isb?mode=lite", "sim:idtp?product=MTi-630", "sim:isb?product=MTi-630"])
 def test_options_belong_to_their_family(source: str) -> None:
     with pytest.raises(LinkError) as caught:
         open_link(source, settings())
     assert caught.value.kind == "bad-source"
 
 
-@pytest.mark.parametrize(("clock", "tick_ns"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000), ("s", 1_000_000_000)])
+@each_row(("clock", "tick_ns"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000), ("s", 1_000_000_000)])
 def test_a_simulator_whose_timestamps_count_in_another_unit(clock: str, tick_ns: int) -> None:
     options = SimulatorOptions.of(SourceUrl.parse(f"sim:idtp?clock={clock}"))
     data = make_device(options, 0, None).advance(2_000_000_000)

@@ -12,9 +12,10 @@ from server.links.serial import SerialLink, SerialSettings
 from server.links.simulator import SimulatorLink
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.udp import UdpLink
+from tests.each_row import each_row
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "kind", "place"),
     [
         ("/dev/ttyUSB0", "serial", "/dev/ttyUSB0"),
@@ -75,7 +76,7 @@ def test_each_kind_of_link(tmp_path: Path) -> None:
     assert simulator.options.product == "MTi-630"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ("", ["empty"]),

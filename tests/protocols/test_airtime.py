@@ -10,9 +10,9 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import pytest
 
 from protocols.clock_sync import ClockSync
+from tests.each_row import each_row
 from tests.protocols.timing_model import (
     MS,
     PACKET,
@@ -63,16 +63,16 @@ def lines() -> list[tuple[int, int, int]]:
     return fit[::5]
 
 
-@pytest.mark.parametrize("ppm", [-50.0, 50.0])
-@pytest.mark.parametrize(("baud", "rate", "size"), lines())
+@each_row("ppm", [-50.0, 50.0])
+@each_row(("baud", "rate", "size"), lines())
 def test_a_line_without_an_adapter(baud: int, rate: int, size: int, ppm: float) -> None:
     tick_ns = 100_000 if rate < 1000 else 1000
     way = Way(baud, loss=0.05)
     held(stream(ModelDevice(((rate, size),), ppm, tick_ns), way, 20, seed=rate), way)
 
 
-@pytest.mark.parametrize("ppm", [-50.0, 50.0])
-@pytest.mark.parametrize(("baud", "rate", "size"), [one for one in lines() if one[1] * one[2] * 0.016 > 2 * PACKET])
+@each_row("ppm", [-50.0, 50.0])
+@each_row(("baud", "rate", "size"), [one for one in lines() if one[1] * one[2] * 0.016 > 2 * PACKET])
 def test_an_adapter_that_gathers_62_bytes_or_waits_16_ms(baud: int, rate: int, size: int, ppm: float) -> None:
     """Consecutive samples are evenly spaced although they arrive in bursts."""
     way = Way(baud, timer_ms=16, loss=0.05)
@@ -102,8 +102,8 @@ def any_stream(seed: int) -> tuple[ModelDevice, Way]:
     return device, Way(baud, timer_ms, loss=loss, wake_us=wake_us)
 
 
-@pytest.mark.parametrize("is_known", [False, True], ids=["timer not known", "timer known"])
-@pytest.mark.parametrize("seed", [*range(8), 101, 126, 186, 191, 217])
+@each_row("is_known", [False, True], ids=["timer not known", "timer known"])
+@each_row("seed", [*range(8), 101, 126, 186, 191, 217])
 def test_any_line_and_adapter(seed: int, is_known: bool) -> None:
     """The last five cases were the worst of 600 before chunk_boundaries.py provided arrival times within chunks."""
     device, way = any_stream(seed)
@@ -119,8 +119,8 @@ def test_any_line_and_adapter(seed: int, is_known: bool) -> None:
     assert told.clock.restarts == 0
 
 
-@pytest.mark.parametrize("ppm", [-50.0, 0.0, 50.0])
-@pytest.mark.parametrize(("timer_ms", "rate"), [(1, 100), (1, 400), (1, 1000), (16, 100)])
+@each_row("ppm", [-50.0, 0.0, 50.0])
+@each_row(("timer_ms", "rate"), [(1, 100), (1, 400), (1, 1000), (16, 100)])
 def test_the_bound_covers_a_timer_in_step_with_the_stream(timer_ms: float, rate: int, ppm: float) -> None:
     way = Way(460_800, timer_ms=timer_ms)
     given = stream(ModelDevice(((rate, 20),), ppm), way, 30, seed=3)
@@ -131,8 +131,8 @@ def test_the_bound_covers_a_timer_in_step_with_the_stream(timer_ms: float, rate:
     assert (np.diff(told.host) > 0).all()
 
 
-@pytest.mark.parametrize("timer_ms", [0, 16])
-@pytest.mark.parametrize("messages", [((400, 60), (400, 30)), ((100, 88), (4, 150)), ((200, 40), (50, 120), (1, 200))])
+@each_row("timer_ms", [0, 16])
+@each_row("messages", [((400, 60), (400, 30)), ((100, 88), (4, 150)), ((200, 40), (50, 120), (1, 200))])
 def test_messages_of_different_sizes_fall_on_one_line(messages: tuple[tuple[float, int], ...], timer_ms: float) -> None:
     way = Way(921_600, timer_ms)
     given = stream(ModelDevice(messages, ppm=-50, tick_ns=100_000), way, 25, seed=2)
@@ -145,8 +145,8 @@ def test_messages_of_different_sizes_fall_on_one_line(messages: tuple[tuple[floa
         assert (np.diff(told.host[given.size == size]) > 0).all()
 
 
-@pytest.mark.parametrize("timer_ms", [0, 16])
-@pytest.mark.parametrize("by_s", [3.0, 0.2, 86_400.0, -0.1, -2.0, -15.0])
+@each_row("timer_ms", [0, 16])
+@each_row("by_s", [3.0, 0.2, 86_400.0, -0.1, -2.0, -15.0])
 def test_a_jumping_clock_is_remapped_at_its_first_row_and_never_backwards(by_s: float, timer_ms: float) -> None:
     way = Way(115_200, timer_ms)
     given = stepped(stream(ModelDevice(ppm=50), way, 34, seed=1), 17, by_s)
@@ -154,8 +154,8 @@ def test_a_jumping_clock_is_remapped_at_its_first_row_and_never_backwards(by_s: 
     assert clock.restarts == 1
 
 
-@pytest.mark.parametrize("timer_ms", [0, 16])
-@pytest.mark.parametrize("at_s", [3.0, 17.0])
+@each_row("timer_ms", [0, 16])
+@each_row("at_s", [3.0, 17.0])
 def test_a_restarted_device_is_remapped(at_s: float, timer_ms: float) -> None:
     way = Way(115_200, timer_ms)
     given = reset(stream(ModelDevice(ppm=-50), way, at_s + 17, seed=5), at_s)
@@ -167,7 +167,7 @@ def test_a_restarted_device_is_remapped(at_s: float, timer_ms: float) -> None:
     assert (np.diff(told.host) >= 0).all()
 
 
-@pytest.mark.parametrize("timer_ms", [0, 16])
+@each_row("timer_ms", [0, 16])
 def test_a_host_that_stopped_reading_moves_no_time_and_is_detected(timer_ms: float) -> None:
     way = Way(115_200, timer_ms, stalls=((12.0, 12.3), (20.0, 21.0)))
     given = stream(ModelDevice(ppm=50), way, 25, seed=3)
@@ -187,7 +187,7 @@ def test_network_jitter_is_measured_against_the_fastest_packet() -> None:
     assert told.clock.spread.top > 5 * MS
 
 
-@pytest.mark.parametrize("drain_ms", [1, 8, 33, 500])
+@each_row("drain_ms", [1, 8, 33, 500])
 def test_the_drain_interval_makes_no_significant_difference(drain_ms: float) -> None:
     """Live every 8 ms, a recording that is opened every second: the same code, and the same times to 0.1 ms."""
     way = Way(115_200, timer_ms=16)
@@ -201,7 +201,7 @@ def test_the_drain_interval_makes_no_significant_difference(drain_ms: float) -> 
 # -- what is seen in the delays ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("baud", "rate", "size"), lines())
+@each_row(("baud", "rate", "size"), lines())
 def test_a_clean_line_is_not_taken_for_an_adapter_or_a_busy_host(baud: int, rate: int, size: int) -> None:
     for way in (Way(baud), Way(baud, timer_ms=1), Way(baud, wake_us=300, loss=0.05)):
         clock = mapped(stream(ModelDevice(((rate, size), (4, 150)), ppm=50), way, 8, seed=size)).clock
@@ -209,7 +209,7 @@ def test_a_clean_line_is_not_taken_for_an_adapter_or_a_busy_host(baud: int, rate
         assert clock.stalls == []
 
 
-@pytest.mark.parametrize(("baud", "rate", "size"), [(115_200, 100, 88), (115_200, 100, 20), (921_600, 100, 200)])
+@each_row(("baud", "rate", "size"), [(115_200, 100, 88), (115_200, 100, 20), (921_600, 100, 200)])
 def test_an_adapter_with_a_long_timer_is_seen(baud: int, rate: int, size: int) -> None:
     way = Way(baud, timer_ms=16)
     clock = mapped(stream(ModelDevice(((rate, size),), ppm=50), way, 8, seed=size)).clock

@@ -21,6 +21,7 @@ from protocols.schema import Bits
 from protocols.xbus import data_identifiers as xbus_items
 from protocols.xbus import enums as xbus_codes
 from protocols.xbus import messages as xbus_messages
+from tests.each_row import each_row
 from tests.protocols.idtp_vectors import COMPUTED, KEY, frame
 from tests.protocols.vector_coverage import FOREIGN, GROUPS, PROVENANCES
 
@@ -28,7 +29,7 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 SHARED = Path(__file__).parents[3] / "shared" / "vectors"
 
 
-@pytest.mark.parametrize("name", GROUPS)
+@each_row("name", GROUPS)
 def test_every_row_has_a_vector(name: str) -> None:
     group = GROUPS[name]
     assert group.rows()
@@ -74,14 +75,14 @@ ADDED: dict[str, tuple[Any, str, Any]] = {  # group → owner of the attribute, 
 }
 
 
-@pytest.mark.parametrize("name", ADDED)
+@each_row("name", ADDED)
 def test_a_row_without_a_vector_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     module, attribute, table = ADDED[name]
     monkeypatch.setattr(module, attribute, table)
     assert GROUPS[name].missing()
 
 
-@pytest.mark.parametrize("vector", FOREIGN, ids=lambda vector: f"{vector['protocol']}-{vector['name']}")
+@each_row("vector", FOREIGN, ids=lambda vector: f"{vector['protocol']}-{vector['name']}")
 def test_foreign_messages_are_recognised_by_name(vector: dict[str, Any]) -> None:
     """Names from two public libraries; a number without a title is still found and reported by number."""
     decoder = IsbDecoder()
@@ -95,7 +96,7 @@ def test_foreign_messages_are_recognised_by_name(vector: dict[str, Any]) -> None
     assert decoder.skipped == 0
 
 
-@pytest.mark.parametrize("vector", COMPUTED, ids=lambda v: f"{v['version']:x}-{v['mode']}-{v['type']:02x}")
+@each_row("vector", COMPUTED, ids=lambda v: f"{v['version']:x}-{v['mode']}-{v['type']:02x}")
 def test_computed_idtp_frames(vector: dict[str, Any]) -> None:
     record = frame_to_json(frame(vector))
     assert (record["id"], record["fields"]["mode"], record["fields"]["version"]) == (

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.chunk_boundaries import ChunkBoundaries
 from protocols.clock_sync import ClockSync
+from tests.each_row import each_row
 from tests.protocols.timing_model import MS, PACKET, ModelDevice, Way, errors, mapped, settled, stream
 
 BYTE_NS = 1000.0
@@ -56,7 +56,7 @@ def test_unneeded_chunks_are_dropped() -> None:
     assert ChunkBoundaries().sent(np.array([0]), 10, np.array([5]), BYTE_NS).tolist() == [5]
 
 
-@pytest.mark.parametrize(("baud", "rate", "size"), [(921_600, 50, 220), (460_800, 40, 100), (115_200, 20, 150)])
+@each_row(("baud", "rate", "size"), [(921_600, 50, 220), (460_800, 40, 100), (115_200, 20, 150)])
 def test_a_tail_that_always_waits_for_the_timer_adds_no_offset(baud: int, rate: int, size: int) -> None:
     """The last bytes of every frame are delayed by the same 16 ms, which is unknown; the first packet, full at once,
     gives the true time.

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from protocols.clock_model import WINDOW_S
 from protocols.clock_sync import ClockSync, TimedRows
+from tests.each_row import each_row
 
 MS = 1e6
 EPOCH_NS = 1_767_225_600 * 10**9
@@ -79,8 +79,8 @@ def errors(given_: SimulatedStream, mapped: MappedStream) -> NDArray[np.float64]
     return mapped.host - (given_.true - EPOCH_NS)
 
 
-@pytest.mark.parametrize("ppm", [0, 100, -100])
-@pytest.mark.parametrize("rate", [100, 125, 400, 1000, 2000])
+@each_row("ppm", [0, 100, -100])
+@each_row("rate", [100, 125, 400, 1000, 2000])
 def test_consecutive_samples_are_evenly_spaced(rate: int, ppm: float) -> None:
     """Consecutive samples are evenly spaced: within 5 % while the first seconds are learned, then within 0.6 %."""
     given_ = stream(rate, 60, ppm=ppm)
@@ -91,8 +91,8 @@ def test_consecutive_samples_are_evenly_spaced(rate: int, ppm: float) -> None:
     assert np.abs(spacing[10 * rate :] - 1).max() < 0.006 + grain
 
 
-@pytest.mark.parametrize("ppm", [0, 100, -100])
-@pytest.mark.parametrize("rate", [100.7, 399.3, 999.1])
+@each_row("ppm", [0, 100, -100])
+@each_row("rate", [100.7, 399.3, 999.1])
 def test_a_stream_that_beats_with_the_bursts_is_mapped_to_half_a_millisecond(rate: float, ppm: float) -> None:
     given_ = stream(rate, 120, ppm=ppm, seed=3)
     mapped = run(given_)
@@ -106,8 +106,8 @@ def test_a_stream_that_beats_with_the_bursts_is_mapped_to_half_a_millisecond(rat
     assert mapped.uncertainty[-1] < 1 * MS
 
 
-@pytest.mark.parametrize("rate", [100, 125, 250])
-@pytest.mark.parametrize("seed", range(5))
+@each_row("rate", [100, 125, 250])
+@each_row("seed", range(5))
 def test_the_uncertainty_covers_a_locked_grid(rate: int, seed: int) -> None:
     """125 Hz with a 16 ms timer: every frame may be late by the same 8 ms, which cannot be measured
     and must be in ±.
@@ -117,7 +117,7 @@ def test_the_uncertainty_covers_a_locked_grid(rate: int, seed: int) -> None:
     assert (np.abs(errors(given_, mapped))[rate:] <= mapped.uncertainty[rate:] + 0.1 * MS).all()
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each_row("seed", range(20))
 def test_the_first_seconds_are_good_and_refined_without_a_step(seed: int) -> None:
     given_ = stream(100, 5, seed=seed, ppm=50)
     mapped = run(given_)
@@ -182,7 +182,7 @@ def shifted(given_: SimulatedStream, by_s: float) -> SimulatedStream:
     return SimulatedStream(given_.true, device, given_.arrival)
 
 
-@pytest.mark.parametrize("by_s", [1.0, 0.2, 86_400.0, -15.0, -10_000.0])
+@each_row("by_s", [1.0, 0.2, 86_400.0, -15.0, -10_000.0])
 def test_a_jump_begins_a_new_mapping_at_once(by_s: float) -> None:
     given_ = shifted(stream(100.7, 30, seed=4), by_s)
     mapped = run(given_)
@@ -217,7 +217,7 @@ def test_rows_of_one_chunk_before_and_after_a_jump_keep_their_mapping() -> None:
     assert np.abs(host - (given_.true - EPOCH_NS)[STEP_ROW - 5 : STEP_ROW + 5]).max() < 1 * MS
 
 
-@pytest.mark.parametrize("by_s", [500.0, -500.0, 3.0])
+@each_row("by_s", [500.0, -500.0, 3.0])
 def test_a_lone_wrong_time_changes_nothing(by_s: float) -> None:
     given_ = stream(100.7, 30, seed=7)
     device = given_.device.copy()

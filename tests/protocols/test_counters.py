@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from protocols.counters import SequenceCounter, TickUnwrapper
+from tests.each_row import each_row
 
 MS = 1e6
 EPOCH_NS = 1_767_225_600 * 10**9
@@ -21,8 +21,8 @@ Times = NDArray[np.int64]
 # -- unwrapping --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wrap", [DAY, FULL])
-@pytest.mark.parametrize("chunk", [1, 7, 1000])
+@each_row("wrap", [DAY, FULL])
+@each_row("chunk", [1, 7, 1000])
 def test_the_modulus_is_learned_where_the_clock_wraps(wrap: int, chunk: int) -> None:
     clock = TickUnwrapper(FULL, auto=(DAY,), tick_ns=100_000)
     raw = np.arange(wrap - 10_000, wrap + 10_000, 25) % wrap
@@ -62,7 +62,7 @@ def test_old_rows_of_the_capture_are_neither_wrap_nor_reset(captures: Path) -> N
         assert (batch.time_ns == batch.columns["SampleTimeFine"].astype(np.int64) * 100_000).all()
 
 
-@pytest.mark.parametrize("chunk", [1, 5, 100])
+@each_row("chunk", [1, 5, 100])
 def test_a_restart_is_one_reset(chunk: int) -> None:
     clock = TickUnwrapper(FULL, tick_ns=100_000)
     raw = np.concatenate([np.arange(300_000, 305_000, 25), np.arange(40, 5000, 25)])

@@ -15,6 +15,7 @@ import pytest
 
 from protocols import nmea, registry
 from protocols.xbus import binary_strings
+from tests.each_row import each_row
 from tests.protocols.nmea_sentences import sentence
 
 SIZE = 4 * 1024
@@ -67,8 +68,8 @@ def growth(work: Callable[[bytes], object], piece: bytes, size: int) -> float:
     return min(cpu_s(many) for _ in range(2)) / max(max(cpu_s(few) for _ in range(2)), 1e-4)
 
 
-@pytest.mark.parametrize("name", FLOODS)
-@pytest.mark.parametrize("protocol", registry.PROTOCOLS)
+@each_row("name", FLOODS)
+@each_row("protocol", registry.PROTOCOLS)
 def test_decoding_a_flood_is_linear(protocol: str, name: str) -> None:
     def decode(data: bytes) -> None:
         decoder = registry.permissive_decoder(protocol)

@@ -20,6 +20,7 @@ from protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from protocols.idtp.inspect import IdtpFrameLister
 from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.layouts import EncodeError, size_of
+from tests.each_row import each_row
 from tests.oracles import idtp as oracle
 from tests.protocols.decoding import decode_chunks
 from tests.protocols.idtp_frames import with_version
@@ -222,7 +223,7 @@ def test_forged_frames_among_good_ones() -> None:
 # -- time --------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("unit", "ns"), [("ns", 1), ("us", 1000), ("ms", 10**6), ("s", 10**9)])
+@each_row(("unit", "ns"), [("ns", 1), ("us", 1000), ("ms", 10**6), ("s", 10**9)])
 def test_timestamps_unwrap(unit: str, ns: int) -> None:
     ticks = [2**32 - 2, 2**32 - 1, 0, 1]
     events = decode([b"".join(acc(i, timestamp=t) for i, t in enumerate(ticks))], time_unit=unit)
@@ -392,7 +393,7 @@ def test_user_schema() -> None:
     assert short.message.name == "WheelsBytes"
 
 
-@pytest.mark.parametrize(("kind", "count"), [("i16", 3), ("u8", 5)])
+@each_row(("kind", "count"), [("i16", 3), ("u8", 5)])
 def test_the_initial_definition_is_a_schema(kind: str, count: int) -> None:
     definition = FAMILY.payload_definition
     assert definition is not None
@@ -400,7 +401,7 @@ def test_the_initial_definition_is_a_schema(kind: str, count: int) -> None:
     assert (row.id, row.name, size_of(row.fields[0])) == (0x9A, "Vendor9A", count * dict(definition.types)[kind])
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("change", "words"),
     [
         (("0x80", "300"), "message Wheels: type is a whole number from 0 to 255, given 300"),
@@ -430,7 +431,7 @@ def test_schema_errors_name_the_place(change: tuple[str, str], words: str) -> No
 # -- composing ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("record", "words"),
     [
         ({"message": "Imu3Acc", "fields": {"acc_x": 1, "acc_y": 2}}, "acc_z is missing"),

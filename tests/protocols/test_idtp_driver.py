@@ -14,6 +14,7 @@ from protocols.idtp.driver import IdtpDriver
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.layouts import EncodeError
 from protocols.transactions import DeviceContext
+from tests.each_row import each_row
 from tests.transaction_player import PlayedWire, play
 
 DRIVER = IdtpDriver()
@@ -24,7 +25,7 @@ SCHEMA = parse(
 )
 
 
-@pytest.mark.parametrize("mode", [0, 1, 2])
+@each_row("mode", [0, 1, 2])
 def test_every_standard_type_in_every_mode_is_read_back(mode: int) -> None:
     for number, command in enumerate(DRIVER.commands(DeviceContext())[:7], 1):
         readings = {field.name: 0.5 for field in command.arguments if field.dtype == "<f4"}
@@ -56,7 +57,7 @@ def test_a_vendor_defined_type() -> None:
     assert DRIVER.name_of(frame) == "0x90"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "values", "said"),
     [
         ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0}, "acc_z is missing"),

@@ -12,6 +12,7 @@ from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.messages import MESSAGES
 from protocols.idtp.simulator import EARTH_UT, IdtpSimulator
 from protocols.simulator import trajectory
+from tests.each_row import each_row
 from tests.protocols.decoding import column, decode_chunks
 from tests.protocols.idtp_vectors import KEY
 
@@ -43,7 +44,7 @@ def test_readings_follow_the_trajectory() -> None:
     assert column(events, "ImuQuatStatus", "ImuQuat").tolist() == [1] * 1000
 
 
-@pytest.mark.parametrize("mode", [0, 1, 2])
+@each_row("mode", [0, 1, 2])
 def test_every_type_in_every_mode(mode: int) -> None:
     outputs = [(row.name, 20) for row in MESSAGES]
     events = events_of(IdtpSimulator(outputs=outputs, mode=mode, key=KEY).advance(S), key=KEY, min_mode=mode)

@@ -18,6 +18,7 @@ from protocols.idtp.frames import SECURE, FrameAuthenticator, build
 from protocols.idtp.inspect import IdtpFrameLister
 from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.idtp.messages import MESSAGES, STATUS, WIRE
+from tests.each_row import each_row
 from tests.oracles import idtp as oracle
 from tests.protocols.decoding import decode_chunks
 from tests.protocols.idtp_vectors import ALL, KEY, NEGATIVE, VECTORS, frame, key_of
@@ -39,7 +40,7 @@ def batch_of(data: bytes, **options: Any) -> Batch:
 # -- frames ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("vector", VECTORS, ids=name_of)
+@each_row("vector", VECTORS, ids=name_of)
 def test_reference_frames(vector: dict[str, Any]) -> None:
     """Every number of the header, every bit of the readings; and the frame again from its values."""
     data, key, said = frame(vector), key_of(vector), vector["fields"]
@@ -59,7 +60,7 @@ def test_reference_frames(vector: dict[str, Any]) -> None:
     assert frame_from_json(json.loads(json.dumps(record, allow_nan=False)), key) == data
 
 
-@pytest.mark.parametrize("vector", VECTORS, ids=name_of)
+@each_row("vector", VECTORS, ids=name_of)
 def test_columns(vector: dict[str, Any]) -> None:
     """Columns hold the readings as sent, except for invalid quaternions."""
     said = vector["fields"]
@@ -80,7 +81,7 @@ def test_columns(vector: dict[str, Any]) -> None:
     assert bool(status & 8) == any(value in ("nan", "inf", "-inf") for value in values)
 
 
-@pytest.mark.parametrize("vector", NEGATIVE, ids=name_of)
+@each_row("vector", NEGATIVE, ids=name_of)
 def test_negative(vector: dict[str, Any]) -> None:
     """Invalid frames are refused for the given reason; unusual but valid ones are accepted and marked."""
     data, key = bytes.fromhex(vector["input_hex"]), key_of(vector)
@@ -124,8 +125,8 @@ def test_gap_of_fifty() -> None:
 # -- sequences and time ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("case", ALL["sequence"], ids=lambda case: f"{case['last']}-{case['received']}")
-@pytest.mark.parametrize("mode", [0, 1, 2])
+@each_row("case", ALL["sequence"], ids=lambda case: f"{case['last']}-{case['received']}")
+@each_row("mode", [0, 1, 2])
 def test_sequence(case: dict[str, Any], mode: int) -> None:
     """The rule of the vectors. Below Secure, a jump beyond 2^16 counts from the second frame on,
     and what it passes over, which anybody may have forged, is not lost.
@@ -147,7 +148,7 @@ def test_sequence(case: dict[str, Any], mode: int) -> None:
         assert lost == (case["lost"] or 0)
 
 
-@pytest.mark.parametrize("case", ALL["timestamp_delta"], ids=str)
+@each_row("case", ALL["timestamp_delta"], ids=str)
 def test_timestamps(case: dict[str, int]) -> None:
     clock = TickUnwrapper(2**32, tick_ns=1000)
     before, after = clock.ticks(np.array([case["prev"], case["cur"]])).tolist()

@@ -20,6 +20,7 @@ from server.commands.inspect import inspect_file
 from server.commands.inspect_table import explained_rejects
 from server.devices.decode_options import DecodeOptions
 from tests.decode_options import decode_options
+from tests.each_row import each_row
 from tests.protocols.xbus_vectors import everything
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"
@@ -84,7 +85,7 @@ def test_every_vector_comes_back(tmp_path: Path) -> None:
     assert [frame_from_json(line) for line in lines] == frames
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("payload", "wire"),
     [
         ("1020020001 1020020002", {"items": [[0x1020, 2], [0x1020, 2]], "repeated": [[0, 1]]}),

@@ -16,6 +16,7 @@ from protocols.isb.decoder import IsbDecoder
 from protocols.isb.detect import detection_score
 from protocols.isb.frames import build
 from protocols.isb.time_base import leap_seconds, store_offset, update_time, utc_ns
+from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 
 S = 1_000_000_000
@@ -64,7 +65,7 @@ def test_up_time_alone() -> None:
     assert times(decode(imu(10), imu(10.5)), "DID_IMU") == [10, 10.5]
 
 
-@pytest.mark.parametrize("split", [True, False])
+@each_row("split", [True, False])
 def test_first_fix_is_a_step_and_nothing_is_in_1980(split: bool) -> None:
     parts = [ins(0, 5.0), imu(5.001), velocity(5002), position(0, 5003), ins(WEEK, 18.0), imu(5.011), velocity(18_020)]
     events = decode(*parts) if split else decode(b"".join(parts))
@@ -85,7 +86,7 @@ def test_position_gives_the_exact_shift() -> None:
     assert times(decode(*parts), "DID_IMU")[-1] == pytest.approx(MIDNIGHT - 18 + tow + 1, abs=1e-6)
 
 
-@pytest.mark.parametrize("lost", [(), (2,), (4,)])
+@each_row("lost", [(), (2,), (4,)])
 def test_rows_before_the_first_fix_are_shifted_exactly(lost: tuple[int, ...]) -> None:
     """A data set that is alone on its line gets its first date one period after its last up-time, also after lost
     packets.
@@ -131,7 +132,7 @@ def baro(up: float) -> bytes:
     return build(frames.DATA, 53, struct.pack("<d4f", up, *range(4)))
 
 
-@pytest.mark.parametrize("split", [True, False])
+@each_row("split", [True, False])
 def test_a_restart_in_the_first_seconds_is_detected(split: bool) -> None:
     """It was taken for late data, and drawn over the seconds before it until the next fix."""
     parts = [imu(5.0), baro(5.9), ins(0, 6.0), imu(6.0), imu(0.3), baro(0.4), ins(0, 0.4), imu(0.5)]
@@ -180,7 +181,7 @@ def test_a_second_receiver_without_fix_disturbs_nothing() -> None:
     assert len([event for event in events if isinstance(event, ClockStep)]) == 1
 
 
-@pytest.mark.parametrize("clock", [float("nan"), float("inf"), -1.0, 1e300, 5e-324])
+@each_row("clock", [float("nan"), float("inf"), -1.0, 1e300, 5e-324])
 def test_invalid_clocks(clock: float) -> None:
     expected = 0.0 if clock == 5e-324 else None
     assert times(decode(imu(clock)), "DID_IMU") == [expected]
@@ -202,7 +203,7 @@ def theta(values: tuple[float, float, float]) -> bytes:
     return build(frames.DATA, 4, struct.pack("<3f", *values), offset=20)
 
 
-@pytest.mark.parametrize("split", [True, False])
+@each_row("split", [True, False])
 def test_parts_merge_into_the_last_value(split: bool) -> None:
     parts = [
         theta((9, 9, 9)),
@@ -270,9 +271,7 @@ def test_foreign_messages_are_named() -> None:
     assert not [event for event in events if isinstance(event, RejectedFrame)]
 
 
-@pytest.mark.parametrize(
-    "false_start", [b"\xb5\x62\x01\x07\xff\x1f", b"\xb5\x62\x01\x07\xff\xff", b"\xd3\x03\xff", b"$GPGGA,"]
-)
+@each_row("false_start", [b"\xb5\x62\x01\x07\xff\x1f", b"\xb5\x62\x01\x07\xff\xff", b"\xd3\x03\xff", b"$GPGGA,"])
 def test_a_false_length_costs_no_packet(false_start: bytes) -> None:
     decoder = IsbDecoder()
     decoder.feed(imu(1) + false_start + imu(2), 0)
@@ -306,9 +305,7 @@ def test_protocol_1_is_reported_by_name() -> None:
     assert "protocol 1.x" in words
 
 
-@pytest.mark.parametrize(
-    "bits", ["0000a07f", "ffff7f7f", "0000807f", "0000c0ff"]
-)  # NaN that signals, largest, inf, NaN
+@each_row("bits", ["0000a07f", "ffff7f7f", "0000807f", "0000c0ff"])  # NaN that signals, largest, inf, NaN
 def test_any_float_is_a_value(bits: str) -> None:
     """Scaled columns of floats that are not finite raise no warning (warnings are errors here)."""
     events = decode(build(frames.DATA, 58, bytes(12) + bytes.fromhex(bits) * 6))

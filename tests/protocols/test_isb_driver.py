@@ -21,6 +21,7 @@ from protocols.isb.stored_settings import settings_of
 from protocols.isb.streams import STREAMS
 from protocols.layouts import EncodeError
 from protocols.transactions import DeviceContext, DeviceRejectedError, NoReplyError, Send, WaitFor, cancel
+from tests.each_row import each_row
 from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
 from tests.transaction_player import PlayedWire, play
 
@@ -241,7 +242,7 @@ def test_a_rate_acts_after_the_restart_and_the_device_is_found_there() -> None:
     assert len(read("streams", there)["streams"]) == 8  # saved before the restart
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("old", "new", "kind", "baud"),
     [
         ({"ser0BaudRate": 921_600, "ser1BaudRate": 115_200}, {"ser0BaudRate": 460_800}, "baud", 460_800),
@@ -266,7 +267,7 @@ def test_the_absence_of_streams_is_reported() -> None:
 # -- what cannot be sent -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("setting", "values", "path"),
     [
         ("DID_FLASH_CONFIG", {"startupGPSDtMs": 100}, "startupGPSDtMs"),

@@ -13,6 +13,7 @@ from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import DATA, build
 from protocols.isb.json_codec import frame_from_json, frame_to_json
 from protocols.isb.messages import RAW_KINDS
+from tests.each_row import each_row
 from tests.protocols.isb_vectors import FORMS, by_did, leaves, packet
 
 
@@ -95,7 +96,7 @@ def test_other_firmware(row: dict[str, Any]) -> None:
     assert frame_from_json(frame_to_json(data, row["version"])) == data
 
 
-@pytest.mark.parametrize("row", [r for r in FORMS if r["form"] == "firmware"], ids=lambda r: f"{r['did']}-{r['size']}")
+@each_row("row", [r for r in FORMS if r["form"] == "firmware"], ids=lambda r: f"{r['did']}-{r['size']}")
 def test_the_size_selects_the_layout(row: dict[str, Any]) -> None:
     """Without a device information a size that only other firmware has picks that firmware's structure."""
     sizes = SETS[row["did"]].sizes

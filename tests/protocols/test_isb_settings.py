@@ -15,6 +15,7 @@ from protocols.isb.field_docs import BAUD_RATES, CAN_RATES
 from protocols.isb.stored_settings import fields_of, settings_of
 from protocols.schema import Field
 from server.configuration.form_builder import field_form
+from tests.each_row import each_row
 from tests.vendor.inertial_sense import KEPT
 
 FLASH = 12
@@ -30,7 +31,7 @@ def flash(name: str) -> Field:
     return next(field for field in fields_of(FLASH) if field.name == name)
 
 
-@pytest.mark.parametrize("version", VERSIONS[:-1])
+@each_row("version", VERSIONS[:-1])
 def test_input_has_the_unit_of_the_wire(version: str) -> None:
     """magDeclination=2.5 was listed in degrees and stored 143: it was taken as radians."""
     rows = [*settings_of(version).values()]
@@ -40,7 +41,7 @@ def test_input_has_the_unit_of_the_wire(version: str) -> None:
         assert (field.scale, field.bias) == (1, 0), field.name
 
 
-@pytest.mark.parametrize("name", ["insRotation", "zeroVelRotation", "magDeclination", "gpsMinimumElevation"])
+@each_row("name", ["insRotation", "zeroVelRotation", "magDeclination", "gpsMinimumElevation"])
 def test_angles_are_radians_in_list_and_form_alike(name: str) -> None:
     field = flash(name)
     form = field_form(field)

@@ -19,6 +19,7 @@ from protocols.isb.messages import ROWS
 from protocols.isb.simulator.device import BOOT_NS, IsbSimulator
 from protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
 from protocols.simulator import trajectory
+from tests.each_row import each_row
 from tests.protocols.decoding import column, decode_chunks
 
 S = 10**9
@@ -176,7 +177,7 @@ def test_get_is_answered_by_data() -> None:
     assert bits.values["bits"] == sum(1 << SOURCES[did].bit for did in device.streams)
 
 
-@pytest.mark.parametrize("did", [0, 48, 80, 130, 255])
+@each_row("did", [0, 48, 80, 130, 255])
 def test_get_of_a_missing_data_set_is_refused(did: int) -> None:
     [refused] = ask(awake(), frames.get_data(did, period=0))
     assert refused.message.name == "NACK"
@@ -233,7 +234,7 @@ def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
     assert np.diff(column(events, "time", 58)).mean() == pytest.approx(0.004, abs=1e-6)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "packet",
     [
         frames.set_data(1, bytes(4)),  # devices cannot be renamed

@@ -13,6 +13,7 @@ from protocols.isb.simulator.device import IsbSimulator
 from protocols.isb.stored_settings import PERSISTENT
 from protocols.isb.streams import PRESETS, dids_of
 from protocols.transactions import Send, Transaction, cancel
+from tests.each_row import each_row
 from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
 from tests.transaction_player import PlayedWire, play
 
@@ -88,7 +89,7 @@ def asked_for(there: PlayedWire) -> list[int]:
     return [int.from_bytes(one[6:8], "little") for one in packets if one[12:14] != b"\0\0"]
 
 
-@pytest.mark.parametrize("source", ["nav", "imu"])
+@each_row("source", ["nav", "imu"])
 def test_a_row_that_was_not_touched_is_not_sent(source: str) -> None:
     """It was, with a multiple that was guessed: DID_IMU went from 62 to 3.5 Hz when only DID_INS_1 was changed."""
     there = wire(imu_source=source, rate=62.5)
@@ -113,7 +114,7 @@ def test_a_row_that_was_not_touched_is_not_sent(source: str) -> None:
     assert previewed == [frames.get_data(4, period=3)]
 
 
-@pytest.mark.parametrize(("source", "multiple"), [("nav", 2), ("imu", 8)])
+@each_row(("source", "multiple"), [("nav", 2), ("imu", 8)])
 def test_the_chosen_rate_is_measured_for_either_source(source: str, multiple: int) -> None:
     """The document and the header disagree on what DID_IMU is timed by; 31 Hz are 31 Hz."""
     there = wire(imu_source=source)
@@ -183,7 +184,7 @@ def test_a_preset_takes_the_place_of_all_streams() -> None:
     assert read("streams", there)["streams"] == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "rate"),
     [
         ({"streams": [{"did": 4, "period": 1}]}, 100),

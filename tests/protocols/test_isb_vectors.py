@@ -7,7 +7,6 @@ import struct
 from typing import Any
 
 import numpy as np
-import pytest
 
 from protocols.events import Batch, Reply
 from protocols.isb import frames
@@ -17,6 +16,7 @@ from protocols.isb.frames import build, get_data, set_data, stop
 from protocols.isb.json_codec import frame_from_json, frame_to_json
 from protocols.isb.messages import COMMANDS, ROWS
 from protocols.layouts import size_of
+from tests.each_row import each_row
 from tests.oracles import isb as oracle
 from tests.protocols.isb_vectors import COMMANDS as COMMAND_VECTORS
 from tests.protocols.isb_vectors import (
@@ -40,7 +40,7 @@ def values(data: bytes) -> dict[str, Any]:
     return dict(event.values if isinstance(event, Reply) else event.columns)
 
 
-@pytest.mark.parametrize("vector", DATA, ids=lambda vector: str(vector["did_name"]))
+@each_row("vector", DATA, ids=lambda vector: str(vector["did_name"]))
 def test_vendor_values(vector: dict[str, Any]) -> None:
     said = frame_to_json(packet(vector))
     assert said["id"] == vector["did"]
@@ -57,7 +57,7 @@ def text_bytes(texts: list[str], size: int) -> bytes:
     return b"".join(text.encode("latin-1").ljust(step, b"\0") for text in texts)
 
 
-@pytest.mark.parametrize("vector", [*DATA, *COMPUTED], ids=lambda vector: str(vector["did_name"]))
+@each_row("vector", [*DATA, *COMPUTED], ids=lambda vector: str(vector["did_name"]))
 def test_like_the_oracle(vector: dict[str, Any]) -> None:
     data = packet(vector)
     expected = oracle.values(FORMATS[str(vector["did"])]["fields"], data[6:-2])
@@ -73,7 +73,7 @@ def test_like_the_oracle(vector: dict[str, Any]) -> None:
     assert raw or not expected or {name.partition("[")[0] for name in expected} == {n.partition("[")[0] for n in said}
 
 
-@pytest.mark.parametrize("vector", DATA, ids=lambda vector: str(vector["did_name"]))
+@each_row("vector", DATA, ids=lambda vector: str(vector["did_name"]))
 def test_columns_are_the_values_in_shown_units(vector: dict[str, Any]) -> None:
     columns = values(packet(vector))
     struct = SETS[vector["did"]].struct
@@ -87,7 +87,7 @@ def test_columns_are_the_values_in_shown_units(vector: dict[str, Any]) -> None:
         np.testing.assert_allclose(got.ravel(), (wire * scale).ravel(), rtol=1e-12)
 
 
-@pytest.mark.parametrize("data", list(everything()), ids=lambda data: data[:4].hex())
+@each_row("data", list(everything()), ids=lambda data: data[:4].hex())
 def test_plain_values_are_the_packet(data: bytes) -> None:
     assert frame_from_json(json.loads(json.dumps(frame_to_json(data), allow_nan=False))) == data
 
@@ -101,7 +101,7 @@ def test_every_data_set_has_a_vector() -> None:
     }
 
 
-@pytest.mark.parametrize("did", [did for did, row in SETS.items() if row.struct])
+@each_row("did", [did for did, row in SETS.items() if row.struct])
 def test_the_table_is_the_structure(did: int) -> None:
     """Offsets, types and sizes are those of the facts, gaps and all."""
     struct, row = SETS[did].struct, FORMATS[str(did)]
@@ -169,7 +169,7 @@ def said_by(vector: dict[str, Any]) -> dict[str, Any]:
     return {names.get(name, name): value for name, value in kept.items()}
 
 
-@pytest.mark.parametrize("vector", COMMAND_VECTORS, ids=lambda vector: f"{vector['what']}-{vector['args'].get('did')}")
+@each_row("vector", COMMAND_VECTORS, ids=lambda vector: f"{vector['what']}-{vector['args'].get('did')}")
 def test_commands_contain_the_vendor_values(vector: dict[str, Any]) -> None:
     """No argument of any vector is passed over."""
     said, arguments = frame_to_json(packet(vector)), vector["args"]

@@ -14,6 +14,7 @@ import pytest
 from protocols import jit
 from protocols.jit import BYTES, INT, INTS, PAIR, Kernel, compiled, inlined
 from tests.bench import idtp_mixed, isb_mixed
+from tests.each_row import each_row
 from tests.protocols import xbus_vectors
 
 ROOT = Path(__file__).parents[2]
@@ -58,7 +59,7 @@ def test_plain_and_compiled_agree() -> None:
     assert last_digit(1234) == as_kernel(last_digit).function(1234) == 4
 
 
-@pytest.mark.parametrize("checked", [True, False])
+@each_row("checked", [True, False])
 def test_wrong_arguments_and_errors_are_reported(checked: bool) -> None:
     jit.load(checked=True)
     as_kernel(total).install(checked=checked)
@@ -88,7 +89,8 @@ def test_an_unwritable_cache_folder() -> None:
     """If the cache is not writable, functions are compiled for this run only."""
     script = (
         "import numba.core.caching as c\n"
-        "c.CacheImpl._locator_classes = []\n"
+        "def refuse(self): raise PermissionError\n"
+        "c._CacheLocator.ensure_cache_path = refuse\n"
         "from protocols import checksums\n"
         "checksums.sum8.compile(); checksums.sum8.install(checked=False)\n"
         "assert not checksums.sum8.dispatcher.stats.cache_path\n"

@@ -14,6 +14,7 @@ from protocols.checksums import check_sum8, sum8
 from protocols.framing import StreamBuffer
 from protocols.layouts import EncodeError, Layout, form_for_size, pack, size_of, unpack
 from protocols.schema import Field
+from tests.each_row import each_row
 
 RECORD = Field("r", shape=(-1,), fields=(Field("a", "u1"), Field("b", ">i2", scale=0.5)))
 FIELDS = (Field("n", ">u2"), Field("v", ">f4", (3,)), Field("t", "ascii", (4,), pad=0x20), RECORD)
@@ -48,9 +49,9 @@ def test_columns_have_shown_units_and_native_order() -> None:
 WIRES = (">f4", "<f8", "<i2", "u1", "fp1220", "fp1632", "ascii", "bytes")
 
 
-@pytest.mark.parametrize("dtype", WIRES)
-@pytest.mark.parametrize("shape", [(), (2,), (3,), (16,), (17,), (3, 3)])
-@pytest.mark.parametrize("scale", [1.0, 0.5])
+@each_row("dtype", WIRES)
+@each_row("shape", [(), (2,), (3,), (16,), (17,), (3, 3)])
+@each_row("scale", [1.0, 0.5])
 def test_rows_decode_together_as_they_do_alone(dtype: str, shape: tuple[int, ...], scale: float) -> None:
     if dtype == "bytes" and len(shape) != 1:
         return
@@ -81,7 +82,7 @@ def test_fixed_point(values: list[float]) -> None:
     assert columns["x"][0].tolist() == back
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("field", "value", "words"),
     [
         (Field("x", "u1"), 256, "x is a whole number from 0 to 255, given 256"),

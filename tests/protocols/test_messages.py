@@ -8,7 +8,6 @@ import time
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from protocols.events import Batch, Event, RejectedFrame, SampleGap
 from protocols.messages.decoder import MessageDecoder, reader_of
 from protocols.messages.listing import MessageLister
 from protocols.messages.records import COUNTED, MESSAGE_HEAD, MessageChannel, definition, message_record
+from tests.each_row import each_row
 from tests.links import rosbags_messages as ros
 
 AT = 1_760_000_000 * 10**9
@@ -88,7 +88,7 @@ def test_damaged_records_do_no_harm(changes: list[tuple[int, int]]) -> None:
     lister.drain(stalled=True)
 
 
-@pytest.mark.parametrize("size", range(0, 320, 7))
+@each_row("size", range(0, 320, 7))
 def test_a_truncated_message_is_rejected_and_counted(size: int) -> None:
     body = ros.imu(3, AT)
     assert len(body) > 320
@@ -104,7 +104,7 @@ def test_a_definition_that_lies_gives_no_numbers_or_those_of_the_bytes(text: str
     decoded(definition(channel), message_record(1, b"\0\1\0\0" + body))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "body"),
     [
         ("float64[] many", struct.pack("<I", 0xFFFFFFFF)),  # more elements than bytes
@@ -165,7 +165,7 @@ def test_a_message_whose_channel_is_unknown_is_rejected() -> None:
     assert (reject.reason, reject.size) == ("bad_id", MESSAGE_HEAD.size + 2)
 
 
-@pytest.mark.parametrize(("ago_s", "used"), [(0.0, True), (59.0, True), (61.0, False), (-4.0, True), (-6.0, False)])
+@each_row(("ago_s", "used"), [(0.0, True), (59.0, True), (61.0, False), (-4.0, True), (-6.0, False)])
 def test_a_stamp_of_another_clock_is_not_used(ago_s: float, used: bool) -> None:
     stamp = AT - round(ago_s * 1e9)
     decoder = MessageDecoder()

@@ -6,11 +6,11 @@ from random import Random
 from typing import Any
 
 import numpy as np
-import pytest
 from rosbags.interfaces import Nodetype
 
 from protocols.messages.decoder import STAMPS, reader_of
 from protocols.messages.records import MessageChannel
+from tests.each_row import each_row
 from tests.links import rosbags_messages as ros
 
 PACKAGES = ("sensor_msgs", "geometry_msgs", "nav_msgs", "std_msgs", "diagnostic_msgs", "trajectory_msgs", "stereo_msgs")
@@ -61,7 +61,7 @@ def message_of(name: str, random: Random, numbers: dict[str, float], path: str =
     return ros.STORE.types[name](**fields)
 
 
-@pytest.mark.parametrize("name", TYPES)
+@each_row("name", TYPES)
 def test_numbers_of_a_type(name: str) -> None:
     channel = MessageChannel(1, "/x", "cdr", name, "ros2msg", ros.definition(name))
     read = reader_of(channel)

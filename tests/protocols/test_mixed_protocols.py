@@ -5,13 +5,12 @@ from __future__ import annotations
 import functools
 import random
 
-import pytest
-
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.simulator.device import IsbSimulator
 from protocols.mixed_protocols import FEW, MixedProtocolDetector
 from protocols.registry import PROTOCOLS
 from protocols.xbus.simulator.device import XbusSimulator
+from tests.each_row import each_row
 
 S = 1_000_000_000
 
@@ -30,9 +29,9 @@ def examine(own: str, data: bytes, size: int) -> MixedProtocolDetector:
     return mixture
 
 
-@pytest.mark.parametrize("size", [1, 997, 1 << 20])
-@pytest.mark.parametrize("own", PROTOCOLS)
-@pytest.mark.parametrize("other", PROTOCOLS)
+@each_row("size", [1, 997, 1 << 20])
+@each_row("own", PROTOCOLS)
+@each_row("other", PROTOCOLS)
 def test_a_short_stretch_in_the_middle_is_seen(own: str, other: str, size: int) -> None:
     """Only the beginning and the end of a file were looked at, and of a fast replay what had just come by."""
     if own == other:
@@ -46,7 +45,7 @@ def test_a_short_stretch_in_the_middle_is_seen(own: str, other: str, size: int) 
     assert mixture.count == alone.count, "the cut of the chunks changes nothing, and neither does what is around"
 
 
-@pytest.mark.parametrize("own", PROTOCOLS)
+@each_row("own", PROTOCOLS)
 def test_bytes_inside_a_frame_belong_to_it(own: str) -> None:
     """An Xbus frame inside the payload of an Inertial Sense packet is not a message of an MTi."""
     assert examine(own, spoken(own, 30), 1 << 16).others == []

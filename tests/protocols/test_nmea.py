@@ -10,10 +10,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from protocols.nmea import LONGEST, SENTENCES, ParsedMessage, find_nmea
+from tests.each_row import each_row
 from tests.protocols.nmea_sentences import EXAMPLES, sentence
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@each_row("name", EXAMPLES)
 def test_every_string_type_is_read(name: str) -> None:
     content, expected = EXAMPLES[name]
     found, kept = find_nmea(sentence(content), final=False)
@@ -36,12 +37,12 @@ def test_a_known_checksum() -> None:
     assert find_nmea(line, final=False)[0][0].name == "GPGGA"
 
 
-@pytest.mark.parametrize("line", [b"$PRDID,-10.37,2.34,230.34\r\n", b"$HEHDT,274.07,T\r\n"])
+@each_row("line", [b"$PRDID,-10.37,2.34,230.34\r\n", b"$HEHDT,274.07,T\r\n"])
 def test_sentences_without_checksum_in_the_document_are_accepted(line: bytes) -> None:
     assert find_nmea(line, final=False)[0][0].name == line[1:6].decode()
 
 
-@pytest.mark.parametrize(
+@each_row(
     "line",
     [
         b"$HCHDM,238.50,M*00\r\n",  # wrong

@@ -10,13 +10,14 @@ from protocols.isb import sentences
 from protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea
 from protocols.nmea_quantities import NmeaQuantities
 from protocols.schema import Message
+from tests.each_row import each_row
 
 
 def text(name: str, offset: int = 0, **fields: object) -> Text:
     return Text("nmea", name, "", offset, 1, 1_000 + offset, fields)
 
 
-@pytest.mark.parametrize("row", sentences.ROWS, ids=lambda row: row.name)
+@each_row("row", sentences.ROWS, ids=lambda row: row.name)
 def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
     """Regression: fields were named field_01, field_02 … and were text, without plots and units."""
     numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype != "ascii"}
@@ -27,7 +28,7 @@ def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
     assert sum(len(field.axes) == 3 for field in batch.message.fields) >= len(vectors)
 
 
-@pytest.mark.parametrize("row", [row for row in SENTENCES.values() if row.source == SOURCE], ids=lambda row: row.name)
+@each_row("row", [row for row in SENTENCES.values() if row.source == SOURCE], ids=lambda row: row.name)
 def test_every_number_of_an_mti_has_its_unit(row: Message) -> None:
     numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype == "f8"}
     (batch,) = NmeaQuantities().batches([text(row.name, **numbers)])
@@ -60,7 +61,7 @@ def test_a_known_sentence_has_its_message_and_unknown_fields_have_none() -> None
     assert sentences.batches([text("", headingM=1.0)]) == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "expected"),
     [
         ("PHTRO,10.37,P,177.62,T", {"pitch": -10.37, "roll": 177.62}),

@@ -8,9 +8,10 @@ import pytest
 
 from protocols.registry import PROTOCOLS
 from protocols.sensor_properties import SensorProperties
+from tests.each_row import each_row
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("product", "turn", "acceleration", "heading"),
     [
         ("MTi-630-8A1G6", 0.007, 60, 0),

@@ -16,6 +16,7 @@ from protocols.xbus import frames
 from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.faults import FaultInjection
 from protocols.xbus.simulator.settings import SETTINGS
+from tests.each_row import each_row
 from tests.protocols.decoding import column
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run
 
@@ -27,7 +28,7 @@ def vectors() -> list[dict[str, Any]]:
     return json.loads(path.read_text()) if path.exists() else []
 
 
-@pytest.mark.parametrize("vector", [v for v in vectors() if v.get("message_hex")], ids=lambda v: str(v["what"])[:60])
+@each_row("vector", [v for v in vectors() if v.get("message_hex")], ids=lambda v: str(v["what"])[:60])
 def test_no_message_of_the_vectors_is_left_without_an_answer(vector: dict[str, Any]) -> None:
     """Requests are acknowledged with the next message number or refused with a code; messages of a
     device are refused.
@@ -59,7 +60,7 @@ AGREEING = {  # requests whose answers are among the vectors: what to set first,
 }
 
 
-@pytest.mark.parametrize("what", AGREEING)
+@each_row("what", AGREEING)
 def test_answers_are_those_of_the_vectors(what: str) -> None:
     known = {vector["what"]: vector for vector in vectors()}
     if what not in known:
@@ -93,7 +94,7 @@ def test_it_answers_to_both_of_its_addresses_and_to_no_other() -> None:
     assert device.receive(frames.build(0x00, bid=0x07), 2 * S) == b""
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("mid", "payload", "code"),
     [
         (0x07, b"", 4),  # unknown
@@ -139,7 +140,7 @@ VALUES = {  # of settings that are not just bytes
 }
 
 
-@pytest.mark.parametrize("mid", [mid for mid, setting in SETTINGS.items() if setting.readable])
+@each_row("mid", [mid for mid, setting in SETTINGS.items() if setting.readable])
 def test_every_setting_is_returned_as_it_was_set(mid: int) -> None:
     device = in_config("MTi-680G" if 680 in SETTINGS[mid].products else "MTi-G-710")
     before = ask(device, mid)[1]
@@ -336,7 +337,7 @@ def test_the_vendors_software_finds_what_it_asks_for_first() -> None:
         assert (answer, len(payload)) == (number, size)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("product", "begins"),
     [("MTi-3", "0388"), ("MTi-7", "0788"), ("MTi-30", "0368"), ("MTi-300", "0378"), ("MTi-G-710", "0778")],
 )
@@ -344,7 +345,7 @@ def test_an_identifier_begins_as_the_vendors_do_for_the_product(product: str, be
     assert XbusSimulator(product).identifier().hex().startswith(begins)
 
 
-@pytest.mark.parametrize("rates", [(80, 100), (400, 100), (50, 40)])
+@each_row("rates", [(80, 100), (400, 100), (50, 40)])
 def test_the_packet_counter_counts_messages_where_rates_do_not_divide(rates: tuple[int, int]) -> None:
     """Regression: ticks without output were counted, which appeared as thousands of lost messages."""
     device = in_config("MTi-630")

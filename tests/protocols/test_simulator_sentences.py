@@ -14,6 +14,7 @@ from protocols.transactions import DeviceContext
 from protocols.xbus.enums import STRING_TYPES
 from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.strings import LINES
+from tests.each_row import each_row
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, run
 from tests.protocols.xbus_values import DRIVER
 
@@ -44,7 +45,7 @@ def lines(data: bytes) -> list[Text]:
     return [event for event in events if isinstance(event, Text)]
 
 
-@pytest.mark.parametrize("product", ["MTi-680G", "MTi-G-710"])
+@each_row("product", ["MTi-680G", "MTi-G-710"])
 def test_every_string_is_sent_and_read(product: str) -> None:
     found = lines(told(in_config(product), ALL_TYPES))
     assert {line.name for line in found} == WORDS
@@ -78,7 +79,7 @@ def test_strings_follow_the_trajectory() -> None:
         assert np.abs(roll - np.degrees(np.arctan2(axes[:, 2, 1], axes[:, 2, 2]))).max() < 2, name
 
 
-@pytest.mark.parametrize("product", ["MTi-680G", "MTi-630", "MTi-30"])
+@each_row("product", ["MTi-680G", "MTi-630", "MTi-30"])
 def test_lines_are_at_most_as_long_as_the_computed_load(product: str) -> None:
     device = in_config(product)
     hertz = 10

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import random
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.nmea import ParsedMessage
 from protocols.xbus.binary_strings import WINDOW, find
+from tests.each_row import each_row
 from tests.protocols.nmea_sentences import EM1000, TSS2
 
 
@@ -36,9 +36,7 @@ def test_tss2_without_line_ends() -> None:
     assert [(one.offset, one.size) for one in found] == [(0, 25), (25, 25), (50, 25)]
 
 
-@pytest.mark.parametrize(
-    "wrong", [b":36000  0000H-0150  0250F", b":1234x  0000H-0150  0250F", b":12345  0000H+0150  0250F"]
-)
+@each_row("wrong", [b":36000  0000H-0150  0250F", b":1234x  0000H-0150  0250F", b":12345  0000H+0150  0250F"])
 def test_bytes_that_resemble_tss2_are_rejected(wrong: bytes) -> None:
     assert find(wrong + b"\r\n", final=True)[0] == []
 
@@ -61,7 +59,7 @@ def test_em1000_among_other_strings() -> None:
     assert [one.name for one in found] == ["EM1000", "TSS2"] * 4
 
 
-@pytest.mark.parametrize(
+@each_row(
     "record",
     [
         "00 90 6A FF FA 00 01 00 39 30",  # a heave

@@ -29,6 +29,7 @@ from protocols.xbus.output_configuration import (
 from protocols.xbus.products import MODELS
 from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.settings import PRODUCTS
+from tests.each_row import each_row
 from tests.protocols.xbus_values import DRIVER
 
 S = 10**9
@@ -85,7 +86,7 @@ def contents(pairs: list[Pair]) -> list[tuple[Pair, ...]]:
     return [due for stream in streams(pairs) for due, _ in messages_of(stream)]
 
 
-@pytest.mark.parametrize("name", CONFIGURED)
+@each_row("name", CONFIGURED)
 def test_a_capture_is_as_long_as_its_configuration_says(captures: Path, name: str) -> None:
     """Message by message: the ones computed, less the items that a device leaves out while it has no value for them."""
     kinds = contents(CONFIGURED[name])
@@ -141,7 +142,7 @@ def measured(product: str, pairs: list[Pair], seconds: int) -> tuple[list[Pair],
 SKY = 15  # satellites that the simulator sees
 
 
-@pytest.mark.parametrize("product", PRODUCTS)
+@each_row("product", PRODUCTS)
 def test_the_computed_load_is_that_of_the_simulators_outputs(product: str) -> None:
     pairs = list(PRODUCTS[product].output)
     pairs = [(identifier, 100 if rate < 0 else rate) for identifier, rate in pairs]
@@ -241,7 +242,7 @@ def test_sentences_replace_data() -> None:
     assert DRIVER.load(silent, DeviceContext(product="MTi-30")).total == 0
 
 
-@pytest.mark.parametrize("number", MODELS)
+@each_row("number", MODELS)
 def test_every_rate_of_a_product_is_granted_as_it_is(number: int) -> None:
     model = MODELS[number]
     for output in OUTPUTS.values():
@@ -249,10 +250,8 @@ def test_every_rate_of_a_product_is_granted_as_it_is(number: int) -> None:
         assert all(accepted_rates(rate, most) == rate for rate in allowed(most))
 
 
-@pytest.mark.parametrize(
-    ("hardware", "hertz"), [({}, 800), ({"major": 2, "minor": 0}, 800), ({"major": 1, "minor": 3}, 1000)]
-)
-@pytest.mark.parametrize("identifier", [0x4040, 0x8040])
+@each_row(("hardware", "hertz"), [({}, 800), ({"major": 2, "minor": 0}, 800), ({"major": 1, "minor": 3}, 1000)])
+@each_row("identifier", [0x4040, 0x8040])
 def test_the_load_of_high_rate_items_is_that_of_the_hardware(
     identifier: int, hardware: dict[str, int], hertz: int
 ) -> None:

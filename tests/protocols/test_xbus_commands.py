@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,6 +17,7 @@ from protocols.xbus.json_codec import frame_from_json, frame_to_json
 from protocols.xbus.messages import BY_NAME, MESSAGES
 from protocols.xbus.output_configuration import OUTPUTS
 from protocols.xbus.products import MODELS, model_of
+from tests.each_row import each_row
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, UNKNOWN, sensible, sync
 from tests.protocols.xbus_vectors import COMMANDS, GOLDEN, everything
 
@@ -41,7 +41,7 @@ def test_every_message_to_the_device_is_a_command() -> None:
     assert titles == {(name, form) for name in told for form in range(len(BY_NAME[name]))}
 
 
-@pytest.mark.parametrize("number", MODELS)
+@each_row("number", MODELS)
 def test_a_product_has_the_commands_that_the_document_marks(number: int) -> None:
     marked = {name for name, products in PRODUCTS["messages"].items() if number in products}
     six = MODELS[number].series == 600
@@ -49,7 +49,7 @@ def test_a_product_has_the_commands_that_the_document_marks(number: int) -> None
     assert {row.message for row in commands.rows(MODELS[number]).values()} == marked - {"InitBus"}
 
 
-@pytest.mark.parametrize("identifier", PRODUCTS["outputs"])
+@each_row("identifier", PRODUCTS["outputs"])
 def test_an_output_has_the_products_that_the_document_marks(identifier: str) -> None:
     assert sorted(OUTPUTS[int(identifier, 16)].products) == sorted(PRODUCTS["outputs"][identifier])
 
@@ -58,7 +58,7 @@ def test_every_output_is_in_the_document() -> None:
     assert {f"0x{identifier:04X}" for identifier in OUTPUTS} == set(PRODUCTS["outputs"])
 
 
-@pytest.mark.parametrize("name", ["", *KNOWN])
+@each_row("name", ["", *KNOWN])
 def test_rows_are_complete(name: str) -> None:
     known = KNOWN.get(name, UNKNOWN)
     listed: list[Command | Setting] = [*DRIVER.commands(known), *DRIVER.settings(known)]
@@ -89,7 +89,7 @@ def test_a_setting_is_read_and_written_by_commands_that_the_product_has() -> Non
             assert setting.write in {*has, ""}, (name, setting.name)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("code", "name"),
     [
         ("MTi-630-8A1G6", "MTi-630"),
@@ -174,7 +174,7 @@ def same_entry_often(vector: dict[str, Any]) -> bool:
     return "32 entries" in vector["what"]
 
 
-@pytest.mark.parametrize("vector", TO_DEVICE, ids=lambda vector: vector["what"][:70])
+@each_row("vector", TO_DEVICE, ids=lambda vector: vector["what"][:70])
 def test_a_command_of_the_vectors_by_name_and_arguments(vector: dict[str, Any]) -> None:
     """Compared byte for byte. Frames that the driver does not send (another bus, one output 32 times) are composed
     without it.

@@ -6,6 +6,7 @@ import pytest
 
 from protocols.transactions import DeviceContext, Transaction, Values
 from protocols.xbus.simulator.settings import PRODUCTS
+from tests.each_row import each_row
 from tests.protocols.xbus_simulators import CHANGES, Between, DeafXbusDevice, known_of, names, phase, wire
 from tests.protocols.xbus_values import DRIVER
 from tests.transaction_player import PlayedWire, play
@@ -13,7 +14,7 @@ from tests.transaction_player import PlayedWire, play
 # -- the line ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("product", "setting"), [("MTi-630", "PortConfig"), ("MTi-30", "Baudrate")])
+@each_row(("product", "setting"), [("MTi-630", "PortConfig"), ("MTi-30", "Baudrate")])
 def test_a_new_rate_acts_after_the_restart_and_the_device_is_found_there(product: str, setting: str) -> None:
     line = wire(product, baud=115_200)
     known = DeviceContext(product=product, baud=115_200)
@@ -107,7 +108,7 @@ LINE_CHANGES: list[tuple[str, str, Values | None, Values, str | None]] = [
 ]
 
 
-@pytest.mark.parametrize(("product", "setting", "old", "new", "kind"), LINE_CHANGES)
+@each_row(("product", "setting", "old", "new", "kind"), LINE_CHANGES)
 def test_changes_that_could_cut_the_line_are_known_before_writing(
     product: str, setting: str, old: Values | None, new: Values, kind: str | None
 ) -> None:
@@ -142,7 +143,7 @@ def test_the_600_series_gets_its_rate_as_a_port_configuration() -> None:
 # -- what is the same, and what the factory set ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("product", PRODUCTS)
+@each_row("product", PRODUCTS)
 def test_the_factory_values_can_be_written_and_are_accepted(product: str) -> None:
     line = wire(product)
     known = known_of(line)

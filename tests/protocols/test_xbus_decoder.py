@@ -11,6 +11,7 @@ from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Samp
 from protocols.registry import detect
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import MAX_ACCEPTED, build
+from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"
@@ -47,7 +48,7 @@ def test_fine_wraps() -> None:
     assert np.diff(batch.time_ns).tolist() == [1_000_000] * 3
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("product", "wraps"), [("MTi-30-2A8G4", True), ("MTi-G-710-2A8G4", True), ("MTi-630-DK", False), ("MTi-3", False)]
 )
 def test_product_code_decides_the_wrap(product: str, wraps: bool) -> None:
@@ -249,8 +250,8 @@ def satellites(counter: int, fine: int) -> bytes:
     return build(0x36, payload + struct.pack(">HB", 0x7020, 8) + bytes(8))
 
 
-@pytest.mark.parametrize("cut", ["whole", "frame by frame"])
-@pytest.mark.parametrize("arbitrary", [0, 0xFFFFFFFF, 123_456_789])
+@each_row("cut", ["whole", "frame by frame"])
+@each_row("arbitrary", [0, 0xFFFFFFFF, 123_456_789])
 def test_a_gnss_message_without_a_fix_has_no_device_time(arbitrary: int, cut: str) -> None:
     """The clock of such a message is arbitrary (MT0101P 5.3.6): no step, no time; the clock of the
     samples continues.
@@ -267,7 +268,7 @@ def test_a_gnss_message_without_a_fix_has_no_device_time(arbitrary: int, cut: st
     assert times == [100_000 * (50_000 + 100 * i) for i in range(100)]
 
 
-@pytest.mark.parametrize("cut", ["whole", "frame by frame"])
+@each_row("cut", ["whole", "frame by frame"])
 def test_a_gnss_message_with_a_fix_has_its_own_older_time(cut: str) -> None:
     frames = [sample(0, fine=1000), solution(1, 7, 0), solution(2, 200, 3), satellites(3, 200), sample(4, fine=1010)]
     events = decode(*(frames if cut != "whole" else [b"".join(frames)]))
@@ -280,7 +281,7 @@ def test_a_gnss_message_with_a_fix_has_its_own_older_time(cut: str) -> None:
     assert [found[offset] for offset in sorted(found)] == [100_000_000, None, 20_000_000, 20_000_000, 101_000_000]
 
 
-@pytest.mark.parametrize("chunk", [1 << 20, 97])
+@each_row("chunk", [1 << 20, 97])
 def test_two_devices_on_one_line_are_two(chunk: int) -> None:
     """Two streams without a loss gave 999 gaps, 992,007 lost messages, and a clock that was reset each time."""
     items = "102002{:04x} 106004{:08x} 080402{:04x}"

@@ -28,6 +28,7 @@ from protocols.xbus.products import MODELS
 from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.faults import FaultInjection
 from protocols.xbus.simulator.settings import PRODUCTS
+from tests.each_row import each_row
 from tests.protocols.xbus_simulators import CHANGES, Between, DeafXbusDevice, known_of, names, phase, wire
 from tests.protocols.xbus_values import DRIVER, sensible
 from tests.transaction_player import PlayedWire, play
@@ -35,7 +36,7 @@ from tests.transaction_player import PlayedWire, play
 # -- reading and writing -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("product", PRODUCTS)
+@each_row("product", PRODUCTS)
 def test_a_device_is_identified_and_continues_measuring(product: str) -> None:
     line = wire(product)
     known = known_of(line)
@@ -47,7 +48,7 @@ def test_a_device_is_identified_and_continues_measuring(product: str) -> None:
     assert phase(line) == "measurement"
 
 
-@pytest.mark.parametrize("product", PRODUCTS)
+@each_row("product", PRODUCTS)
 def test_every_stored_setting_of_a_product_is_read_written_and_restored(product: str) -> None:
     """Values that were read can be written unchanged, without any effect."""
     line = wire(product)
@@ -82,7 +83,7 @@ def test_every_setting_that_can_be_written_is_among_the_changes() -> None:
     assert set(CHANGES) == written
 
 
-@pytest.mark.parametrize("setting", CHANGES)
+@each_row("setting", CHANGES)
 def test_a_change_is_read_back_and_survives_a_restart(setting: str) -> None:
     product, values = CHANGES[setting]
     line = wire(product)
@@ -136,7 +137,7 @@ def test_option_flags_are_set_and_cleared_to_the_wanted_word() -> None:
 # -- every command of every product ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("product", PRODUCTS)
+@each_row("product", PRODUCTS)
 def test_every_command_of_every_product_is_answered(product: str) -> None:
     """Each command in its required state; only those that depend on missing data are refused."""
     for command in DRIVER.commands(DeviceContext(product=product)):
@@ -202,7 +203,7 @@ def test_an_orientation_reset_that_is_not_stored_is_discarded_when_measuring_beg
     assert alignments(line, known) == (UNITY, UNITY)
 
 
-@pytest.mark.parametrize("stubborn", [False, True])
+@each_row("stubborn", [False, True])
 def test_an_orientation_reset_is_stored_by_the_code_that_stores_it(stubborn: bool) -> None:
     """No message is sent between the two, not even the Reset of a device that ignores GoToConfig."""
     line = wire(seconds=5.0, measuring=True, moods=FaultInjection(ignores_goto_config=stubborn))

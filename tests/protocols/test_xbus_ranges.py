@@ -14,6 +14,7 @@ from protocols.transactions import DeviceContext
 from protocols.validation import bounds, is_whole
 from protocols.xbus.json_codec import frame_to_json
 from protocols.xbus.products import model_of
+from tests.each_row import each_row
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, sensible, sync
 
 
@@ -143,7 +144,7 @@ TOGETHER = [
 ]
 
 
-@pytest.mark.parametrize(("command", "values", "path", "words"), TOGETHER)
+@each_row(("command", "values", "path", "words"), TOGETHER)
 def test_inconsistent_values_are_refused(command: str, values: Any, path: str, words: str) -> None:
     with pytest.raises(EncodeError, match=words) as refused:
         DRIVER.frame(command, values, KNOWN["MTi-630"])

@@ -18,13 +18,14 @@ from protocols.xbus.data_identifiers import item
 from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, accepted_rates, max_rate, output_of
 from protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusSimulator
 from protocols.xbus.simulator.settings import PRODUCTS
+from tests.each_row import each_row
 from tests.protocols.decoding import column
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run
 
 # -- what it sends -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("product", PRODUCTS)
+@each_row("product", PRODUCTS)
 def test_every_product_sends_its_configuration(product: str) -> None:
     device = XbusSimulator(product)
     events = decode(run(device, 4.5))
@@ -37,7 +38,7 @@ def test_every_product_sends_its_configuration(product: str) -> None:
     assert (np.diff(column(events, "PacketCounter").astype(np.int64)) == 1).all()
 
 
-@pytest.mark.parametrize("identifier", [i | p | c for i in OUTPUTS for p in range(4) for c in (0, 4, 8)])
+@each_row("identifier", [i | p | c for i in OUTPUTS for p in range(4) for c in (0, 4, 8)])
 def test_every_item_in_every_form_is_what_the_decoder_expects(identifier: int) -> None:
     device = in_config("MTi-680G" if 680 in OUTPUTS[identifier & 0xFFF0].products else "MTi-G-710", seed=3)
     output = output_of(identifier, device.product.model)
@@ -78,9 +79,7 @@ def test_items_come_in_the_messages_in_which_they_are_due() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("wish", "rate"), [(0, 400), (0xFFFF, 400), (1000, 400), (400, 400), (399, 200), (150, 100), (3, 2)]
-)
+@each_row(("wish", "rate"), [(0, 400), (0xFFFF, 400), (1000, 400), (400, 400), (399, 200), (150, 100), (3, 2)])
 def test_a_requested_rate_becomes_one_that_divides(wish: int, rate: int) -> None:
     assert accepted_rates(wish, 400) == rate
 

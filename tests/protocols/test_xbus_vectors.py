@@ -14,6 +14,7 @@ from protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.json_codec import frame_from_json, frame_to_json
 from protocols.xbus.messages import MESSAGES, form_of
+from tests.each_row import each_row
 from tests.protocols.xbus_vectors import COMMANDS, COMPUTED, DATA, DEVICE, everything, flat, frame
 
 SAMPLES = [v for v in DATA if v.get("kind") is None]
@@ -48,7 +49,7 @@ def tolerance(vector: dict[str, Any], name: str) -> float:
     return {"Fp1220": 2.0**-20, "Fp1632": 2.0**-32}.get(vector.get("precision", ""), 0.0)
 
 
-@pytest.mark.parametrize("vector", SAMPLES, ids=name_of)
+@each_row("vector", SAMPLES, ids=name_of)
 def test_vendor_values(vector: dict[str, Any]) -> None:
     """Columns hold what the vendor's reader returned, to 1 ulp of the wire type."""
     batch = batch_of(frame(vector))
@@ -85,7 +86,7 @@ def compare_record(batch: Batch, name: str, expected: dict[str, Any]) -> None:
         assert list(bits.values())[:4] == [satellite[n] for n in ("quality", "used", "health", "diffCorr")]
 
 
-@pytest.mark.parametrize("vector", [v for v in SAMPLES if v.get("wire_ints")], ids=name_of)
+@each_row("vector", [v for v in SAMPLES if v.get("wire_ints")], ids=name_of)
 def test_fixed_point_integers(vector: dict[str, Any]) -> None:
     """Fixed point is exact: the value times 2^20 or 2^32 is the integer on the wire."""
     batch = batch_of(frame(vector))
@@ -94,7 +95,7 @@ def test_fixed_point_integers(vector: dict[str, Any]) -> None:
     assert (first_row(batch, field.name).ravel() * scale).astype(object).tolist() == vector["wire_ints"]
 
 
-@pytest.mark.parametrize("vector", [v for v in SAMPLES if "bits" in v["values"]], ids=lambda v: v["message_hex"])
+@each_row("vector", [v for v in SAMPLES if "bits" in v["values"]], ids=lambda v: v["message_hex"])
 def test_status_bits(vector: dict[str, Any]) -> None:
     """Every bit of the status word has the vendor's name and value."""
     batch = batch_of(frame(vector))
@@ -129,7 +130,7 @@ def test_chained_blob_is_one() -> None:
     assert blob[0].tolist() == [i % 255 if i >= 255 else i for i in range(300)] or blob[0, 254] == 254
 
 
-@pytest.mark.parametrize("vector", DERIVED, ids=name_of)
+@each_row("vector", DERIVED, ids=name_of)
 def test_frame_of_derived_vectors(vector: dict[str, Any]) -> None:
     """Their values belong to the page's maths; here: the identifier names the frame they start from."""
     batch = batch_of(frame(vector))
@@ -137,7 +138,7 @@ def test_frame_of_derived_vectors(vector: dict[str, Any]) -> None:
         assert batch.message.fields[0].frame.startswith(vector["from"])
 
 
-@pytest.mark.parametrize("vector", COMPUTED["items"], ids=lambda v: v["xdi"])
+@each_row("vector", COMPUTED["items"], ids=lambda v: v["xdi"])
 def test_computed_items(vector: dict[str, Any]) -> None:
     batch = batch_of(frame(vector))
     ((name, expected),) = vector["values"].items()
@@ -167,7 +168,7 @@ def reply_of(data: bytes) -> Reply:
     return event
 
 
-@pytest.mark.parametrize("vector", [v for v in COMMANDS if v["what"] != "MTData2"], ids=name_of)
+@each_row("vector", [v for v in COMMANDS if v["what"] != "MTData2"], ids=name_of)
 def test_commands(vector: dict[str, Any]) -> None:
     """The message has the name the vector gives, its fields the arguments, and it is built again byte for byte."""
     data = frame(vector)
@@ -204,7 +205,7 @@ def expected_record(entry: Any, record: dict[str, int]) -> dict[str, int]:
     return {**dict.fromkeys(record, 0), **wanted}
 
 
-@pytest.mark.parametrize("vector", COMPUTED["messages"], ids=lambda v: f"{v['message']}-{v['message_hex'][4:12]}")
+@each_row("vector", COMPUTED["messages"], ids=lambda v: f"{v['message']}-{v['message_hex'][4:12]}")
 def test_computed_messages(vector: dict[str, Any]) -> None:
     data = frame(vector)
     record = frame_to_json(data)

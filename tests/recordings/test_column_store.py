@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from recordings import column_store as module
 from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
+from tests.each_row import each_row
 
 Array = NDArray[Any]
 SHAPE = ChannelLayout(("f4", "u2", "i8"), (False, True, False))
@@ -235,7 +236,7 @@ def test_an_unfinished_store_is_readable_and_the_result_is_the_same(tmp_path: Pa
     np.testing.assert_array_equal(coarse.low[1], other.low[1])  # a fault of one sample is in both
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "content"),
     [
         ("blocks.npy", b""),

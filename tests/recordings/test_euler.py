@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recordings.euler import euler_columns
+from tests.each_row import each_row
 
 VECTORS = json.loads((Path(__file__).parents[1] / "golden" / "xbus" / "orientation.json").read_text())
 WITH_ANGLES = [one for one in VECTORS["conversions"] if "euler" in one and one["input"] == "quaternion"]
@@ -21,7 +22,7 @@ def angles(q: list[float]) -> list[float]:
     return [float(column[0]) for column in euler_columns([np.array([part]) for part in q])]
 
 
-@pytest.mark.parametrize("one", WITH_ANGLES, ids=lambda one: one["what"])
+@each_row("one", WITH_ANGLES, ids=lambda one: one["what"])
 def test_the_vendors_angles(one: dict[str, list[float]]) -> None:
     found = angles(one["values"])
     unit = abs(math.hypot(*one["values"]) - 1) < 1e-6

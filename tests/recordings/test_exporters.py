@@ -22,6 +22,7 @@ from recordings.exporters import FORMATS, ExportError, ExportRequest, by_suffix,
 from recordings.exporters.message_table import join, tables, windows
 from recordings.mcap_reader import McapReader
 from recordings.mcap_writer import McapWriter
+from tests.each_row import each_row
 from tests.recordings.store_fixtures import ACCELERATION, START, store
 
 Array = NDArray[Any]
@@ -162,7 +163,7 @@ def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) ->
     assert held == [""] + ["1"] * 10 + ["2"] * 10 + ["3"] * 20 + [""] * 40 + ["4"] * 19
 
 
-@pytest.mark.parametrize("format", OF_COLUMNS)
+@each_row("format", OF_COLUMNS)
 def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     times = columns.exact(1, 0, 1000).time
@@ -180,7 +181,7 @@ def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: 
     np.testing.assert_array_equal(found, times[100:201])
 
 
-@pytest.mark.parametrize("format", OF_COLUMNS)
+@each_row("format", OF_COLUMNS)
 def test_a_cancelled_export_leaves_nothing(format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     (tmp_path / "out").mkdir()
@@ -193,7 +194,7 @@ def test_a_cancelled_export_leaves_nothing(format: str, tmp_path: Path) -> None:
     assert list((tmp_path / "out").iterdir()) == []
 
 
-@pytest.mark.parametrize("format", ["csv", "csv-aligned", "parquet"])
+@each_row("format", ["csv", "csv-aligned", "parquet"])
 def test_memory_does_not_grow_with_the_length(format: str, tmp_path: Path) -> None:
     def peak(n: int) -> int:
         columns = store(tmp_path / f"store{n}", n=n, rate=1000.0, devices=1)

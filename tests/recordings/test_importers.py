@@ -18,6 +18,7 @@ from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.sources import Source
 from recordings.vendor_logs import log_name, parts_of
+from tests.each_row import each_row
 from tests.protocols.isb_vectors import leaves
 from tests.recordings.vendor_logs import LOGS, NAME, needs_logs
 
@@ -48,7 +49,7 @@ def listed(name: str) -> list[dict[str, Any]]:
 
 
 @needs_logs
-@pytest.mark.parametrize("suffix", ["raw", "dat"])
+@each_row("suffix", ["raw", "dat"])
 def test_the_vendors_logs_have_their_listed_values(suffix: str) -> None:
     source = open_file(LOGS / f"{NAME}.{suffix}")
     wanted = [line for line in listed(f"{suffix}.values.jsonl") if "did" in line]
@@ -105,7 +106,7 @@ def test_a_log_without_an_index_goes_by_its_own_clock(tmp_path: Path) -> None:
 
 
 @needs_logs
-@pytest.mark.parametrize("suffix", ["raw", "dat"])
+@each_row("suffix", ["raw", "dat"])
 def test_a_split_log_is_one(suffix: str, tmp_path: Path) -> None:
     """Cut where it may be: a raw log anywhere, a .dat between its chunks."""
     whole = (LOGS / f"{NAME}.{suffix}").read_bytes()
@@ -145,7 +146,7 @@ def a_few_records() -> bytes:
 
 
 @needs_logs
-@pytest.mark.parametrize("seed", range(20))
+@each_row("seed", range(20))
 def test_a_damaged_log_is_read_around_its_damage(seed: int, tmp_path: Path) -> None:
     data = bytearray(a_few_records())
     rng = np.random.default_rng(seed)
@@ -201,7 +202,7 @@ def test_an_mtb_file_is_xbus_whatever_it_begins_with(tmp_path: Path) -> None:
     assert open_file(tmp_path / "a.mtb").devices["1"].protocol == "xbus"
 
 
-@pytest.mark.parametrize(("name", "content"), [("a.bin", b""), ("a.bin", b"\x55" * 5000), ("a.txt", b"hello\n" * 50)])
+@each_row(("name", "content"), [("a.bin", b""), ("a.bin", b"\x55" * 5000), ("a.txt", b"hello\n" * 50)])
 def test_unknown_files_are_reported(name: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError) as failed:

@@ -19,6 +19,7 @@ from recordings.library import INDEX, KEPT_S, Library, clean_name
 from recordings.mcap_writer import McapWriter, RecordingError
 from recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
 from recordings.sidecar import Edits, Marker, sidecar_path
+from tests.each_row import each_row
 from tests.recordings.store_fixtures import START, store
 
 NS = round(START * 1e9)
@@ -126,7 +127,7 @@ def test_a_damaged_sidecar_is_reported_and_keeps_the_recording_pinned(tmp_path: 
     assert is_pinned(path)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "null", '{"size": 1}'])
+@each_row("text", ["[" * 100_000, "null", '{"size": 1}'])
 def test_a_damaged_index_is_rebuilt(tmp_path: Path, text: str) -> None:
     path = recording(tmp_path / "a.mcap")
     stat = path.stat()
@@ -146,7 +147,7 @@ def test_an_unexpected_folder_in_the_bin_hides_no_recording(tmp_path: Path) -> N
     assert cull(tmp_path, 1 << 30) == []
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"imuscope": 1, "tags": 7, "title": ["x"], "markers": [1, {}]}'])
+@each_row("text", ["", "{", "[]", '{"imuscope": 1, "tags": 7, "title": ["x"], "markers": [1, {}]}'])
 def test_a_broken_file_beside_a_recording_changes_nothing(tmp_path: Path, text: str) -> None:
     sidecar_path(recording(tmp_path / "a.mcap")).write_text(text)
     library = Library(tmp_path)
@@ -264,7 +265,7 @@ def test_no_name_becomes_a_path(name: str) -> None:
     assert clean_name(clean) == clean
 
 
-@pytest.mark.parametrize("name", ["..", "../a", "a/../../a", "/etc/passwd", ".bin", "", "a\x00", "\ud800"])
+@each_row("name", ["..", "../a", "a/../../a", "/etc/passwd", ".bin", "", "a\x00", "\ud800"])
 def test_an_external_id_is_not_a_path(name: str, tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
     library = Library(tmp_path / "inside")
@@ -294,7 +295,7 @@ def test_on_a_short_disk_the_quota_deletes_no_more_than_is_needed(
     assert paths[2].exists()
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("free", "total", "short"),
     [(2e9, 1e12, False), (1.9e9, 1e12, True), (5e8, 8e9, False), (3e8, 8e9, True)],
 )

@@ -24,6 +24,7 @@ from recordings import compaction as packing
 from recordings.compaction import compact
 from recordings.mcap_reader import DATA, LENGTH, TIME, McapReader, json_messages
 from recordings.mcap_writer import McapWriter, RecordingError
+from tests.each_row import each_row
 from tests.recordings.mcap_files import ABOUT, Message, messages, read, theirs
 
 
@@ -193,7 +194,7 @@ def test_packing_keeps_a_recording_with_good_data_behind_damage(tmp_path: Path) 
     assert len(wanted) - len(found) < 20_000 // 100 + 20, "all that stands behind the damage is read"
 
 
-@pytest.mark.parametrize("opcode", [2, 15])  # of the footer, of the end of the data
+@each_row("opcode", [2, 15])  # of the footer, of the end of the data
 def test_garbage_that_resembles_the_footer_hides_no_data(tmp_path: Path, opcode: int) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=500)
@@ -333,7 +334,7 @@ def test_notes_are_found_by_topic(tmp_path: Path) -> None:
     assert notes == [{"kind": "marker", "text": "bump", "device": "1"}]
 
 
-@pytest.mark.parametrize("content", [b"", b"no MCAP at all", b"\x89MCAP0\r\n"])
+@each_row("content", [b"", b"no MCAP at all", b"\x89MCAP0\r\n"])
 def test_invalid_mcap_files_are_reported_or_empty(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(content)

@@ -18,6 +18,7 @@ from protocols.messages.records import MessageChannel
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.message_source import MessageSource
+from tests.each_row import each_row
 from tests.recordings.store_fixtures import START
 
 NS = round(START * 1e9)
@@ -152,7 +153,7 @@ def test_protobuf_that_describes_itself_is_read_zeros_too(tmp_path: Path) -> Non
     assert (batch.arrival_ns - batch.time_ns == 1_000_000).all()
 
 
-@pytest.mark.parametrize("encoding", [("cdr", "ros2msg"), ("protobuf", "protobuf")])
+@each_row("encoding", [("cdr", "ros2msg"), ("protobuf", "protobuf")])
 @given(schema=st.binary(max_size=200), message=st.binary(max_size=60))
 def test_malformed_schemas_and_messages_give_no_numbers(
     encoding: tuple[str, str], schema: bytes, message: bytes

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from recordings.compaction import compact
 from recordings.mcap_writer import McapWriter
 from recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
 from recordings.sources import McapSource
+from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 
 MS = 1_000_000
@@ -43,7 +42,7 @@ def played(replay: ReplayClock, clock: ManualClock[int], most: int = 10_000) -> 
     return found
 
 
-@pytest.mark.parametrize("packed", [True, False])
+@each_row("packed", [True, False])
 def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> None:
     clock = ManualClock(5_000)
     source = McapSource(recording(tmp_path, packed=packed))
@@ -56,7 +55,7 @@ def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> No
     assert {one.direction for _, one in found} == {"rx"}
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.5, 2.0, 50.0])
+@each_row("speed", [0.1, 0.5, 2.0, 50.0])
 def test_speed(tmp_path: Path, speed: float) -> None:
     clock = ManualClock(5_000)
     found = played(ReplayClock(McapSource(recording(tmp_path)), clock, speed=speed), clock)
@@ -163,7 +162,7 @@ def test_a_recording_of_nothing_has_ended(tmp_path: Path) -> None:
         assert replay.position_ns is None
 
 
-@pytest.mark.parametrize("packed", [True, False])
+@each_row("packed", [True, False])
 def test_the_extent_of_a_file(tmp_path: Path, packed: bool) -> None:
     source = McapSource(recording(tmp_path, chunks=3000, packed=packed, size=2000))
     assert extent(source) == (START, START + 29_993 * MS)

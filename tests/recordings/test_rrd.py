@@ -27,6 +27,7 @@ from recordings.rrd.writer import Work, fill, stream_of, write_rrd
 from recordings.sources import McapSource
 from server.devices import protocol_set
 from server.library.decode import decode
+from tests.each_row import each_row
 from tests.recordings.rrd_tables import column, entities, flat, numbers
 
 START = 1_760_000_000_000_000_000
@@ -318,7 +319,7 @@ def test_a_fault_of_one_sample_survives_thinning_and_is_reported(tmp_path: Path)
     assert "/thinned" in read
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("counts", "as_much", "shown"),
     [
         ([], False, (0, 0, 1)),

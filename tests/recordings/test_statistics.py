@@ -10,6 +10,7 @@ import pytest
 
 from recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from recordings.statistics import Floats, norm_statistics, statistics, statistics_of, wrapped
+from tests.each_row import each_row
 
 
 def turn(centre: float, half: float, n: int = 500) -> Floats:
@@ -28,7 +29,7 @@ def test_a_yaw_that_turns_through_180_degrees_has_its_mean_there() -> None:
     assert told.sigma == pytest.approx(57.3 / np.sqrt(12), rel=0.01)
 
 
-@pytest.mark.parametrize("centre", [0.0, 90.0, 170.0, 180.0, -179.0])
+@each_row("centre", [0.0, 90.0, 170.0, 180.0, -179.0])
 def test_the_mean_of_more_than_half_a_turn_is_its_middle(centre: float) -> None:
     told = statistics_of(lambda: in_parts(turn(centre, 130.0)), 360.0)
     assert wrapped(told.mean - centre, 360.0) == pytest.approx(0.0, abs=1e-3)

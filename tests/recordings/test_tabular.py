@@ -16,6 +16,7 @@ from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from server.devices import protocol_set
 from server.library.decode import decode
+from tests.each_row import each_row
 from tests.recordings.store_fixtures import START, store
 
 
@@ -32,7 +33,7 @@ def named(columns: ColumnStore) -> dict[str, int]:
     return {info["title"]: info["id"] for info in columns.manifest["channels"]}
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("head", "times"),
     [
         ("time (s)", ["1760000000.5", "1760000001.5"]),
@@ -82,9 +83,7 @@ def test_cells_that_are_not_numbers_are_reported(tmp_path: Path) -> None:
     assert "2 cells" in words
 
 
-@pytest.mark.parametrize(
-    "text", ["hello\n", "a,b\n1,2\n", "time,x\n", "\n\n", "time,x\n,\n", "\ufeff", "time,x\n\x00\x00"]
-)
+@each_row("text", ["hello\n", "a,b\n1,2\n", "time,x\n", "\n\n", "time,x\n,\n", "\ufeff", "time,x\n\x00\x00"])
 def test_an_invalid_table_is_reported(text: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(RecordingError) as failed:

@@ -14,6 +14,7 @@ from server.devices.protocol_detection import unknown_hint
 from server.devices.session import Session
 from server.links import open_link
 from server.links.base import LinkError, LinkSettings
+from tests.each_row import each_row
 from tests.protocols.idtp_frames import with_version
 from tests.server.fakes import FakeLink
 from tests.server.family_harness import FamilyHarness
@@ -71,16 +72,14 @@ def test_no_baud_rate_is_suggested_for_udp() -> None:
     assert "baud" in unknown_hint("serial")
 
 
-@pytest.mark.parametrize("reading", [DecodeOptions(), DecodeOptions("idtp")])
+@each_row("reading", [DecodeOptions(), DecodeOptions("idtp")])
 def test_another_version_is_named(reading: DecodeOptions) -> None:
     session = stage_after(Newer(), reading, Datagrams)
     told = [session.info.message, *(event.text for event in session._sink._log)]
     assert any("IDTP 3.1" in one for one in told), told
 
 
-@pytest.mark.parametrize(
-    ("mode", "link", "warned"), [(LITE, Datagrams, 1), (SAFETY, Datagrams, 0), (LITE, FakeLink, 0)]
-)
+@each_row(("mode", "link", "warned"), [(LITE, Datagrams, 1), (SAFETY, Datagrams, 0), (LITE, FakeLink, 0)])
 def test_lite_frames_over_a_network_are_reported_as_unprotected(mode: int, link: type[FakeLink], warned: int) -> None:
     session = stage_after(IdtpSimulator(mode=mode), DecodeOptions(), link)
     assert sum("their values are not protected" in notice for notice in session.info.notices) == warned

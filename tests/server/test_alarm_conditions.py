@@ -17,6 +17,7 @@ from server.analysis.expression_functions import FUNCTIONS
 from server.analysis.expression_syntax import ExpressionError
 from server.errors import DomainError
 from server.wire import BitsInfo, ChannelInfo, ColumnInfo
+from tests.each_row import each_row
 
 G = 9.80665
 
@@ -139,7 +140,7 @@ def test_a_flag_is_set_or_clear() -> None:
         FlagJudge(FlagCondition(kind="flag", signal="StatusWord", flag="Nothing"), ALL)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "marked"),
     [
         ("norm(Acceleration) > 3 °/s", "norm(Acceleration) > 3 °/s"),
@@ -159,7 +160,7 @@ def test_a_mistake_has_its_place(text: str, marked: str) -> None:
     assert found.value.message.endswith(")")
 
 
-@pytest.mark.parametrize("clear", ["3.5 g", "2 °/s", "Temperature", "2 g +", "1"])
+@each_row("clear", ["3.5 g", "2 °/s", "Temperature", "2 g +", "1"])
 def test_a_limit_to_clear_has_to_fit(clear: str) -> None:
     with pytest.raises(DomainError, match=r"[Ll]imit to clear"):
         judge("norm(Acceleration) > 3 g", clear=clear)

@@ -18,6 +18,7 @@ from server.alarms.preview import judge_of, preview_of, recorded_preview
 from server.config import Config
 from server.errors import DomainError
 from server.streaming.channels import ChannelRows
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -69,7 +70,7 @@ def test_a_recording_is_judged_as_its_samples_would_have_been_live(tmp_path: Pat
     assert recorded_preview(definition("Force > 200 N"), store, INFOS).worst is None
 
 
-@pytest.mark.parametrize("expression", ["Force > 100 N and Speed > 0", "rms(Force, 200 ms) > 60 N"])
+@each_row("expression", ["Force > 100 N and Speed > 0", "rms(Force, 200 ms) > 60 N"])
 def test_slices_give_what_everything_at_once_gives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, expression: str
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from recordings.mcap_reader import TIME, McapReader, json_messages
 from server.config import Config
+from tests.each_row import each_row
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import chunks, recorded, send, settled
@@ -183,7 +184,7 @@ def test_an_alarm_that_was_raised_before_a_restart_starts_nothing(tmp_path: Path
         assert recorder(running)["running"] is False
 
 
-@pytest.mark.parametrize(
+@each_row(
     "wrong", [{"before_s": -1}, {"longest_s": 0}, {"per_hour": 0}, {"per_hour": 61}, {"after_s": 3601}, {"other": 1}]
 )
 def test_what_is_out_of_bounds_is_refused(running: InProcessServer, wrong: dict[str, Any]) -> None:

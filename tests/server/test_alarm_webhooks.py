@@ -16,6 +16,7 @@ from server.alarms.alarm_file import AlarmFile
 from server.alarms.service import FILE
 from server.alarms.webhooks import MAX_QUEUE, Webhooks, WebhookTiming, shown_url
 from server.config import Config
+from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
@@ -144,7 +145,7 @@ async def test_an_attempt_ends_when_no_answer_comes(receiver: Receiver) -> None:
     await hooks.close()
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("url", "shown"),
     [
         ("https://user:password@host:8443/a?b=c", "https://host:8443/…"),
@@ -191,9 +192,7 @@ def test_an_alarm_is_posted_with_its_address_hidden_and_kept(receiver: Receiver,
     assert AlarmFile.load(tmp_path / FILE).alarms[0].definition.webhook == url
 
 
-@pytest.mark.parametrize(
-    "url", ["ftp://host/", "host/hook", "http://", "http://host:0/", "http://ho st/", "http://a/…"]
-)
+@each_row("url", ["ftp://host/", "host/hook", "http://", "http://host:0/", "http://ho st/", "http://a/…"])
 def test_another_address_is_refused(url: str, tmp_path: Path) -> None:
     links = FakeLinks()
     body = {"name": "Link", "condition": {"kind": "health", "figure": "link"}, "webhook": url}

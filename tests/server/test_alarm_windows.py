@@ -27,6 +27,7 @@ from server.analysis.units import Unit
 from server.streaming.channels import ChannelRows
 from server.streaming.telemetry import Telemetry
 from server.wire import ChannelInfo, ColumnInfo, DeviceInfo
+from tests.each_row import each_row
 
 RATE, N, BEGIN = 100.0, 900, 1_760_000_000.0
 DRAW = np.random.default_rng(11)
@@ -100,8 +101,8 @@ def truth(text: str, columns: list[Floats]) -> tuple[Floats, Floats]:
 
 @settings(max_examples=15, deadline=None)
 @given(cuts=CUTS)
-@pytest.mark.parametrize("columns", [WHOLE, GAPPY], ids=["even", "gaps"])
-@pytest.mark.parametrize(("text", "clear"), TEXTS)
+@each_row("columns", [WHOLE, GAPPY], ids=["even", "gaps"])
+@each_row(("text", "clear"), TEXTS)
 def test_pieces_are_judged_as_everything_at_once(
     text: str, clear: str, columns: list[Floats], cuts: list[float]
 ) -> None:

@@ -12,6 +12,7 @@ import pytest
 from server.alarms.alarm_file import UNREADABLE
 from server.alarms.service import FILE, MAX_ALARMS
 from server.config import Config
+from tests.each_row import each_row
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import recorded
@@ -181,7 +182,7 @@ def test_a_check_marks_the_mistake(running: InProcessServer) -> None:
     assert running.client.get("/api/alarms").json() == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     "wrong",
     [
         {"name": ""},

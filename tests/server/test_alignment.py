@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from server.analysis.alignment import align
 from server.analysis.signals import Signal
 from server.errors import DomainError
+from tests.each_row import each_row
 
 Floats = NDArray[np.float64]
 START = 1_760_000_000.0
@@ -52,8 +53,8 @@ def tap(random: np.random.Generator) -> Callable[[Floats], Floats]:
     return lambda t: 5 * np.exp(-np.square((t - middle) / 0.05))
 
 
-@pytest.mark.parametrize("noise", [white, coloured])
-@pytest.mark.parametrize(("motion", "sigma"), [(sway, 0.02), (sway, 0.5), (turns, 0.05), (tap, 0.1)])
+@each_row("noise", [white, coloured])
+@each_row(("motion", "sigma"), [(sway, 0.02), (sway, 0.5), (turns, 0.05), (tap, 0.1)])
 def test_the_stated_interval_holds_the_true_offset(motion: Any, sigma: float, noise: Any) -> None:
     """It does so in 95 of 100 cases; at least 36 of 40 are to be expected, and none far off."""
     random = np.random.default_rng(2)
@@ -155,8 +156,8 @@ def test_only_the_searched_offsets_are_found() -> None:
         align([pair], 900, 1000)
 
 
-@pytest.mark.parametrize("noise", [white, coloured])
-@pytest.mark.parametrize("seed", range(8))
+@each_row("noise", [white, coloured])
+@each_row("seed", range(8))
 def test_unrelated_signals_have_no_offset(noise: Any, seed: int) -> None:
     random = np.random.default_rng(seed)
     time = np.arange(0, 40, 0.01)

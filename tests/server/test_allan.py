@@ -20,6 +20,7 @@ from server.analysis.report import figures_of
 from server.analysis.signals import Floats, Signal, SignalColumn, temperature_of
 from server.errors import DomainError
 from server.wire import ChannelInfo, ColumnInfo
+from tests.each_row import each_row
 from tests.source_files import ROOT
 
 GOLDEN = json.loads((ROOT / "tests" / "golden" / "analysis" / "allan.json").read_text())
@@ -60,7 +61,7 @@ def test_figures_of_nist() -> None:
     assert allan_curve([nine], 1.0, [1, 2]).adev == pytest.approx([91.22945, 85.95287], rel=1e-6)
 
 
-@pytest.mark.parametrize("case", GOLDEN["cases"], ids=lambda case: case["name"])
+@each_row("case", GOLDEN["cases"], ids=lambda case: case["name"])
 def test_figures_of_allantools(case: dict[str, Any]) -> None:
     curve = allan_curve([samples(case["name"])], case["rate"], case["m"])
     assert curve.adev == pytest.approx(case["adev"], rel=1e-9)
@@ -105,7 +106,7 @@ def noise(n: int, rate: float, density: float, walk: float, seed: int) -> Floats
     return values
 
 
-@pytest.mark.parametrize(("density", "walk"), [(0.01, 0.0), (0.01, 1e-3), (2.0, 0.3)])
+@each_row(("density", "walk"), [(0.01, 0.0), (0.01, 1e-3), (2.0, 0.3)])
 def test_the_parameters_of_known_noise_lie_in_their_intervals(density: float, walk: float) -> None:
     truth = {"random_walk": density, "rate_random_walk": walk, "quantisation": 0.0, "bias_instability": 0.0}
     outside, walks = 0, []
@@ -159,7 +160,7 @@ def warmed(of: Signal, seed: int = 7, rise: float = 8.0) -> tuple[Signal, Floats
     return replace(of, temperature=lambda: (of.time[::100], told)), true
 
 
-@pytest.mark.parametrize("walk", [0.0, 1e-4])
+@each_row("walk", [0.0, 1e-4])
 def test_a_temperature_drift_is_removed_and_told_and_the_noise_is_as_without_it(walk: float) -> None:
     coefficient, density, n = 0.02, 0.01, 60_000
     inside = 0
@@ -233,7 +234,7 @@ def test_jitter_is_told() -> None:
     assert "jitter of 28 % of a step" in note
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("values", "time", "words"),
     [
         (np.zeros(8), None, "only 8 samples"),

@@ -23,6 +23,7 @@ from server.analysis.signals import Signal, columns_named
 from server.config import Config
 from server.errors import DomainError
 from server.streaming.channels import ChannelRows
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -126,7 +127,7 @@ CHANNELS = [
 ]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("word", "found"),
     [
         ("INS.x", ["5.x"]),
@@ -142,7 +143,7 @@ def test_signals_are_named_by_channel_and_column(word: str, found: list[str]) ->
     assert [f"{one.info.id}.{one.info.columns[one.at].name}" for one in columns] == found
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("word", "kind", "hint"),
     [
         ("INS.w", "not-found", "x, y, z"),
@@ -228,7 +229,7 @@ def test_the_analyses_are_listed_with_their_options(running: InProcessServer) ->
     assert found["options"][0]["default"] == 1.5
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("body", "status", "kind"),
     [
         ({"source": "nothing", "signals": ["x"]}, 404, "not-found"),

@@ -21,6 +21,7 @@ from server.links.base import Link, LinkError, LinkSettings
 from server.page_files import Files
 from server.streaming.send_queue import SendQueue
 from server.wire import SUBPROTOCOL
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -69,7 +70,7 @@ def test_source_errors_are_reported(client: Client) -> None:
     assert_problem(client.post("/api/devices", json={"source": "/dev/x", "protocol": "morse"}), 400, "bad-protocol")
 
 
-@pytest.mark.parametrize("body", [{}, {"source": ""}, {"source": 1}, {"source": "x", "extra": 1}, [], "x", None])
+@each_row("body", [{}, {"source": ""}, {"source": 1}, {"source": "x", "extra": 1}, [], "x", None])
 def test_wrong_bodies(client: Client, body: Any) -> None:
     response = client.post("/api/devices", json=body)
     found = assert_problem(response, 422, "bad-request")
@@ -96,7 +97,7 @@ def test_decode_options_can_be_changed(client: Client) -> None:
     assert_problem(client.post("/api/devices/99/decode-options", json={}), 404, "not-found")
 
 
-@pytest.mark.parametrize(
+@each_row(
     "body",
     [
         {"source": "/dev/two", "key": KEY, "min_mode": "safety"},
@@ -112,7 +113,7 @@ def test_a_key_is_accepted_and_never_returned(client: Client, body: dict[str, An
     assert_problem(client.post("/api/devices", json=body), 409, "busy")
 
 
-@pytest.mark.parametrize(
+@each_row(
     "body",
     [
         {"key": "0g"},
@@ -237,9 +238,7 @@ def test_openapi_names_the_token_that_is_asked_for(client: Client) -> None:
     assert document["paths"]["/healthz"]["get"]["security"] == []
 
 
-@pytest.mark.parametrize(
-    "path", ["/healthz", "/metrics", "/api/devices", "/api/build", "/api/nothing", "/openapi.json"]
-)
+@each_row("path", ["/healthz", "/metrics", "/api/devices", "/api/build", "/api/nothing", "/openapi.json"])
 def test_head_answers_with_the_headers_of_get(path: str, client: Client) -> None:
     """Regression: HEAD requests of monitoring probes were answered with 404."""
     head, got = client.head(path), client.get(path)
@@ -363,7 +362,7 @@ def test_a_wrong_subprotocol_is_reported(running: InProcessServer) -> None:
         assert json.loads(socket.recv())["kind"] == "bad-subprotocol"
 
 
-@pytest.mark.parametrize(("origin", "host"), [("http://evil.example", None), (None, "evil.example")])
+@each_row(("origin", "host"), [("http://evil.example", None), (None, "evil.example")])
 def test_a_foreign_page_gets_no_websocket(running: InProcessServer, origin: str | None, host: str | None) -> None:
     url = running.ws if host is None else running.ws.replace("127.0.0.1", host)
     address = running.ws.removeprefix("ws://").removesuffix("/ws").split(":")

@@ -13,6 +13,7 @@ from protocols.xbus.driver import XbusDriver
 from protocols.xbus.simulator.device import XbusSimulator
 from server.configuration.device_controller import DeviceController
 from server.wire import Job
+from tests.each_row import each_row
 from tests.server.control_harness import ControlHarness, bench, house, over
 from tests.server.shared_line import both
 from tests.transaction_player import PlayedWire, play
@@ -97,7 +98,7 @@ def test_a_restart_ends_the_rest(tmp_path: Path) -> None:
     asyncio.run(check())
 
 
-@pytest.mark.parametrize("at_rest", [False, True])
+@each_row("at_rest", [False, True])
 def test_a_refusal_leaves_a_device_at_rest_where_it_was(at_rest: bool) -> None:
     device = XbusSimulator(measuring=True)
     wire = PlayedWire(device, "xbus")

@@ -14,6 +14,7 @@ from server.app import create_app
 from server.auth import Access, RefusedError, is_protected
 from server.config import Config
 from server.errors import status_of
+from tests.each_row import each_row
 
 VIEW, CONTROL = "view-token-1", "control-token-1"
 JSON = {"content-type": "application/json", "content-length": "2"}
@@ -46,7 +47,7 @@ TOKENS = {"none": "", "view": VIEW, "control": CONTROL, "wrong": "wrong-token-1"
 WAYS = ("bearer", "query", "cookie")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("where", "token", "way", "method"),
     list(itertools.product(WHERE, TOKENS, WAYS, ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"])),
 )
@@ -104,7 +105,7 @@ def test_a_proxy_before_a_server_without_tokens_is_refused() -> None:
     assert outcome(rules, headers={"x-forwarded-for": "x"}, query_token="") == 401
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("origin", "host", "is_allowed"),
     [
         (None, "127.0.0.1:8080", True),  # no browser
@@ -131,7 +132,7 @@ def test_origin(origin: str | None, host: str, is_allowed: bool) -> None:
     assert outcome(rules, "GET", headers=headers) == "control"  # the browser itself prevents reading
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("host", "is_allowed"),
     [
         ("127.0.0.1", True),
@@ -155,7 +156,7 @@ def test_host(host: str, is_allowed: bool) -> None:
         assert outcome(rules, method, headers={"host": host}) == ("control" if is_allowed else 403)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("headers", "status"),
     [
         ({"content-length": "2", "content-type": "application/json; charset=utf-8"}, "control"),
@@ -213,7 +214,7 @@ def test_every_route_asks_for_the_right_role() -> None:
         assert got == (role if is_open or role == "control" else 403), (method, path, role)
 
 
-@pytest.mark.parametrize("path", ["1/preview/x", "1/apply", "preview", "1/preview\n", "a/b/fit-rates", "1/comparex"])
+@each_row("path", ["1/preview/x", "1/apply", "preview", "1/preview\n", "a/b/fit-rates", "1/comparex"])
 def test_writing_methods_need_the_control_role(path: str) -> None:
     headers = {"host": "127.0.0.1", "authorization": f"Bearer {VIEW}"}
     for method in ("POST", "PUT", "DELETE"):

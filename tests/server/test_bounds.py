@@ -39,6 +39,7 @@ from server.library import range_query
 from server.links import open_link
 from server.links.base import LinkSettings
 from server.links.replay import split_devices
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S
@@ -312,7 +313,7 @@ def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.Mon
         assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
 
 
-@pytest.mark.parametrize("piece", ["", " "])
+@each_row("piece", ["", " "])
 def test_a_message_of_endless_pieces_is_cut_off(piece: str, tmp_path: Path) -> None:
     """Regression: empty fragments have no size and were stored, 40 MB a minute, from a view-only client."""
     pieces = ["{", *[piece] * (2 * http_server.MAX_FRAGMENTS), '"op": "ping", "t": 1}']

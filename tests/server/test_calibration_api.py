@@ -20,6 +20,7 @@ from server.calibration.session import MAX_SAMPLES, SampleCollector
 from server.config import Config
 from server.streaming.channel_store import ChannelStore
 from server.streaming.channels import ChannelRows
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -210,7 +211,7 @@ def test_memory_of_a_calibration_is_bounded() -> None:
     assert samples.values[:, 0] == pytest.approx(np.floor(samples.time * 2000 / 20_000 + 1e-6) * 20_000)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("names", "found"),
     [
         (

@@ -18,6 +18,7 @@ from server.calibration.gyroscope import NEEDED_S, gyroscope_bias
 from server.calibration.magnetometer import fit_ellipsoid, magnetometer_iron, provisional_centre
 from server.calibration.stillness import step_means, stillness
 from server.calibration.triads import NO_SAMPLES, Floats, Samples
+from tests.each_row import each_row
 
 START = 1_760_000_000.0
 RATE = 100.0
@@ -131,7 +132,7 @@ def test_a_turn_about_one_axis_is_refused_and_the_missing_axes_are_named() -> No
         assert report.progress < 1
 
 
-@pytest.mark.parametrize("degrees", [10, 30, 60, 90])
+@each_row("degrees", [10, 30, 60, 90])
 def test_a_cap_of_directions_is_refused(degrees: float) -> None:
     away = on_a_sphere(60_000, np.random.default_rng(2))
     away = away[away[:, 0] > np.cos(np.radians(degrees))][:4000]
@@ -269,7 +270,7 @@ def test_rest_is_found_to_a_second() -> None:
 # ── simulated motions ────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("name", sorted(set(MOTIONS) - {"drive"}))
+@each_row("name", sorted(set(MOTIONS) - {"drive"}))
 def test_a_motion_turns_as_its_gyroscope_says(name: str) -> None:
     t = np.arange(0, 20, 0.001)
     truth = MOTIONS[name](t)

@@ -25,6 +25,7 @@ from recordings.importers import open_file
 from recordings.probe import probe
 from server.devices import protocol_set
 from server.library.decode import decode
+from tests.each_row import each_row
 
 UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z
 
@@ -57,8 +58,8 @@ def solution(counter: int, fine: int) -> bytes:
     return sample(counter, fine, struct.pack(">HB", 0x7010, 94) + bytes(pvt))
 
 
-@pytest.mark.parametrize("place", [0, 24])  # of a solution in each 25 samples: with 24 one falls just before 2 s
-@pytest.mark.parametrize("age_ms", [0, 50, 80, 250])
+@each_row("place", [0, 24])  # of a solution in each 25 samples: with 24 one falls just before 2 s
+@each_row("age_ms", [0, 50, 80, 250])
 def test_an_older_gnss_solution_affects_no_other_time(tmp_path: Path, age_ms: int, place: int) -> None:
     """Regression: if the first 2 s of a capture ended with a solution, they ran at half speed, and 12 s took 11."""
     frames = []
@@ -74,7 +75,7 @@ def test_an_older_gnss_solution_affects_no_other_time(tmp_path: Path, age_ms: in
     assert not clock_events(store)
 
 
-@pytest.mark.parametrize("product", ["MTi-680G", "MTi-630"])
+@each_row("product", ["MTi-680G", "MTi-630"])
 def test_a_capture_of_a_device_lasts_as_long_as_its_clock_says(tmp_path: Path, product: str) -> None:
     device = XbusSimulator(product, start_ns=0)
     store = opened(tmp_path / "a.bin", b"".join(device.advance(n * 50_000_000) for n in range(1, 161)))
@@ -93,7 +94,7 @@ def inertial(up_s: float) -> bytes:
     return isb(DATA, 58, struct.pack("<d6fI", up_s, *(0.0,) * 5, 9.8, 0))
 
 
-@pytest.mark.parametrize("suffix", ["raw", "bin"])
+@each_row("suffix", ["raw", "bin"])
 def test_a_pause_in_a_log_is_a_pause(tmp_path: Path, suffix: str) -> None:
     ups = [*np.arange(10, 20, 0.01), *np.arange(120, 130, 0.01)]
     store = opened(tmp_path / f"a.{suffix}", b"".join(map(inertial, ups)))
@@ -141,7 +142,7 @@ def dated(counter: int, fine: int, second: int) -> bytes:
     return sample(counter, fine, when + struct.pack(">HB3f", 0x4020, 12, 0.0, 0.0, 9.81))
 
 
-@pytest.mark.parametrize("suffix", ["mtb", "bin"])
+@each_row("suffix", ["mtb", "bin"])
 def test_a_capture_with_utc_in_its_samples_is_dated_by_it(tmp_path: Path, suffix: str) -> None:
     frames = [sample(i, 100 * i) for i in range(100)]
     frames += [dated(100 + i, 10_000 + 10_000 * i, i) for i in range(5)]

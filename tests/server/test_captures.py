@@ -16,6 +16,7 @@ from server.devices.ingest import LinkTiming
 from server.devices.link_stats import LinkStatistics
 from server.links.base import Chunk
 from server.streaming.telemetry import Telemetry
+from tests.each_row import each_row
 from tests.server.fakes import FakeClock
 
 RATE = 7_730  # bytes/s: nominal rate of the chunks; that of the 49 s capture
@@ -55,7 +56,7 @@ def test_layouts_that_alternate_stay_in_order(captures: Path) -> None:
     assert np.median(np.diff(acceleration["time"])) == pytest.approx(0.01, rel=0.05)
 
 
-@pytest.mark.parametrize("chunk", [64, 1000, 100_000])
+@each_row("chunk", [64, 1000, 100_000])
 def test_chunks_do_not_matter(captures: Path, chunk: int) -> None:
     path = captures / "xbus" / "mti_float32.bin"
     whole, _ = play(path, 10**9)

@@ -12,6 +12,7 @@ from protocols.isb.decoder import IsbDecoder
 from protocols.schema import Bits, Field, Message
 from server.streaming.channels import ChannelRegistry
 from server.wire import ChannelInfo
+from tests.each_row import each_row
 from tests.protocols.isb_vectors import by_did
 
 SATELLITE = (Field("svId", "u1"), Field("cno", "u1", unit="dBHz"))
@@ -63,7 +64,7 @@ def test_a_vector_has_a_column_and_a_colour_per_axis() -> None:
     assert [column.tolist() for column in columns[2:]] == [[0, 3], [1, 4], [2, 5]]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("field", "shape", "dtype", "kind", "names", "axes"),
     [
         (Field("Quaternion", axes=("q0", "q1", "q2", "q3")), (4,), "f8", "quaternion", "q0 q1 q2 q3", "wxyz"),

@@ -10,10 +10,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.frames import get_data, stop
+from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
@@ -31,7 +30,7 @@ def test_heavy_parts_are_not_imported_for_help() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("arguments", "words"),
     [
         (("serve", "nothing://x"), "nothing://x"),
@@ -116,7 +115,7 @@ def test_inspect_reaches_every_family(tmp_path: Path) -> None:
     assert json.loads(done.stdout.splitlines()[0])["message"] == "GET_DATA"
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@each_row("how", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_cleanly(how: signal.Signals, tmp_path: Path) -> None:
     with ServerProcess("udp://127.0.0.1:0", data=tmp_path) as server:
         server.process.send_signal(how)

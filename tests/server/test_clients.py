@@ -7,7 +7,6 @@ import json
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from server.streaming.channels import ChannelRows
 from server.streaming.clients import FEW_CLIENTS, FLUSH_MANY_S, FLUSH_S, SLACK_S, UNWATCHED_S
 from server.streaming.send_queue import HistoryStream, Packet, SendQueue
 from server.streaming.telemetry import Telemetry
+from tests.each_row import each_row
 from tests.server.fakes import FakeClock
 
 
@@ -244,7 +244,7 @@ class PacketCounter(SendQueue):
         super().offer(packet)
 
 
-@pytest.mark.parametrize(("clients", "interval"), [(1, FLUSH_S), (FEW_CLIENTS, FLUSH_S), (5, FLUSH_MANY_S)])
+@each_row(("clients", "interval"), [(1, FLUSH_S), (FEW_CLIENTS, FLUSH_S), (5, FLUSH_MANY_S)])
 def test_flushes_keep_their_distance(clients: int, interval: float) -> None:
     async def run() -> None:
         telemetry = Telemetry.create(FakeClock())

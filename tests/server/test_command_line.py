@@ -23,6 +23,7 @@ from server.commands import arguments
 from server.commands.completion import script
 from server.config import Config
 from server.devices.decode_options import source_options
+from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.waiting import block_until
 
@@ -62,7 +63,7 @@ def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list
     return words, given
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@each_row("name", COMMANDS)
 def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
     words, given = arguments_of(COMMANDS[name])
     needed = [one for one in given if any(one[0] in a.option_strings and a.required for a in COMMANDS[name]._actions)]
@@ -81,7 +82,7 @@ def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
         assert len(same_product) == 1, option
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@each_row("name", COMMANDS)
 def test_every_option_is_explained_with_its_values(name: str) -> None:
     shown = COMMANDS[name].format_help()
     for action in COMMANDS[name]._actions:
@@ -174,7 +175,7 @@ def test_the_environment_stands_in_for_options(
     assert arguments.parse(["rearm"]).token == "there"
 
 
-@pytest.mark.parametrize("shell", arguments.SHELLS)
+@each_row("shell", arguments.SHELLS)
 def test_completion_knows_every_command_and_option(shell: str) -> None:
     made = script(arguments.parser().commands, shell)
     for name in arguments.COMMANDS:
@@ -196,7 +197,7 @@ def test_an_unwritable_output_is_one_line() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "said"),
     [
         ("serve udp://:1 udp://:1", "udp://:1 is given twice"),
@@ -216,7 +217,7 @@ def test_messages_name_the_cause(words: str, said: str) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "said"),
     [
         ("serve sim:idtp --key 00 --unverified", "leave one out"),
@@ -264,7 +265,7 @@ def read_by(command: str, source: str, folder: Path, given: bytes = b"") -> str:
     return read_by("inspect", str(made.with_suffix(".mcap")), folder)
 
 
-@pytest.mark.parametrize("command", NAMES)
+@each_row("command", NAMES)
 def test_a_file_a_pipe_and_standard_input_are_read_alike(command: str, tmp_path: Path) -> None:
     """`record` opens its sources as `serve` does."""
     (tmp_path / "a.bin").write_bytes(frames())

@@ -27,6 +27,7 @@ from server.analysis.signals import Signal
 from server.config import Config
 from server.errors import DomainError
 from server.streaming.channels import ChannelRows
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -254,7 +255,7 @@ def test_two_ranges_of_one_recording(running: InProcessServer) -> None:
     assert found["signals"][0]["figures"]["n"] == 301
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("change", "status", "kind"),
     [
         ({"b": {"source": "none"}}, 404, "not-found"),

@@ -20,6 +20,7 @@ from server.commands.compose import ComposeError, composers, find_composer, fram
 from server.commands.inspect import inspect_file
 from server.devices.decode_options import DecodeOptions
 from tests.decode_options import decode_options
+from tests.each_row import each_row
 from tests.server_process import imuscope
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -53,7 +54,7 @@ def _vectors(name: str) -> list[dict[str, Any]]:
     return found if isinstance(found, list) else found["vectors"]
 
 
-@pytest.mark.parametrize("name", ["commands.json", "data.json"])
+@each_row("name", ["commands.json", "data.json"])
 def test_every_golden_packet_of_inertial_sense(name: str, tmp_path: Path) -> None:
     packets = [bytes.fromhex(row["packet_hex"]) for row in _vectors(f"isb/{name}") if row.get("packet_hex")]
     assert len(packets) > 20
@@ -82,7 +83,7 @@ def test_simulators_compose_with_forwarded_data(tmp_path: Path) -> None:
     both_ways(IdtpSimulator(mode=2, key=KEY).advance(S), tmp_path / "idtp.bin", decode_options("idtp", key=KEY))
 
 
-@pytest.mark.parametrize("name", ["mti_float32.bin", "mti_float32_satinfo_ecef.bin"])
+@each_row("name", ["mti_float32.bin", "mti_float32_satinfo_ecef.bin"])
 def test_a_capture_through_the_real_command_line(name: str, captures: Path) -> None:
     file = captures / "xbus" / name
     if not file.is_file():
@@ -177,7 +178,7 @@ def test_a_command_with_two_forms_needs_no_suffix() -> None:
     assert bytes.fromhex(composed("SetStringOutputType", "string_types=0x400"))[4:-1].hex() == "0400"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("message", "field", "words", "value"),
     [
         ("SET_DID_FLASH_CONFIG", "gnssSatSigConst", "GPS|GAL", 0x0033),  # was 0x0011: the lowest bit of each group
@@ -206,7 +207,7 @@ def test_names_of_groups_stand_for_their_bits(message: str, field: str, words: s
     assert composed(message, f"{field}={words}") == composed(message, f"{field}={value}")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("field", "words", "said"),
     [
         ("ioConfig", "GPS1_SOURCE", "GPS1_SOURCE needs a value, as in GPS1_SOURCE=…: DISABLE, SER0, SER1, SER2"),
@@ -237,7 +238,7 @@ def test_paths_lead_into_lists() -> None:
     assert composed("SetOutputConfiguration", *pairs) == whole == "faffc0041020ffff0f"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "said"),
     [
         (["SetOutputConfigurationn"], "nearest are: SetOutputConfiguration"),

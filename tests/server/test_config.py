@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from server.config import Config, ConfigError, is_loopback, load
+from tests.each_row import each_row
 
 
 def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
@@ -32,7 +33,7 @@ def test_defaults_are_loopback() -> None:
     assert Config().is_loopback
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ("prot = 1", "prot is not a valid setting"),
@@ -65,12 +66,12 @@ def test_a_missing_file(tmp_path: Path) -> None:
         load(tmp_path / "none.toml")
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "127.9.9.9", "::1", "[::1]", "localhost"])
+@each_row("host", ["127.0.0.1", "127.9.9.9", "::1", "[::1]", "localhost"])
 def test_loopback(host: str) -> None:
     assert is_loopback(host)
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.1", "robot.local", "localhost.example"])
+@each_row("host", ["0.0.0.0", "::", "", "192.0.2.1", "robot.local", "localhost.example"])
 def test_not_loopback(host: str) -> None:
     assert not is_loopback(host)
 
@@ -81,7 +82,7 @@ def test_shares_belong_to_sources(tmp_path: Path) -> None:
     assert load(toml).shares == {"/dev/b": ("/run/imu0", "tcp://:4001?mode=read")}
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("shares", "words"),
     [
         ({"/dev/c": ["/run/imu0"]}, "not among the sources: /dev/a"),

@@ -23,6 +23,7 @@ from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
 from tests import virtual_time
 from tests.decode_options import decode_options
+from tests.each_row import each_row
 from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
 
 # Expected table in another notation: the letters of the events (in their order) accepted in a state.
@@ -65,8 +66,8 @@ def machine_in(state: ConnectionState) -> Connection:
     return connection
 
 
-@pytest.mark.parametrize("state", ConnectionState, ids=lambda state: state.value)
-@pytest.mark.parametrize("number", range(len(ConnectionEvent)), ids=[event.value for event in ConnectionEvent])
+@each_row("state", ConnectionState, ids=lambda state: state.value)
+@each_row("number", range(len(ConnectionEvent)), ids=[event.value for event in ConnectionEvent])
 def test_every_event_in_every_state(state: ConnectionState, number: int) -> None:
     event = list(ConnectionEvent)[number]
     connection = machine_in(state)

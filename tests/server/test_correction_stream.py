@@ -29,6 +29,7 @@ from server.configuration.ntrip import Caster, CorrectionError, mounts
 from server.devices.position_tracker import Position
 from server.links.base import LinkError
 from server.wire import DeviceInfo
+from tests.each_row import each_row
 from tests.server.correction_messages import NUMBERS, STREAM, message
 from tests.waiting import PATIENCE_S, until
 
@@ -380,9 +381,7 @@ def test_messages_are_whole_however_the_stream_is_cut() -> None:
     assert epoch_ms(1005, message(1005)) is None
 
 
-@pytest.mark.parametrize(
-    "source", ["ftp://x/y", "ntrip://host", "ntrip:///MOUNT", "tcp://host", "", "ntrip://h:99999/M"]
-)
+@each_row("source", ["ftp://x/y", "ntrip://host", "ntrip:///MOUNT", "tcp://host", "", "ntrip://h:99999/M"])
 def test_a_source_written_wrongly(source: str) -> None:
     with pytest.raises(CorrectionError) as error:
         source_of(source)

@@ -21,6 +21,7 @@ from server.configuration.dangers import dangers_of_write
 from server.configuration.form_builder import forms_of
 from server.configuration.risk_check import plan_command
 from server.devices.decode_options import DecodeOptions
+from tests.each_row import each_row
 from tests.server.control_harness import BRIEFEST, house
 
 DRIVER = IsbDriver()
@@ -34,7 +35,7 @@ OLD: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("values", "cautions"),
     [
         ({"ser0BaudRate": 9600}, {"cuts-line", "restarts"}),
@@ -64,7 +65,7 @@ def test_a_port_that_may_be_ours_is_looked_for_at_every_rate() -> None:
     assert (both.baud, both.others) == (115_200, (230_400,))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "values", "harms"),
     [
         ("SET_DID_SYS_CMD", {"command": 1357924682, "invCommand": 2937042613}, True),  # erases the chip
@@ -100,7 +101,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
     asyncio.run(check())
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("message", "pairs", "words"),
     [
         ("DID_FLASH_CONFIG", ["ser0BaudRate=9600"], "serial port 0"),

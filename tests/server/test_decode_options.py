@@ -29,6 +29,7 @@ from server.devices.decode_options import (
 from server.links.registry import link_kinds
 from server.links.simulated_device import simulators
 from tests.decode_options import decode_options
+from tests.each_row import each_row
 
 KEY = "00112233445566778899aabbccddeeff"
 SCHEMA = """
@@ -82,7 +83,7 @@ def test_families_share_a_name_and_keep_their_own_values() -> None:
         merged([*PROTOCOLS["idtp"].options, DecodeOption("min_mode", "flag", "")])
 
 
-@pytest.mark.parametrize("name", ["protocol", "Key", "2d", "tls-key", "baud", "sources"])
+@each_row("name", ["protocol", "Key", "2d", "tls-key", "baud", "sources"])
 def test_names_that_an_option_cannot_have(name: str) -> None:
     with pytest.raises(ValueError, match="cannot be the name"):
         DecodeOption(name, "flag", "")
@@ -108,7 +109,7 @@ def test_the_names_of_the_program_are_reserved() -> None:
     assert not (flags | settings | queries) - RESERVED
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("arguments", "words"),
     [
         ({"key": "0g"}, "hex digits"),

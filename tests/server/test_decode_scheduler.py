@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 
-import pytest
-
 from server.devices.decode_options import DecodeOptions
 from server.devices.decode_scheduler import UNWATCHED_S, DecodeScheduler
 from server.devices.session import Session
@@ -15,6 +13,7 @@ from server.streaming.clients import FLUSH_S
 from server.streaming.send_queue import SendQueue
 from server.streaming.telemetry import Telemetry
 from tests import virtual_time
+from tests.each_row import each_row
 from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
 
 
@@ -158,7 +157,7 @@ def test_an_answer_is_decoded_at_once() -> None:
     virtual_time.run(run())
 
 
-@pytest.mark.parametrize("busy", [1, 3])
+@each_row("busy", [1, 3])
 def test_a_decoder_with_remaining_work_yields_to_the_loop(busy: int) -> None:
     async def run() -> None:
         scheduler = DecodeScheduler(lambda: 0.008)

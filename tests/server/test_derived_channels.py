@@ -18,6 +18,7 @@ from server.config import Config
 from server.errors import DomainError
 from server.streaming.channels import ChannelRows
 from server.streaming.telemetry import Telemetry
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -255,7 +256,7 @@ def test_removing_the_device_ends_its_signals(tmp_path: Path) -> None:
     assert SignalDefinitions(tmp_path).of(bench.device) == (TOTAL,)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"xbus-0080A1B2": 3}', '{"xbus-0080A1B2": [{"name": "a/b"}, 5]}'])
+@each_row("text", ["", "[]", "{", '{"xbus-0080A1B2": 3}', '{"xbus-0080A1B2": [{"name": "a/b"}, 5]}'])
 def test_an_unreadable_file_counts_as_absent(tmp_path: Path, text: str) -> None:
     (tmp_path / FILE).write_text(text)
     definitions = SignalDefinitions(tmp_path)

@@ -17,6 +17,7 @@ from server.evidence.position import REDACTED, Scrubber
 from server.evidence.request import EvidencePlot, EvidenceSeries
 from server.evidence.series import gaps_in, intervals_for, tick_of
 from server.evidence.worker import MOST_BYTES
+from tests.each_row import each_row
 from tests.recordings.store_fixtures import START
 from tests.server.evidence_harness import ECEF, LATITUDE, LONGITUDE, block_in, content_in, drive, made, series_in
 
@@ -120,7 +121,7 @@ def test_position_is_left_out_of_everything(tmp_path: Path) -> None:
         made(store, tmp_path / "out.html", plots=named, with_position=False)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "words",
     ["48.8584 2.2945", "48,8584; 2,2945", "48°51'30.2\"N", "4851.5040,N", "8FW4V75V+8Q", "@48.8584,2.2945,17z"],
 )
@@ -130,7 +131,7 @@ def test_coordinates_in_texts_are_recognised_without_a_recorded_position(words: 
     assert scrub.removed >= 1
 
 
-@pytest.mark.parametrize("words", ["9.80665 m/s² at 400 Hz", "2026-11-21 14:32:18", "MTi-630 1.12.0, 3 laps, 52 %"])
+@each_row("words", ["9.80665 m/s² at 400 Hz", "2026-11-21 14:32:18", "MTi-630 1.12.0, 3 laps, 52 %"])
 def test_other_numbers_stay(words: str) -> None:
     assert Scrubber([(52.22, 52.23), (6.89, 6.9)], [(3.88e6, 3.89e6)])(words) == words
 

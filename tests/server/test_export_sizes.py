@@ -18,6 +18,7 @@ from server.devices import protocol_set
 from server.library import export_sizes
 from server.library.decode import decode
 from server.library.one_file import one_file
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import START
 
 SECONDS = 14
@@ -36,7 +37,7 @@ def recorded(folder: Path, device: Any, protocol: str) -> ExportRequest:
     return ExportRequest(decode(source, folder / "store", protocol_set.all_protocols()), folder / "drive.mcap", "drive")
 
 
-@pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
+@each_row("protocol", ["xbus", "isb", "idtp"])
 def test_the_estimated_size_is_that_of_the_file_within_30_percent(protocol: str, tmp_path: Path) -> None:
     device: Any = {"xbus": XbusSimulator(measuring=True), "isb": IsbSimulator(), "idtp": IdtpSimulator()}[protocol]
     wish = recorded(tmp_path, device, protocol)

@@ -21,6 +21,7 @@ from server.analysis.signal_request import requested_signals
 from server.analysis.signals import Floats, SignalColumn
 from server.analysis.units import SYMBOLS, Unit
 from server.errors import DomainError
+from tests.each_row import each_row
 
 RATE = 100.0
 N = 400
@@ -70,7 +71,7 @@ x, y, z = ACC.parts
 G = 9.80665
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "expected", "unit"),
     [
         ("Acceleration.x + Acceleration.y * 2", x + y * 2, "m/s²"),
@@ -157,7 +158,7 @@ def test_derivative_and_integral_belong_together() -> None:
     assert str(value("integral(Acceleration)").unit) == "m/s"
 
 
-@pytest.mark.parametrize("zero_phase", [True, False])
+@each_row("zero_phase", [True, False])
 def test_moving_windows(zero_phase: bool) -> None:
     size, before = 25, 12 if zero_phase else 24
     windows = [x[max(0, n - before) : n - before + size] for n in range(N)]
@@ -213,7 +214,7 @@ def test_missing_values_stay_missing() -> None:
     assert np.isfinite(np.delete(found, np.s_[100:105])).all()
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "marked", "words"),
     [
         ("norm(Acceleration > 3", "", "“)” is missing"),
@@ -272,9 +273,7 @@ def test_each_function_has_its_form() -> None:
         assert function.doc.endswith(".")
 
 
-@pytest.mark.parametrize(
-    "text", ["", "m/s²", "°/s", "m²/s⁴", "1/s", "km/h", "m·s", "a.u.", "°C", "rad², m²", "1/115200 s"]
-)
+@each_row("text", ["", "m/s²", "°/s", "m²/s⁴", "1/s", "km/h", "m·s", "a.u.", "°C", "rad², m²", "1/115200 s"])
 def test_units_are_written_as_they_are_read(text: str) -> None:
     assert str(Unit.parse(text)) == text
 
@@ -322,7 +321,7 @@ def test_a_request_names_columns_channels_and_expressions() -> None:
     assert len(requested[-1].columns) == 3
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("word", "kind", "words"),
     [
         ("Speed", "not-found", "Signal Speed not found"),

@@ -24,6 +24,7 @@ from server.devices.protocol_set import all_protocols
 from server.links.base import LinkError
 from server.streaming.telemetry import Telemetry
 from tests.decode_options import decode_options
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.family_harness import FamilyHarness, FamilyWire
 
@@ -119,7 +120,7 @@ def test_families_without_an_identify_request_are_sent_nothing() -> None:
     play(test)
 
 
-@pytest.mark.parametrize("device", [IsbSimulator, IdtpSimulator, XbusSimulator])
+@each_row("device", [IsbSimulator, IdtpSimulator, XbusSimulator])
 def test_a_clock_jump_is_reported_once(device: Any) -> None:
     async def test(stage: FamilyHarness) -> None:
         await stage.run(device(clock_jump=(8.0, 10.0)), 10)
@@ -132,7 +133,7 @@ def test_a_clock_jump_is_reported_once(device: Any) -> None:
 # -- how well it is protected ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("mode", "reading", "words", "verified", "suffix"),
     [
         (0, DecodeOptions(), "Lite, CRC-8 of the header alone", True, ""),
@@ -172,7 +173,7 @@ def test_without_a_key_one_event_and_the_remedy() -> None:
     play(test)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("reading", "mode", "reason"),
     [(decode_options(key=b"other"), 2, "bad_hmac"), (decode_options(min_mode="secure"), 1, "below_min_mode")],
 )
@@ -258,7 +259,7 @@ def test_refusals_on_a_shared_link_are_shown_with_each_device() -> None:
     play(test)
 
 
-@pytest.mark.parametrize("stops", [7, 9])
+@each_row("stops", [7, 9])
 def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
     async def test(stage: FamilyHarness) -> None:
         pair = Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9), stop_s={stops: 2})
@@ -373,7 +374,7 @@ def test_a_stream_decoded_with_the_wrong_protocol() -> None:
     play(test, DecodeOptions("xbus"))
 
 
-@pytest.mark.parametrize("device", [IsbSimulator(), IdtpSimulator(), XbusSimulator("MTi-680G", measuring=True)])
+@each_row("device", [IsbSimulator(), IdtpSimulator(), XbusSimulator("MTi-680G", measuring=True)])
 def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
     async def test(stage: FamilyHarness) -> None:
         await stage.run(device, 6)

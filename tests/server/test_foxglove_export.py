@@ -14,6 +14,7 @@ from mcap.reader import make_reader
 
 from recordings.topics import Encoder, bodies, stamps, tables
 from server.cli import main
+from tests.each_row import each_row
 from tests.recordings.store_fixtures import channel, column
 from tests.server.foxglove_client import attached, protobuf
 from tests.server_process import ServerProcess
@@ -110,7 +111,7 @@ def info_of(kind: str = "record") -> dict[str, Any]:
     return channel(1, "1", "M", 'A "name"', kind, columns)
 
 
-@pytest.mark.parametrize("kind", ["record", "table"])
+@each_row("kind", ["record", "table"])
 def test_many_messages_at_once_are_what_they_are_one_by_one(kind: str) -> None:
     rng = np.random.default_rng(1)
     n = 300

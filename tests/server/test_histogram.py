@@ -14,6 +14,7 @@ from server.analysis.methods.histogram import MOST_BINS
 from server.analysis.registry import analysis_named
 from server.analysis.report import figures_of
 from server.analysis.signals import Signal
+from tests.each_row import each_row
 
 
 def histogram(values: Any, period: float = 0.0, **options: float) -> tuple[dict[str, Any], dict[str, str]]:
@@ -23,7 +24,7 @@ def histogram(values: Any, period: float = 0.0, **options: float) -> tuple[dict[
     return figures_of(analysis, of, analysis.settings(options))
 
 
-@pytest.mark.parametrize("n", [2, 100, 54_321])
+@each_row("n", [2, 100, 54_321])
 def test_the_bins_are_those_of_numpy_and_of_freedman_and_diaconis(n: int) -> None:
     values = np.random.default_rng(n).normal(3, 0.2, n)
     found, units = histogram(values)

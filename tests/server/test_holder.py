@@ -21,12 +21,13 @@ from server.holder.line_budget import LEAST_BURST, LineBudget
 from server.holder.messages import HEADER, MOST_BODY, MessageError, MessageKind, MessageReader, json_message, message
 from server.holder.queues import ClientQueue, FrameSize, frame_bounds
 from server.holder.shares import ShareAddress, ShareError
+from tests.each_row import each_row
 from tests.source_files import ROOT
 
 # ── addresses ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "expected"),
     [
         ("/run/imuscope/imu0", ("pty", "/run/imuscope/imu0", "", 0, False)),
@@ -49,7 +50,7 @@ def test_a_terminal_may_have_an_owner_and_permissions() -> None:
     assert (address.permissions, address.owner, address.group) == (0o660, "imu", "dialout")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ("imu0", "absolute path"),
@@ -147,7 +148,7 @@ def test_while_the_protocol_is_unknown_whole_reads_are_lost() -> None:
     assert blocks[-1] == bytes([19]) * 10
 
 
-@pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
+@each_row("protocol", sorted(PROTOCOLS))
 def test_frames_of_each_family_are_found(protocol: str) -> None:
     family = PROTOCOLS[protocol]
     if not family.frame_size:
@@ -167,7 +168,7 @@ def test_frames_of_each_family_are_found(protocol: str) -> None:
 
 
 @given(st.binary(max_size=60), st.integers(0, 59))
-@pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
+@each_row("protocol", sorted(PROTOCOLS))
 def test_any_bytes_have_a_size_or_none(protocol: str, data: bytes, at: int) -> None:
     if PROTOCOLS[protocol].frame_size and at < len(data):
         assert import_module(PROTOCOLS[protocol].frame_size).frame_size(data, at) >= -1
@@ -310,7 +311,7 @@ def test_messages_survive_any_division_of_the_stream(
     assert found == messages
 
 
-@pytest.mark.parametrize("head", [HEADER.pack(0x7F, 0), HEADER.pack(MessageKind.DATA, MOST_BODY + 1)])
+@each_row("head", [HEADER.pack(0x7F, 0), HEADER.pack(MessageKind.DATA, MOST_BODY + 1)])
 def test_another_protocol_on_the_socket_is_refused(head: bytes) -> None:
     with pytest.raises(MessageError):
         list(MessageReader().feed(json_message(MessageKind.HELLO, {}) + head))

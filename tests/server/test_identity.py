@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from protocols.events import Reply
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device_info import identity as xbus_identity
@@ -13,6 +11,7 @@ from server.devices.device_state import DeviceState
 from server.devices.ingest import DeviceIdentity
 from server.streaming.telemetry import Telemetry
 from server.wire import DeviceInfo
+from tests.each_row import each_row
 
 
 def said_by(product: str) -> list[Reply]:
@@ -21,7 +20,7 @@ def said_by(product: str) -> list[Reply]:
     return [event for event in decoder.drain() if isinstance(event, Reply)]
 
 
-@pytest.mark.parametrize("product", ["MTi-630", "MTi-680G"])
+@each_row("product", ["MTi-630", "MTi-680G"])
 def test_a_600_has_its_product_code_in_configuration(product: str) -> None:
     identity = DeviceIdentity(xbus_identity)
     assert sum(identity.update(reply) for reply in said_by(product)) > 0
@@ -37,7 +36,7 @@ def test_a_600_without_a_code_is_at_least_of_its_series() -> None:
     assert identity.product == "MTi-600 series"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("product", "absent", "present"),
     [
         ("MTi-610-8A1G6", {"FilterValid", "FilterMode", "RtkStatus", "NoRotationUpdateStatus"}, {"Selftest"}),

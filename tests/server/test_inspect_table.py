@@ -7,8 +7,6 @@ import json
 import struct
 from pathlib import Path
 
-import pytest
-
 from protocols.idtp.custom_payloads import parse
 from protocols.idtp.frames import LITE, SAFETY, build
 from protocols.isb.frames import DATA
@@ -18,6 +16,7 @@ from server.commands.inspect import inspect_file
 from server.devices.decode_options import DecodeOptions
 from server.printable import json_text, printable
 from tests.decode_options import decode_options
+from tests.each_row import each_row
 
 SCHEMA = """
 [[message]]
@@ -93,7 +92,7 @@ def test_device_text_cannot_control_the_terminal(tmp_path: Path) -> None:
             assert "\x1b" in text, "and is the same for a program"
 
 
-@pytest.mark.parametrize("text", [STEERING, "plain", "µT °/s — “quoted”", "\ud83d", "a\nb", "😀\U000e0001"])
+@each_row("text", [STEERING, "plain", "µT °/s — “quoted”", "\ud83d", "a\nb", "😀\U000e0001"])
 def test_nothing_invisible_is_printed(text: str) -> None:
     assert printable(text).isprintable()
     assert json.loads(json_text({"text": text})) == {"text": text}

@@ -19,6 +19,7 @@ from recordings.sources import McapSource
 from recordings.tabular import TableSource
 from server.config import Config
 from server.library.one_file import one_file
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -117,7 +118,7 @@ def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcess
     assert sorted(path.name for path in folder.glob("*.mcap")) == ["b.mcap", "yard loop.mcap"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("method", "path", "body", "status"),
     [
         ("PATCH", "none", {}, 404),

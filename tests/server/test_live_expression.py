@@ -20,6 +20,7 @@ from server.analysis.quantities import Quantity
 from server.analysis.signals import Floats, columns_named
 from server.analysis.units import Unit
 from server.errors import DomainError
+from tests.each_row import each_row
 
 RATES = {1: 100.0, 2: 40.0, 3: 100.0, 4: 100.0}
 N = 600
@@ -125,8 +126,8 @@ CUTS = st.lists(st.floats(0, 1), max_size=30)
 
 @settings(max_examples=20, deadline=None)
 @given(cuts=CUTS)
-@pytest.mark.parametrize("kind", ["even", "gaps"])
-@pytest.mark.parametrize("text", TEXTS)
+@each_row("kind", ["even", "gaps"])
+@each_row("text", TEXTS)
 def test_pieces_give_what_everything_at_once_gives(text: str, kind: str, cuts: list[float]) -> None:
     rows = EVEN if kind == "even" else GAPPY
     live, found = in_pieces(text, rows, cuts)

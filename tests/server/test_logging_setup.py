@@ -16,6 +16,7 @@ from server import logging_setup
 from server.config import Config, ConfigError, load
 from server.links.base import LinkError
 from server.wire import SUBPROTOCOL
+from tests.each_row import each_row
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
@@ -123,7 +124,7 @@ def test_the_command_line_writes_one_object_a_line(tmp_path: Path) -> None:
     assert "act-act-act" not in server.log
 
 
-@pytest.mark.parametrize(("name", "value"), [("log_format", "xml"), ("log_level", "loud")])
+@each_row(("name", "value"), [("log_format", "xml"), ("log_level", "loud")])
 def test_an_invalid_setting_is_refused(name: str, value: str) -> None:
     with pytest.raises(ConfigError, match=f"{name} '{value}' is not valid; allowed: "):
         load(**{name: value})

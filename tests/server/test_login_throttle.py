@@ -10,6 +10,7 @@ from server.auth import Access, Guard, RefusedError
 from server.config import Config
 from server.errors import status_of
 from server.login_throttle import ADDRESSES, MAX_FAILURES, UNGUESSABLE, LoginThrottle, client_group, short_tokens
+from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 from tests.server.asgi_client import Answer, ask
 
@@ -90,7 +91,7 @@ def test_where_no_token_is_needed_a_wrong_one_does_nothing() -> None:
     assert statuses == [401] * MAX_FAILURES + [429]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "group"),
     [
         ("192.0.2.7", "192.0.2.7"),

@@ -12,6 +12,7 @@ from httpx import Client
 
 from server.config import Config, ConfigError, MapTiles, load
 from server.integrations.map_tiles import MAX_BYTES
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
@@ -74,7 +75,7 @@ def test_a_tile_comes_through_our_own_port_and_is_asked_for_once(client: Client,
     assert maps.asked.count("/3/4/5.png") == 1
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("place", "status"),
     [("2/0/0", 404), ("2/1/0", 502), ("2/2/0", 502), ("2/3/0", 502), ("2/0/1", 502)],
     ids=["none there", "a redirection", "no picture", "too large", "a fault"],
@@ -89,7 +90,7 @@ def test_responses_that_are_not_tiles_are_not_passed_on(
     assert len(maps.asked) == before + 1
 
 
-@pytest.mark.parametrize("place", ["0/1/0", "3/0/8", "-1/0/0", "23/0/0", "1/a/0", "1/0/0.png", "1/..%2f..%2fx/0"])
+@each_row("place", ["0/1/0", "3/0/8", "-1/0/0", "23/0/0", "1/a/0", "1/0/0.png", "1/..%2f..%2fx/0"])
 def test_only_valid_tiles_are_requested(client: Client, maps: TileServer, place: str) -> None:
     before = len(maps.asked)
     assert client.get(f"/api/tiles/{place}").status_code in (404, 422)
@@ -110,7 +111,7 @@ def test_a_missing_tile_server_is_reported() -> None:
         assert answer.json()["kind"] == "tile-server"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ('map = "http://a"', "must be a table"),

@@ -15,6 +15,7 @@ from server.devices.protocol_set import all_protocols
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
+from tests.each_row import each_row
 from tests.server.fakes import NOW_NS, FakeClock, FakeLink
 
 
@@ -55,7 +56,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
     return found[0], found[1]
 
 
-@pytest.mark.parametrize(("protocol", "counter"), [("xbus", "PacketCounter"), ("idtp", "sequence")])
+@each_row(("protocol", "counter"), [("xbus", "PacketCounter"), ("idtp", "sequence")])
 def test_losses_during_a_reconnect_are_counted_by_the_device(protocol: str, counter: str) -> None:
     gap, health = dropout(4.0, protocol=protocol)
     assert (gap.data["counter"], gap.data["by"]) == (counter, "link")

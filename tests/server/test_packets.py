@@ -24,6 +24,7 @@ from server.devices.byte_memory import LinkMemory
 from server.devices.protocol_set import all_protocols
 from server.library.packets import SampleArrival, live_bytes, packets_around
 from server.links.base import Chunk
+from tests.each_row import each_row
 from tests.server.fakes import FakeLinks
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -60,7 +61,7 @@ GOLDEN = {name: golden(name) for name in VALUES}
 # ── the meaning of bytes ─────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("name", VALUES)
+@each_row("name", VALUES)
 def test_the_parts_of_every_golden_frame_cover_it_in_order(name: str) -> None:
     driver = PROTOCOLS[name].driver
     assert driver is not None
@@ -73,7 +74,7 @@ def test_the_parts_of_every_golden_frame_cover_it_in_order(name: str) -> None:
         assert at == len(frame), frame.hex()
 
 
-@pytest.mark.parametrize("name", VALUES)
+@each_row("name", VALUES)
 @given(data=st.data())
 def test_a_byte_of_a_field_changes_that_field_and_no_other(name: str, data: st.DataObject) -> None:
     driver = PROTOCOLS[name].driver
@@ -215,7 +216,7 @@ def running(tmp_path_factory: pytest.TempPathFactory, links: FakeLinks) -> Itera
         yield running
 
 
-@pytest.mark.parametrize("base", ["device", "arrival"])
+@each_row("base", ["device", "arrival"])
 def test_a_point_of_a_plot_leads_to_its_bytes_live_and_recorded(running: InProcessServer, base: str) -> None:
     store = running.services.telemetry.store
     channel = next(one for one in running.call(lambda: store.all) if one.info.name == "Acceleration")

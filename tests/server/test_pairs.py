@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from server.analysis.pairs import paired, shortened, thinned
 from server.analysis.signals import Signal
 from server.config import Config
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server.problems import assert_problem
@@ -34,7 +35,7 @@ def test_signals_with_the_same_times_are_paired_sample_by_sample() -> None:
     assert found.starts.tolist() == [True] + 9 * [False]
 
 
-@pytest.mark.parametrize("swapped", [False, True])
+@each_row("swapped", [False, True])
 def test_the_slower_one_is_interpolated_as_numpy_does(swapped: bool) -> None:
     fast, slow = np.arange(0, 10, 0.013), np.arange(0.005, 9.9, 0.2)
     a, b = signal(fast, np.sin(fast), name="fast"), signal(slow, slow**2, name="slow")

@@ -26,6 +26,7 @@ from server.commands.common import shares_by_source
 from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.simulator import SimulatorThread
 from server.links.source_url import SourceUrl
+from tests.each_row import each_row
 from tests.links.shared_port import opened
 from tests.server_process import ServerProcess, begun, imuscope
 from tests.timeouts import PATIENCE_S
@@ -189,7 +190,7 @@ def test_only_ports_can_be_shared(tmp_path: Path) -> None:
         assert refusal(server, "/shares", {"address": "tcp://127.0.0.1:4001"})["kind"] == "not-now"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "error"),
     [
         (("sim:xbus", "--share", "/tmp/x"), "has no port that can be shared"),

@@ -19,6 +19,7 @@ from recordings.euler import euler_columns
 from server.integrations import meshes, poses
 from server.integrations.replay_sync import ReplayFollower
 from server.wire_codec import SampleFrame
+from tests.each_row import each_row
 
 Q = rotations.Quaternion
 
@@ -71,7 +72,7 @@ def test_a_matrix_is_read_row_by_row(roll: float, pitch: float, yaw: float) -> N
     assert abs(sum(a * b for a, b in zip(found, q, strict=True))) == pytest.approx(1)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("frame", "north_east_up"),
     [("ENU", ([0, 1, 0], [1, 0, 0], [0, 0, 1])), ("NED", ([1, 0, 0], [0, 1, 0], [0, 0, -1]))],
 )
@@ -183,7 +184,7 @@ def test_a_glb_goes_on_as_it_is_with_its_scale() -> None:
     assert mesh.scale == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "words"),
     [
         (b"", "neither"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,6 +16,7 @@ from protocols.xbus.family import tables
 from server.configuration.form_builder import field_form, forms_of
 from server.configuration.preview import DevicePresentState, SerialLine, fit, preview_command, preview_setting
 from server.configuration.value_format import entry_comment, entry_title, entry_value, key_of, numbers, words
+from tests.each_row import each_row
 from tests.server.control_harness import outputs
 
 XBUS = DevicePresentState(PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-680G"), SerialLine(115_200, 11_520.0))  # type: ignore[arg-type]
@@ -46,7 +46,7 @@ def filled(data: st.DataObject, fields: tuple[Field, ...]) -> dict[str, Any]:
     return values
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("family", FAMILIES)
 @given(data=st.data())
 def test_any_values_are_previewed_or_refused_at_their_fields(family: str, data: st.DataObject) -> None:
     present = FAMILIES[family]
@@ -77,7 +77,7 @@ def test_a_fit_says_what_it_lowered() -> None:
     assert fit(XBUS, "OutputConfiguration", outputs(400), 921_600).words == []
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("family", FAMILIES)
 def test_every_row_becomes_a_form(family: str) -> None:
     present = FAMILIES[family]
     forms = forms_of(present.driver, family, present.known)
@@ -89,7 +89,7 @@ def test_every_row_becomes_a_form(family: str) -> None:
     assert [form.name for form in forms.settings if form.table is not None] == tables
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("field", "editor"),
     [
         (Field("a", "u1"), "integer"),

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pytest
 from pydantic import TypeAdapter
 
 from server import wire
@@ -18,6 +17,7 @@ from server.library import decode
 from server.links.source_url import SourceUrl
 from server.metrics import LEVEL_LABELS
 from server.previous_names import LEVELS, PreviousPaths, path_of, rename_folder
+from tests.each_row import each_row
 from tests.server_process import ROOT
 
 PREVIOUS = ROOT / "tests" / "golden" / "previous_formats" / "1"
@@ -45,7 +45,7 @@ def test_rollback_records_of_the_previous_folder_are_found(tmp_path: Path) -> No
     assert (tmp_path / "trials").is_dir(), "a folder of today is never replaced"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("old", "new"),
     [
         ("/api/recordings/a/fared", "/api/recordings/a/health"),
@@ -71,7 +71,7 @@ def test_a_previous_path_is_served(old: str, new: str) -> None:
     assert path_of(new) == new
 
 
-@pytest.mark.parametrize(("old", "new"), LEVELS.items())
+@each_row(("old", "new"), LEVELS.items())
 def test_an_event_of_an_earlier_recording_has_its_level(old: str, new: wire.Level) -> None:
     assert decode._event({"kind": "gap", "level": old}, 0).level == new
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from server.processes import program_of
+from tests.each_row import each_row
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "name"),
     [
         (b"/opt/imuscope/.venv/bin/python\0-c\0read()", "python"),  # a driver that runs from a folder of that name

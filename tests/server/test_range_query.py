@@ -23,6 +23,7 @@ from server.library.range_query import arrow_of, frame_of, json_of, live, record
 from server.library.recording_detail import channels_of, detail
 from server.streaming.channels import ChannelRows
 from server.streaming.telemetry import Telemetry
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 
 
@@ -43,8 +44,8 @@ def hub_with(store: ColumnStore) -> tuple[Telemetry, dict[int, int]]:
     return telemetry, ids
 
 
-@pytest.mark.parametrize("base", ["device", "arrival"])
-@pytest.mark.parametrize("width", [0, 40, 100_000])
+@each_row("base", ["device", "arrival"])
+@each_row("width", [0, 40, 100_000])
 def test_live_and_recorded_queries_agree(store: ColumnStore, width: int, base: str) -> None:
     telemetry, ids = hub_with(store)
     whole = store.span()

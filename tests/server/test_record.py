@@ -12,6 +12,7 @@ from recordings.compaction import is_uncompacted
 from recordings.importers import open_file
 from recordings.mcap_reader import McapReader
 from server.commands.record import amount
+from tests.each_row import each_row
 from tests.server.recorder_harness import chunks
 from tests.server.tcp_device import TcpDevice
 from tests.server_process import begun, imuscope
@@ -42,7 +43,7 @@ def test_data_received_in_time_is_in_the_file(tmp_path: Path, data: Path) -> Non
         assert not recording.damage
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@each_row("number", [signal.SIGINT, signal.SIGTERM])
 def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: signal.Signals) -> None:
     path = tmp_path / "drive.mcap"
     with TcpDevice(500) as line:

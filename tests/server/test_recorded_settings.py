@@ -6,12 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from recordings.mcap_reader import McapReader, json_messages
 from server import wire_codec
 from server.library.recorded_settings import settings_of
 from server.library.recorder import RecordingOptions
+from tests.each_row import each_row
 from tests.server.control_harness import SILENT, outputs
 from tests.server.recorder_harness import chunks, in_a_loop, recorder
 from tests.waiting import until
@@ -57,7 +56,7 @@ def test_a_data_set_is_shown_by_field_with_units_and_choices() -> None:
     assert list(found["DID_BIT"].values()) == ["Full stationary"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "values",
     [
         {"FromTomorrow": {"speed": 3, "modes": ["a", "b"]}},
@@ -68,7 +67,7 @@ def test_a_data_set_is_shown_by_field_with_units_and_choices() -> None:
         {"Baudrate": {}},
     ],
 )
-@pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp", "", "another"])
+@each_row("protocol", ["xbus", "isb", "idtp", "", "another"])
 def test_values_unknown_to_the_tables_are_shown_unchanged(protocol: str, values: dict[str, Any]) -> None:
     found = settings_of(snapshot(protocol, "MTi-630", values, missing={"FilterProfile": "no answer", "x": 3}))
     assert [one.name for one in found.settings] == list(values)
@@ -77,7 +76,7 @@ def test_values_unknown_to_the_tables_are_shown_unchanged(protocol: str, values:
     assert len(found.missing) == 2
 
 
-@pytest.mark.parametrize("body", [{}, {"values": 3}, {"values": {"a": 1}}, {"values": None, "missing": [1]}])
+@each_row("body", [{}, {"values": 3}, {"values": {"a": 1}}, {"values": None, "missing": [1]}])
 def test_a_foreign_snapshot_shows_nothing(body: dict[str, Any]) -> None:
     assert settings_of(body).settings == []
 

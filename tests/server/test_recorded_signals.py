@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
-import pytest
 from mcap.reader import make_reader
 from scipy import signal
 
@@ -25,6 +24,7 @@ from server.library.decode import decode
 from server.library.recorder import Recorder, RecordingOptions
 from server.library.recording_detail import channels_of
 from server.library.sources import decoding_sources
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.recorder_harness import in_a_loop, recorder
 from tests.waiting import until
@@ -90,7 +90,7 @@ def test_a_definition_that_does_not_fit_is_told_and_the_rest_is_opened(tmp_path:
     assert any("Signal Sped not found." in text for text in words)
 
 
-@pytest.mark.parametrize("format", ["csv", "parquet", "mcap"])
+@each_row("format", ["csv", "parquet", "mcap"])
 def test_computed_signals_are_exported_as_data(tmp_path: Path, format: str) -> None:
     store = opened(tmp_path, TOTAL)
     made = export(format, ExportRequest(store), tmp_path / f"run.{format}")

@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 from typing import Any, get_args
 
-import pytest
 from pydantic import TypeAdapter
 
 from recordings.health_history import HealthHistory
@@ -16,6 +15,7 @@ from server import wire
 from server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo
 from server.library.api_models import MarkerInfo, RecordingDetail, RecordingInfo
 from server.previous_names import with_previous_keys
+from tests.each_row import each_row
 from tests.record_wire import FAMILIES, recorded
 from tests.wire_scenes import SCENES
 
@@ -34,7 +34,7 @@ def has_shape(value: Any, kind: Any, *, previous_keys: bool = False) -> None:
     assert (with_previous_keys(again) if previous_keys else again) == value
 
 
-@pytest.mark.parametrize("name", [*FAMILIES, *SCENES])
+@each_row("name", [*FAMILIES, *SCENES])
 def test_recorded_texts_are_those_of_today(name: str) -> None:
     page = recorded(name)
     assert {"hello", "devices", "channels", "health"} <= {text["op"] for text in page["texts"]}
@@ -42,7 +42,7 @@ def test_recorded_texts_are_those_of_today(name: str) -> None:
         has_shape(text, KINDS[text["op"]])
 
 
-@pytest.mark.parametrize("name", [*FAMILIES, "library"])
+@each_row("name", [*FAMILIES, "library"])
 def test_recorded_answers_are_those_of_today(name: str) -> None:
     for place, answer in recorded(name)["answers"].items():
         if kind := ANSWERS.get(place.rpartition("/")[2]):

@@ -14,6 +14,7 @@ from server import generate_docs
 from server.config import Config
 from server.reference.blocks import Code, Heading, Items, Paragraph, TableBlock, parse, to_html, to_markdown
 from server.reference.pages import PAGES, ReferencePages
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
@@ -57,7 +58,7 @@ def test_files_are_not_stale(openapi: Mapping[str, Any]) -> None:
     assert stale == [], "run python -m server.generate_docs"
 
 
-@pytest.mark.parametrize("name", PAGES)
+@each_row("name", PAGES)
 def test_every_heading_is_addressed_once_and_every_link_leads_somewhere(name: str, openapi: Mapping[str, Any]) -> None:
     page = Elements(ReferencePages().html(name, lambda: openapi))
     assert [anchor for anchor, count in page.ids.items() if count > 1] == []
@@ -72,7 +73,7 @@ def test_every_request_is_described(openapi: Mapping[str, Any]) -> None:
             assert f"\n### {method.upper()} {path}\n" in text
 
 
-@pytest.mark.parametrize("address", ["/docs", *(f"/docs/{name}" for name in PAGES)])
+@each_row("address", ["/docs", *(f"/docs/{name}" for name in PAGES)])
 def test_pages_are_served_and_run_no_script_of_their_own(address: str, running: InProcessServer) -> None:
     answer = running.client.get(address)
     assert answer.status_code == 200

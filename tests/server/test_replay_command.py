@@ -17,6 +17,7 @@ import pytest
 
 from server.cli import main
 from server.commands.replay import ReplayError, address
+from tests.each_row import each_row
 from tests.fork_server import Child
 from tests.links.replayed import of, recording
 from tests.server_process import begun
@@ -155,7 +156,7 @@ def test_unplayable_files_are_one_line(tmp_path: Path, capsys: pytest.CaptureFix
         assert said.out == ""
 
 
-@pytest.mark.parametrize("text", ["", "x", "x:", "x:70000", "x:-1", "1:2:x"])
+@each_row("text", ["", "x", "x:", "x:70000", "x:-1", "1:2:x"])
 def test_addresses(text: str) -> None:
     with pytest.raises(ReplayError):
         address(text)

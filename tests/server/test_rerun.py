@@ -31,6 +31,7 @@ from server.integrations.rerun import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, R
 from server.streaming.channels import ChannelRows
 from server.streaming.telemetry import Telemetry
 from server.wire_codec import SampleFrame
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.recordings.rrd_tables import entities, numbers
 from tests.server_process import ROOT, ServerProcess, imuscope
@@ -114,7 +115,7 @@ def saved(answer: httpx.Response, path: Path) -> dict[str, list[object]]:
     return entities(path)  # type: ignore[return-value]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "status"),
     [("/api/recordings/none/recording.rrd", 404), ("/api/recordings/drive/recording.rrd?t0=5&t1=4", 422)],
 )
@@ -244,7 +245,7 @@ class RerunMessage:
         self.asked = (channels, history)
 
 
-@pytest.mark.parametrize("rate", [100, 2000])
+@each_row("rate", [100, 2000])
 def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     rate: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

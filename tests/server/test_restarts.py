@@ -22,6 +22,7 @@ from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
 from tests.decode_options import decode_options
+from tests.each_row import each_row
 from tests.server.fakes import FakeClock, FakeLink, FakeLinks
 from tests.server.in_process_server import InProcessServer
 from tests.waiting import until
@@ -297,7 +298,7 @@ def test_a_device_is_rearmed_where_no_server_runs(tmp_path: Path, capsys: pytest
 # -- the unit of timestamps --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("unit", "ticks", "every"), [("ms", 10, 0.01), ("ns", 10_000_000, 0.01), ("s", 0.2, 0.2)])
+@each_row(("unit", "ticks", "every"), [("ms", 10, 0.01), ("ns", 10_000_000, 0.01), ("s", 0.2, 0.2)])
 def test_timestamp_units_are_detected(unit: str, ticks: float, every: float) -> None:
     """A sender in another unit: it is noticed within some seconds, with the reason, and read rightly from then on."""
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-import pytest
-
 from protocols.isb.driver import IsbDriver
 from protocols.transactions import DeviceContext
 from server.configuration.device_controller import DeviceController
 from server.configuration.risk_check import plan_command
+from tests.each_row import each_row
 
 PRESENT = SimpleNamespace(setting_of=lambda command: None)
 DESK = cast(
@@ -19,7 +18,7 @@ DESK = cast(
 )
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "given", "sent"),
     [
         ("ASCE", {}, {"options": 0, "messages": []}),

@@ -20,6 +20,7 @@ from server.app import create_app
 from server.auth import Access, Guard, is_protected, path_on_robot
 from server.config import Config
 from server.wire_codec import WireError, decode_text
+from tests.each_row import each_row
 from tests.server.asgi_client import ACCEPTED, Answer, Reached, ask
 
 VIEW, CONTROL = "view-token-of-this-test", "control-token-of-this-test"
@@ -162,7 +163,7 @@ def _has_op(one: Any) -> bool:
     return isinstance(one, type) and "op" in getattr(one, "__dataclass_fields__", {})
 
 
-@pytest.mark.parametrize(
+@each_row(
     "path",
     [
         *("/api/devices/", "//api/devices", "/api//devices", "/./api/devices", "/x/../api/devices", "/API/devices"),

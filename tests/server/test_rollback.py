@@ -20,6 +20,7 @@ from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.links.base import LinkError
 from server.links.simulator import SimulatorLink, SimulatorThread
 from server.wire import PendingRollback
+from tests.each_row import each_row
 from tests.server.control_harness import SILENT, ControlHarness, at_rate, bench, house, over
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
@@ -71,7 +72,7 @@ def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
     run(check())
 
 
-@pytest.mark.parametrize("keep", [True, False])
+@each_row("keep", [True, False])
 def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -97,7 +98,7 @@ def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) -> None:
     run(check())
 
 
-@pytest.mark.parametrize("keep", [True, False])
+@each_row("keep", [True, False])
 def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
     async def check() -> None:
         async with house(tmp_path, rollback_s=30.0) as here:
@@ -217,7 +218,7 @@ def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -
     run(check())
 
 
-@pytest.mark.parametrize(("port", "rate"), [(0, 115_200), (1, 921_600)])
+@each_row(("port", "rate"), [(0, 115_200), (1, 921_600)])
 def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_either_rate(
     tmp_path: Path, port: int, rate: int
 ) -> None:
@@ -302,7 +303,7 @@ def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
     run(check())
 
 
-@pytest.mark.parametrize("text", ['{"source": "twi', "[" * 100_000, "null"])
+@each_row("text", ['{"source": "twi', "[" * 100_000, "null"])
 def test_a_damaged_file_does_not_keep_the_server_from_starting(tmp_path: Path, text: str) -> None:
     folder = tmp_path / "rollbacks"
     folder.mkdir()
@@ -352,7 +353,7 @@ def answers(http: Client, condition: Any) -> None:
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize("state", ["applying", "rolling-back"])
+@each_row("state", ["applying", "rolling-back"])
 def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_settings(
     tmp_path: Path, state: str
 ) -> None:

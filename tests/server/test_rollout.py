@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from protocols.isb.driver import IsbDriver
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
@@ -17,6 +15,7 @@ from server.configuration.budget import overload
 from server.configuration.preview import DevicePresentState, SerialLine
 from server.configuration.products import base_name, mismatch, same_product
 from server.configuration.settings_diff import ComparedValues, compare
+from tests.each_row import each_row
 from tests.server.control_harness import house, outputs
 
 LINE = SerialLine(115_200, 11_520.0)
@@ -73,7 +72,7 @@ def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -> None
     asyncio.run(play())
 
 
-@pytest.mark.parametrize("model", MODELS.values(), ids=lambda model: model.name)
+@each_row("model", MODELS.values(), ids=lambda model: model.name)
 def test_every_product_is_itself_whatever_the_version_of_its_hardware(model: Any) -> None:
     assert base_name(f"{model.name}-8A1G6") == model.name
     assert same_product(f"{model.name}-8A1G6", f"{model.name}-2A8G4")

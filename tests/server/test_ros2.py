@@ -22,6 +22,7 @@ import zenoh
 from server.ros2 import type_support
 from server.ros2.attachment import Attachment, gid_of
 from server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
+from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get
@@ -262,7 +263,7 @@ def test_without_the_option_nothing_is_published(server: ServerProcess) -> None:
     assert (answer.status_code, "--ros2" in answer.json()["hint"]) == (409, True)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("arguments", "words"),
     [
         (("--ros2-router", "localhost:7447"), "ros2_router 'localhost:7447' is not an address"),

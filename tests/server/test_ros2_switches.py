@@ -11,6 +11,7 @@ from server.config import ConfigError, load
 from server.errors import DomainError
 from server.integrations import ros2_switches
 from server.integrations.ros2_switches import FILE, TopicSwitches
+from tests.each_row import each_row
 
 
 def test_switches_are_remembered(tmp_path: Path) -> None:
@@ -22,7 +23,7 @@ def test_switches_are_remembered(tmp_path: Path) -> None:
     assert TopicSwitches(tmp_path).off == {"/tf /imu"}
 
 
-@pytest.mark.parametrize("text", [b"", b"null", b"[" * 100_000, b'{"switched_off": 3}', b'["/imu/data"]', b"\xff"])
+@each_row("text", [b"", b"null", b"[" * 100_000, b'{"switched_off": 3}', b'["/imu/data"]', b"\xff"])
 def test_an_unreadable_file_counts_as_absent(tmp_path: Path, text: bytes) -> None:
     (tmp_path / FILE).write_bytes(text)
     switches = TopicSwitches(tmp_path)

@@ -12,6 +12,7 @@ from server.configuration.risk_check import plan_changes
 from server.links import LinkError, open_link
 from server.links.simulated_device import SimulatorOptions, make_device
 from server.links.source_url import SourceUrl
+from tests.each_row import each_row
 from tests.server.control_harness import house, over
 from tests.waiting import until
 
@@ -32,7 +33,7 @@ def test_the_host_is_on_the_port_that_the_source_names() -> None:
         assert device.baud == 921_600
 
 
-@pytest.mark.parametrize(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
+@each_row(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
 def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
     async def check() -> None:
         async with house(tmp_path, rollback_s=60.0) as here:

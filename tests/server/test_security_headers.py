@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from server.config import Config
+from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 
@@ -36,14 +37,14 @@ def policy_of(running: InProcessServer, path: str) -> dict[str, str]:
     return {name: value for name, _, value in parts}
 
 
-@pytest.mark.parametrize("path", DATA)
+@each_row("path", DATA)
 def test_responses_other_than_pages_can_do_nothing_in_a_browser(path: str, running: InProcessServer) -> None:
     nothing = "'none'"
     wanted = {"default-src": nothing, "frame-ancestors": nothing, "base-uri": nothing, "form-action": nothing}
     assert policy_of(running, path) == wanted
 
 
-@pytest.mark.parametrize("path", PAGES)
+@each_row("path", PAGES)
 def test_a_page_may_do_what_it_needs_here_and_nothing_elsewhere(path: str, running: InProcessServer) -> None:
     policy = policy_of(running, path)
     assert policy["default-src"] == policy["base-uri"] == "'none'"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import pytest
-
+from tests.each_row import each_row
 from tests.server_process import imuscope
 
 
@@ -72,7 +71,7 @@ def test_harmful_commands_need_confirmation() -> None:
     assert sent("sim:isb", "DID_SYS_CMD.SOFTWARE_RESET", "--yes") == [{"message": "ACK", "fields": {}}]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("arguments", "said"),
     [
         (("sim:isb", "DID_SYS_CMD.MANF_CHIP_ERASE", "--yes"), "refused"),

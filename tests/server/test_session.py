@@ -15,6 +15,7 @@ from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
+from tests.each_row import each_row
 from tests.server.fakes import SPEECH, FakeClock, FakeLink, sample
 from tests.server.session_harness import SessionHarness, play
 
@@ -228,7 +229,7 @@ def test_a_clock_step_is_an_event() -> None:
     play(test)
 
 
-@pytest.mark.parametrize("protocol", ["fake", ""])
+@each_row("protocol", ["fake", ""])
 def test_a_restart_of_a_looped_file_is_reported_once_and_is_no_jump_or_loss(protocol: str) -> None:
     """Regression: each restart of the file was reported as a clock jump of -880 ms and as lost samples."""
 

@@ -33,6 +33,7 @@ from server.library.recorder import Recorder, RecordingOptions
 from server.links import LinkError, open_link
 from server.links.simulated_device import SharedLine, SimulatorOptions, make_device
 from server.links.source_url import SourceUrl
+from tests.each_row import each_row
 from tests.server.control_harness import house, outputs, over
 from tests.server.correction_messages import NUMBERS, STREAM
 from tests.server.shared_line import SOURCE, both
@@ -135,7 +136,7 @@ def test_a_device_keeps_its_identity_after_an_outage_in_any_order(tmp_path: Path
     assert [event.device for event in events if isinstance(event, Reply)] == ["2", "", ""]
 
 
-@pytest.mark.parametrize("noise", [b"", build(0x3E, b"", 0xE0), build(0x36, bytes.fromhex("1020020001"), 0xE0)])
+@each_row("noise", [b"", build(0x3E, b"", 0xE0), build(0x36, bytes.fromhex("1020020001"), 0xE0)])
 def test_noise_does_not_displace_a_device(noise: bytes) -> None:
     """Regression: a frame that was valid by chance at a wrong rate became the line's own device across connections, and
     the answers of the real one were ignored.
@@ -212,7 +213,7 @@ def test_a_device_under_its_identifier_accepts_nothing_else() -> None:
     assert {send.frame[1] for send in wire.sent} <= {7}
 
 
-@pytest.mark.parametrize("ids", ["0", "255", "1,1", "1,2,3,4,5", "a", "1,,2", ""])
+@each_row("ids", ["0", "255", "1,1", "1,2,3,4,5", "a", "1,,2", ""])
 def test_invalid_identifiers_are_refused(ids: str) -> None:
     with pytest.raises(LinkError, match="bus_ids"):
         open_link(f"sim:xbus?bus_ids={ids}")
@@ -270,7 +271,7 @@ def uart_at_921600(desk: DeviceController) -> dict[str, dict[str, object]]:
     return {"PortConfig": {"words": [host, uart & ~0xFF | 0x80, gnss]}}
 
 
-@pytest.mark.parametrize("keep", [False, True])
+@each_row("keep", [False, True])
 def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep: bool, tmp_path: Path) -> None:
     """Regression: at its new rate the others are noise without a recognised protocol; its answers were ignored, and it
     was lost at an unknown rate.

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
 import serial
 
 from protocols.registry import PROTOCOLS
+from tests.each_row import each_row
 from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S
 
@@ -84,7 +84,7 @@ def test_a_file_in_its_place_is_left_alone(tmp_path: Path) -> None:
     assert path.read_bytes() == b"mine"
 
 
-@pytest.mark.parametrize("device", ["xbus?product=MTi-9000", "gyro"])
+@each_row("device", ["xbus?product=MTi-9000", "gyro"])
 def test_an_unknown_device_is_refused_in_a_line(tmp_path: Path, device: str) -> None:
     done = imuscope("simulate", device, "--pty", str(tmp_path / "x"), "--data", str(tmp_path))
     assert done.returncode == 1

@@ -21,13 +21,14 @@ from server.links.tcp import TcpLink
 from server.links.udp import UdpLink
 from server.metrics import Metrics, Sources
 from server.wire import RecorderState
+from tests.each_row import each_row
 from tests.fault_injection.fault_harness import stage
 from tests.manual_clock import ManualClock
 from tests.protocols.nmea_sentences import sentence
 from tests.waiting import until
 
 
-@pytest.mark.parametrize("byte_s", [1e-9, 1e-7, 1e-6])
+@each_row("byte_s", [1e-9, 1e-7, 1e-6])
 def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
     async def check() -> None:
         clock = ManualClock(0.0)
@@ -56,8 +57,8 @@ def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
     asyncio.run(check())
 
 
-@pytest.mark.parametrize("full", [0.5, 1.0], ids=["half of them full", "all full"])
-@pytest.mark.parametrize("constant", [0.0028, 0.02])
+@each_row("full", [0.5, 1.0], ids=["half of them full", "all full"])
+@each_row("constant", [0.0028, 0.02])
 def test_fixed_costs_do_not_make_slices_small(constant: float, full: float) -> None:
     """Regression: with three senders on one UDP port of a slow machine, each slice cost 3 ms regardless of its size;
     slices became 1 kB, and the server fell behind a stream of 36 kB/s. Afterwards all slices were equally full, so the
@@ -188,7 +189,7 @@ def test_the_first_slice_is_a_small_one() -> None:
     asyncio.run(check())
 
 
-@pytest.mark.parametrize(("protocol", "whole"), [("xbus", False), ("isb", False), ("idtp", True), ("", True)])
+@each_row(("protocol", "whole"), [("xbus", False), ("isb", False), ("idtp", True), ("", True)])
 def test_a_datagram_is_cut_where_nothing_is_framed_by_its_end(protocol: str, whole: bool) -> None:
     """A hostile one of 64 kB took up to 0.4 s at once."""
 

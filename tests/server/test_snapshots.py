@@ -17,6 +17,7 @@ from protocols.xbus.driver import XbusDriver
 from server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
 from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, from_text, to_text
 from server.configuration.value_format import field_at, title_at, value_at
+from tests.each_row import each_row
 
 ROWS = {row.name: row for row in XbusDriver().settings(DeviceContext(product="MTi-630"))}
 MAX_FILES = 20  # files of one device
@@ -62,7 +63,7 @@ def test_a_snapshot_is_readable_text() -> None:
     assert 'missing:\n  CanConfig: "message unknown"' in text
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ("", "A snapshot must be names with values"),
@@ -98,7 +99,7 @@ def test_snapshots_are_listed_by_serial_number_newest_first(tmp_path: Path) -> N
     assert [info.name for info in folder.all("xbus", "0080")] == [names[2], names[1]]
 
 
-@pytest.mark.parametrize("name", ["../../secret", "..", "/etc/passwd", "", "x/../y", ".hidden", "a\0b"])
+@each_row("name", ["../../secret", "..", "/etc/passwd", "", "x/../y", ".hidden", "a\0b"])
 def test_names_are_never_paths(tmp_path: Path, name: str) -> None:
     folder = Snapshots(tmp_path / "snapshots")
     keep(folder, "one")

@@ -13,6 +13,7 @@ from server.analysis.registry import analysis_named
 from server.analysis.report import figures_of
 from server.analysis.signals import Floats, Signal
 from server.errors import DomainError
+from tests.each_row import each_row
 
 START = 1_760_000_000.0
 RATE = 500.0
@@ -32,9 +33,9 @@ def white(n: int, seed: int = 1) -> Floats:
     return np.random.default_rng(seed).normal(0, 1, n)
 
 
-@pytest.mark.parametrize("window", ["hann", "hamming", "blackmanharris", "flattop", "boxcar"])
-@pytest.mark.parametrize("detrend", ["constant", "linear", "none"])
-@pytest.mark.parametrize(("length", "overlap"), [(256, 0.5), (255, 0.0), (512, 0.75)])
+@each_row("window", ["hann", "hamming", "blackmanharris", "flattop", "boxcar"])
+@each_row("detrend", ["constant", "linear", "none"])
+@each_row(("length", "overlap"), [(256, 0.5), (255, 0.0), (512, 0.75)])
 def test_without_gaps_it_is_welch_of_scipy(window: str, detrend: str, length: int, overlap: float) -> None:
     values = white(5000) + np.arange(5000) * 1e-3 + 3
     found, _ = analysed("psd", signal(values), window=window, detrend=detrend, length=length, overlap=overlap)
@@ -60,7 +61,7 @@ def test_the_power_of_noise_and_its_units() -> None:
     assert units["psd"] == "m/s²/√Hz"
 
 
-@pytest.mark.parametrize("overlap", [0.0, 0.5, 0.75])
+@each_row("overlap", [0.0, 0.5, 0.75])
 def test_the_interval_holds_the_true_density(overlap: float) -> None:
     inside, total = 0, 0
     for seed in range(40):
@@ -161,7 +162,7 @@ def test_the_spectrogram_has_no_column_in_a_gap_and_is_thinned_as_told() -> None
     assert "One of 6 segments is shown" in found["notes"][-1]
 
 
-@pytest.mark.parametrize("name", ["psd", "spectrogram"])
+@each_row("name", ["psd", "spectrogram"])
 def test_a_segment_longer_than_every_run_is_refused(name: str) -> None:
     with pytest.raises(DomainError, match="does not fit") as raised:
         analysed(name, signal(white(100)), length=200)

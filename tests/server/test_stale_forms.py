@@ -12,6 +12,7 @@ from protocols.registry import PROTOCOLS
 from protocols.transactions import DeviceContext
 from server.configuration.device_controller import DeviceController
 from server.configuration.preview import load_of
+from tests.each_row import each_row
 from tests.server.control_harness import ControlHarness, house, outputs, over
 from tests.waiting import until
 
@@ -118,7 +119,7 @@ def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
     run(check())
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("protocol", "name", "values", "some"),
     [
         ("isb", "DID_RMC.IMX_PPD", {"options": 0}, {"streams"}),
@@ -149,7 +150,7 @@ def test_settings_changed_by_a_command(protocol: str, name: str, values: dict[st
     assert (some <= found) if some else not found
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("source", "silence", "change", "speech"),
     [
         (IMX, "STOP_BROADCASTS_CURRENT_PORT", {"streams": {"streams": [{"did": 4, "period": 2}]}}, ""),

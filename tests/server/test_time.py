@@ -28,6 +28,7 @@ from server.links.base import LinkSettings
 from server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
 from server.links.simulated_line import LineFaults, SimulatedLine
 from server.streaming.telemetry import Telemetry
+from tests.each_row import each_row
 from tests.protocols.timing_model import EPOCH_NS, ModelDevice, Way, mapped, stream
 from tests.server.fakes import FakeClock, FakeLink
 
@@ -217,7 +218,7 @@ def test_the_properties_of_a_port_before_the_first_byte(tmp_path: Any) -> None:
     }
 
 
-@pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
+@each_row("protocol", ["xbus", "isb", "idtp"])
 def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
     """Regression: the size was computed from the fields with 3 bytes each, milliseconds too much on a slow line."""
     device: Any = {"xbus": XbusSimulator(measuring=True), "isb": IsbSimulator(), "idtp": IdtpSimulator()}[protocol]
@@ -237,7 +238,7 @@ def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
         assert all(at + sizes[int(at)] <= following for at, following in itertools.pairwise(starts))
 
 
-@pytest.mark.parametrize("speed", [0.5, 2.0, 20.0])
+@each_row("speed", [0.5, 2.0, 20.0])
 def test_a_capture_played_faster_is_not_a_clock_jump(speed: float) -> None:
     """`capture.bin?speed=2`: two seconds of the device's clock pass in one of the host's."""
 

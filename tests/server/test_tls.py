@@ -24,6 +24,7 @@ from cryptography.hazmat.primitives import serialization
 from server import http_server, tls
 from server.config import Config, ConfigError, load
 from server.connections import ConnectionLimits
+from tests.each_row import each_row
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connecting, http_client
 
@@ -98,7 +99,7 @@ def test_a_given_certificate_is_used(pair: tls.Tls) -> None:
     assert found == replace(pair, made=False)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("what", "words"),
     [
         ("no certificate file", "tls_cert .*gone.pem cannot be read: No such file or directory."),
@@ -146,7 +147,7 @@ def test_unusable_certificates_are_reported(
         tls.load_certificate(cert, key)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("given", "words"),
     [
         ({"tls_cert": "a.pem"}, "tls_cert needs tls_key"),

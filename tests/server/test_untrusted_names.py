@@ -19,6 +19,7 @@ from recordings.library import clean_name
 from server.api.unicode_guard import is_whole
 from server.config import Config
 from server.configuration.snapshots import Snapshot, Snapshots
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -128,7 +129,7 @@ def recording(running: InProcessServer, file: bytes) -> str:
 UPLOADED = ("parent", "spelled", "hidden", "an option", "nul", "long in bytes", "device", "half a character")
 
 
-@pytest.mark.parametrize("what", UPLOADED)
+@each_row("what", UPLOADED)
 def test_an_uploaded_file_gets_a_name_that_is_no_path(
     what: str, running: InProcessServer, folder: Path, file: bytes
 ) -> None:
@@ -143,7 +144,7 @@ def test_an_uploaded_file_gets_a_name_that_is_no_path(
     sent(running, "DELETE", own)
 
 
-@pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
+@each_row("name", NASTY.values(), ids=NASTY)
 def test_hostile_names_open_nothing(name: str, running: InProcessServer, folder: Path, recording: str) -> None:
     device = running.client.get("/api/devices").json()[0]["id"]
     sent(running, "PATCH", recording, {"title": name, "tags": [name], "notes": name, "pinned": False})
@@ -179,14 +180,14 @@ def sent_or_no_view(running: InProcessServer, path: str) -> int:
     return sent(running, "GET", path).status_code
 
 
-@pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
+@each_row("name", NASTY.values(), ids=NASTY)
 def test_a_file_gets_a_name_that_any_system_can_hold(name: str) -> None:
     found = clean_name(name)
     assert is_harmless(found), found
     assert clean_name(found) == found
 
 
-@pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
+@each_row("name", NASTY.values(), ids=NASTY)
 def test_a_snapshot_is_stored_in_its_folder_only(name: str, tmp_path: Path) -> None:
     """The serial number is untrusted too: it comes from the line."""
     kept = Snapshots(tmp_path / "data" / "snapshots")
@@ -203,7 +204,7 @@ def test_a_snapshot_is_stored_in_its_folder_only(name: str, tmp_path: Path) -> N
             kept.delete("xbus", name, other)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("method", "path", "body"),
     [
         ("PATCH", "/api/recordings/a", {"title": "x" * 201}),
@@ -230,7 +231,7 @@ def test_a_body_beyond_a_megabyte_is_refused_before_it_is_read(running: InProces
         assert answer.status_code == 413
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("body", "is_fine"),
     [
         (b'{"text": "\\ud83d\\ude80"}', True),

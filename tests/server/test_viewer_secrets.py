@@ -23,6 +23,7 @@ from server.auth import Access
 from server.config import Config
 from server.integrations.foxglove_worker import ConnectionGuard
 from server.integrations.shared_secret import HEADER, SecretEndpoint, has_secret
+from tests.each_row import each_row
 from tests.server_process import ServerProcess
 from tests.timeouts import connecting, get
 from tests.viser_client import looking, messages, subprotocol
@@ -127,7 +128,7 @@ class FakeConnection:
         return Response(status, "", Headers({"content-type": "text/plain"}), text.encode())
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("headers", "status"),
     [
         ({}, None),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from server import generate_route_types, generate_ts_types, wire, wire_codec
 from server.reference import typescript
+from tests.each_row import each_row
 
 DTYPES = list(wire.Dtype.__args__)  # type: ignore[attr-defined]
 
@@ -89,7 +90,7 @@ def test_text_round_trip() -> None:
     assert json.loads(wire_codec.encode_text(wire.HistoryEnd())) == {"op": "history_end"}
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         "",
@@ -122,7 +123,7 @@ def test_any_text_is_accepted_or_refused(text: str) -> None:
         return
 
 
-@pytest.mark.parametrize("target", typescript.TARGETS, ids=lambda target: target.about)
+@each_row("target", typescript.TARGETS, ids=lambda target: target.about)
 def test_types_of_the_page_are_not_stale(target: typescript.Target) -> None:
     """Run `python -m server.generate_ts_types` when this fails."""
     assert target.path.read_text(encoding="utf-8") == typescript.generate(target)

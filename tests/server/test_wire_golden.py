@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from server.wire_codec import encode_samples
+from tests.each_row import each_row
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "wire" / "frames.json"
 ENTRIES: list[dict[str, Any]] = json.loads(GOLDEN.read_text())["frames"]
@@ -35,7 +35,7 @@ def encoded(entry: dict[str, Any]) -> bytes:
     )
 
 
-@pytest.mark.parametrize("entry", ENTRIES, ids=[entry["what"] for entry in ENTRIES])
+@each_row("entry", ENTRIES, ids=[entry["what"] for entry in ENTRIES])
 def test_frame_is_as_it_was(entry: dict[str, Any]) -> None:
     assert encoded(entry).hex() == entry["hex"]
 

@@ -17,6 +17,7 @@ from server.auth import Access
 from server.config import Config
 from server.errors import DomainError
 from server.workspaces import ANY, FOLDER, MAX_BYTES, MAX_NAME, WorkspaceStore, clean_name
+from tests.each_row import each_row
 from tests.server.asgi_client import ask
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -82,13 +83,13 @@ BAD: list[Any] = [
 ]
 
 
-@pytest.mark.parametrize("content", BAD)
+@each_row("content", BAD)
 def test_what_is_no_workspace_is_not_stored(client: Client, content: Any) -> None:
     assert_problem(put(client, "bad", content), 422, "bad-request")
     assert client.get(PATH).json()["workspaces"] == []
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", '"\\ud800"'])
+@each_row("number", ["NaN", "Infinity", '"\\ud800"'])
 def test_what_json_cannot_hold_is_not_stored(client: Client, number: str) -> None:
     body = json.dumps({"workspace": workspace(x="X")}).replace('"X"', number)
     answer = client.put(f"{PATH}/bad", content=body, headers={"content-type": "application/json"})
@@ -133,14 +134,14 @@ def test_viewers_read_and_operators_write(tmp_path: Path) -> None:
     assert ask(app, "GET", PATH).status == 401
 
 
-@pytest.mark.parametrize("name", ["", "  ", "a\x00b", "a\u200bb", "\ud800", "x" * 81])
+@each_row("name", ["", "  ", "a\x00b", "a\u200bb", "\ud800", "x" * 81])
 def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:
     with pytest.raises(DomainError) as caught:
         clean_name(name)
     assert caught.value.kind == "bad-request"
 
 
-@pytest.mark.parametrize("name", ["..", "../../etc/passwd", "defaults", ".hidden", "CON", "ä" * 80, "a/b", "%2e%2e"])
+@each_row("name", ["..", "../../etc/passwd", "defaults", ".hidden", "CON", "ä" * 80, "a/b", "%2e%2e"])
 def test_any_name_stays_within_its_folder(tmp_path: Path, name: str) -> None:
     store = WorkspaceStore(tmp_path)
     store.put(name, workspace(), None)
@@ -178,7 +179,7 @@ def test_a_write_that_fails_leaves_the_old_workspace(tmp_path: Path, monkeypatch
     assert len(list((tmp_path / FOLDER).iterdir())) == 1  # no temporary file
 
 
-@pytest.mark.parametrize("damage", [b"", b"{", b"[]", b'{"name": "one"}', b"\xff", b"[" * 100_000])
+@each_row("damage", [b"", b"{", b"[]", b'{"name": "one"}', b"\xff", b"[" * 100_000])
 def test_a_damaged_file_hides_no_other(tmp_path: Path, damage: bytes) -> None:
     store = WorkspaceStore(tmp_path)
     store.put("one", workspace(), None)

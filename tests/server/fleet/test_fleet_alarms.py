@@ -19,6 +19,7 @@ from server.fleet.reports import ReportedDevice, RobotStatus
 from server.fleet.status_summary import summary_of
 from server.fleet.summaries import RobotSummary
 from server.fleet_settings import FleetServerSettings
+from tests.each_row import each_row
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
@@ -60,7 +61,7 @@ def test_a_robot_that_is_lost_raises_an_alarm_after_a_time_and_once(tmp_path: Pa
     assert judged.events[1:] == [("info", "Lost for longer than 60 s: no longer.")]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("condition", "bad", "between", "good"),
     [
         ("loss", robot(loss=0.02), robot(loss=0.009), robot(loss=0.001)),
@@ -103,7 +104,7 @@ def test_an_acknowledgement_has_a_name_and_outlives_the_server(tmp_path: Path) -
     assert again.look(robot(loss=0.5)) == [("loss", "raised")]  # another time
 
 
-@pytest.mark.parametrize("has_profile", [True, False])
+@each_row("has_profile", [True, False])
 def test_settings_that_are_read_again_keep_their_alarm_and_a_removed_profile_ends_it(
     tmp_path: Path, has_profile: bool
 ) -> None:

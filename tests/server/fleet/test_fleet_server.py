@@ -21,6 +21,7 @@ from server.fleet import keys
 from server.fleet.access import FleetAccessError, RouterSettings, access_rules, as_document, read_robots
 from server.fleet.bus import BusCredentials, open_bus
 from server.fleet.reports import RobotReport, RobotStatus, encode
+from tests.each_row import each_row
 from tests.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ROOT, ServerProcess, imuscope
@@ -281,7 +282,7 @@ def test_rules_name_each_robot_once(tmp_path: Path) -> None:
     assert max(Counter(rule["id"] for rule in rules["rules"]).values()) == 1
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ("a/b:password-of-a", "Line 1"),
@@ -298,7 +299,7 @@ def test_a_file_of_robots_with_a_mistake_is_refused(tmp_path: Path, text: str, w
         read_robots(path)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("arguments", "words"),
     [
         (("--listen", "tcp/0.0.0.0:7447"), "could pose as a robot"),

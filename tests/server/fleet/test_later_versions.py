@@ -16,6 +16,7 @@ from server.fleet.later_versions import MAX_MORE, MAX_TEXT, unknown_parts
 from server.fleet.reports import JournalAnswer, ReportError, RobotStatus, decode_journal, decode_report, encode
 from server.fleet.robots import Robots
 from server.fleet.summaries import FleetRobots
+from tests.each_row import each_row
 
 BOOT = "0123456789abcdef"
 words = st.text(min_size=1, max_size=40)
@@ -87,9 +88,7 @@ def test_what_is_not_known_is_counted_once() -> None:
     assert [event.kind for event in collector.batch.events] == ["firmware"]
 
 
-@pytest.mark.parametrize(
-    "changed", [{"kind": ""}, {"kind": "x" * 41}, {"level": 3}, {"status": None}, {"state": ["raised"]}]
-)
+@each_row("changed", [{"kind": ""}, {"kind": "x" * 41}, {"level": 3}, {"status": None}, {"state": ["raised"]}])
 def test_a_word_of_another_shape_is_refused(changed: dict[str, Any]) -> None:
     with pytest.raises(ReportError):
         decode_report(msgspec.msgpack.encode(later_report(**changed)))

@@ -12,6 +12,7 @@ from server.auth import Access, Guard
 from server.config import Config
 from server.fleet.access import FleetAccessError
 from server.fleet.operators import Operators, read_operators
+from tests.each_row import each_row
 from tests.server.asgi_client import Answer, Reached, ask
 from tests.server.fleet.robot_with_pages import CONTROL, VIEW, base, commands, fleet_of, token
 from tests.timeouts import get
@@ -63,7 +64,7 @@ def test_an_operator_commands_the_robots_of_own_groups_only(tmp_path: Path) -> N
         assert answer.status == (200 if may else 403), (rollout, secret)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("method", "path"),
     [
         ("DELETE", "/api/devices/1"),
@@ -112,7 +113,7 @@ def test_a_removed_line_revokes_at_once_and_a_damaged_file_revokes_all(tmp_path:
     assert asked(guard, "POST", path, BEN).status == 401
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "said"),
     [
         ("ada", "Line 1 of .*: give NAME:TOKEN:GROUP,GROUP"),

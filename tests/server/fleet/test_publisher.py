@@ -8,6 +8,7 @@ import pytest
 
 from server.fleet.publisher import ByteBudget, FleetSettingsError, credentials_of, robot_name
 from server.fleet_settings import FleetSettings
+from tests.each_row import each_row
 
 
 def test_a_limit_allows_its_bytes_and_some_seconds_at_once() -> None:
@@ -39,7 +40,7 @@ def test_the_password_may_be_in_a_file(tmp_path: Path) -> None:
     assert credentials_of(FleetSettings(user="a", password=f"@{path}")).password == "password-of-a"
 
 
-@pytest.mark.parametrize(
+@each_row(
     "settings",
     [
         FleetSettings(user="a"),

@@ -24,6 +24,7 @@ from server.fleet.store import location
 from server.fleet.tables import TABLES
 from server.fleet.upload import upload
 from server.store_settings import StoreSettings
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks
 from tests.server.in_process_server import InProcessServer
@@ -111,7 +112,7 @@ def test_an_answer_in_the_other_formats_has_all_rows(server: InProcessServer) ->
     assert "answer.csv" in csv.headers["content-disposition"]
 
 
-@pytest.mark.parametrize("name", QUESTIONS)
+@each_row("name", QUESTIONS)
 def test_prepared_questions_are_listed_and_answered(name: str, server: InProcessServer) -> None:
     listed = {one["name"]: one for one in server.client.get("/api/query/questions").json()}
     assert listed[name]["sql"] == QUESTIONS[name].sql
@@ -132,7 +133,7 @@ def test_what_an_editor_completes(server: InProcessServer, folder: Path) -> None
     assert {"median", "round", "left"} <= {one["name"] for one in words["functions"]}
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("body", "status", "kind", "words"),
     [
         ({"sql": "SELEC 1"}, 422, "bad-query", "Line 1, column 1: syntax error"),
@@ -243,7 +244,7 @@ def test_a_recording_is_fetched_from_the_store_once(server: InProcessServer, fol
     assert server.services.catalogue.library.path(recording).read_bytes() == (folder / key).read_bytes()
 
 
-@pytest.mark.parametrize(("recording", "status", "words"), [("0" * 24, 404, "no recording"), ("x", 422, "'x'")])
+@each_row(("recording", "status", "words"), [("0" * 24, 404, "no recording"), ("x", 422, "'x'")])
 def test_what_is_not_in_the_store_is_not_fetched(
     recording: str, status: int, words: str, server: InProcessServer
 ) -> None:

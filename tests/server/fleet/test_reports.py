@@ -23,6 +23,7 @@ from server.fleet.reports import (
     decode_report,
     encode,
 )
+from tests.each_row import each_row
 
 BOOT = "0123456789abcdef"
 EVENT = RobotEvent(1_700_000_000.0, "link", "warning", "MTi-630 is gone.", "1")
@@ -46,7 +47,7 @@ def test_unknown_fields_of_a_report_are_ignored() -> None:
     assert decode_report(packed(humidity=40, status=None)).status is None
 
 
-@pytest.mark.parametrize(
+@each_row(
     "changed",
     [
         {"version": 2},
@@ -101,16 +102,14 @@ def test_a_changed_byte_is_a_report_or_a_report_error(at: int, value: int) -> No
         assert decode_report(bytes(data)).version == 1
 
 
-@pytest.mark.parametrize("name", ["otter-7", "Otter 7", "a", "größe.1", "0_x"])
+@each_row("name", ["otter-7", "Otter 7", "a", "größe.1", "0_x"])
 def test_names_of_robots(name: str) -> None:
     assert keys.is_robot_name(name)
     assert keys.robot_of(keys.report_key(name)) == name
     assert keys.parse_token(keys.token_key(name, BOOT)) == (name, BOOT)
 
 
-@pytest.mark.parametrize(
-    "name", ["", "*", "**", "a/b", "a?b", "a#b", "$a", "@x", ".a", "-a", "a ", "x" * 65, "a\n", "e\u0301"]
-)
+@each_row("name", ["", "*", "**", "a/b", "a?b", "a#b", "$a", "@x", ".a", "-a", "a ", "x" * 65, "a\n", "e\u0301"])
 def test_names_that_would_be_a_pattern_or_a_path_are_refused(name: str) -> None:
     assert not keys.is_robot_name(name)
     assert keys.robot_of(keys.report_key(name)) != name or not name

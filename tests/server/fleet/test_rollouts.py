@@ -23,6 +23,7 @@ from server.fleet.rollout_models import Rollout, wave_sizes
 from server.fleet.rollout_plan import plan_of
 from server.fleet.rollouts import RolloutFiles
 from server.links.simulator import SimulatorThread
+from tests.each_row import each_row
 from tests.server.control_harness import bench
 from tests.server.fleet.compared_robots import robot, settings_at
 from tests.server.fleet.rollout_fleet import OTHER_HZ, PROFILE_HZ, RolloutFleet
@@ -32,7 +33,7 @@ LONG_S = 120
 """A time of watching that somebody at the robot ends."""
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "count", "sizes"),
     [
         ("1, 5, 25 %", 40, [1, 5, 9, 7, 5, 4, 3, 2, 1, 1, 1, 1]),
@@ -46,7 +47,7 @@ def test_waves(text: str, count: int, sizes: list[int]) -> None:
     assert wave_sizes(text, count) == sizes
 
 
-@pytest.mark.parametrize("text", ["", "0", "1,", "101 %", "0 %", "-1", "1.5", "x", ",".join("1" * 21), "999999"])
+@each_row("text", ["", "0", "1,", "101 %", "0 %", "-1", "1.5", "x", ",".join("1" * 21), "999999"])
 def test_waves_that_cannot_be_used(text: str) -> None:
     with pytest.raises(DomainError, match="waves: "):
         wave_sizes(text, 5)

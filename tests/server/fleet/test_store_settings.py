@@ -8,6 +8,7 @@ import pytest
 
 from server.config import ConfigError, load
 from server.store_settings import StoreSettings
+from tests.each_row import each_row
 from tests.server.fleet.store_fixtures import Commands
 
 
@@ -20,7 +21,7 @@ def test_the_command_line_outdoes_the_url_of_the_file(tmp_path: Path) -> None:
     assert load().store.url == ""
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ('store = "/srv/drives"', "store must be a table"),

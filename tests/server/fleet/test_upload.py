@@ -20,6 +20,7 @@ from recordings.message_source import MessageSource
 from server.fleet import upload as uploading
 from server.fleet.store import StoreError, location, store_error
 from server.fleet.tables import TABLES
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import START, drive
 from tests.server.fleet.store_fixtures import Commands, delta
 from tests.server_process import ROOT, begun
@@ -250,7 +251,7 @@ def test_missing_rights_are_one_line(commands: Commands, recording: Path, store:
     assert "access is denied" in commands.refused("upload", recording, "--store", store, "--robot", "a")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("said", "words"),
     [
         ("Generic LocalFileSystem error: No space left on device (os error 28)", "the disk is full"),
@@ -289,7 +290,7 @@ def test_a_server_that_does_not_answer_is_one_line(
 BLOCK = "import sys; sys.modules[sys.argv.pop(1)] = None; from server.cli import main; raise SystemExit(main())"
 
 
-@pytest.mark.parametrize(("package", "command"), [("deltalake", "upload"), ("obstore", "upload"), ("duckdb", "query")])
+@each_row(("package", "command"), [("deltalake", "upload"), ("obstore", "upload"), ("duckdb", "query")])
 def test_without_the_packages_the_commands_say_what_to_install(
     package: str, command: str, recording: Path, store: Path
 ) -> None:

@@ -16,6 +16,7 @@ from server.config import ConfigError, load
 from server.fleet.upload_cleanup import DAY_S, edits_of, next_to_go
 from server.fleet.upload_log import UploadLog, UploadOutcome
 from server.store_settings import StoreSettings
+from tests.each_row import each_row
 
 NOW = 1_760_000_000.0
 RULES = StoreSettings("/srv", upload=True, keep_days=30, keep_tags=("keep",))
@@ -81,7 +82,7 @@ def test_an_outcome_is_of_a_file_as_it_was_in_this_store(tmp_path: Path) -> None
     assert again.of(one) is None
 
 
-@pytest.mark.parametrize("rule", ["keep_days = 3.0", "keep_gb = 3.0"])
+@each_row("rule", ["keep_days = 3.0", "keep_gb = 3.0"])
 def test_deletion_needs_uploads(rule: str, tmp_path: Path) -> None:
     file = tmp_path / "imuscope.toml"
     file.write_text(f"[store]\nurl = '/srv'\n{rule}\n")

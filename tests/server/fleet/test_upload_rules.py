@@ -14,6 +14,7 @@ from recordings.sidecar import Edits
 from server.config import ConfigError, load
 from server.fleet.upload_rules import pause_until, refusal
 from server.store_settings import StoreSettings
+from tests.each_row import each_row
 
 
 def entry(*tags: str, title: str = "Yard", markers: tuple[str, ...] = (), size: int = 2_000_000) -> LibraryEntry:
@@ -22,7 +23,7 @@ def entry(*tags: str, title: str = "Yard", markers: tuple[str, ...] = (), size: 
     return LibraryEntry("a", [Path("a.mcap")], size, 0.0, probe, Edits(tags=tags), [], [], list(markers))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("rules", "given", "reason"),
     [
         ({}, entry(), ""),
@@ -50,7 +51,7 @@ def test_a_duration_that_is_unknown_does_not_refuse() -> None:
     assert refusal(one, StoreSettings(upload_min_s=60)) == ""
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("hours", "time", "until"),
     [
         ("", "12:00", ""),
@@ -68,7 +69,7 @@ def test_uploads_begin_in_their_hours(hours: str, time: str, until: str) -> None
     assert pause_until(StoreSettings(upload_hours=hours), now) == until
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "words"),
     [
         ("upload = true", "store.upload needs store.url"),

@@ -18,6 +18,7 @@ from server.config import Config
 from server.fleet import uploads
 from server.fleet_settings import FleetSettings
 from server.store_settings import StoreSettings
+from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks
 from tests.server.fleet.store_fixtures import delta
@@ -189,7 +190,7 @@ def test_what_the_store_confirms_moves_to_the_bin(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("progress", [0.01, 0.7])
+@each_row("progress", [0.01, 0.7])
 def test_a_server_that_is_killed_in_an_upload_stores_it_once(progress: float, tmp_path: Path) -> None:
     data, store = tmp_path / "data", tmp_path / "store"
     drive(folder_of(data) / "a.mcap", seconds=40.0)

@@ -6,11 +6,12 @@ import pytest
 from zenoh.ext import Int64, z_serialize
 
 from server.ros2.attachment import Attachment, AttachmentError, gid_of
+from tests.each_row import each_row
 
 GID = bytes(range(16))
 
 
-@pytest.mark.parametrize(("sequence", "time_ns"), [(1, 1_795_000_000_123_456_789), (0, 0), (2**63 - 1, -1)])
+@each_row(("sequence", "time_ns"), [(1, 1_795_000_000_123_456_789), (0, 0), (2**63 - 1, -1)])
 def test_bytes_are_those_of_zenohs_serializer(sequence: int, time_ns: int) -> None:
     expected = bytes(z_serialize((Int64(sequence), Int64(time_ns), GID)))
     attachment = Attachment(sequence, time_ns, GID)
@@ -18,7 +19,7 @@ def test_bytes_are_those_of_zenohs_serializer(sequence: int, time_ns: int) -> No
     assert Attachment.decode(expected) == attachment
 
 
-@pytest.mark.parametrize("data", [b"", bytes(32), bytes(33), bytes(34), b"\x0fsequence_number" + bytes(60)])
+@each_row("data", [b"", bytes(32), bytes(33), bytes(34), b"\x0fsequence_number" + bytes(60)])
 def test_other_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(AttachmentError):
         Attachment.decode(data)

@@ -7,6 +7,7 @@ import pytest
 
 from recordings.rotations import READ
 from server.ros2.axes import attitudes, body_vectors, enu_from_flu, world_vectors
+from tests.each_row import each_row
 
 FRAMES = {  # columns: the axes of the frame in ENU
     "ENU": np.eye(3),
@@ -24,8 +25,8 @@ def matrix(q: np.ndarray) -> np.ndarray:
     return result
 
 
-@pytest.mark.parametrize("frame", FRAMES)
-@pytest.mark.parametrize("axes", BODIES)
+@each_row("frame", FRAMES)
+@each_row("axes", BODIES)
 def test_attitudes_and_vectors_agree(frame: str, axes: str) -> None:
     source = np.random.default_rng(7)
     q_frame_from_body = attitudes(list(source.normal(size=(4, 20))), "quaternion")
@@ -46,7 +47,7 @@ def test_level_and_north_in_ned_is_a_quarter_turn_in_enu() -> None:
     assert matrix(q) @ [0, 0, 1] == pytest.approx([0, 0, 1])  # up is up
 
 
-@pytest.mark.parametrize(("kind", "width"), [("euler", 3), ("matrix", 9), ("quaternion", 4)])
+@each_row(("kind", "width"), [("euler", 3), ("matrix", 9), ("quaternion", 4)])
 def test_attitudes_are_those_of_the_other_views(kind: str, width: int) -> None:
     source = np.random.default_rng(3)
     if kind == "matrix":
@@ -58,7 +59,7 @@ def test_attitudes_are_those_of_the_other_views(kind: str, width: int) -> None:
     assert found == pytest.approx(np.array([READ[kind](row) for row in rows.tolist()]))
 
 
-@pytest.mark.parametrize("kind", ["quaternion", "matrix"])
+@each_row("kind", ["quaternion", "matrix"])
 def test_invalid_attitudes_are_not_numbers(kind: str) -> None:
     width = {"quaternion": 4, "matrix": 9}[kind]
     rows = np.array([np.zeros(width), np.full(width, np.nan)])

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from server.ros2 import type_support
 from server.ros2.cdr_rows import RowEncoder, stamp_columns
 from server.ros2.messages import FIELD, FIX, IMU, PRESSURE, TEMPERATURE, TIME, TRANSFORM, TWIST
+from tests.each_row import each_row
 
 N = 3
 TRANSFORM_TEXTS = {"transforms.0.header.frame_id": "map", "transforms.0.child_frame_id": "imu0"}
@@ -43,7 +43,7 @@ def value_at(message: Any, path: str) -> Any:
     return message
 
 
-@pytest.mark.parametrize(("type", "texts", "lengths"), TYPES, ids=[type for type, _, _ in TYPES])
+@each_row(("type", "texts", "lengths"), TYPES, ids=[type for type, _, _ in TYPES])
 def test_every_number_and_text_is_where_rosbags_reads_it(
     type: str, texts: dict[str, str], lengths: dict[str, int]
 ) -> None:
@@ -65,7 +65,7 @@ def test_every_number_and_text_is_where_rosbags_reads_it(
         assert type_support.serialize(message, type) == data
 
 
-@pytest.mark.parametrize("name", ["", "a", "ab", "abc", "abcd", "abcdefg", "größe"])
+@each_row("name", ["", "a", "ab", "abc", "abcd", "abcdefg", "größe"])
 def test_texts_of_every_length_keep_numbers_aligned(name: str) -> None:
     (data,) = RowEncoder(TEMPERATURE, {"header.frame_id": name}).encode(1, {"temperature": 21.5, "variance": 2.0})
     message = type_support.deserialize(data, TEMPERATURE)

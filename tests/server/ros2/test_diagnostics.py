@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from server.ros2 import type_support
 from server.ros2.diagnostics import ARRAY, DiagnosticCounts, diagnostics
+from tests.each_row import each_row
 
 DEVICE = {
     "id": "1",
@@ -50,7 +49,7 @@ def test_a_live_device_is_ok_and_tells_how_well_its_clock_is_known() -> None:
     assert "clock_drift_ppm" not in values
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("changes", "words"),
     [
         ({"lost": 5}, "2 samples lost."),
@@ -64,7 +63,7 @@ def test_new_problems_are_warnings(changes: dict[str, Any], words: str) -> None:
     assert words in status.message
 
 
-@pytest.mark.parametrize(("state", "level"), [("lost", 2), ("denied", 2), ("connecting", 1), ("ended", 3)])
+@each_row(("state", "level"), [("lost", 2), ("denied", 2), ("connecting", 1), ("ended", 3)])
 def test_a_device_without_data_is_not_ok(state: str, level: int) -> None:
     status = status_of({**DEVICE, "status": state, "message": "/dev/ttyUSB0 is gone."}, None, DiagnosticCounts())
     assert (status.level, status.message) == (level, "/dev/ttyUSB0 is gone.")

@@ -18,6 +18,7 @@ from server.ros2.key_expressions import (
     ros_type,
     topic_key,
 )
+from tests.each_row import each_row
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 LISTENER = RosNode(2, "aac3178e146ba6f1fc6e6a4085e77f21", 0, "", "listener")
@@ -35,7 +36,7 @@ DOCUMENTED = {
 }
 
 
-@pytest.mark.parametrize("token", DOCUMENTED)
+@each_row("token", DOCUMENTED)
 def test_documented_tokens(token: str) -> None:
     assert DOCUMENTED[token].token == token
     assert parse_token(token) == DOCUMENTED[token]
@@ -56,7 +57,7 @@ def test_messages_of_a_topic() -> None:
     assert graph_pattern(2) == "@ros2_lv/2/**"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "profile"),
     [
         ("::,:,:,:,,", QosProfile(depth=42)),
@@ -74,7 +75,7 @@ def test_defaults_that_are_written_out_are_understood() -> None:
     assert QosProfile.parse("1:2:1,10:9223372036,854775807:,:1,,") == QosProfile(depth=10)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "token",
     [
         "",
@@ -93,7 +94,7 @@ def test_other_tokens_are_refused(token: str) -> None:
         parse_token(token)
 
 
-@pytest.mark.parametrize("key", ["", "0", "0/chatter/type", "x/chatter/type/hash", "@ros2_lv/0/a/b"])
+@each_row("key", ["", "0", "0/chatter/type", "x/chatter/type/hash", "@ros2_lv/0/a/b"])
 def test_other_keys_are_refused(key: str) -> None:
     with pytest.raises(KeyExpressionError):
         parse_topic_key(key)
@@ -108,7 +109,7 @@ def test_names_of_types() -> None:
             dds_type(wrong)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "name"),
     [
         ("MTi-680G", "mti_680g"),
@@ -123,6 +124,6 @@ def test_any_text_becomes_a_name(text: str, name: str) -> None:
     assert is_name(f"/{name}")
 
 
-@pytest.mark.parametrize("text", ["", "/", "robot", "/robot/", "/1robot", "/a__b", "/a b", "/a-b", "/a/../b", "/a*"])
+@each_row("text", ["", "/", "robot", "/robot/", "/1robot", "/a__b", "/a b", "/a-b", "/a/../b", "/a*"])
 def test_invalid_names(text: str) -> None:
     assert not is_name(text)

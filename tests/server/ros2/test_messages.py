@@ -14,6 +14,7 @@ from server.ros2 import type_support
 from server.ros2.messages import FrameNames, builders_of
 from server.ros2.quantities import quantities_of
 from server.wire_codec import SampleFrame
+from tests.each_row import each_row
 from tests.server.ros2.samples import T0, frame, info, xyz
 
 DEVICE = {"id": "1", "name": "IMU"}
@@ -131,13 +132,13 @@ def test_noise_of_the_data_sheet_becomes_a_covariance() -> None:
     assert message.orientation_covariance == pytest.approx(np.diag([1e-4, 1e-4, 4e-4]).ravel())
 
 
-@pytest.mark.parametrize(("unit", "tesla"), [("µT", 5e-5), ("G", 5e-3), ("nT", 5e-8)])
+@each_row(("unit", "tesla"), [("µT", 5e-5), ("G", 5e-3), ("nT", 5e-8)])
 def test_a_magnetic_field_with_a_unit_is_in_tesla(unit: str, tesla: float) -> None:
     (message,) = built("imu/mag", [info(5, "Magnetic field", xyz(unit))], [frame(5, [0.0], [50], [0], [0])])
     assert message.magnetic_field.x == pytest.approx(tesla)
 
 
-@pytest.mark.parametrize("unit", ["a.u.", "", "LSB"])
+@each_row("unit", ["a.u.", "", "LSB"])
 def test_a_magnetic_field_without_a_unit_is_not_published(unit: str) -> None:
     quantities = quantities_of(DEVICE, [info(5, "Magnetic field", xyz(unit))])
     assert "imu/mag" not in builders_of(quantities, FRAMES, SensorProperties())

@@ -14,6 +14,7 @@ from server.ros2.session import (
     open_session,
     router_host,
 )
+from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
@@ -77,17 +78,17 @@ def test_an_address_that_zenoh_cannot_use_is_an_error_of_ours() -> None:
         open_session("carrier-pigeon")
 
 
-@pytest.mark.parametrize("text", ["tcp/localhost:7447", "tcp/10.0.0.2:7447", "tcp/[::1]:7447", "udp/robot.local:1"])
+@each_row("text", ["tcp/localhost:7447", "tcp/10.0.0.2:7447", "tcp/[::1]:7447", "udp/robot.local:1"])
 def test_addresses(text: str) -> None:
     assert is_router_address(text)
 
 
-@pytest.mark.parametrize("text", ["", "localhost:7447", "tcp/localhost", "tcp://localhost:7447", "tcp/a:0", "tcp/a:7x"])
+@each_row("text", ["", "localhost:7447", "tcp/localhost", "tcp://localhost:7447", "tcp/a:0", "tcp/a:7x"])
 def test_other_texts_are_no_address(text: str) -> None:
     assert not is_router_address(text)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "host"),
     [("tcp/localhost:7447", ("localhost", 7447)), ("tcp/[::1]:1", ("::1", 1)), ("tls/a.b:2?x=1#y", ("a.b", 2))],
 )

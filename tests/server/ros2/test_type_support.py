@@ -11,6 +11,7 @@ import pytest
 
 from server.ros2 import type_support
 from server.ros2.type_support import TypeSupportError
+from tests.each_row import each_row
 
 # As `ros2 topic info --verbose` prints them in Jazzy.
 HASHES = {
@@ -22,7 +23,7 @@ HASHES = {
 }
 
 
-@pytest.mark.parametrize("type", HASHES)
+@each_row("type", HASHES)
 def test_hashes_are_those_of_ros(type: str) -> None:
     assert type_support.type_hash(type) == f"RIHS01_{HASHES[type]}"
 
@@ -42,9 +43,7 @@ def test_messages_survive() -> None:
     assert "float64 variance" in type_support.definition(kind)
 
 
-@pytest.mark.parametrize(
-    "type", ["sensor_msgs/msg/Imu", "diagnostic_msgs/msg/DiagnosticArray", "tf2_msgs/msg/TFMessage"]
-)
+@each_row("type", ["sensor_msgs/msg/Imu", "diagnostic_msgs/msg/DiagnosticArray", "tf2_msgs/msg/TFMessage"])
 def test_foreign_bytes_are_an_error_of_ours(type: str) -> None:
     source = random.Random(14)
     refused = 0
