@@ -35,11 +35,16 @@ from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S
 
+ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
 
 READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)
     && document.querySelector("[data-numeral]") !== null"""
 """In a page: samples have arrived and are shown."""
+
+# Some environments forbid it, and every process of the tests would compile every module anew, 10 s of a processor.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # Servers started by tests have a data folder each; compiled code is shared by all of them, and by all clones.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
