@@ -1,61 +1,57 @@
 """The whole check, in one command: `uv run tests/check.py`.
 
     page     built, when it is stale                       web/build.py
-    collect  every test found and compiled, once for all
+    collect  tests compiled, once for all workers, when they have changed
     style    ruff check, ruff format; biome                Python; TypeScript, CSS
     types    mypy --strict, tsc                            Python, TypeScript
-    tests    vitest; pytest: units, server; real browser   TypeScript; Python
+    tests    vitest; pytest: units, server, real browser   TypeScript; Python
 
-The tests of one file run one after the other, the files beside each other: they often wait. A test that fails has
-failed: what failed beside other work is run once more, alone, only to say whether it fails there too. Style, types and
-vitest run beside pytest. Every part runs, also after one has failed; the end shows each one's closing line,
-pytest's last, and the exit status is 0 only when all is well. Names of parts run these alone
-(`tests/check.py ruff pytest`); `--slow` runs the tests that are slow and rare, and only those; `--deep` draws many more
-examples in the property tests; `--fix` formats the files and mends what the linters can; everything after `--` goes to
-pytest (`tests/check.py pytest -- -k clocks`).
+Style, types and vitest run beside pytest, whose tests of one file run one after the other. A test that fails has
+failed: what failed beside other work is run once more, alone, only to say whether it fails there too. Every part runs,
+also after one has failed; the end shows each one's closing line, pytest's last, and the exit status is 0 only when all
+is well.
+
+    tests/check.py                       everything
+    tests/check.py --quick               before each commit: style, types, and what the change touches, in 90 s
+    tests/check.py ruff pytest           parts alone; `browser` is pytest's part with a real browser
+    tests/check.py pytest -- -k clocks   everything after `--` goes to pytest
+    tests/check.py --slow                the tests that are slow and rare, and only those
+    tests/check.py --deep                many more examples in the property tests
+    tests/check.py --fix                 format the files and mend what the linters can
+    tests/check.py --stress FILE…        twenty times beside a busy loop on each core
+    tests/check.py --profile             everything, and the table of where the time goes in CONTRIBUTING.md
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import platform
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402  (the project's root must be on the path first)
+from tests.cache_folder import cache_folder  # noqa: E402
+from tests.checking import parts, time_table  # noqa: E402
+from tests.checking.affected import affected_tests, changed_files, page_files  # noqa: E402
+from tests.checking.machine import MemoryPeak  # noqa: E402
+from tests.checking.parts import Outcome, Part  # noqa: E402
+from tests.checking.stress import stress  # noqa: E402
+from tests.source_files import python_files  # noqa: E402
 
 PYTHON = sys.executable
-
-
-@dataclass(frozen=True)
-class Part:
-    """One runner."""
-
-    name: str
-    command: Callable[[argparse.Namespace], list[str]]
-    closing: str = ""  # start of the line with the result; "" for the last line
-    alone: Callable[[argparse.Namespace], list[str]] | None = None  # repeats the tests that failed beside other work
-    lane: str = "wide"  # parts of one lane run one after the other
-    folder: Path = ROOT  # where it runs
-    quiet: bool = False  # prints only its closing line unless it fails
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of one part."""
-
-    name: str
-    status: int
-    seconds: float
-    closing: str
+QUICK_S = 45.0  # seconds of tests in the quick part
+STRESS_RUNS = 20
+WORKERS = 3  # of pytest; tests wait at times, and two cores have as much as they can do
 
 
 def _node() -> str:
@@ -83,21 +79,34 @@ def _tool(name: str, *arguments: str) -> Callable[[argparse.Namespace], list[str
     return lambda _: [PYTHON, "-m", name, *arguments]
 
 
+def _vitest(options: argparse.Namespace) -> list[str]:
+    files = options.page_files
+    chosen = ("related", "--passWithNoTests", *files) if files is not None else ()
+    return _web("vitest/vitest.mjs", *chosen, "--run", "--root", "web", "--no-color")
+
+
 def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
     return lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *arguments, *options.pytest]
 
 
-def _tests(name: str, workers: int, *arguments: str) -> Part:
+def _tests(name: str, *arguments: str, is_named: bool = False) -> Part:
     own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # each process notes its own failures
     beside = (
-        "--numprocesses",
-        str(workers),
-        "--dist",
-        "loadfile",
-        "--max-worker-restart",
-        "0",
-    )  # a new one gets no tests
-    return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"))
+        *("--numprocesses", str(WORKERS), "--dist", "loadfile"),
+        *("--max-worker-restart", "0"),  # a new one gets no tests
+        "--no-loadscope-reorder",  # the longest files first (tests/conftest.py), not those with the most tests
+    )
+    return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"), lane="wide", is_named=is_named)
+
+
+COLLECTED = ROOT / ".pytest_cache" / "collected"
+
+
+def _is_collect_due() -> bool:
+    """Whether a file of tests is younger than the last time that all were compiled."""
+    return not COLLECTED.exists() or COLLECTED.stat().st_mtime < max(
+        path.stat().st_mtime for path in python_files("tests")
+    )
 
 
 STAGES = (("page", "collect"), ("narrow", "wide"))
@@ -106,112 +115,162 @@ STAGES = (("page", "collect"), ("narrow", "wide"))
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="page"),
     # otherwise each of pytest's processes would compile every test anew, as none has yet stored what it compiled
-    Part("collect", _tool("pytest", "--color=no", "--collect-only"), lane="collect", quiet=True),
-    Part("mypy", _tool("mypy"), lane="narrow"),
-    Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found", lane="narrow"),
-    Part("format", _fixing("ruff", "format", check="--check"), lane="narrow"),
-    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web"), lane="narrow"),
-    Part("biome", _biome, "Found", lane="narrow", folder=ROOT / "web"),
-    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests ", lane="narrow"),
-    _tests("pytest", 5, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
-    _tests("browser", 3, "tests/browser"),
+    Part("collect", _tool("pytest", "--color=no", "--collect-only", "-q"), lane="collect", is_due=_is_collect_due),
+    Part("mypy", lambda _: [PYTHON, "-m", "mypy", "--cache-dir", str(cache_folder("mypy"))]),
+    Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found"),
+    Part("format", _fixing("ruff", "format", check="--check")),
+    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
+    Part("biome", _biome, "Found", folder=ROOT / "web"),
+    Part("vitest", _vitest, "Tests "),
+    _tests("pytest", "-p", "tests.checking.durations"),
+    _tests("browser", "tests/browser", is_named=True),
 )
+QUICK = ("page", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
 
 
-def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
+def run_part(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
     """Run one part. If it failed, report whether the failed tests also fail alone; the part has failed either way."""
-    outcome = _run(part, part.command(options), env)
+    outcome = parts.run(part, part.command(options), env)
+    if part.name == "collect" and not outcome.status:
+        COLLECTED.parent.mkdir(exist_ok=True)
+        COLLECTED.touch()
     if part.alone is None or outcome.status != 1:
         return outcome
-    again = _run(part, part.alone(options), env)
+    again = parts.run(part, part.alone(options), env)
     print(f"{part.name}: what failed ran once more, alone: {again.closing}", flush=True)
-    return Outcome(part.name, outcome.status, outcome.seconds + again.seconds, outcome.closing)
+    return outcome
 
 
-def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
+def _run_all(chosen: Sequence[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
     """Run parts: those of a lane one after the other, the lanes of a stage beside each other.
 
     With `--fix`, which changes files, all run one after the other.
     """
 
     def run_lane(name: str) -> dict[str, Outcome]:
-        return {part.name: run(part, options, env) for part in parts if part.lane == name}
+        return {part.name: run_part(part, options, env) for part in chosen if part.lane == name}
 
     outcomes: dict[str, Outcome] = {}
     with ThreadPoolExecutor(1 if options.fix else 2) as lanes:
         for stage in STAGES:
             for found in lanes.map(run_lane, stage):
                 outcomes |= found
-    return [outcomes[part.name] for part in parts]
+    return [outcomes[part.name] for part in chosen]
 
 
-def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
-    """Pass its output on immediately; that of a narrow part after its end."""
-    title = f"\n── {part.name} {'─' * (76 - len(part.name))}\n"
-    held: list[str] = []
-    say = held.append if part.lane == "narrow" or part.quiet else lambda text: print(text, end="", flush=True)
-    say(title)
-    began = time.monotonic()
-    lines: list[str] = []
-    process = subprocess.Popen(
-        command,
-        cwd=part.folder,
-        env=env,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-    )
-    assert process.stdout
-    for line in process.stdout:
-        say(line)
-        if line.strip():
-            lines.append(line.strip())
-    process.stdout.close()
-    status = process.wait()
-    print(f"{title}{lines[-1]}\n" if part.quiet and not status and lines else "".join(held), end="", flush=True)
-    closing = [line for line in lines if line.startswith(part.closing)] or lines
-    closing = closing or [f"exit status {status}" if status else "no complaint"]
-    return Outcome(part.name, status, time.monotonic() - began, closing[-1])
-
-
-def main() -> int:
-    """The command line."""
+def _options(own: Sequence[str]) -> argparse.Namespace:
     names = [part.name for part in PARTS]
-    own = sys.argv[1:]
     cut = own.index("--") if "--" in own else len(own)
     parser = argparse.ArgumentParser(description="Check everything.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"only these: {', '.join(names)}")
+    parser.add_argument("--quick", action="store_true", help="style, types, and the tests that the change touches")
+    parser.add_argument("--since", default="", metavar="COMMIT", help="with --quick: the change since this commit")
     parser.add_argument("--deep", action="store_true", help="many more examples in the property tests")
     parser.add_argument("--slow", action="store_true", help="the tests that are slow and rare, instead of the others")
     parser.add_argument("--fix", action="store_true", help="ruff, format and biome mend what they can")
+    parser.add_argument(
+        "--stress", nargs="+", default=[], metavar="FILE", help="20 times beside a busy loop on each core"
+    )
+    parser.add_argument("--profile", action="store_true", help="write the table of where the time goes")
     options = parser.parse_args(own[:cut])
     options.pytest = [*(("-m", "slow") if options.slow else ()), *own[cut + 1 :]]
+    options.page_files = None
     if options.slow and not options.parts:
-        options.parts = ["pytest", "browser"]
+        options.parts = ["pytest"]
     if unknown := set(options.parts) - set(names):
         parser.error(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
+    if options.quick:
+        _choose_quick(options)
+    return options
 
-    # A missing browser is a failure here, not a skipped test.
-    env = {**os.environ, "NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "IMUSCOPE_NEEDS_BROWSER": "1"}
+
+def _choose_quick(options: argparse.Namespace) -> None:
+    """What the change touches, instead of everything."""
+    changed = changed_files(options.since)
+    affected = affected_tests(changed, QUICK_S)
+    options.page_files = page_files(changed)
+    options.parts = [name for name in options.parts or QUICK if name != "pytest" or affected.files]
+    if not options.page_files:
+        options.parts = [name for name in options.parts if name not in ("vitest", "tsc", "biome")]
+    options.pytest += affected.files
+    rest = f"; {affected.left_out} further files of tests are touched from further away" if affected.left_out else ""
+    print(f"{len(changed)} files have changed: {len(affected.files)} files of tests{rest}", flush=True)
+
+
+def _environment(options: argparse.Namespace) -> dict[str, str]:
+    env = {**os.environ, "NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "IMUSCOPE_CHECK_PID": str(os.getpid())}
+    env["IMUSCOPE_NEEDS_BROWSER"] = "1"  # a missing browser is a failure here, not a skipped test
     env.pop("FORCE_COLOR", None)
     env.pop("PYTHONDONTWRITEBYTECODE", None)  # otherwise some hundred processes would each compile every module
-    env["NODE_COMPILE_CACHE"] = str(ROOT / "artifacts" / "node")  # vitest starts a process for each file of tests
+    env["NODE_COMPILE_CACHE"] = str(ROOT / "artifacts" / "node")  # vitest starts processes
     if options.deep:
         env["HYPOTHESIS_PROFILE"] = "deep"
-    chosen = [part for part in PARTS if part.name in (options.parts or names)]
-    if any(part.alone for part in chosen) and (path := chromium.provide(print)):
-        env["IMUSCOPE_CHROMIUM"] = str(path)
+    return env
 
-    outcomes = run_all(chosen, options, env)
+
+def _stress(options: argparse.Namespace, env: dict[str, str]) -> int:
+    """Run the given files of tests again and again, of Python and of the page."""
+    page = [name for name in options.stress if name.endswith((".ts", ".tsx"))]
+    python = [name for name in options.stress if name not in page]
+    commands = []
+    if python:
+        commands.append(_pytest(*python)(options))
+    if page:
+        files = [str(Path(name).resolve()) for name in page]
+        commands.append(_web("vitest/vitest.mjs", "run", "--root", "web", "--no-color", *files))
+
+    def once() -> int:
+        return max(
+            subprocess.run(command, cwd=ROOT, env=env, stdin=subprocess.DEVNULL).returncode for command in commands
+        )
+
+    failed = stress(once, times=STRESS_RUNS, report=lambda line: print(line, flush=True))
+    print(f"{STRESS_RUNS - len(failed)} passed, {len(failed)} failed")
+    return 1 if failed else 0
+
+
+def report(outcomes: Sequence[Outcome], memory: int) -> None:
     print(f"\n── all {'─' * 73}")
     for outcome in outcomes:
         word = "ok    " if outcome.status == 0 else "FAILED"
         print(f"{word} {outcome.seconds:6.1f} s  {outcome.name:7} {outcome.closing}")
+    processor = sum(outcome.processor for outcome in outcomes)
+    print(f"{processor:.0f} s of a processor, {memory / 1e9:.1f} GB of memory at most")
+    if failed := [name for outcome in outcomes for name in outcome.failed]:
+        print("\nrun again:")
+        python = Path(PYTHON).relative_to(ROOT) if Path(PYTHON).is_relative_to(ROOT) else "python"
+        for name in dict.fromkeys(failed):
+            print(f"  {python} -m pytest '{name}'")
     for outcome in outcomes:
         if outcome.name in ("pytest", "browser"):
             print(outcome.closing)  # as pytest wrote it, last
+
+
+def main() -> int:
+    """The command line."""
+    options = _options(sys.argv[1:])
+    env = _environment(options)
+    chosen = [
+        part for part in PARTS if (part.name in options.parts if options.parts else not part.is_named) and part.is_due()
+    ]
+    if any(part.alone for part in chosen) and not options.quick and (path := chromium.provide(print)):
+        env["IMUSCOPE_CHROMIUM"] = str(path)
+    if options.stress:
+        return _stress(options, env)
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder, MemoryPeak() as memory:
+        if options.profile:
+            env |= {"IMUSCOPE_PROFILE": folder, "PYTEST_ADDOPTS": "-p tests.checking.time_profile"}
+        outcomes = _run_all(chosen, options, env)
+        profile = time_table.Profile.read(Path(folder))
+    if options.profile:
+        times = [time_table.PartTime(one.name, one.seconds, one.processor) for one in outcomes]
+        machine = f"{os.cpu_count()} cores ({platform.machine()})"
+        passed, date = time.monotonic() - began, f"{datetime.now(UTC):%Y-%m-%d}"
+        time_table.write(
+            time_table.table(times, profile, passed=passed, memory=memory.most, date=date, machine=machine)
+        )
+    report(outcomes, memory.most)
     return 1 if any(outcome.status for outcome in outcomes) else 0
 
 

@@ -19,7 +19,7 @@ import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -30,6 +30,8 @@ from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocke
 from protocols import jit
 from tests import browser_engine, chromium, each_row, fork_server, server_process
 from tests.cache_folder import compiled_code
+from tests.checking import machine
+from tests.checking.affected import durations
 from tests.chromium import until
 from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess
@@ -37,6 +39,7 @@ from tests.timeouts import PATIENCE_S
 
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
+LOG_LINES = 40  # of a server, in the report of a test that failed
 
 READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)
     && document.querySelector("[data-numeral]") !== null"""
@@ -102,18 +105,26 @@ def patient_shutdown() -> Iterator[None]:
         yield
 
 
-# Files that take a worker half a minute and more, mostly waiting for devices; begun last, they would run on alone.
-LONGEST = ("test_rollback.py", "test_ros2.py", "test_library_api.py", "test_upload.py", "test_held_clients.py")
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first, the browser's last."""
+    """The longest files first, as the last run had them: begun last, they would run on alone. The browser's last."""
     folder = Path(__file__).parent / "browser"
+    seconds = durations()
     drives = {path: folder in path.parents for path in {item.path for item in items}}
     for item in items:
         if drives[item.path]:
             item.add_marker(pytest.mark.browser)
-    items.sort(key=lambda item: (drives[item.path], item.path.name not in LONGEST))
+    items.sort(key=lambda item: (drives[item.path], -seconds.get(item.nodeid.partition("::")[0], 0.0)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """What a failure needs besides its traceback: what the servers printed, and how busy the machine was."""
+    report = yield
+    if report.failed:
+        for one in server_process.begun_last:
+            report.sections.append((f"log of the server at {one.url}", "".join(one.lines[-LOG_LINES:])))
+        report.sections.append(("state of the machine", machine.state()))
+    return report
 
 
 @pytest.fixture(scope="session")

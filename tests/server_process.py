@@ -15,6 +15,7 @@ import tempfile
 import threading
 import time
 import urllib.request
+from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -40,6 +41,9 @@ def tied(command: list[str]) -> list[str]:
         return command
     return [sys.executable, "-I", "-S", "-c", _TIED, str(os.getpid()), *command]
 
+
+begun_last: deque[ServerProcess] = deque(maxlen=2)
+"""The servers that were started last; a failing test shows what they printed."""
 
 # Whom tests have start what they need (tests/conftest.py); without it, each command is an interpreter of its own.
 nursery: ForkServer | None = None
@@ -138,6 +142,7 @@ class ServerProcess:
         self._is_beyond_loopback = "0.0.0.0" in arguments
         self._address = threading.Event()
         self.url = ""
+        begun_last.append(self)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         try:

@@ -1,0 +1,115 @@
+"""Running the parts of the check: each a process whose output is passed on, timed, and ended if it goes silent."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.source_files import ROOT
+
+SILENT_S = 300.0  # a part that prints nothing for so long hangs: a single test that hangs is reported after 50 s
+
+
+@dataclass(frozen=True)
+class Part:
+    """One runner."""
+
+    name: str
+    command: Callable[[argparse.Namespace], list[str]]
+    closing: str = ""  # start of the line with the result; "" for the last line
+    alone: Callable[[argparse.Namespace], list[str]] | None = None  # repeats the tests that failed beside other work
+    lane: str = "narrow"  # parts of one lane run one after the other
+    folder: Path = ROOT  # where it runs
+    is_named: bool = False  # runs only when it is asked for by name
+    is_due: Callable[[], bool] = lambda: True
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of one part."""
+
+    name: str
+    status: int
+    seconds: float  # that passed
+    processor: float  # seconds of a processor
+    closing: str
+    failed: tuple[str, ...] = ()  # names of tests
+
+
+def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
+    """Pass its output on immediately; that of a narrow part after its end, and only if it failed."""
+    title = f"\n── {part.name} {'─' * (76 - len(part.name))}\n"
+    is_wide = part.lane == "wide"
+    held: list[str] = []
+    say = (lambda text: print(text, end="", flush=True)) if is_wide else held.append
+    say(title)
+    began = time.monotonic()
+    lines: list[str] = []
+    process = subprocess.Popen(
+        command,
+        cwd=part.folder,
+        env=env,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        start_new_session=True,
+    )
+    assert process.stdout
+    watch = _SilenceWatch(process)
+    for line in process.stdout:
+        watch.printed()
+        say(line)
+        if line.strip():
+            lines.append(line.strip())
+    process.stdout.close()
+    _, waited, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(waited)
+    if watch.end():
+        lines.append(f"nothing printed for {SILENT_S:.0f} s: ended; above is what each test was doing")
+        say(f"{lines[-1]}\n")
+    if not is_wide:
+        shown = "".join(held) if process.returncode or not lines else f"{title}{lines[-1]}\n"
+        print(shown, end="", flush=True)
+    closing = [line for line in lines if line.startswith(part.closing)] or lines
+    closing = closing or [f"exit status {process.returncode}" if process.returncode else "no complaint"]
+    failed = tuple(found[2] for line in lines if (found := re.match(r"(FAILED|ERROR) (\S.*?)(?: - .*)?$", line)))
+    seconds, processor = time.monotonic() - began, usage.ru_utime + usage.ru_stime
+    return Outcome(part.name, process.returncode, seconds, processor, closing[-1], failed if is_wide else ())
+
+
+class _SilenceWatch:
+    """Ends a process, and what it began, that prints nothing any more."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self._ended = threading.Event()
+        self._last = time.monotonic()
+        self._is_killed = False
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+
+    def printed(self) -> None:
+        self._last = time.monotonic()
+
+    def _watch(self) -> None:
+        while not self._ended.wait(1.0):
+            if time.monotonic() - self._last > SILENT_S:
+                self._is_killed = True
+                os.killpg(self._process.pid, signal.SIGKILL)
+                return
+
+    def end(self) -> bool:
+        """Whether it had to end the process."""
+        self._ended.set()
+        self._thread.join()
+        return self._is_killed

@@ -1,0 +1,78 @@
+"""pytest plugin: where the time of each test goes (`tests/check.py --profile`).
+
+    IMUSCOPE_PROFILE=FOLDER pytest -p tests.checking.time_profile …
+
+Each pytest process writes FOLDER/WORKER-PROCESS.jsonl. Its first line holds the processor time until its first test
+(imports, collecting), each further one a test:
+
+    {"test", "setup", "call", "teardown": seconds that passed, "own", "begun", "browser": seconds of a processor}
+
+`own` is pytest's process with all its threads, `begun` what runs in processes that it began (servers, commands), and
+`browser` Chromium; their time counts for the test during which it was spent.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import pytest
+
+from tests.checking.machine import descendants, name_of, processor_seconds
+
+
+class TimeProfile:
+    """Writes one line per test."""
+
+    def __init__(self, file: IO[str]) -> None:
+        self._file = file
+        self._phases: dict[str, float] = {}
+        self._before = (0.0, 0.0, 0.0)
+        self._is_first = True
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        if self._is_first:
+            self._is_first = False
+            self._spend({"start": True})
+        self._phases = {}
+        result = yield
+        self._spend({"test": item.nodeid, **self._phases})
+        return result
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self._phases[report.when or ""] = round(report.duration, 4)
+
+    def _spend(self, line: dict[str, Any]) -> None:
+        now = (time.process_time(), *self._begun())
+        spent = [round(after - before, 3) for after, before in zip(now, self._before, strict=True)]
+        self._before = now
+        self._file.write(json.dumps({**line, **dict(zip(("own", "begun", "browser"), spent, strict=True))}) + "\n")
+        self._file.flush()
+
+    def _begun(self) -> tuple[float, float]:
+        """Processor time so far of what was begun: other processes, and Chromium."""
+        reaped = os.times()
+        others, browser = reaped.children_user + reaped.children_system, 0.0
+        for pid in descendants(os.getpid()):
+            if name_of(pid).startswith("chrom"):
+                browser += processor_seconds(pid)
+            else:
+                others += processor_seconds(pid)
+        # a browser that has ended counts for the process that waited for it
+        ended = max(0.0, self._before[2] - browser)
+        return others - ended, browser + ended
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    folder = os.environ.get("IMUSCOPE_PROFILE")
+    if not folder or getattr(config.option, "numprocesses", None):
+        return  # the process that only distributes
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "main")
+    file = (Path(folder) / f"{worker}-{os.getpid()}.jsonl").open("w")
+    config.pluginmanager.register(TimeProfile(file), "time_profile_lines")
+    config.add_cleanup(file.close)
