@@ -58,9 +58,9 @@ def held(
 
 
 def lines() -> list[tuple[int, int, int]]:
-    """(baud, samples/s, bytes) that fit a line; every fifth of them, which leaves each value in several."""
+    """(baud, samples/s, bytes) that fit a line; every tenth of them, which leaves each value in several."""
     fit = [one for one in itertools.product(BAUDS, RATES, SIZES) if one[1] * one[2] * 10 < FULLEST * one[0]]
-    return fit[::5]
+    return fit[::10]
 
 
 @each_row("ppm", [-50.0, 50.0])

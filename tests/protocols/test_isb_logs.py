@@ -62,12 +62,19 @@ def same(said: dict[str, Any], expected: dict[str, Any], where: object) -> None:
         if name == "manufacturer":
             assert said[name] == value, where
             continue
-        got = said[name] if not isinstance(said[name], list) else said[name][: len(np.atleast_1d(value))]
-        pairs = zip(np.ravel(got).tolist(), np.ravel(value).tolist(), strict=True)
-        assert all(math.isclose(one, other, rel_tol=2e-7) or (one != one and other != other) for one, other in pairs), (
-            name,
-            where,
-        )
+        wanted = list(flat(value))
+        got = list(flat(said[name]))[: len(wanted)]
+        for one, other in zip(got, wanted, strict=True):
+            assert math.isclose(one, other, rel_tol=2e-7) or (one != one and other != other), (name, where)
+
+
+def flat(value: Any) -> Iterator[float]:
+    """The numbers of a field, in order."""
+    if isinstance(value, list):
+        for one in value:
+            yield from flat(one)
+    else:
+        yield value
 
 
 def test_every_record_of_a_dat_log() -> None:
