@@ -22,7 +22,13 @@ export default defineConfig({
   test: {
     include: ["src/**/*.test.{ts,tsx}"],
     environment: "node",
-    setupFiles: ["src/testing/patience.ts"],
+    setupFiles: ["src/testing/each-file.ts"],
     testTimeout: 60_000,
+    // Files share a worker and its modules: importing them for each file took most of the time. What a test leaves behind is removed
+    // by src/testing/each-file.ts.
+    isolate: false,
+    maxWorkers: 2,
+    // A DOM is made of many short-lived objects; the default of 16 MB has them copied again and again.
+    execArgv: ["--max-semi-space-size=64"],
   },
 });

@@ -7,10 +7,7 @@ import { route } from "../pages/route";
 import type { App } from "../pages/app-state";
 import { answering, type Asked } from "../testing/recorded";
 import type { ComparisonAnswer } from "../wire/routes";
-import { ComparePage } from "./page";
-
-vi.mock("../pages/top-bar", () => ({ Bar: () => null }));
-vi.mock("../pages/recordings/overlays", () => ({ PageOverlays: () => null }));
+import { CompareMain } from "./page";
 
 const outline = (values: readonly (number | null)[]) => ({
   time: values.map((value, i) => (value === null ? null : 1000 + i)),
@@ -67,7 +64,7 @@ function open(query: string, answers: Record<string, unknown> = {}, otherName = 
   const app = { store, problem: signal(undefined), overlay: signal(undefined) } as unknown as App;
   location.hash = `#/recordings?${query}`;
   route.value = { page: "recordings", device: undefined, place: undefined, more: undefined, query };
-  render(<ComparePage app={app} />);
+  render(<CompareMain app={app} />);
   return asked;
 }
 

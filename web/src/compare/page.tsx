@@ -30,24 +30,31 @@ const OVERLAY_PX = 190;
 const DIFFERENCE_PX = 150;
 
 export function ComparePage({ app }: { readonly app: App }) {
-  const model = useMemo(() => compareModel(app, route.peek().query ?? ""), [app]);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
+  return (
+    <div class={`app comparing ${offline ? "offline" : ""}`}>
+      <Bar app={app} />
+      {offline && <OfflineBand app={app} />}
+      <CompareMain app={app} />
+      <PageOverlays app={app} />
+    </div>
+  );
+}
+
+/** All but the bar and what lies over the page. */
+export function CompareMain({ app }: { readonly app: App }) {
+  const model = useMemo(() => compareModel(app, route.peek().query ?? ""), [app]);
   useEffect(() => {
     document.title = TEXT.title;
     const stops = [loadSources(model), followAddress(model)];
     return () => stops.forEach((stop) => stop());
   }, [model]);
   return (
-    <div class={`app comparing ${offline ? "offline" : ""}`}>
-      <Bar app={app} />
-      {offline && <OfflineBand app={app} />}
-      <main class="compare-page" id="list" tabIndex={-1}>
-        <h1 class="visually-hidden">{TEXT.heading}</h1>
-        <ProblemBand app={app} />
-        <Comparison model={model} />
-      </main>
-      <PageOverlays app={app} />
-    </div>
+    <main class="compare-page" id="list" tabIndex={-1}>
+      <h1 class="visually-hidden">{TEXT.heading}</h1>
+      <ProblemBand app={app} />
+      <Comparison model={model} />
+    </main>
   );
 }
 
