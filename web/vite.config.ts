@@ -27,7 +27,7 @@ export default defineConfig({
     // Files share a worker and its modules: importing them for each file took most of the time. What a test leaves behind is removed
     // by src/testing/each-file.ts.
     isolate: false,
-    maxWorkers: 2,
+    maxWorkers: 1, // a second one would import everything again, and there is other work for the processor
     // A DOM is made of many short-lived objects; the default of 16 MB has them copied again and again.
     execArgv: ["--max-semi-space-size=64"],
   },

@@ -2,6 +2,7 @@
 import { render, waitFor } from "@testing-library/preact";
 import type { Store } from "../data/store";
 import type { Forms, SnapshotBody } from "../forms/types";
+import type { App } from "../pages/app-state";
 import type { DeviceJobs } from "../wire/types";
 import { ConfigurePage } from "../pages/configure/page";
 import { Decks } from "../pages/configure/rollback-banner";
@@ -9,6 +10,7 @@ import { newApp, startOver } from "./live-page";
 import { type Answers, type Asked, answering, type Family, feed, recorded } from "./recorded";
 
 export interface Opened {
+  readonly app: App;
   readonly store: Store;
   readonly forms: Forms;
   /** The device's values. */
@@ -53,6 +55,7 @@ export async function openConfigure(
     if (document.querySelector(".categories a") === null) throw new Error("the forms are not there");
   });
   return {
+    app,
     store,
     forms: all["GET /api/devices/1/forms"] as Forms,
     values: (all["GET /api/devices/1/values"] as SnapshotBody).values,

@@ -87,7 +87,8 @@ function followAddress(app: App): void {
   if (app.store.devices.value.some(({ id }) => id === wanted)) view.value = { ...view.peek(), device: wanted };
 }
 
-function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
+/** The form at the address, and what is said about the device. */
+export function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
   const forms = model.forms.value;
   if (!forms) return <NoForms model={model} />;
   const place = placeOf(model, route.value.place);
