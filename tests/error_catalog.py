@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.source_files import ROOT, nodes_of, python_files, tree_of
+from tests.source_files import ROOT, python_files, text_of, tree_of
 
 FOLDERS = ("server", "recordings")
 
@@ -61,6 +61,7 @@ SHAPES = {
     "SendError": Shape(None, 0, None, hinted=False, stop=True),
     "ComposeError": Shape(None, 0, None, hinted=False, stop=True),
 }
+CALLED = re.compile(rf"\b(?:{'|'.join(SHAPES)})\(")
 DEFAULT_HINTS = {"bad": "Write a source as /dev/ttyUSB0, tcp://host:port, …"}
 
 
@@ -84,7 +85,36 @@ class ErrorText:
         return SHAPES[self.sort].hinted
 
 
-@functools.cache  # some seconds, which no other test should wait for
+@dataclass(frozen=True)
+class _Call:
+    """A call of one of the constructors, and values of the names that it can use."""
+
+    node: ast.Call
+    known: dict[str, list[ast.expr]]
+
+
+@functools.cache
+def _calls(path: Path) -> Sequence[_Call]:
+    """Calls in a file, in its order."""
+    if not CALLED.search(text_of(path)):
+        return ()  # most files: they are not parsed
+    tree = tree_of(path)
+    module = _assigned(tree.body, deep=False)
+    found: list[_Call] = []
+
+    def walk(node: ast.AST, known: dict[str, list[ast.expr]]) -> None:
+        if isinstance(node, ast.Call) and _name(node.func) in SHAPES:
+            found.append(_Call(node, known))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):  # of several, the innermost counts
+            known = {**module, **_assigned(node.body, deep=True)}
+        for child in ast.iter_child_nodes(node):
+            walk(child, known)
+
+    walk(tree, module)
+    return tuple(found)
+
+
+@functools.cache
 def everything() -> Sequence[ErrorText]:
     """Every error in the source, in the order of the files."""
     found = []
@@ -102,9 +132,9 @@ def kinds() -> list[tuple[str, str, int]]:
     found = []
     for folder in FOLDERS:
         for path in python_files(folder):
-            for node in nodes_of(path):
-                shape = SHAPES.get(_name(node.func)) if isinstance(node, ast.Call) else None
-                if not isinstance(node, ast.Call) or shape is None or shape.kind is None:
+            for node in (call.node for call in _calls(path)):
+                shape = SHAPES[_name(node.func)]
+                if shape.kind is None:
                     continue
                 status = node.args[0] if shape.kind == 1 and node.args else None
                 told = status.value if isinstance(status, ast.Constant) and isinstance(status.value, int) else 0
@@ -114,22 +144,8 @@ def kinds() -> list[tuple[str, str, int]]:
 
 
 def _of_module(path: Path) -> Iterator[ErrorText]:
-    module = _assigned(tree_of(path).body, deep=False)
-    functions = [node for node in nodes_of(path) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
-    inner: dict[ast.Call, ast.AST] = {}
-    for function in functions:  # the innermost is last
-        for node in ast.walk(function):
-            if isinstance(node, ast.Call):
-                inner[node] = function
-    for node in nodes_of(path):
-        name = _name(node.func) if isinstance(node, ast.Call) else ""
-        if isinstance(node, ast.Call) and name in SHAPES:
-            function = inner.get(node)
-            local = _assigned(function.body, deep=True) if isinstance(function, _FUNCTIONS) else {}
-            yield from _said(node, name, {**module, **local}, f"{path.relative_to(ROOT)}:{node.lineno}")
-
-
-_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+    for call in _calls(path):
+        yield from _said(call.node, _name(call.node.func), call.known, f"{path.relative_to(ROOT)}:{call.node.lineno}")
 
 
 def _said(call: ast.Call, name: str, known: dict[str, list[ast.expr]], where: str) -> Iterator[ErrorText]:

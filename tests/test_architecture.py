@@ -26,7 +26,7 @@ from protocols.transactions import DeviceContext
 from server.reference.blocks import anchor
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, PAINTERS
 from tests.each_row import each_row
-from tests.source_files import ROOT, nodes_of, python_files, text_of
+from tests.source_files import ROOT, facts_of, python_files, text_of, tree_of
 
 HOUSES = ("protocols", "recordings", "server")
 KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, "server": set(HOUSES)}
@@ -34,19 +34,8 @@ KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, 
 # What each part of the server may import of it, besides COMMON; a part is a folder, or a file of server/ itself. Rows
 # name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
 COMMON = {
-    *(
-        "backoff",
-        "capabilities",
-        "errors",
-        "limiters",
-        "listeners",
-        "previous_names",
-        "printable",
-        "processes",
-        "prometheus_text",
-        "rate_meter",
-    ),
-    *("version", "wire", "workers"),
+    *("backoff", "capabilities", "errors", "limiters", "listeners", "previous_names", "printable", "processes"),
+    *("prometheus_text", "rate_meter", "version", "wire", "workers"),
 }
 SERVER: dict[str, set[str]] = {
     **{part: set() for part in sorted(COMMON)},
@@ -181,30 +170,18 @@ CODE = {".py", ".ts", ".tsx", ".js", ".css", ".html"}
 LONGEST = 500
 
 
+IMPORT = re.compile(r"^[ \t]*(?:from|import)\b(?:[^\n(]*\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+
 @functools.cache
-def imports(path: Path) -> Sequence[tuple[int, str]]:
-    """Line and full name of every module imported anywhere in a file."""
-    package = path.relative_to(ROOT).with_suffix("").parts[:-1]
-    found: list[tuple[int, str]] = []
-    for node in nodes_of(path):
-        if isinstance(node, ast.Import):
-            found += ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) - node.level + 1] if node.level else ()
-            base = ".".join([*above, *([node.module] if node.module else [])])
-            found.append((node.lineno, base))
-            found += ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
-    return found
-
-
-def tracked() -> list[Path]:
+def tracked() -> Sequence[Path]:
     """Files in git, and those about to be."""
     asked = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     try:
         names = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("not a git checkout")
-    return [path for name in names.split("\0") if name and (path := ROOT / name).is_file()]
+    return tuple(path for name in names.split("\0") if name and (path := ROOT / name).is_file())
 
 
 # How a family is named in code: its protocol, vendor, products. Prose (comments, docstrings, documents) may name them.
@@ -219,15 +196,15 @@ def code_lines(path: Path, pattern: re.Pattern[str]) -> Iterator[str]:
     text = text_of(path)
     if not pattern.search(text):
         return
-    prose: set[int] = set()
-    for node in nodes_of(path):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            prose |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
-    lines = set()
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type != tokenize.COMMENT and token.start[0] not in prose and pattern.search(token.string):
-            lines.add(token.start[0])
-    yield from (f"{path.relative_to(ROOT)}:{line}" for line in sorted(lines))
+    lines = text.splitlines()
+    found = {number for number, line in enumerate(lines, 1) if pattern.search(line)}
+    found -= facts_of(path).prose
+    if any("#" in lines[number - 1] for number in found):
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            line, column = token.start
+            if token.type == tokenize.COMMENT and line in found and not pattern.search(token.line[:column]):
+                found.remove(line)
+    yield from (f"{path.relative_to(ROOT)}:{line}" for line in sorted(found))
 
 
 def code_outside_families(pattern: re.Pattern[str]) -> list[str]:
@@ -311,7 +288,7 @@ def test_arrows_point_one_way(house: str) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in python_files(house)
-        for line, module in imports(path)
+        for line, module in facts_of(path).imports
         if (top := module.split(".")[0]) in {*HOUSES, "web", "tests"} and top not in KNOWS[house]
     ]
     assert not wrong, "\n".join(wrong)
@@ -325,7 +302,7 @@ def test_arrows_within_the_server_point_one_way() -> None:
     for path in python_files("server"):
         part = path.relative_to(ROOT / "server").with_suffix("").parts[0]
         allowed = {part, *SERVER.get(part, ()), *(() if part in COMMON else COMMON)}
-        for line, module in imports(path):
+        for line, module in facts_of(path).imports:
             if module.startswith("server.") and module.split(".")[1] not in allowed:
                 wrong.append(f"{path.relative_to(ROOT)}:{line} imports {module}")
     assert not wrong, "\n".join(wrong)
@@ -336,8 +313,8 @@ def test_tests_import_from_helper_modules_only() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line} {module}"
         for path in python_files("tests")
-        if path.parent.name != "browser"
-        for line, module in imports(path)
+        if path.parent.name != "browser" and any("test_" in found for found in IMPORT.findall(text_of(path)))
+        for line, module in facts_of(path).imports
         if module.startswith("tests.") and any(part.startswith("test_") for part in module.split("."))
     ]
     assert not wrong, "\n".join(wrong)
@@ -361,7 +338,7 @@ def test_only_the_server_uses_network_and_clock(house: str, forbidden: set[str])
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in python_files(house)
-        for line, module in imports(path)
+        for line, module in facts_of(path).imports
         if module.split(".")[0] in forbidden
     ]
     assert not wrong, "\n".join(wrong)
@@ -371,9 +348,9 @@ def test_no_two_classes_share_a_name() -> None:
     """A class name leads to one file. Private classes, which stay within their file, are left out."""
     places: dict[str, list[str]] = {}
     for path in python_files(*HOUSES):
-        for node in nodes_of(path):
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                places.setdefault(node.name, []).append(f"{path.relative_to(ROOT)}:{node.lineno}")
+        for line, name in facts_of(path).classes:
+            if not name.startswith("_"):
+                places.setdefault(name, []).append(f"{path.relative_to(ROOT)}:{line}")
     assert len(places) > 400
     assert not {name: where for name, where in places.items() if len(where) > 1}
 
@@ -383,7 +360,8 @@ def test_protocols_do_not_read_clocks() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno} calls {ast.unparse(node.func)}"
         for path in python_files("protocols")
-        for node in nodes_of(path)
+        if any(f".{clock}(" in text_of(path) for clock in clocks)
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Attribute)
         and node.func.attr in clocks
@@ -436,6 +414,8 @@ def test_no_machine_path_and_no_private_host() -> None:
             text = path.read_text()
         except UnicodeDecodeError:
             continue  # a picture, a capture
+        if not (home.search(text) or private.search(text)):
+            continue  # as are all, so lines need no look
         for number, line in enumerate(text.splitlines(), 1):
             if found := home.search(line) or private.search(line):
                 wrong.append(f"{path.relative_to(ROOT)}:{number}: {found[0]}")
@@ -482,6 +462,7 @@ def test_every_link_of_a_document_leads_to_a_file_and_a_heading() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+@functools.cache
 def headings(path: Path) -> set[str]:
     """Fragments that address the headings of a document."""
     return {anchor(title) for title in re.findall(r"^#+ (.+)$", path.read_text(), re.MULTILINE)}

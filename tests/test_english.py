@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from protocols.plural import counted, plural
 from tests.each_row import each_row
-from tests.source_files import ROOT, documented_nodes, module_docstring, python_files
+from tests.source_files import ROOT, facts_of, module_docstring, python_files, text_of
 
 SOURCES = ("protocols", "recordings", "server")
 OPENING = re.compile(
@@ -23,10 +22,8 @@ SENTENCE = re.compile(r"(?<=[.?!:])\s")
 def docstrings(folder: str) -> Iterator[tuple[str, str]]:
     """Place and text of each docstring."""
     for path in python_files(folder):
-        where = path.relative_to(ROOT)
-        for node in documented_nodes(path):
-            if text := ast.get_docstring(node):
-                yield f"{where}:{getattr(node, 'lineno', 1)}", text
+        for line, text in facts_of(path).docstrings:
+            yield f"{path.relative_to(ROOT)}:{line}", text
 
 
 def first_sentence(text: str) -> str:
@@ -63,9 +60,9 @@ def test_modules_open_with_a_noun_phrase_or_an_imperative(folder: str) -> None:
 def test_plurals_come_from_one_function(folder: str) -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{number} {line.strip()}"
-        for path in sorted((ROOT / folder).rglob("*.py"))
-        if path != ROOT / "protocols" / "plural.py"
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        for path in python_files(folder)
+        if path != ROOT / "protocols" / "plural.py" and PLURAL.search(text_of(path))
+        for number, line in enumerate(text_of(path).splitlines(), 1)
         if PLURAL.search(line)
     ]
     assert not wrong, "\n".join(wrong)
