@@ -284,6 +284,7 @@ def _newton(
 ) -> tuple[float, float] | None:
     """Offset and standard deviation with a smoothing of `width` steps; None if the steps lead away."""
     found, first = _step(pairs, times, step, offset, width), offset
+    finest = max(1e-9, float(np.spacing(np.abs(times[[0, -1]]).max())))  # no time is more exact than its number
     for _ in range(MAX_STEPS):
         if found is None:
             return None
@@ -291,7 +292,7 @@ def _newton(
         offset += max(-step, min(step, correction))
         if abs(offset - first) > (2 + width) * step:
             return None
-        if abs(correction) < max(1e-3 * sigma, 1e-9):
+        if abs(correction) < max(1e-3 * sigma, finest):
             break
         found = _step(pairs, times, step, offset, width)
     return None if found is None else (offset, max(found[1], 1e-9))
@@ -312,7 +313,7 @@ def _step(
         part = slice(int(used[0]), int(used[-1]) + 1)
         weight = weight[part]
         raw = [_centred(one[part], weight) for one in (x, y)]
-        x, y = (_centred(_smoothed(one, weight, width), weight) for one in raw)
+        x, y = (_centred(one, weight) for one in _smoothed(raw, weight, width))
         dx, dy = (np.gradient(one, step) * weight for one in (x, y))
         edges = np.flatnonzero(np.diff(weight, prepend=0.0, append=0.0))  # no derivative across them
         for edge in edges:
@@ -341,17 +342,17 @@ def _chance(x: Floats, y: Floats) -> float:
     return 2 * float(power.sum()) / size / len(x)
 
 
-def _smoothed(values: Floats, weight: Floats, width: float) -> Floats:
-    """Values smoothed by a Gaussian of `width` steps; nothing of a gap gets in."""
+def _smoothed(signals: Sequence[Floats], weight: Floats, width: float) -> Sequence[Floats]:
+    """Signals smoothed by a Gaussian of `width` steps; nothing of a gap gets in."""
     if not width:
-        return values
+        return signals
     from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
-    size = next_fast_len(len(values) + int(10 * width), real=True)
+    size = next_fast_len(len(weight) + int(10 * width), real=True)
     gauss = np.exp(-2 * np.square(np.pi * width * rfftfreq(size)))
-    smooth, share = (irfft(rfft(one, size) * gauss, size)[: len(values)] for one in (values * weight, weight))
-    found: Floats = smooth / np.maximum(share, 1e-6)
-    return found
+    every = np.stack([*(one * weight for one in signals), weight])
+    *smooth, share = irfft(rfft(every, size) * gauss, size)[:, : len(weight)]
+    return [one / np.maximum(share, 1e-6) for one in smooth]
 
 
 def _centred(values: Floats, weight: Floats) -> Floats:

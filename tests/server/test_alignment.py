@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import collections
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from server.analysis import alignment
 from server.analysis.alignment import align
 from server.analysis.signals import Signal
 from server.errors import DomainError
@@ -16,7 +19,7 @@ from tests.each_row import each_row
 
 Floats = NDArray[np.float64]
 START = 1_760_000_000.0
-RUNS = 40
+RUNS = 20
 
 
 def signal(time: Floats, values: Floats, period: float = 0.0) -> Signal:
@@ -53,12 +56,18 @@ def tap(random: np.random.Generator) -> Callable[[Floats], Floats]:
     return lambda t: 5 * np.exp(-np.square((t - middle) / 0.05))
 
 
-@each_row("noise", [white, coloured])
-@each_row(("motion", "sigma"), [(sway, 0.02), (sway, 0.5), (turns, 0.05), (tap, 0.1)])
-def test_the_stated_interval_holds_the_true_offset(motion: Any, sigma: float, noise: Any) -> None:
-    """It does so in 95 of 100 cases; at least 36 of 40 are to be expected, and none far off."""
+def test_the_stated_interval_holds_the_true_offset() -> None:
+    """It does so in 95 of 100 cases; at least 92 are to be expected, 17 of 20 of each kind, and none far off."""
+    kinds = list(itertools.product([(sway, 0.02), (sway, 0.5), (turns, 0.05), (tap, 0.1)], [white, coloured]))
+    held = [_held(motion, sigma, noise) for (motion, sigma), noise in kinds]
+    assert min(held) >= 0.85 * RUNS, held
+    assert sum(held) >= 0.92 * RUNS * len(kinds), held
+
+
+def _held(motion: Any, sigma: float, noise: Any) -> int:
+    """How often the interval of a kind of motion, with a kind of noise, holds the true offset."""
     random = np.random.default_rng(2)
-    held, worst = 0, 0.0
+    held = 0
     for _ in range(RUNS):
         moves, offset = motion(random), random.uniform(-5, 5)
         a, b = np.arange(0, 40, 0.01), np.arange(2 + random.uniform(0, 0.01), 43, 1 / 130.7)
@@ -72,10 +81,9 @@ def test_the_stated_interval_holds_the_true_offset(motion: Any, sigma: float, no
         )
         share = abs(found.offset - offset) / found.uncertainty
         held += share <= 1
-        worst = max(worst, share)
+        assert share < 2.5
         assert found.uncertainty < 0.2
-    assert held >= 0.9 * RUNS
-    assert worst < 2.5
+    return held
 
 
 def test_without_noise_the_offset_is_exact_to_a_thousandth_of_a_step() -> None:
@@ -86,6 +94,23 @@ def test_without_noise_the_offset_is_exact_to_a_thousandth_of_a_step() -> None:
     assert found.offset == pytest.approx(12.34567, abs=1e-5)
     assert found.correlation == pytest.approx(1.0, abs=1e-6)
     assert found.others == ()
+
+
+def test_no_offset_is_sought_below_the_resolution_of_the_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers of today's times are 0.2 µs apart: smaller corrections went to and fro until the steps were used up."""
+    steps: dict[float, int] = collections.Counter()
+    original = alignment._step
+
+    def counted(pairs: Any, times: Any, step: float, offset: float, width: float) -> Any:
+        steps[width] += 1
+        return original(pairs, times, step, offset, width)
+
+    monkeypatch.setattr(alignment, "_step", counted)
+    random = np.random.default_rng(1)
+    moves = sway(random)
+    time = np.arange(0, 30, 0.01)
+    align([(signal(time, moves(time) + white(random, len(time), 0.01)), signal(time - 1.0, moves(time)))])
+    assert max(steps.values()) <= 5
 
 
 def test_the_clocks_of_two_days_do_not_matter() -> None:
