@@ -116,7 +116,7 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
     simulator: SimulatorThread, tmp_path: Path
 ) -> None:
     path, source = tmp_path / "imu0", f"{simulator.slave}?baud=115200"
-    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path)), fresh=True) as server:
+    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path))) as server:
         block_until(lambda: is_live(server), "a live device")
         driver = Driver(path)
         name = f"(process {os.getpid()})"
@@ -140,7 +140,7 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
         server.process.wait(PATIENCE_S)
         block_until(lambda: driver.samples > before + 50, "samples at the driver without a server")
         assert not driver.faults
-    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path)), fresh=True) as server:
+    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path))) as server:
         block_until(lambda: is_live(server), "the device at the new server")
         assert first_client(server)["peer"] == str(path), "the holder was found again"
         assert not driver.faults
@@ -156,7 +156,7 @@ def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
     simulator: SimulatorThread, tmp_path: Path, runtime: Path
 ) -> None:
     path = runtime / "imuscope" / "imu0"
-    with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data", fresh=True) as server:
+    with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data") as server:
         block_until(lambda: is_live(server), "a live device")
         found = ask(server, "/shares")
         assert (found["why_not"], found["folder"], found["holder"], found["shares"]) == ("", str(path.parent), 0, [])
@@ -218,12 +218,12 @@ def test_shares_follow_their_source_on_the_command_line() -> None:
 
 def test_a_holder_of_its_own_is_found_by_a_server(simulator: SimulatorThread, tmp_path: Path) -> None:
     path, source = tmp_path / "imu0", f"{simulator.slave}?baud=115200"
-    holder = begun("hold", source, "--share", str(path), fresh=True)
+    holder = begun("hold", source, "--share", str(path))
     try:
         block_until(path.exists, "the terminal of the holder")
         driver = Driver(path)
         block_until(lambda: driver.samples > 20, "samples at the driver")
-        with ServerProcess(source, data=tmp_path / "data", fresh=True) as server:
+        with ServerProcess(source, data=tmp_path / "data") as server:
             block_until(lambda: is_live(server), "a live device")
             assert [one["name"] for one in ask(server, "/shares")["shares"]] == [str(path)]
         before = driver.samples
@@ -242,7 +242,7 @@ def test_what_a_client_configures_is_shown_and_kept(simulator: SimulatorThread, 
     path, source = tmp_path / "imu0", f"{simulator.slave}?baud=115200"
     driver_of, known = XbusDriver(), DeviceContext()
     outputs = [{"data_identifier": 0x2010, "output_frequency": 50}]
-    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path)), fresh=True) as server:
+    with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path))) as server:
         block_until(lambda: is_live(server), "a live device")
         job = ask(server, "/read", {})
         block_until(lambda: any(one["id"] == job["id"] for one in ask(server, "/jobs")["done"]), "the settings")
