@@ -52,7 +52,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Servers started by tests have a data folder each; compiled code is shared by all of them, and by all clones.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
 if fork_server.IS_THERE:
-    server_process.nursery = ForkServer()
+    server_process.nursery = ForkServer(os.environ.get(fork_server.VARIABLE, ""))
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=30, deadline=None, derandomize=True, suppress_health_check=SLOW)
@@ -77,6 +77,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
     if not jit.is_stored(Path(os.environ["NUMBA_CACHE_DIR"])):
         subprocess.run([sys.executable, "-c", COMPILE], cwd=ROOT, check=False)
+    if fork_server.IS_THERE and getattr(config.option, "numprocesses", None):
+        fork_server.share()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,17 +1,21 @@
 """Fork server: servers for tests without the CPU time of each start. Forks a process that has already started.
 
-    test process ── socket pair ──> nursery: has imported the server, opened and served nothing; one thread
-         │                             │ fork, for every command line that is asked for
-         │  files, pipes               ▼
-         └────────────────────────── `server.cli.main([...])`, in a session of its own
+    test processes ── a socket each ──> nursery: has imported the server, opened and served nothing; one thread
+         │                                │ fork, for every command line that is asked for
+         │  files, pipes                  ▼
+         └───────────────────────────── `server.cli.main([...])`, in a session of its own
 
 What runs from there on is what `imuscope …` runs. What an import may leave behind in one process is not seen this way,
 and neither is the command line in the process's title: tests of these, and of the start, ask for a start of their own
 (tests/server_process.py, `fresh`), which is also what every benchmark gets, and every system but Linux.
 
 A request is one message: JSON {argv, env}, with four descriptors: standard input, output and error, and where to tell
-the end (its status as subprocess has it: negative for a signal). The answer is the process's id. The nursery ends when
-the test process does, and what it has forked with the nursery.
+the end: its status as subprocess has it (negative for a signal), and its processor time. The answer is the process's
+id. What was forked for a test process ends with it.
+
+The workers of one run of pytest have one nursery, because its imports take as long as twenty servers: the process that
+distributes tests names a socket in the environment (`share`). It imports when the first of them connects, and ends with
+the process that started it.
 """
 
 from __future__ import annotations
@@ -24,10 +28,12 @@ import importlib
 import json
 import os
 import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import traceback
 from collections.abc import Sequence
@@ -37,6 +43,8 @@ from typing import IO, NoReturn
 ROOT = Path(__file__).resolve().parent.parent
 PR_SET_PDEATHSIG = 1  # prctl(2)
 IS_THERE = sys.platform == "linux"
+VARIABLE = "IMUSCOPE_TEST_NURSERY"  # path of the socket of a nursery that is shared
+CONNECTIONS = 100
 LEARNT = (
     *("server.app", "server.commands.serve", "server.links.simulator", "protocols.simulator.trajectory"),
     *("uvicorn.loops.auto", "uvicorn.protocols.http.auto", "uvicorn.lifespan.on", "anyio._backends._asyncio"),
@@ -44,7 +52,11 @@ LEARNT = (
 
 
 class Child:
-    """A forked command, with as much of `subprocess.Popen` as tests use."""
+    """A forked command, with as much of `subprocess.Popen` as tests use.
+
+    Attributes:
+        processor_s: processor time it took, with the processes that it waited for; 0 while it runs.
+    """
 
     def __init__(self, pid: int, command: Sequence[str], end: socket.socket) -> None:
         self.pid = pid
@@ -52,6 +64,7 @@ class Child:
         self.stdout: IO[str] | None = None
         self.stderr: IO[str] | None = None
         self.returncode: int | None = None
+        self.processor_s = 0.0
         self._end = end
         self._lock = threading.Lock()
 
@@ -71,8 +84,9 @@ class Child:
             if self.returncode is None:
                 if not select.select([self._end], [], [], timeout)[0]:
                     raise subprocess.TimeoutExpired(self.args, timeout or 0)
-                told = self._end.recv(16)
-                self.returncode = int(told) if told else -signal.SIGKILL  # with the nursery, if that was killed
+                told = self._end.recv(64).split()
+                self.returncode = int(told[0]) if told else -signal.SIGKILL  # with the nursery, if that was killed
+                self.processor_s = float(told[1]) if told else 0.0
                 self._end.close()
             return self.returncode
 
@@ -99,9 +113,18 @@ class Child:
 
 
 class ForkServer:
-    """The forking process, started with the first server."""
+    """Client of a nursery.
 
-    def __init__(self) -> None:
+    Args:
+        address: of a nursery that is there; "" starts one with the first command.
+
+    Attributes:
+        children: all that were begun in a nursery that is there, whose processor time is not this process's.
+    """
+
+    def __init__(self, address: str = "") -> None:
+        self._address = address
+        self.children: list[Child] = []
         self._lock = threading.Lock()
         self._line: socket.socket | None = None
 
@@ -109,7 +132,8 @@ class ForkServer:
         """`imuscope ARGUMENTS`, running; `given`, `out` and `err` are its standard streams, and stay the caller's."""
         with self._lock:
             if self._line is None:
-                self._line = self._begin()
+                self._line = _connected(self._address or _begin())
+                atexit.register(self._line.close)
             end, other = socket.socketpair()
             with other:
                 request = json.dumps({"argv": [*arguments], "env": {**os.environ, "PYTHONUNBUFFERED": "1"}}).encode()
@@ -119,25 +143,46 @@ class ForkServer:
             except (OSError, ValueError):
                 end.close()
                 raise RuntimeError("the process that forks has ended: see what it printed") from None
-        return Child(pid, arguments, end)
+        child = Child(pid, arguments, end)
+        if self._address:
+            self.children.append(child)
+        return child
 
-    def _begin(self) -> socket.socket:
-        own, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+def share() -> None:
+    """Start a nursery for this process and those that it starts from now on."""
+    os.environ[VARIABLE] = _begin()
+
+
+def _connected(address: str) -> socket.socket:
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    line.connect(address)
+    return line
+
+
+def _begin() -> str:
+    """Start a nursery that ends with this process. Returns its address."""
+    folder = tempfile.mkdtemp(prefix="imuscope-nursery-")  # nobody else may connect
+    own, other = socket.socketpair()
+    with other, socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(address := f"{folder}/nursery")
+        listener.listen(CONNECTIONS)
         process = subprocess.Popen(
-            [sys.executable, "-m", "tests.fork_server", str(other.fileno())],
+            [sys.executable, "-m", "tests.fork_server", str(listener.fileno()), str(other.fileno())],
             cwd=ROOT,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
-            pass_fds=[other.fileno()],
+            pass_fds=[listener.fileno(), other.fileno()],
             stdin=subprocess.DEVNULL,
             start_new_session=True,
         )
-        other.close()
-        atexit.register(self._finish, process, own)
-        return own
+    atexit.register(_finish, process, own, folder)
+    return address
 
-    def _finish(self, process: subprocess.Popen[bytes], line: socket.socket) -> None:
-        line.close()
-        process.wait()
+
+def _finish(process: subprocess.Popen[bytes], owner: socket.socket, folder: str) -> None:
+    owner.close()
+    process.wait()
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 # -- in the nursery ----------------------------------------------------------------------------------------------------
@@ -155,37 +200,80 @@ def _learn() -> None:
     gc.freeze()
 
 
-def _forking(line: socket.socket) -> list[str] | None:
-    """Fork for every request; returns in each child, with the words of its command line, and at the end, with None."""
-    ends: dict[int, int] = {}
+class _Nursery:
+    """Forks for every request of every test process.
 
-    def reap(*_: object) -> None:
-        with contextlib.suppress(ChildProcessError):
-            while (found := os.waitpid(-1, os.WNOHANG))[0]:
-                end = ends.pop(found[0])
-                with contextlib.suppress(OSError):  # the test process has ended
-                    os.write(end, str(os.waitstatus_to_exitcode(found[1])).encode())
-                os.close(end)
+    Args:
+        listener: test processes connect to it.
+        owner: at its end the process that started the nursery has ended.
+    """
 
-    signal.signal(signal.SIGCHLD, reap)
-    while True:
-        asked, given, _, _ = socket.recv_fds(line, 1 << 20, 4)
+    def __init__(self, listener: socket.socket, owner: socket.socket) -> None:
+        self._listener = listener
+        self._owner = owner
+        self._ends: dict[int, int] = {}
+        self._children: dict[socket.socket, set[int]] = {}  # by the connection of who asked for them
+
+    def run(self) -> list[str] | None:
+        """Returns in each child, with the words of its command line, and at the end, with None."""
+        signal.signal(signal.SIGCHLD, self._reap)
+        is_ready = False
+        while True:
+            readable = select.select([self._owner, self._listener, *self._children], [], [])[0]
+            if self._owner in readable:
+                return None
+            for one in readable:
+                if one is self._listener:
+                    if not is_ready:
+                        _learn()
+                        is_ready = True
+                    self._children[self._listener.accept()[0]] = set()
+                elif (words := self._answer(one)) is not None:
+                    return words
+
+    def _answer(self, line: socket.socket) -> list[str] | None:
+        """Fork once; in the child, the words of its command line."""
+        try:
+            asked, given, _, _ = socket.recv_fds(line, 1 << 20, 4)
+        except OSError:
+            asked, given = b"", []
         if not asked:
+            line.close()
+            for pid in self._children.pop(line):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGTERM)
             return None
         *streams, end = given
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # after its process id is known
         nursery, pid = os.getpid(), os.fork()
         if pid == 0:
-            for one in (line.detach(), end, *ends.values()):
-                os.close(one)
+            for one in (self._listener, self._owner, *self._children):
+                one.close()
+            for descriptor in (end, *self._ends.values()):
+                os.close(descriptor)
             request = json.loads(asked)
             _settle(nursery, request["env"], streams)
             return list(request["argv"])
-        ends[pid] = end
-        for one in streams:
-            os.close(one)
+        self._ends[pid] = end
+        self._children[line].add(pid)
+        for descriptor in streams:
+            os.close(descriptor)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGCHLD])
-        line.send(str(pid).encode())
+        with contextlib.suppress(OSError):  # the test process has ended: seen with the next message
+            line.send(str(pid).encode())
+        return None
+
+    def _reap(self, *_: object) -> None:
+        with contextlib.suppress(ChildProcessError):
+            while (found := os.wait4(-1, os.WNOHANG))[0]:
+                pid, status, usage = found
+                for those in self._children.values():
+                    those.discard(pid)
+                end = self._ends.pop(pid)
+                with contextlib.suppress(OSError):  # the test process has ended
+                    spent_s = usage.ru_utime + usage.ru_stime
+                    os.write(end, f"{os.waitstatus_to_exitcode(status)} {spent_s:.3f}".encode())
+                os.close(end)
 
 
 def _settle(nursery: int, env: dict[str, str], streams: Sequence[int]) -> None:
@@ -233,13 +321,12 @@ def _end(status: int) -> NoReturn:
     os._exit(status)
 
 
-def _main(line: socket.socket) -> int:
-    _learn()
-    words = _forking(line)
+def _main(listener: socket.socket, owner: socket.socket) -> int:
+    words = _Nursery(listener, owner).run()
     if words is not None:
         _end(_run(words))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(_main(socket.socket(fileno=int(sys.argv[1]))))
+    sys.exit(_main(*(socket.socket(fileno=int(word)) for word in sys.argv[1:])))

@@ -49,6 +49,11 @@ begun_last: deque[ServerProcess] = deque(maxlen=2)
 nursery: ForkServer | None = None
 
 
+def forked() -> list[Child]:
+    """What a nursery of another process has begun for this one."""
+    return nursery.children if nursery is not None else []
+
+
 def begun(
     *words: str, fresh: bool = False, prefix: Sequence[str] = (), apart: bool = False
 ) -> subprocess.Popen[str] | Child:

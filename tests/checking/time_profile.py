@@ -22,6 +22,7 @@ from typing import IO, Any
 
 import pytest
 
+from tests import server_process
 from tests.checking.machine import descendants, name_of, processor_seconds
 
 
@@ -63,6 +64,9 @@ class TimeProfile:
                 browser += processor_seconds(pid)
             else:
                 others += processor_seconds(pid)
+        if server_process.nursery is not None:  # forked elsewhere, for this process
+            for child in server_process.nursery.children:
+                others += child.processor_s or processor_seconds(child.pid)
         # a browser that has ended counts for the process that waited for it
         ended = max(0.0, self._before[2] - browser)
         return others - ended, browser + ended

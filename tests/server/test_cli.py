@@ -65,7 +65,7 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        done = imuscope("serve", "--port", str(taken.getsockname()[1]), "--data", str(tmp_path), fresh=True)
+        done = imuscope("serve", "--port", str(taken.getsockname()[1]), "--data", str(tmp_path))
     assert done.returncode == 1
     assert "Give another with --port" in done.stderr
     assert "Traceback" not in done.stderr
