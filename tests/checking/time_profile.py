@@ -64,9 +64,9 @@ class TimeProfile:
                 browser += processor_seconds(pid)
             else:
                 others += processor_seconds(pid)
-        if server_process.nursery is not None:  # forked elsewhere, for this process
-            for child in server_process.nursery.children:
-                others += child.processor_s or processor_seconds(child.pid)
+        for child in server_process.forked():  # by a process of all workers, for this one
+            living = (child.pid, *descendants(child.pid)) if child.returncode is None else ()
+            others += child.processor_s + sum(map(processor_seconds, living))
         # a browser that has ended counts for the process that waited for it
         ended = max(0.0, self._before[2] - browser)
         return others - ended, browser + ended
