@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import threading
 import time
 from collections.abc import Callable
 from itertools import count
@@ -16,6 +17,7 @@ from recordings.mcap_reader import McapReader, json_messages
 from recordings.mcap_writer import McapWriter, RecordingError
 from recordings.recording_writer import GATHER_S, Limits, RecordingWriter
 from tests.recordings.mcap_files import Message, messages, theirs
+from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until
 
 ABOUT = {"title": "A drive"}
@@ -206,11 +208,10 @@ def test_a_recording_that_cannot_start_reports_the_cause(tmp_path: Path) -> None
 def test_a_slow_disk_delays_no_caller_and_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     slow = McapWriter.runs
-    held = [True]
+    goes_on = threading.Event()
 
     def chunks(self: McapWriter, found: list[tuple[str, str, bytes, int]]) -> None:
-        while held[0]:
-            time.sleep(0.001)
+        goes_on.wait(PATIENCE_S)
         slow(self, found)  # type: ignore[arg-type]
 
     monkeypatch.setattr(McapWriter, "runs", chunks)
@@ -219,6 +220,6 @@ def test_a_slow_disk_delays_no_caller_and_is_reported(tmp_path: Path, monkeypatc
     for i in range(1000):
         tape.chunk("1", "rx", b"later", now + i)
     assert tape.behind_s >= 5.0
-    held[0] = False
+    goes_on.set()
     tape.stop()
     assert len(read(tmp_path / "drive-1.mcap")) == 1001
