@@ -23,6 +23,7 @@ from server.fleet.fleet_server import FleetServer
 from server.fleet.group_profiles import GroupProfiles
 from server.fleet.operators import Operators
 from server.fleet.robots import Robots
+from server.fleet.rollout_steps import RolloutTiming
 from server.fleet.rollouts import RolloutFiles
 from server.fleet_settings import FleetServerSettings, FleetSettings
 from server.logging_setup import print_or_log
@@ -58,16 +59,7 @@ def fleet(options: argparse.Namespace) -> None:
         from server.app import create_app
 
         try:
-            profiles = GroupProfiles(config.data / "fleet")
-            server = FleetServer(
-                Robots(),
-                FleetDatabase(config.data / "fleet"),
-                lambda: bus_settings(given),
-                lambda: _version(given),
-                profiles=profiles,
-                alarms=FleetAlarms(config.data / "fleet", config.fleet_server, profiles.applies),
-                rollouts=RolloutFiles(config.data / "fleet"),
-            )
+            server = create_fleet_server(config)
             if given.operators:
                 access.operators = Operators(Path(given.operators), server.group_of, server.group_of_rollout)
             if not given.router:
@@ -79,6 +71,29 @@ def fleet(options: argparse.Namespace) -> None:
         return create_app(config, access, fleet_server=server)
 
     run(replace(config, sources=(), fleet=FleetSettings()), create, is_robot=False)
+
+
+def create_fleet_server(config: Config, timing: RolloutTiming | None = None) -> FleetServer:
+    """The fleet server of a configuration; its session is not open yet.
+
+    Args:
+        timing: of rollouts; tests pass their own.
+
+    Raises:
+        DomainError, FleetDatabaseError: its stored state cannot be used.
+    """
+    folder, given = config.data / "fleet", config.fleet_server
+    profiles = GroupProfiles(folder)
+    return FleetServer(
+        Robots(),
+        FleetDatabase(folder),
+        lambda: bus_settings(given),
+        lambda: _version(given),
+        profiles=profiles,
+        alarms=FleetAlarms(folder, given, profiles.applies),
+        rollouts=RolloutFiles(folder),
+        timing=timing,
+    )
 
 
 def bus_settings(given: FleetServerSettings) -> Mapping[str, Any]:

@@ -31,6 +31,7 @@ from server.fleet.later_versions import PARTS
 from server.fleet.reports import MAX_JOURNAL, ReportError
 from server.fleet.robot_pages import RobotPages
 from server.fleet.robots import Robots
+from server.fleet.rollout_steps import RolloutTiming
 from server.fleet.rollouts import RolloutFiles, Rollouts
 from server.fleet.summaries import RobotSummary
 from server.prometheus_text import PrometheusText
@@ -61,6 +62,7 @@ class FleetServer:
         profiles: of groups.
         alarms: its own.
         rollouts: those of earlier runs.
+        timing: of rollouts; tests pass their own.
 
     Attributes:
         problem: why the state cannot be stored, or the settings cannot be used; empty otherwise.
@@ -76,6 +78,7 @@ class FleetServer:
         profiles: GroupProfiles,
         alarms: FleetAlarms,
         rollouts: RolloutFiles,
+        timing: RolloutTiming | None = None,
     ) -> None:
         self.robots, self.database, self.profiles, self.alarms = robots, database, profiles, alarms
         self.collector = Collector(
@@ -85,7 +88,7 @@ class FleetServer:
             last_number=database.last_number,
         )
         self.pages = RobotPages(self.collector.boot_of)
-        self.rollouts = Rollouts(rollouts, robots, profiles, self.pages, self._note_command)
+        self.rollouts = Rollouts(rollouts, robots, profiles, self.pages, self._note_command, timing)
         self.problem = ""
         self.overflows = 0
         self._settings, self._version = settings, version

@@ -1,6 +1,6 @@
 """Steps of a rollout at one device, through the robot's own HTTP API.
 
-    apply, temporary for watch_s + CONFIRM_MORE_S   the robot snapshots, writes, reads back; its record is on its disk
+    apply, temporary for watch_s + confirm_more_s   the robot snapshots, writes, reads back; its record is on its disk
     watch                                           samples at the rate of the profile for watch_s
     read the values that were read back             equal to the profile
     confirm, or roll back                           without either the robot rolls back by itself, line or no line
@@ -31,9 +31,6 @@ from server.fleet.rollout_models import UNKNOWN, RolloutDeviceState
 from server.fleet.rollout_plan import DeviceChange
 from server.printable import printable
 
-CONFIRM_MORE_S = 40.0
-"""Beyond the time of watching: samples have to begin again, and the confirmation has to arrive."""
-WATCH_MORE_S = 20.0
 RATE_SHARE, RATE_MESSAGES = 0.05, 2.0
 """How far the number of messages may be from the expected one: the larger of a share and a number."""
 T = TypeVar("T")
@@ -49,12 +46,16 @@ class RolloutTiming:
         lost_s: a robot that answers nothing for this long is left.
         write_s: time to read, write and read back.
         back_s: time to roll back.
+        confirm_more_s: beyond the time of watching: samples have to begin again, and the confirmation has to arrive.
+        watch_more_s: beyond it, for a device that does not deliver yet.
     """
 
     look_s: float = 1.0
     lost_s: float = 20.0
     write_s: float = 300.0
     back_s: float = 180.0
+    confirm_more_s: float = 40.0
+    watch_more_s: float = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +169,7 @@ class DeviceRollout:
             "product": self._wanted.product,
             "reason": self._reason,
             "confirmed": True,
-            "confirm_s": self._watch_s + CONFIRM_MORE_S,
+            "confirm_s": self._watch_s + self._timing.confirm_more_s,
         }
         try:
             self._job = (await self._line.post(f"{self._at}/apply", body, _Job)).id
@@ -235,7 +236,7 @@ class DeviceRollout:
             return ""
         figures: deque[tuple[float, dict[str, int]]] = deque()
         seen = 0.0
-        end = _now() + self._watch_s + WATCH_MORE_S
+        end = _now() + self._watch_s + self._timing.watch_more_s
         while _now() < end:
             if (job := self._ended(await self._jobs())) is not None:  # somebody at the robot has decided
                 if job.state == "done":
@@ -317,7 +318,7 @@ class DeviceRollout:
         """Roll back now, which the robot would do later by itself; always raises."""
         with suppress(LineError, DomainError):
             await self._line.post(f"{self._at}/roll-back", {}, _Jobs)
-        end = _now() + self._watch_s + CONFIRM_MORE_S + self._timing.back_s
+        end = _now() + self._watch_s + self._timing.confirm_more_s + self._timing.back_s
         while _now() < end:
             try:
                 job = self._ended(await self._jobs())

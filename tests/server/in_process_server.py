@@ -16,6 +16,7 @@ from server.config import Config
 from server.connections import ConnectionLimits
 from server.devices.protocol_detection import ProtocolSet
 from server.devices.sessions import OpenLink
+from server.fleet.fleet_server import FleetServer
 from server.fleet.robots import Robots
 from server.page_files import Files
 from server.services import Services
@@ -25,7 +26,11 @@ from tests.timeouts import PATIENCE_S, http_client
 
 
 class InProcessServer:
-    """`with InProcessServer(config, open_link) as running:` serves on a free port until the block ends."""
+    """`with InProcessServer(config, open_link) as running:` serves on a free port until the block ends.
+
+    Args:
+        loop: makes its event loop, for a test that turns its clock (tests/turned_loop.py).
+    """
 
     def __init__(
         self,
@@ -37,6 +42,8 @@ class InProcessServer:
         timings: ViewerTimings | None = None,
         limits: ConnectionLimits | None = None,
         robots: Robots | None = None,
+        fleet_server: FleetServer | None = None,
+        loop: Callable[[], asyncio.AbstractEventLoop] = asyncio.SelectorEventLoop,
     ) -> None:
         self._app = create_app(
             config,
@@ -46,6 +53,7 @@ class InProcessServer:
             page_files=page_files,
             timings=timings,
             robots=robots,
+            fleet_server=fleet_server,
         )
         self.services: Services = self._app.app.state.services  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)
@@ -55,10 +63,14 @@ class InProcessServer:
         ready = threading.Event()
         self._server = http_server.server(self._app, ready.set, limits=limits)
         self.loop: asyncio.AbstractEventLoop | None = None
-        self._thread = threading.Thread(target=asyncio.run, args=(self._serve(),))
+        self._thread = threading.Thread(target=self._run, args=(loop,))
         self._thread.start()
         assert ready.wait(PATIENCE_S)
         self.client = http_client(base_url=self.url)
+
+    def _run(self, loop: Callable[[], asyncio.AbstractEventLoop]) -> None:
+        with asyncio.Runner(loop_factory=loop) as runner:
+            runner.run(self._serve())
 
     async def _serve(self) -> None:
         self.loop = asyncio.get_running_loop()

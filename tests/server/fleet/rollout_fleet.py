@@ -1,26 +1,42 @@
-"""A fleet of real servers with simulated sensors: the settings of the first one are the profile, others differ."""
+"""A fleet of servers with simulated sensors: the settings of the first one are the profile, others differ.
+
+The servers are the real ones on real sockets and a real bus, in this process; the clock of each robot is turned by the
+test, so that nothing waits for a rollback that is due in minutes, and nothing happens before the test says so.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import socket
 import threading
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import httpx
+import pytest
 
+from server.commands.fleet import create_fleet_server
+from server.config import Config
+from server.devices.protocol_set import all_protocols
+from server.fleet import fleet_server, publisher
+from server.fleet.rollout_steps import RolloutTiming
+from server.fleet_settings import FleetServerSettings, FleetSettings
+from server.links import open_link
 from tests.free_ports import free_port
+from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, get
+from tests.timeouts import PATIENCE_S, http_client
+from tests.turned_loop import TurnedLoop
 from tests.waiting import block_until
 
-SOURCE = "sim:xbus?product=MTi-630"
-PROFILE_HZ, OTHER_HZ = 50, 100
+SOURCE = "sim:xbus?product=MTi-630&rate=20"
+PROFILE_HZ, OTHER_HZ = 50, 20
 QUATERNION = 0x2010
+LONG_S = 300.0
+"""A time of watching that somebody at the robot ends."""
+BRIEF = RolloutTiming(look_s=0.05, lost_s=0.1, watch_more_s=PATIENCE_S)
 
 
 class CutLine:
@@ -59,61 +75,108 @@ class CutLine:
             other.shutdown(socket.SHUT_RDWR)
 
 
+class Robot(InProcessServer):
+    """The server of a robot in this process, whose clock a test turns."""
+
+    def __init__(self, name: str, port: int, data: Path) -> None:
+        settings = FleetSettings(router=f"tcp/127.0.0.1:{port}", name=name, group="otters", pages="control")
+        config = Config(port=0, data=data, sources=(SOURCE,), fleet=settings)
+        super().__init__(config, open_link, all_protocols(), loop=TurnedLoop)
+
+    def turn(self, seconds: float) -> None:
+        """Let everything be due that would be within this time."""
+        assert isinstance(self.loop, TurnedLoop)
+        self.client.close()  # else the server would, which no idle connection outlasts
+        self.client = http_client(base_url=self.url)
+        self.loop.turn(seconds)
+
+
 class RolloutFleet:
-    """A fleet server and robots.
+    """A fleet server and robots, all in this process.
 
     Args:
         names: of the robots; the first one has the profile.
-        behind: a robot whose line can be cut.
-        sources: of robots that have another sensor.
+        behind: robots each with a line that can be cut.
+        is_process: the fleet server is a process, to be killed; it has the product's timings.
+        timing: of rollouts.
     """
 
     def __init__(
-        self, folder: Path, names: str = "abc", *, behind: str = "", sources: Mapping[str, str] | None = None
+        self,
+        folder: Path,
+        names: str = "abc",
+        *,
+        behind: str = "",
+        is_process: bool = False,
+        timing: RolloutTiming = BRIEF,
     ) -> None:
-        self._folder, self._names, self._behind = folder, names, behind
-        self._sources = sources or {}
+        self._folder, self._names, self._is_process, self._timing = folder, names, is_process, timing
         self._port = free_port()
-        self.line = CutLine(self._port) if behind else None
-        self.robots: dict[str, ServerProcess] = {}
-        self.server: ServerProcess
-        self._pool = ThreadPoolExecutor(8)  # a process may end with the thread that started it
+        self.lines = {name: CutLine(self._port) for name in behind}
+        self.robots: dict[str, Robot] = {}
+        self._open = ExitStack()
+        self._process: ServerProcess | None = None
 
     def __enter__(self) -> RolloutFleet:
-        self.server = self.begin()
         try:
-            self.robots = dict(zip(self._names, self._pool.map(self._robot, self._names), strict=True))
-            list(self._pool.map(self._prepare, self._names))
+            self._quicken(self._open.enter_context(pytest.MonkeyPatch.context()))
+            self._open.callback(self._cut)
+            self.begin()
+            for name in self._names:
+                port = self.lines[name].port if name in self.lines else self._port
+                self.robots[name] = self._open.enter_context(Robot(name, port, self._folder / name))
+            for name in self._names:
+                self._prepare(name)
             self._share()
         except BaseException:
-            self.close()
+            self._open.close()
             raise
         return self
 
-    def begin(self) -> ServerProcess:
-        """Start the fleet server, also once more."""
-        arguments = ("--listen", f"tcp/127.0.0.1:{self._port}")
-        self.server = ServerProcess(data=self._folder / "fleet", arguments=arguments, command="fleet")
-        return self.server
+    def _quicken(self, patch: pytest.MonkeyPatch) -> None:
+        """Reports and looks follow each other quickly, so that little is waited for."""
+        patch.setattr(publisher, "PERIOD_S", 0.1)
+        patch.setattr(fleet_server, "TURN_S", 0.02)
+        patch.setattr(fleet_server, "WRITE_S", 0.1)
 
-    def _robot(self, name: str) -> ServerProcess:
-        port = self.line.port if self.line is not None and name == self._behind else self._port
-        config = self._folder / f"{name}.toml"
-        config.write_text(
-            f'[fleet]\nrouter = "tcp/127.0.0.1:{port}"\nname = "{name}"\ngroup = "otters"\npages = "control"\n'
-        )
-        return ServerProcess(
-            self._sources.get(name, SOURCE), data=self._folder / name, arguments=("--config", str(config))
-        )
+    def begin(self) -> None:
+        """Start the fleet server, also once more."""
+        data, listen = self._folder / "fleet", f"tcp/127.0.0.1:{self._port}"
+        if self._is_process:
+            self._process = ServerProcess(data=data, arguments=("--listen", listen), command="fleet")
+            self._open.callback(self._process.stop)
+            self._server = self._open.enter_context(http_client(base_url=self._process.url))
+            return
+        config = Config(port=0, data=data, fleet_server=FleetServerSettings(listen=listen))
+        server = create_fleet_server(config, self._timing)
+        server.open()
+        self._server = self._open.enter_context(
+            InProcessServer(config, open_link, all_protocols(), fleet_server=server)
+        ).client
+
+    def kill(self) -> None:
+        """Kill the fleet server's process."""
+        assert self._process is not None
+        self._process.process.kill()
+        self._process.stop()
+
+    def lose(self, name: str) -> None:
+        """Cut the line of a robot, and wait until it is lost."""
+        self.lines[name].cut()
+        block_until(lambda: self.summary(name)["state"] == "lost", f"{name} is lost")
+
+    def _cut(self) -> None:
+        for line in self.lines.values():
+            line.cut()
 
     def _prepare(self, name: str) -> None:
-        """Read the settings; the first one's outputs get the rate of the profile."""
+        """Read the settings; the first one's outputs get the rate of the profile, the others' another."""
         block_until(lambda: self.device(name)["status"] == "live", f"the device of {name} is live")
         self.post(name, "read", {})
         block_until(lambda: self.values(name), f"the settings of {name} are read")
-        if name == self._names[0]:
-            self.post(name, "apply", {"changes": outputs(PROFILE_HZ), "confirmed": True})
-            block_until(lambda: self.rate(name) == PROFILE_HZ, "the profile is written")
+        rate = PROFILE_HZ if name == self._names[0] else OTHER_HZ
+        self.post(name, "apply", {"changes": outputs(rate), "confirmed": True})
+        block_until(lambda: self.rate(name) == rate, "the settings are written")
 
     def _share(self) -> None:
         """Make the first one's settings the profile, and wait until the others differ from it."""
@@ -135,11 +198,11 @@ class RolloutFleet:
 
     def device(self, name: str) -> dict[str, Any]:
         """The device of a robot, as it says itself."""
-        return dict(get(f"{self.robots[name].url}/api/devices").json()[0])
+        return dict(self.robots[name].client.get("/api/devices").json()[0])
 
     def post(self, name: str, what: str, body: dict[str, Any]) -> httpx.Response:
         """Tell a robot something at its own address."""
-        return httpx.post(f"{self.robots[name].url}/api/devices/1/{what}", json=body, timeout=PATIENCE_S)
+        return self.robots[name].client.post(f"/api/devices/1/{what}", json=body)
 
     def confirm(self, name: str) -> None:
         """Confirm the settings of a robot at its own address, which ends the watching."""
@@ -147,7 +210,7 @@ class RolloutFleet:
 
     def values(self, name: str) -> dict[str, Any]:
         """Settings of a robot, as it says itself."""
-        return dict(get(f"{self.robots[name].url}/api/devices/1/values").json()["values"])
+        return dict(self.robots[name].client.get("/api/devices/1/values").json()["values"])
 
     def rate(self, name: str) -> int:
         """Configured rate of a robot's quaternion, Hz."""
@@ -156,38 +219,38 @@ class RolloutFleet:
 
     def rollback(self, name: str) -> str:
         """State of a robot's rollback, as it says itself."""
-        found = get(f"{self.robots[name].url}/api/devices/1/jobs").json()["pending_rollback"]
+        found = self.robots[name].client.get("/api/devices/1/jobs").json()["pending_rollback"]
         return str(found["state"]) if found else ""
 
     # ── the fleet server ─────────────────────────────────────────────────────────────────────────────────────────────
 
     def summary(self, name: str) -> dict[str, Any]:
         """A robot, as the fleet server shows it."""
-        robots = get(f"{self.server.url}/api/fleet/robots").json()["robots"]
+        robots = self._server.get("/api/fleet/robots").json()["robots"]
         return next(one for one in robots if one["name"] == name)
 
     def reported(self) -> dict[str, float | None]:
         """Robot → rate that its settings ask for, as it reports."""
-        robots = get(f"{self.server.url}/api/fleet/robots").json()["robots"]
+        robots = self._server.get("/api/fleet/robots").json()["robots"]
         return {one["name"]: device["expected_rate"] for one in robots for device in one["devices"]}
 
     def plan(self, robot: str = "a", **query: str) -> dict[str, Any]:
         """The plan."""
-        answer = get(f"{self.server.url}/api/fleet/robots/{robot}/rollout", params={"device": "1", **query})
+        answer = self._server.get(f"/api/fleet/robots/{robot}/rollout", params={"device": "1", **query})
         assert answer.status_code == 200, answer.text
         return dict(answer.json())
 
     def send(self, path: str, **body: Any) -> httpx.Response:
         """Tell the fleet server something."""
-        return httpx.post(f"{self.server.url}/api/fleet/{path}", json=body, timeout=PATIENCE_S)
+        return self._server.post(f"/api/fleet/{path}", json=body)
 
     def start(self, plan: str, **options: Any) -> httpx.Response:
         """Start a rollout."""
-        return self.send("robots/a/rollout", device="1", plan=plan, **{"by": "Ada", "watch_s": 2, **options})
+        return self.send("robots/a/rollout", device="1", plan=plan, **{"by": "Ada", "watch_s": LONG_S, **options})
 
     def rollout(self) -> dict[str, Any]:
         """The first rollout."""
-        return dict(get(f"{self.server.url}/api/fleet/rollouts/1").json())
+        return dict(self._server.get("/api/fleet/rollouts/1").json())
 
     def states(self) -> dict[str, str]:
         """Robot → state of its device in the rollout."""
@@ -195,29 +258,22 @@ class RolloutFleet:
 
     def until_state(self, name: str, *states: str) -> None:
         """Wait until a robot's device is in one of these states."""
-        block_until(lambda: self.states()[name] in states, self.rollout, seconds=3 * PATIENCE_S)
+        block_until(lambda: self.states()[name] in states, self.rollout)
 
     def until_over(self) -> dict[str, Any]:
         """The rollout when it has ended."""
-        block_until(lambda: self.rollout()["state"] != "running", self.rollout, seconds=3 * PATIENCE_S)
+        block_until(lambda: self.rollout()["state"] != "running", self.rollout)
         return self.rollout()
 
     def events(self, robot: str) -> list[str]:
         """Texts of the events of a robot at the fleet server, the oldest first."""
-        found = get(f"{self.server.url}/api/fleet/events", params={"limit": 500}).json()
+        found = self._server.get("/api/fleet/events", params={"limit": 500}).json()
         return [one["text"] for one in reversed(found) if one["robot"] == robot]
-
-    def close(self) -> None:
-        """End all."""
-        if self.line is not None:
-            self.line.cut()
-        list(self._pool.map(ServerProcess.stop, [self.server, *self.robots.values()]))
-        self._pool.shutdown()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self._open.close()
 
 
 def outputs(rate: int) -> dict[str, Any]:

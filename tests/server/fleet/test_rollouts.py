@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,10 @@ from server.fleet.robot_line import LineError, decoded
 from server.fleet.rollout_models import Rollout, wave_sizes
 from server.fleet.rollout_plan import plan_of
 from server.fleet.rollouts import RolloutFiles
-from server.links.simulator import SimulatorThread
 from tests.each_row import each_row
-from tests.server.control_harness import bench
 from tests.server.fleet.compared_robots import robot, settings_at
-from tests.server.fleet.rollout_fleet import OTHER_HZ, PROFILE_HZ, RolloutFleet
+from tests.server.fleet.rollout_fleet import BRIEF, LONG_S, OTHER_HZ, PROFILE_HZ, RolloutFleet
 from tests.waiting import block_until
-
-LONG_S = 120
-"""A time of watching that somebody at the robot ends."""
 
 
 @each_row(
@@ -65,7 +60,7 @@ def test_a_profile_is_applied_in_waves_and_confirmed(tmp_path: Path) -> None:
         assert fleet.start("another").json()["kind"] == "changed"
         assert fleet.start(plan["id"], by=" ").json()["kind"] == "bad-value"
         assert fleet.start(plan["id"], waves="none").json()["kind"] == "bad-value"
-        assert fleet.start(plan["id"]).status_code == 202
+        assert fleet.start(plan["id"], watch_s=1).status_code == 202
         assert fleet.start(plan["id"]).json()["kind"] == "busy"
         over = fleet.until_over()
         assert (over["state"], fleet.states()) == ("done", {"b": "done", "c": "done"}), over
@@ -84,26 +79,19 @@ def test_a_profile_is_applied_in_waves_and_confirmed(tmp_path: Path) -> None:
 
 
 def test_a_device_that_stops_to_deliver_is_rolled_back_and_the_next_wave_does_not_begin(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with bench(measuring=True) as there:
-            there.hold_open()
-            await asyncio.to_thread(play, there)
-
-    def play(there: SimulatorThread) -> None:
-        sources = {"b": f"serial://{there.slave}?baud=115200"}
-        with RolloutFleet(tmp_path, sources=sources) as fleet, pytest.MonkeyPatch.context() as patch:
-            assert fleet.start(fleet.plan()["id"]).status_code == 202
-            patch.setattr(XbusSimulator, "_due", no_samples(XbusSimulator._due))
-            over = fleet.until_over()
-            assert (over["state"], fleet.states()) == ("failed", {"b": "failed", "c": "not-started"}), over
-            assert over["words"].startswith("b, MTi-630: It delivered ")
-            assert over["words"].endswith(" 1 was not started.")
-            assert f"instead of {PROFILE_HZ}. The device was rolled back" in over["words"]
-            assert fleet.rollback("b") == "rolled-back"
-            assert [fleet.rate(name) for name in "bc"] == [OTHER_HZ, OTHER_HZ]
-            assert not any("Command" in text for text in fleet.events("c"))
-
-    asyncio.run(check())
+    timing = replace(BRIEF, watch_more_s=0.1)  # nothing arrives, however long it is waited for
+    with RolloutFleet(tmp_path, timing=timing) as fleet, pytest.MonkeyPatch.context() as patch:
+        plan = fleet.plan()["id"]
+        patch.setattr(XbusSimulator, "_due", no_samples(XbusSimulator._due))
+        assert fleet.start(plan, watch_s=1).status_code == 202
+        over = fleet.until_over()
+        assert (over["state"], fleet.states()) == ("failed", {"b": "failed", "c": "not-started"}), over
+        assert over["words"].startswith("b, MTi-630: It delivered ")
+        assert over["words"].endswith(" 1 was not started.")
+        assert f"instead of {PROFILE_HZ}. The device was rolled back" in over["words"]
+        assert fleet.rollback("b") == "rolled-back"
+        assert [fleet.rate(name) for name in "bc"] == [OTHER_HZ, OTHER_HZ]
+        assert not any("Command" in text for text in fleet.events("c"))
 
 
 def no_samples(due: Callable[[XbusSimulator, int, list[bytes]], None]) -> Callable[..., None]:
@@ -118,7 +106,7 @@ def no_samples(due: Callable[[XbusSimulator, int, list[bytes]], None]) -> Callab
 
 def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path) as fleet:
-        assert fleet.start(fleet.plan()["id"], watch_s=LONG_S).status_code == 202
+        assert fleet.start(fleet.plan()["id"]).status_code == 202
         fleet.until_state("b", "watching")
         assert fleet.post("b", "roll-back", {}).status_code == 200
         over = fleet.until_over()
@@ -128,37 +116,38 @@ def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(tmp_path:
 
 def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path, "abcd") as fleet:
-        assert fleet.start(fleet.plan()["id"], waves="1", watch_s=LONG_S).status_code == 202
+        assert fleet.start(fleet.plan()["id"], waves="1").status_code == 202
         fleet.until_state("b", "watching")
         outputs = fleet.values("c")["OutputConfiguration"]
         for one in outputs["outputs"]:
-            one["output_frequency"] = 20 if one["output_frequency"] == OTHER_HZ else one["output_frequency"]
+            one["output_frequency"] = 10 if one["output_frequency"] == OTHER_HZ else one["output_frequency"]
         fleet.post("c", "apply", {"changes": {"OutputConfiguration": outputs}, "confirmed": True})
-        block_until(lambda: fleet.rate("c") == 20, "it is changed")
+        block_until(lambda: fleet.rate("c") == 10, "it is changed")
         fleet.confirm("b")
         over = fleet.until_over()
         assert fleet.states() == {"b": "done", "c": "failed", "d": "not-started"}, over
         assert "was changed by another client" in over["words"]
-        assert [fleet.rate(name) for name in "bcd"] == [PROFILE_HZ, 20, OTHER_HZ]
+        assert [fleet.rate(name) for name in "bcd"] == [PROFILE_HZ, 10, OTHER_HZ]
 
 
 def test_a_robot_whose_line_is_cut_rolls_back_by_itself(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path, behind="b") as fleet:
-        assert fleet.start(fleet.plan()["id"], watch_s=8).status_code == 202
+        assert fleet.start(fleet.plan()["id"]).status_code == 202
         fleet.until_state("b", "watching")
-        assert fleet.line is not None
-        fleet.line.cut()
+        fleet.lines["b"].cut()
         over = fleet.until_over()
         assert (over["state"], fleet.states()) == ("failed", {"b": "unknown", "c": "not-started"}), over
         assert "The robot rolls back by itself unless the settings were confirmed" in over["words"]
-        block_until(lambda: fleet.rollback("b") == "rolled-back", lambda: fleet.rollback("b"), seconds=180)
+        assert fleet.rollback("b") == "pending"
+        fleet.robots["b"].turn(2 * LONG_S)
+        block_until(lambda: fleet.rollback("b") == "rolled-back", lambda: fleet.rollback("b"))
         block_until(lambda: fleet.rate("b") == OTHER_HZ, "it has its old settings")
         assert fleet.rate("c") == OTHER_HZ
 
 
 def test_a_stop_finishes_what_has_begun_and_begins_nothing_else(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path) as fleet:
-        assert fleet.start(fleet.plan()["id"], watch_s=LONG_S).status_code == 202
+        assert fleet.start(fleet.plan()["id"]).status_code == 202
         fleet.until_state("b", "watching")
         assert fleet.send("rollouts/1/stop", by="  ").json()["kind"] == "bad-value"
         assert fleet.send("rollouts/1/stop", by="Ben").json()["stopped_by"] == "Ben"
@@ -171,15 +160,13 @@ def test_a_stop_finishes_what_has_begun_and_begins_nothing_else(tmp_path: Path) 
 
 
 def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
-    with RolloutFleet(tmp_path, "abcd") as fleet:
-        fleet.robots["d"].process.kill()
-        block_until(lambda: fleet.summary("d")["state"] == "lost", "d is lost")
+    with RolloutFleet(tmp_path, "abcd", behind="cd") as fleet:
+        fleet.lose("d")
         plan = fleet.plan()
         assert [(one["robot"], one["why"]) for one in plan["left_out"]] == [("d", "The robot is lost.")]
-        assert fleet.start(plan["id"], watch_s=LONG_S).status_code == 202
+        assert fleet.start(plan["id"]).status_code == 202
         fleet.until_state("b", "watching")
-        fleet.robots["c"].process.kill()
-        block_until(lambda: fleet.summary("c")["state"] == "lost", "c is lost")
+        fleet.lose("c")
         fleet.confirm("b")
         over = fleet.until_over()
         assert (over["state"], over["words"]) == ("done", "1 of 2 left out."), over
@@ -188,12 +175,12 @@ def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
 
 
 def test_a_fleet_server_that_is_killed_says_what_it_interrupted_and_sends_nothing_again(tmp_path: Path) -> None:
-    with RolloutFleet(tmp_path) as fleet:
-        assert fleet.start(fleet.plan()["id"], watch_s=8).status_code == 202
+    with RolloutFleet(tmp_path, is_process=True) as fleet:
+        assert fleet.start(fleet.plan()["id"]).status_code == 202
         fleet.until_state("b", "watching")
-        fleet.server.process.kill()
-        fleet.server.stop()
-        block_until(lambda: fleet.rollback("b") == "rolled-back", lambda: fleet.rollback("b"), seconds=180)
+        fleet.kill()
+        fleet.robots["b"].turn(2 * LONG_S)
+        block_until(lambda: fleet.rollback("b") == "rolled-back", lambda: fleet.rollback("b"))
         fleet.begin()
         over = fleet.rollout()
         assert (over["state"], fleet.states()) == ("interrupted", {"b": "unknown", "c": "not-started"}), over
