@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
+import functools
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -41,7 +43,23 @@ def ask(
         target: path and query, as they stand in a request line.
         headers: as sent; Host is 192.0.2.1:8080 when they name none.
     """
-    return asyncio.run(_ask(app, method, target, {"host": "192.0.2.1:8080", **(headers or {})}, client, body))
+    asked = _ask(app, method, target, {"host": "192.0.2.1:8080", **(headers or {})}, client, body)
+    loop = _loop()
+    try:
+        return loop.run_until_complete(asked)
+    finally:
+        if left := asyncio.all_tasks(loop):  # as asyncio.run, whose new loop for each request would take most of the time
+            for task in left:
+                task.cancel()
+            loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))
+
+
+@functools.cache
+def _loop() -> asyncio.AbstractEventLoop:
+    """Of all requests of this process."""
+    loop = asyncio.new_event_loop()
+    atexit.register(loop.close)
+    return loop
 
 
 async def _ask(app: ASGIApp, method: str, target: str, given: Mapping[str, str], client: str, body: bytes) -> Answer:

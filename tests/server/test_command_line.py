@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import dataclasses
 import json
 import os
@@ -64,7 +65,8 @@ def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list
 
 
 @each_row("name", COMMANDS)
-def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
+def test_options_may_stand_anywhere_among_the_arguments(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arguments, "parser", functools.cache(arguments.parser))  # else it is built some thousand times
     words, given = arguments_of(COMMANDS[name])
     needed = [one for one in given if any(one[0] in a.option_strings and a.required for a in COMMANDS[name]._actions)]
     doors = [one for group in COMMANDS[name]._mutually_exclusive_groups if group.required for one in given

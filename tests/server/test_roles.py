@@ -6,6 +6,7 @@ all others change something. What differs from that stands in the two lists here
 
 from __future__ import annotations
 
+import functools
 import itertools
 import re
 from collections.abc import Iterator
@@ -52,6 +53,7 @@ SOCKETS = {
 }
 
 
+@functools.cache
 def settings(folder: Path) -> Config:
     return Config(host="0.0.0.0", data=folder, view_token=VIEW, control_token=CONTROL)
 
