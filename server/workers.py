@@ -13,9 +13,9 @@ import asyncio
 import contextlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from recordings.mcap_writer import RecordingError
 
@@ -24,7 +24,13 @@ MAX_LINE = 1024 * 1024
 
 
 class Worker:
-    """A worker process, running or ended, created by `start`; iterate over it for its messages."""
+    """A worker process, running or ended, created by `start`; iterate over it for its messages.
+
+    Attributes:
+        create_process: `asyncio.create_subprocess_exec`; tests have processes forked instead.
+    """
+
+    create_process: ClassVar[Callable[..., Awaitable[Any]]] = staticmethod(asyncio.create_subprocess_exec)
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
@@ -40,7 +46,7 @@ class Worker:
         Raises:
             OSError: the process cannot be created.
         """
-        process = await asyncio.create_subprocess_exec(
+        process = await cls.create_process(
             *(sys.executable, "-m", module, *arguments),
             cwd=ROOT,
             stdin=asyncio.subprocess.DEVNULL if arguments else asyncio.subprocess.PIPE,

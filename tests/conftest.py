@@ -28,7 +28,7 @@ from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
 from protocols import jit
-from tests import browser_engine, chromium, each_row, fork_server, server_process
+from tests import browser_engine, chromium, each_row, fork_server, forked_workers, server_process
 from tests.cache_folder import compiled_code
 from tests.checking import machine
 from tests.checking.affected import durations
@@ -53,6 +53,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
 if fork_server.IS_THERE:
     server_process.nursery = ForkServer(os.environ.get(fork_server.VARIABLE, ""))
+    forked_workers.install(server_process.nursery)
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=30, deadline=None, derandomize=True, suppress_health_check=SLOW)

@@ -27,16 +27,20 @@ import gc
 import importlib
 import json
 import os
+import runpy
 import select
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
 import threading
 import traceback
+import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NoReturn
 
@@ -49,6 +53,13 @@ LEARNT = (
     *("server.app", "server.commands.serve", "server.links.simulator", "protocols.simulator.trajectory"),
     *("uvicorn.loops.auto", "uvicorn.protocols.http.auto", "uvicorn.lifespan.on", "anyio._backends._asyncio"),
 )
+WORKERS = (
+    *("server.decode_worker", "server.library.export_worker", "server.library.export_sizes", "server.evidence.worker"),
+    *("server.fleet.query_worker", "server.fleet.upload_worker"),
+)
+"""Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
+recordings.compaction, which imports little and may have little memory.
+"""
 
 
 class Child:
@@ -67,6 +78,10 @@ class Child:
         self.processor_s = 0.0
         self._end = end
         self._lock = threading.Lock()
+
+    def fileno(self) -> int:
+        """A descriptor that is readable when it has ended."""
+        return self._end.fileno()
 
     def poll(self) -> int | None:
         """Its exit status, or None while it runs."""
@@ -128,15 +143,20 @@ class ForkServer:
         self._lock = threading.Lock()
         self._line: socket.socket | None = None
 
-    def start(self, arguments: Sequence[str], given: int, out: int, err: int) -> Child:
-        """`imuscope ARGUMENTS`, running; `given`, `out` and `err` are its standard streams, and stay the caller's."""
+    def start(self, arguments: Sequence[str], given: int, out: int, err: int, *, module: str = "") -> Child:
+        """`imuscope ARGUMENTS`, or `python -m module ARGUMENTS`, running.
+
+        Args:
+            given, out, err: its standard streams, which stay the caller's.
+        """
         with self._lock:
             if self._line is None:
                 self._line = _connected(self._address or _begin())
                 atexit.register(self._line.close)
             end, other = socket.socketpair()
             with other:
-                request = json.dumps({"argv": [*arguments], "env": {**os.environ, "PYTHONUNBUFFERED": "1"}}).encode()
+                env = {**os.environ, "PYTHONUNBUFFERED": "1"}
+                request = json.dumps({"argv": [*arguments], "env": env, "module": module}).encode()
                 socket.send_fds(self._line, [request], [given, out, err, other.fileno()])
             try:
                 pid = int(self._line.recv(16))
@@ -193,11 +213,33 @@ def _learn() -> None:
     from server.commands.common import prepare_decoders
 
     prepare_decoders(ROOT / "artifacts")  # first, because it sets the folder of compiled code
-    for name in LEARNT:
+    for name in (*LEARNT, *WORKERS):
         importlib.import_module(name)
     importlib.import_module("server.library.sources").decoding_mark()  # of the sources as they are now
     gc.collect()
     gc.freeze()
+
+
+@dataclass(frozen=True)
+class _Request:
+    """What a child does.
+
+    Attributes:
+        words: arguments.
+        module: runs; "" for the command line.
+        nursery: address of the nursery.
+    """
+
+    words: list[str]
+    module: str
+    nursery: str
+
+
+def _peer(line: socket.socket) -> int:
+    """The process at the other end: SO_PEERCRED, unix(7)."""
+    pid: int
+    pid, _, _ = struct.unpack("3i", line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i")))
+    return pid
 
 
 class _Nursery:
@@ -210,12 +252,15 @@ class _Nursery:
 
     def __init__(self, listener: socket.socket, owner: socket.socket) -> None:
         self._listener = listener
+        self._listener_name: str = listener.getsockname()
         self._owner = owner
         self._ends: dict[int, int] = {}
         self._children: dict[socket.socket, set[int]] = {}  # by the connection of who asked for them
+        self._asked_by: dict[int, int] = {}  # child -> process
+        self._spent_s: dict[int, float] = {}  # process -> processor time of what was forked for it
 
-    def run(self) -> list[str] | None:
-        """Returns in each child, with the words of its command line, and at the end, with None."""
+    def run(self) -> _Request | None:
+        """Returns in each child, with what it is asked to do, and at the end, with None."""
         signal.signal(signal.SIGCHLD, self._reap)
         is_ready = False
         while True:
@@ -228,11 +273,11 @@ class _Nursery:
                         _learn()
                         is_ready = True
                     self._children[self._listener.accept()[0]] = set()
-                elif (words := self._answer(one)) is not None:
-                    return words
+                elif (request := self._answer(one)) is not None:
+                    return request
 
-    def _answer(self, line: socket.socket) -> list[str] | None:
-        """Fork once; in the child, the words of its command line."""
+    def _answer(self, line: socket.socket) -> _Request | None:
+        """Fork once; in the child, what it is asked to do."""
         try:
             asked, given, _, _ = socket.recv_fds(line, 1 << 20, 4)
         except OSError:
@@ -253,8 +298,9 @@ class _Nursery:
                 os.close(descriptor)
             request = json.loads(asked)
             _settle(nursery, request["env"], streams)
-            return list(request["argv"])
+            return _Request(request["argv"], request["module"], self._listener_name)
         self._ends[pid] = end
+        self._asked_by[pid] = _peer(line)
         self._children[line].add(pid)
         for descriptor in streams:
             os.close(descriptor)
@@ -271,7 +317,9 @@ class _Nursery:
                     those.discard(pid)
                 end = self._ends.pop(pid)
                 with contextlib.suppress(OSError):  # the test process has ended
-                    spent_s = usage.ru_utime + usage.ru_stime
+                    spent_s = usage.ru_utime + usage.ru_stime + self._spent_s.pop(pid, 0.0)
+                    asked_by = self._asked_by.pop(pid)
+                    self._spent_s[asked_by] = self._spent_s.get(asked_by, 0.0) + spent_s
                     os.write(end, f"{os.waitstatus_to_exitcode(status)} {spent_s:.3f}".encode())
                 os.close(end)
 
@@ -291,13 +339,20 @@ def _settle(nursery: int, env: dict[str, str], streams: Sequence[int]) -> None:
     os.environ.update(env)
 
 
-def _run(words: list[str]) -> int:
-    """Run a command line; its exit status, as the interpreter has it."""
+def _run(request: _Request) -> int:
+    """Run a command line or a module; its exit status, as the interpreter has it."""
     from server.cli import main
+    from tests.forked_workers import install
 
-    sys.argv = ["imuscope", *words]
+    install(ForkServer(request.nursery))
+    sys.argv = [request.module or "imuscope", *request.words]
     try:
-        return main(words)
+        if not request.module:
+            return main(request.words)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # it has been imported
+            runpy.run_module(request.module, run_name="__main__")
+        return 0
     except SystemExit as ended:
         if ended.code is None or isinstance(ended.code, int):
             return ended.code or 0
@@ -322,9 +377,9 @@ def _end(status: int) -> NoReturn:
 
 
 def _main(listener: socket.socket, owner: socket.socket) -> int:
-    words = _Nursery(listener, owner).run()
-    if words is not None:
-        _end(_run(words))
+    request = _Nursery(listener, owner).run()
+    if request is not None:
+        _end(_run(request))
     return 0
 
 

@@ -48,7 +48,7 @@ def ask(
     try:
         return loop.run_until_complete(asked)
     finally:
-        if left := asyncio.all_tasks(loop):  # as asyncio.run, whose new loop for each request would take most of the time
+        if left := asyncio.all_tasks(loop):  # as asyncio.run, whose loop of its own took most of the time
             for task in left:
                 task.cancel()
             loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))

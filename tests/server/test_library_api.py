@@ -142,7 +142,8 @@ def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcess
 def test_invalid_requests_are_reported(
     running: InProcessServer, folder: Path, method: str, path: str, body: Any, status: int
 ) -> None:
-    drive(folder / "a.mcap", seconds=0.2)
+    if not (folder / "a.mcap").exists():
+        drive(folder / "a.mcap", seconds=0.2)
     assert_problem(running.client.request(method, f"{URL}/{path}", json=body), status)
 
 
