@@ -22,7 +22,7 @@ class Calls:
 
 @contextmanager
 def counted_calls() -> Iterator[Calls]:
-    """Count the calls that this thread makes within the block. Work inside one call (a search, a copy) counts as one."""
+    """Count the calls of this thread within the block. Work inside one call (a search, a copy) counts as one."""
     calls = Calls()
     before = sys.getprofile()
     sys.setprofile(calls)
