@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,10 +22,17 @@ S = 10**9
 
 
 def wire(**options: Any) -> PlayedWire:
-    """A simulator that has its first fix."""
-    there = PlayedWire(IsbSimulator(**options), "isb", step_ns=5_000_000)
-    there.pass_time(5)
-    return there
+    """A simulator that has its first fix; what it has sent until then is gone."""
+    device = copy.deepcopy(_running(tuple(sorted(options.items()))))
+    return PlayedWire(device, "isb", start_ns=5 * S, step_ns=5_000_000)
+
+
+@functools.cache
+def _running(options: tuple[tuple[str, Any], ...]) -> IsbSimulator:
+    """Made once: five seconds of samples take longer than most dialogues."""
+    device = IsbSimulator(**dict(options))
+    device.advance(5 * S)
+    return device
 
 
 def read(setting: str, there: PlayedWire) -> Mapping[str, Any]:

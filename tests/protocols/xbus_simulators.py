@@ -4,6 +4,8 @@ spoilt.
 
 from __future__ import annotations
 
+import copy
+import functools
 from typing import Any
 
 from protocols.transactions import DeviceContext, Values
@@ -13,10 +15,17 @@ from tests.transaction_player import PlayedWire, play
 
 
 def wire(product: str = "MTi-630", *, seconds: float = 1.0, baud: int | None = None, **options: Any) -> PlayedWire:
-    """A simulator that has been on for a while."""
-    line = PlayedWire(XbusSimulator(product, **options), "xbus", baud)
-    line.pass_time(seconds)
-    return line
+    """A simulator that has been on for a while; what it has sent until then is gone."""
+    device = copy.deepcopy(_running(product, seconds, tuple(sorted(options.items()))))
+    return PlayedWire(device, "xbus", baud, start_ns=round(seconds * 1e9))
+
+
+@functools.cache
+def _running(product: str, seconds: float, options: tuple[tuple[str, Any], ...]) -> XbusSimulator:
+    """Made once: a second of samples takes longer than most dialogues."""
+    device = XbusSimulator(product, **dict(options))
+    device.advance(round(seconds * 1e9))
+    return device
 
 
 def phase(line: PlayedWire) -> str:
