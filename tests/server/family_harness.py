@@ -13,6 +13,8 @@ from server.links.base import LinkSettings
 from server.streaming.telemetry import Telemetry
 from tests.server.fakes import FakeClock, FakeLink
 
+STEP_S = 0.05
+
 
 class FamilyWire(FakeLink):
     """A fake link that can be written to."""
@@ -36,14 +38,14 @@ class FamilyHarness:
         self._began = self.clock.ns
 
     async def run(self, device: Any, seconds: float) -> None:
-        """Output of a device during some seconds, in chunks of 20 ms."""
-        for step in range(round(seconds / 0.02)):
-            self.clock.move(0.02)
+        """Output of a device during some seconds, in chunks of 50 ms."""
+        for step in range(round(seconds / STEP_S)):
+            self.clock.move(STEP_S)
             if data := device.advance(self.clock.ns - self._began):
                 self.link.send(data)
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
-            if step % 5 == 0:
+            if step % 2 == 0:
                 self.session.tick(self.clock())
             self.session.decode()
         await asyncio.sleep(0.001)

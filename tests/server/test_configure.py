@@ -26,7 +26,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     data = tmp_path_factory.mktemp("data")
     config = data / "imuscope.toml"
     config.write_text(f'rollback_s = 1.0\nview_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
-    sources = ("sim:xbus?seed=1", "sim:xbus?seed=2", "sim:isb", "sim:idtp")
+    sources = ("sim:xbus?seed=1", "sim:xbus?seed=2", "sim:isb?rate=10", "sim:idtp?rate=10")
     with ServerProcess(*sources, data=data, arguments=("--config", str(config))) as process:
         with http_client(base_url=process.url) as http:
             until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 4, http)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
@@ -24,12 +22,13 @@ from server.ros2.attachment import Attachment, gid_of
 from server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
 from tests.each_row import each_row
 from tests.free_ports import free_port
-from tests.server_process import ROOT, ServerProcess, imuscope
+from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
 from tests.zenoh_router import announced, running_router
 
 OURS = "sim:xbus?product=MTi-680G"
+SLOW = "rate=10"  # where only its presence counts: a simulator takes as much processor time as it has samples
 DATA = "/mti_680g/imu/data"
 
 
@@ -106,13 +105,13 @@ def test_a_device_is_a_node_with_publishers(router: zenoh.Session, published: Se
 
 def test_messages_have_values_stamps_and_numbers(router: zenoh.Session, published: ServerProcess) -> None:
     with received(router) as found:
-        block_until(lambda: len(found[DATA]) >= 200 and len(found["/diagnostics"]) >= 1, "messages come")
+        block_until(lambda: len(found[DATA]) >= 100 and len(found["/diagnostics"]) >= 1, "messages come")
     tokens = {one.topic: one.token for one in map(parse_token, announced(router)) if isinstance(one, RosEndpoint)}
-    messages, attachments = zip(*found[DATA][-200:], strict=True)
+    messages, attachments = zip(*found[DATA][-100:], strict=True)
     stamps = np.array([one.header.stamp.sec + one.header.stamp.nanosec / 1e9 for one in messages])
     assert np.diff(stamps) == pytest.approx(0.01, abs=0.003)
     assert abs(stamps[-1] - time.time()) < 20
-    assert np.diff([one.sequence for one in attachments]).tolist() == [1] * 199
+    assert np.diff([one.sequence for one in attachments]).tolist() == [1] * 99
     assert {one.gid for one in attachments} == {gid_of(tokens[DATA])}
     assert abs(attachments[-1].time_ns / 1e9 - time.time()) < 20
     norms = [np.linalg.norm([q.w, q.x, q.y, q.z]) for q in (one.orientation for one in messages)]
@@ -160,10 +159,10 @@ def test_a_topic_can_be_switched_off_and_on(router: zenoh.Session, published: Se
 
 def test_a_topic_stays_switched_off_after_a_restart(router: zenoh.Session, port: int, tmp_path: Path) -> None:
     arguments = ("--ros2", "--ros2-router", f"tcp/127.0.0.1:{port}", "--ros2-domain", "9")
-    with ServerProcess(OURS, data=tmp_path, arguments=arguments) as server:
+    with ServerProcess(f"{OURS}&{SLOW}", data=tmp_path, arguments=arguments) as server:
         block_until(lambda: has_topic(server, DATA), "the device is identified")
         switched(server, topics_of(server)[DATA]["key"], enabled=False)
-    with ServerProcess(OURS, data=tmp_path, arguments=arguments) as server:
+    with ServerProcess(f"{OURS}&{SLOW}", data=tmp_path, arguments=arguments) as server:
         block_until(lambda: has_topic(server, DATA), "the device is identified again")
         assert {name for name, row in topics_of(server).items() if not row["enabled"]} == {DATA}
         block_until(lambda: announced(router, "@ros2_lv/9/**"), "the node is announced")
@@ -192,7 +191,7 @@ def test_it_comes_back_after_a_crash(router: zenoh.Session, published: ServerPro
 def test_an_absent_router_is_reported_and_found_later(tmp_path: Path) -> None:
     port = free_port()
     arguments = ("--ros2", "--ros2-router", f"tcp/127.0.0.1:{port}")
-    with ServerProcess("sim:idtp", data=tmp_path, arguments=arguments) as server:
+    with ServerProcess(f"sim:idtp?{SLOW}", data=tmp_path, arguments=arguments) as server:
         block_until(lambda: state_of(server)["problem"], "the absence is reported")
         state = state_of(server)
         assert state["problem"].startswith(f"ROS 2: there is no Zenoh router at tcp/127.0.0.1:{port}")
@@ -203,7 +202,7 @@ def test_an_absent_router_is_reported_and_found_later(tmp_path: Path) -> None:
                 block_until(lambda hub=hub: len(announced(hub)) >= 4, "the device is announced")
                 assert state_of(server)["problem"] == ""
                 with received(hub, "0/**") as found:
-                    block_until(lambda found=found: sum(map(len, found.values())) > 50, "messages come")
+                    block_until(lambda found=found: sum(map(len, found.values())) > 10, "messages come")
             block_until(lambda: "is gone" in state_of(server)["problem"], "its end is reported")
 
 
@@ -212,7 +211,7 @@ def test_a_removed_device_leaves_the_graph(tmp_path: Path) -> None:
     arguments = ("--ros2", "--ros2-router", f"tcp/127.0.0.1:{port}")
     with (
         running_router(port) as hub,
-        ServerProcess("sim:idtp", "sim:isb", data=tmp_path, arguments=arguments) as server,
+        ServerProcess(f"sim:idtp?{SLOW}", f"sim:isb?{SLOW}", data=tmp_path, arguments=arguments) as server,
     ):
         block_until(lambda: has_topic(server, "/imx_5/imu/data"), "both are identified")
         block_until(lambda: any("idtp" in token for token in announced(hub)), "the first one is announced")
@@ -224,7 +223,7 @@ def test_a_removed_device_leaves_the_graph(tmp_path: Path) -> None:
 def test_what_is_no_router_is_told_from_none(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"tcp/127.0.0.1:{other.getsockname()[1]}"
-        with ServerProcess("sim:idtp", data=tmp_path, arguments=("--ros2", "--ros2-router", address)) as server:
+        with ServerProcess(f"sim:idtp?{SLOW}", data=tmp_path, arguments=("--ros2", "--ros2-router", address)) as server:
             block_until(lambda: state_of(server)["problem"], "it is reported")
             state = state_of(server)
     assert state["problem"].startswith(f"ROS 2: what listens at {address} is no Zenoh router of version 1")
@@ -238,7 +237,10 @@ def test_namespace_frames_axes_and_transforms_are_settings(tmp_path: Path) -> No
         'ros2_axes = "device"\nros2_reliability = "best_effort"\nros2_depth = 5\n'
         'ros2_frames = { "IMX-5" = "imu_link" }\nros2_map_frame = "odom"\n'
     )
-    with running_router(port) as hub, ServerProcess("sim:isb", data=tmp_path, arguments=("--config", str(config))):
+    with (
+        running_router(port) as hub,
+        ServerProcess(f"sim:isb?{SLOW}", data=tmp_path, arguments=("--config", str(config))),
+    ):
         block_until(lambda: any("%tf/" in token for token in announced(hub)), "the device is announced")
         assert all(token.endswith("/2::,5:,:,:,,") for token in announced(hub) if "/MP/" in token)
         with received(hub, "0/**") as found:
@@ -248,12 +250,6 @@ def test_namespace_frames_axes_and_transforms_are_settings(tmp_path: Path) -> No
     message = found["/robot/imx_5/imu/data_raw"][-1][0]
     assert message.header.frame_id == "imu_link"
     assert message.linear_acceleration.z < -7  # as the device sends it: z is down
-
-
-def test_a_server_without_it_does_not_load_its_libraries() -> None:
-    code = "import sys, server.app; print(sorted({'rosbags', 'zenoh', 'xxhash'} & set(sys.modules)))"
-    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
 
 
 def test_without_the_option_nothing_is_published(server: ServerProcess) -> None:
