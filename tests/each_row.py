@@ -6,8 +6,9 @@ test. Every row runs, also after one has failed, and the report names each that 
     2 of 265 rows fail: XDI_Quaternion Fp1632, XDI_DeltaV Fp1632
     Run one again: pytest tests/protocols/test_xbus_vectors.py -k test_vendor_values --row 'XDI_Quaternion Fp1632'
 
-Each row has a `tmp_path` and a `monkeypatch` of its own, if the test asks for them. Other fixtures are shared by all
-rows, so a test that needs them fresh (a server, `capsys`) is parametrised. Decorators stack, as pytest's do.
+Each row has a `tmp_path` and a `monkeypatch` of its own, and what was printed before it is not in its `capsys`, if the
+test asks for them. Other fixtures are shared by all rows, so a test that needs them fresh (a server) is parametrised.
+Decorators stack, as pytest's do.
 """
 
 from __future__ import annotations
@@ -113,6 +114,9 @@ def _run_one(test: Test, number: int, row: Row, fixtures: dict[str, Any]) -> Non
             given["tmp_path"].mkdir()
         if "monkeypatch" in given:
             given["monkeypatch"] = stack.enter_context(pytest.MonkeyPatch.context())
+        for capture in ("capsys", "capfd"):
+            if capture in given:
+                given[capture].readouterr()  # of the row before
         test(**given, **row.values)
 
 

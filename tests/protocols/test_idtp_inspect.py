@@ -10,6 +10,7 @@ import pytest
 
 from protocols.idtp.json_codec import frame_from_json
 from server.cli import main
+from tests.each_row import each_row
 from tests.protocols.idtp_vectors import KEY, VECTORS, frame, key_of
 
 
@@ -49,7 +50,7 @@ def test_modes_and_replays(file: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert set(rejects) == {"no_key", "bad_crc8"}  # the preambles inside a refused frame begin nothing
 
 
-@pytest.mark.parametrize("given", ["zz", "abc", "", "@nowhere"])
+@each_row("given", ["zz", "abc", "", "@nowhere"])
 def test_no_key(file: Path, given: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["inspect", str(file), "--key", given]) == 1
     error = [

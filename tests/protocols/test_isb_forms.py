@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from protocols.events import Batch, Reply
 from protocols.isb.dataset_loader import CURRENT, SETS, TABLES
@@ -21,7 +20,7 @@ def of(form: str) -> Any:
     """The vectors of one form, as a parameter."""
     rows = [row for row in FORMS if row["form"] == form]
     assert rows
-    return pytest.mark.parametrize("row", rows, ids=lambda row: "-".join(str(row.get(k, "")) for k in list(row)[1:4]))
+    return each_row("row", rows, ids=lambda row: "-".join(str(row.get(k, "")) for k in list(row)[1:4]))
 
 
 def events_of(data: bytes, *, firmware: str = "") -> list[Batch | Reply]:

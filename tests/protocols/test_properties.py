@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -29,6 +28,7 @@ from protocols.events import Batch, Event, Reply
 from protocols.idtp import frames as idtp
 from protocols.isb import frames as isb
 from protocols.xbus.frames import build
+from tests.each_row import each_row
 from tests.protocols import idtp_vectors, isb_vectors, mip_vectors
 from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase, canonical, cut, run
 from tests.protocols.xbus_vectors import everything
@@ -152,7 +152,7 @@ mip_frames = st.one_of(
 FRAMES = {"xbus": xbus_frames, "isb": isb_frames, "idtp": idtp_frames, "mip": mip_frames}
 """Protocol → a strategy for its frames."""
 
-speakers = pytest.mark.parametrize("speaker", SPEAKERS.values(), ids=lambda speaker: speaker.name)
+speakers = each_row("speaker", SPEAKERS.values(), ids=lambda speaker: speaker.name)
 
 
 @st.composite
@@ -311,6 +311,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from tests.protocols.protocol_cases import SPEAKERS, canonical, run
+from tests.each_row import each_row
 for path in sorted(Path(sys.argv[1]).iterdir()):
     data = path.read_bytes()
     lines = canonical(run(SPEAKERS[path.name], [data[:1000], data[1000:]]))

@@ -118,7 +118,7 @@ def test_one_word_for_one_format_option() -> None:
         assert all(action.dest == "format" and "--format" in (action.help or "") for action in short)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@each_row("name", COMMANDS)
 def test_usage_errors_are_one_line_without_a_traceback(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     words, given = arguments_of(COMMANDS[name])
     wrong = [[name, *words, "--no-such-option"]]
