@@ -57,10 +57,9 @@ def test_a_quantity_is_advertised_and_plots_without_set_up(bridged: ServerProces
             assert np.linalg.norm(values, axis=1) == pytest.approx(9.8, abs=1.5)
             # Device time: 100 Hz, whatever the arrival. The clock of a device is learned in its first seconds: where
             # its first samples were late, their times catch up (protocols/clock_model.py, SLEW_FAR).
-            deadline = time.monotonic() + PATIENCE_S
-            while np.diff([at for _, at, _ in found]) != pytest.approx(0.01, abs=0.002):
-                assert time.monotonic() < deadline, "the times of samples are not the device's"
-                found = await client.messages(50)
+            async with asyncio.timeout(PATIENCE_S):
+                while np.diff([at for _, at, _ in found]) != pytest.approx(0.01, abs=0.002):
+                    found = await client.messages(50)
             assert abs(found[-1][1] - time.time()) < 20
 
     asyncio.run(play())
@@ -195,7 +194,7 @@ def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:
             await lazy.subscribe(*lazy.channels)
             await client.until("/IMX-5/IMU/Acceleration")
             await client.subscribe("/IMX-5/IMU/Acceleration")
-            found = await client.messages(300)
+            found = await client.messages(100)
             assert np.diff([at for _, at, _ in found]) == pytest.approx(0.01, abs=0.002)
 
     asyncio.run(play())

@@ -52,7 +52,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]
 
 @pytest.fixture(scope="module")
 def client(running: ServerProcess) -> Iterator[httpx.Client]:
-    with http_client(base_url=running.url, timeout=120) as client:
+    with http_client(base_url=running.url, timeout=PATIENCE_S) as client:
         yield client
 
 

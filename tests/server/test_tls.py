@@ -246,7 +246,7 @@ def test_everything_is_served_over_tls(tmp_path: Path) -> None:
     config = tmp_path / "imuscope.toml"
     config.write_text('control_token = "control-token-of-this-test"\n')
     arguments = ("--tls", "--foxglove", "0", "--config", str(config))
-    with ServerProcess("sim:isb", data=tmp_path / "data", arguments=arguments) as server:
+    with ServerProcess("sim:isb?rate=20", data=tmp_path / "data", arguments=arguments) as server:
         assert server.trust is not None
         assert server.url.startswith("https://127.0.0.1:")
         certificate = (tmp_path / "data" / "tls" / "certificate.pem").read_text()

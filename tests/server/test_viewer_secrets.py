@@ -25,7 +25,7 @@ from server.integrations.foxglove_worker import ConnectionGuard
 from server.integrations.shared_secret import HEADER, SecretEndpoint, has_secret
 from tests.each_row import each_row
 from tests.server_process import ServerProcess
-from tests.timeouts import connecting, get
+from tests.timeouts import PATIENCE_S, connecting, get
 from tests.viser_client import looking, messages, subprotocol
 
 pytestmark = pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="asks Linux who listens")
@@ -57,7 +57,7 @@ def ports_of(parent: int) -> dict[str, int]:
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     """A server that needs tokens, with all its views."""
     data = tmp_path_factory.mktemp("data")
-    with ServerProcess("sim:isb", data=data, arguments=("--host", "0.0.0.0", "--foxglove", "0")) as server:
+    with ServerProcess("sim:isb?rate=20", data=data, arguments=("--host", "0.0.0.0", "--foxglove", "0")) as server:
         yield server
 
 
@@ -70,7 +70,7 @@ def tokens(guarded: ServerProcess) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def ports(guarded: ServerProcess, tokens: dict[str, str]) -> dict[str, int]:
     """Ports of viser and Foxglove, once both listen."""
-    asked = get(f"{guarded.url}/viser/", params={"token": tokens["view"]}, timeout=120)
+    asked = get(f"{guarded.url}/viser/", params={"token": tokens["view"]}, timeout=PATIENCE_S)
     assert asked.status_code == 200
     asyncio.run(_status(guarded.url.replace("http", "ws") + f"/foxglove?token={tokens['view']}", FOXGLOVE))
     return ports_of(guarded.process.pid)
@@ -78,7 +78,7 @@ def ports(guarded: ServerProcess, tokens: dict[str, str]) -> dict[str, int]:
 
 async def _status(address: str, *subprotocols: Any, **options: Any) -> int:
     try:
-        async with asyncio.timeout(60), connecting(address, subprotocols=subprotocols or None, **options):
+        async with asyncio.timeout(PATIENCE_S), connecting(address, subprotocols=subprotocols or None, **options):
             return 101
     except InvalidStatus as refused:
         return refused.response.status_code

@@ -28,7 +28,7 @@ from tests.waiting import block_until
 
 @pytest.fixture(scope="module")
 def shown(server: ServerProcess) -> Iterator[httpx.Client]:
-    with http_client(base_url=server.url, timeout=120) as client:
+    with http_client(base_url=server.url, timeout=PATIENCE_S) as client:
         yield client
 
 
@@ -164,10 +164,10 @@ def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
     config = Config(sources=("/dev/one",), data=tmp_path)
     with InProcessServer(config, FakeLink, timings=ViewerTimings(scene_idle_s=0.5)) as running:
         assert children(os.getpid()) == []
-        assert get(running.url + "/viser/", timeout=120).status_code == 200
+        assert get(running.url + "/viser/", timeout=PATIENCE_S).status_code == 200
         [pid] = children(os.getpid())
         block_until(lambda: not children(os.getpid()), "it has ended")
-        assert get(running.url + "/viser/", timeout=120).status_code == 200
+        assert get(running.url + "/viser/", timeout=PATIENCE_S).status_code == 200
         [again] = children(os.getpid())
         assert again != pid
 
@@ -175,7 +175,7 @@ def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
 def test_viser_ends_with_the_server_however_that_ends(serve: Callable[..., ServerProcess]) -> None:
     server = serve("sim:xbus")
     assert children(server.process.pid) == []
-    assert get(server.url + "/viser/", timeout=120).status_code == 200
+    assert get(server.url + "/viser/", timeout=PATIENCE_S).status_code == 200
     [pid] = children(server.process.pid)
     server.process.kill()
     block_until(lambda: not Path(f"/proc/{pid}").exists(), "it is gone, too")
@@ -188,7 +188,7 @@ def test_nothing_heavy_is_imported_before_it_is_used() -> None:
         "server.config import Config; config = Config(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
         "create_app(config, Access(config)); print(*{name.split('.')[0] for name in sys.modules})"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
     imported = set(done.stdout.split())
     assert "fastapi" in imported, done.stderr
     heavy = {"viser", "foxglove", "rerun", "rerun_bindings", "pyarrow", "trimesh", "scipy", "pandas", "PIL"}
