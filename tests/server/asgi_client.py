@@ -27,6 +27,14 @@ class Answer:
     def json(self) -> Any:
         return json.loads(self.body)
 
+    @property
+    def status_code(self) -> int:
+        return self.status
+
+    @property
+    def text(self) -> str:
+        return self.body.decode()
+
 
 def ask(
     app: ASGIApp,
