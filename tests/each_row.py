@@ -26,6 +26,8 @@ import pytest
 MOST_SHOWN = 5  # tracebacks of one test
 only = ""
 """Run only the rows whose title contains this (option `--row`)."""
+current = ""
+"""Title of the row that runs; "" between tests (for tests/checking/hang_report.py)."""
 
 Test = Callable[..., None]
 Title = Callable[[Any], object] | Iterable[object] | None
@@ -86,7 +88,9 @@ def _run_all(test: Test, every: Sequence[Row], fixtures: dict[str, Any]) -> None
     chosen = [(n, one) for n, one in enumerate(every) if only in one.title]
     failed: list[tuple[str, Exception]] = []
     skipped: list[str] = []
+    global current
     for number, row in chosen:
+        current = row.title
         try:
             _run_one(test, number, row, fixtures)
         except pytest.skip.Exception as reason:
@@ -95,6 +99,8 @@ def _run_all(test: Test, every: Sequence[Row], fixtures: dict[str, Any]) -> None
             error = problem if isinstance(problem, Exception) else AssertionError(str(problem))
             error.add_note(f"row: {row.title}")
             failed.append((row.title, error))
+        finally:
+            current = ""
     if failed:
         again = f"pytest -k {test.__name__} --row {shlex.quote(failed[0][0])}"
         raise RowsFailed(

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import textwrap
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from tests import check
 from tests.check import run_part
-from tests.checking import affected, parts, time_table
+from tests.checking import affected, hang_report, parts, time_table
 from tests.checking.machine import descendants, memory_of, state
 from tests.checking.parts import Part
 from tests.checking.stress import busy_loops, stress
@@ -62,6 +64,28 @@ def test_a_part_that_goes_silent_is_ended_with_what_it_began(
     outcome = parts.run(python(begins), [sys.executable, "-c", begins], {})
     assert outcome.status < 0
     assert "nothing printed" in capsys.readouterr().out
+
+
+def test_a_test_that_hangs_is_named_with_its_stack(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hang_report, "LONG_S", 0.01)
+    read, written = os.pipe()
+    watch = hang_report.HangReport(written)
+    protocol = watch.pytest_runtest_protocol(Item("tests/test_x.py::test_hangs"))  # type: ignore[arg-type]
+    next(protocol)
+    printed = ""
+    while "memory" not in printed:  # the end of the report
+        printed += os.read(read, 1 << 16).decode()
+    with pytest.raises(StopIteration):
+        protocol.send(None)
+    watch.close()
+    os.close(read)
+    assert "tests/test_x.py::test_hangs has been running" in printed
+    assert "in test_a_test_that_hangs_is_named_with_its_stack" in printed
+
+
+@dataclass
+class Item:
+    nodeid: str
 
 
 def test_processor_time_is_that_of_everything_a_part_began() -> None:

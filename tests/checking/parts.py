@@ -10,12 +10,15 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from tests.source_files import ROOT
 
 SILENT_S = 300.0  # a part that prints nothing for so long hangs: a single test that hangs is reported after 50 s
+
+ABORT_S = 5.0  # to print that
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,10 @@ class _SilenceWatch:
         while not self._ended.wait(1.0):
             if time.monotonic() - self._last > SILENT_S:
                 self._is_killed = True
-                os.killpg(self._process.pid, signal.SIGKILL)
+                os.killpg(self._process.pid, signal.SIGABRT)  # pytest's processes print where they stand
+                self._ended.wait(ABORT_S)
+                with suppress(ProcessLookupError):
+                    os.killpg(self._process.pid, signal.SIGKILL)
                 return
 
     def end(self) -> bool:

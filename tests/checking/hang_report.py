@@ -1,0 +1,83 @@
+"""pytest plugin: a test that runs for long says which it is, and where each of its threads stands.
+
+The report comes every 50 s and changes nothing: on a busy machine a test may take that long and be well. A run that
+prints nothing any more is ended by tests/check.py. pytest's own report (faulthandler_timeout) is made without the lock
+of the interpreter, and has crashed a process that was only slow.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import traceback
+from collections.abc import Iterator
+
+import pytest
+
+from tests import each_row
+from tests.checking import machine
+
+LONG_S = 50.0
+
+
+class HangReport:
+    """Watches the test that runs in this process.
+
+    Args:
+        descriptor: of the file to write to, which is not the one that a test's output is captured from.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._begun = threading.Condition()
+        self._test = ""
+        self._is_over = False
+        self._thread = threading.Thread(target=self._watch, name="hang report", daemon=True)
+        self._thread.start()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        self._begin(item.nodeid)
+        try:
+            return (yield)
+        finally:
+            self._begin("")
+
+    def _begin(self, test: str) -> None:
+        with self._begun:
+            self._test = test
+            self._begun.notify()
+
+    def close(self) -> None:
+        """End the thread."""
+        with self._begun:
+            self._is_over = True
+            self._begun.notify()
+        self._thread.join()
+        os.close(self._descriptor)
+
+    def _watch(self) -> None:
+        with self._begun:
+            while not self._is_over:
+                if not self._begun.wait(LONG_S) and self._test:
+                    os.write(self._descriptor, self._report().encode())
+
+    def _report(self) -> str:
+        names = {thread.ident: thread.name for thread in threading.enumerate()}
+        row = f", row {each_row.current}" if each_row.current else ""
+        lines = [f"\n{self._test}{row} has been running for {LONG_S:.0f} s and more:\n"]
+        for ident, frame in sys._current_frames().items():
+            if ident != self._thread.ident:
+                lines += [f"thread {names.get(ident, ident)}:\n", *traceback.format_stack(frame)[-MOST_FRAMES:]]
+        return "".join([*lines, machine.state(), "\n"])
+
+
+MOST_FRAMES = 12  # of each thread, the innermost
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if "PYTEST_XDIST_WORKER" in os.environ or not getattr(config.option, "numprocesses", None):
+        report = HangReport(os.dup(2))
+        config.pluginmanager.register(report, "hang_report_watch")
+        config.add_cleanup(report.close)
