@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
-from playwright.sync_api import Browser, Playwright, sync_playwright
+from playwright.sync_api import Browser, Page, Playwright, sync_playwright
 
 from tests import chromium
+
+console: list[str] = []
+"""What the pages of the running test have written to their consoles, for a report of its failure."""
 
 _open = ExitStack()
 _playwright: list[Playwright] = []
@@ -29,6 +32,11 @@ def browser(path: str) -> Browser:
     if not _browser or not _browser[0].is_connected():
         _browser[:] = [playwright().chromium.launch(executable_path=path, args=chromium.ARGUMENTS)]
     return _browser[0]
+
+
+def pages() -> list[Page]:
+    """All that are open."""
+    return [page for one in _browser for context in one.contexts for page in context.pages]
 
 
 def close() -> None:

@@ -197,9 +197,17 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     """Open a page, by default 1440 x 900 px, dark, without touch."""
     complaints: list[str] = []
     contexts = []
+    browser_engine.console.clear()
 
     def start(
-        url: str, *, width: int = 1440, height: int = 900, dark: bool = True, touch: bool = False, still: bool = False
+        url: str,
+        *,
+        width: int = 1440,
+        height: int = 900,
+        dark: bool = True,
+        touch: bool = False,
+        still: bool = False,
+        before: str = "",
     ) -> Page:
         context = browser.new_context(
             viewport={"width": width, "height": height},
@@ -210,6 +218,8 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
         )
         contexts.append(context)
         context.add_init_script(chromium.SLOW_SCREEN)
+        if before:
+            context.add_init_script(before)
         page = context.new_page()
         page.set_default_timeout(PATIENCE_S * 1000)
         watch(page, url, complaints)
@@ -259,6 +269,7 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
             complaints.append(f"asked another host: {request.url}")
 
     def complained(message: ConsoleMessage) -> None:
+        browser_engine.console.append(f"{message.type}: {message.text}")
         # A server that goes down on purpose, and one that refuses a file or a question, is reported by the browser
         # itself, which no page can prevent.
         of = message.location.get("url", "")

@@ -30,6 +30,7 @@ from tests.wire_scenes import SCENES
 FOLDER = ROOT / "tests" / "golden" / "wire"
 FAMILIES = ("xbus", "isb", "idtp")
 SHOWN = ("forms", "values", "snapshots", "corrections", "traffic?limit=200")
+SNAPSHOTS = "GET /api/devices/1/snapshots"
 SAMPLES = 40
 """Messages of samples that are kept."""
 SAMPLES_OF = {"isb": 150}
@@ -101,8 +102,16 @@ def edited(values: dict[str, Any]) -> list[tuple[str, Any]]:
         ("preview", {"setting": "OutputConfiguration", "values": with_rate(100, pressure)}),
         ("preview", too_much),
         ("fit-rates", {**too_much, "baud": None}),
+        ("preview", {"setting": "OutputConfiguration", "values": outputs}),
+        ("preview", {"setting": "PortConfig", "values": values["PortConfig"]}),
+        ("preview", {"command": "SetSyncSettings", "values": {"settings": []}}),
         ("preview", {"command": "RestoreFactoryDef", "values": {}}),
     ]
+
+
+def side(kind: str, snapshot: str = "") -> dict[str, str]:
+    """One of two that are compared."""
+    return {"side": kind, "snapshot": snapshot, "device": "", "text": ""}
 
 
 def record(family: str) -> None:
@@ -120,7 +129,8 @@ def record(family: str) -> None:
                 time.sleep(0.1)
             read = shown(server)
             page["read"] = heard(server)["texts"]
-            for route, body in edited(read["GET /api/devices/1/values"]["values"]):
+            with_first = {"left": side("device"), "right": side("snapshot", read[SNAPSHOTS][-1]["name"])}
+            for route, body in [*edited(read["GET /api/devices/1/values"]["values"]), ("compare", with_first)]:
                 place = f"POST /api/devices/1/{route}"
                 read[f"{place} {json.dumps(body, sort_keys=True)}"] = ask(server, "POST", place[5:], body)
     before = {place: answer for place, answer in unread.items() if answer != read.get(place) and "forms" not in place}
@@ -157,9 +167,12 @@ def recording_answers(server: ServerProcess, recording: str) -> dict[str, Any]:
         )
         for device in detail["devices"]
     }
+    channels = ",".join(str(one["id"]) for one in detail["channels"] if one["kind"] != "table")
+    query = f"t0={t0}&t1={t1}&base=device&partial=true&channels={channels}"
+    figures = {f"GET {place}/statistics": ask(server, "GET", f"{place}/statistics?{query}")}
     marker = {"text": "second look", "kind": "marker", "time": t0 + 1.5, "device": ""}
     added = ask(server, "POST", f"{place}/markers", marker)
-    return {f"GET {place}": detail, **health, f"POST {place}/markers": added}
+    return {f"GET {place}": detail, **health, **figures, f"POST {place}/markers": added}
 
 
 def whole_window(server: ServerProcess, detail: dict[str, Any]) -> str:

@@ -1,6 +1,7 @@
 """Servers whose pages are recorded for component tests (tests/record_wire.py), beside one of each family.
 
 attitude-…   a file of a device at a known attitude
+secure       Secure frames without a key, which are rejected
 unverified   Secure frames without a key, shown all the same
 shared-link  three IDTP devices that send to one UDP port, one of them payloads of its vendor's own types
 waiting      a device that nobody connects to, and one that is not there
@@ -158,6 +159,7 @@ def _of(*sources: str) -> Callable[[Path], Iterator[ServerProcess]]:
 
 SCENES = {
     **{f"attitude-{name}": lambda folder, name=name: _attitude(folder, name) for name in known_attitude.MAKERS},
+    "secure": contextmanager(_of("sim:idtp?mode=secure")),
     "unverified": contextmanager(_of("sim:idtp?mode=secure&unverified=1")),
     "shared-link": _shared_link,
     "waiting": contextmanager(_of("tcp-listen://127.0.0.1:0", "/dev/ttyNOTHERE")),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.page_checks import DESKTOP, PHONE, TARGETS, opened, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
@@ -17,7 +17,9 @@ PICTURES = "document.querySelectorAll('dialog[open] .spectrogram > canvas').leng
 
 
 def test_a_spectrum_and_an_allan_deviation(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    page = opened(serve("sim:xbus?product=MTi-630&rate=100&seed=1"), open_page, DESKTOP)
+    """And on a phone, where the dialog has room and a finger hits all of it."""
+    server = serve("sim:xbus?product=MTi-630&rate=100&seed=1")
+    page = opened(server, open_page, DESKTOP)
     page.keyboard.press("a")
     until(page, f"{CURVES} === 3")
     until(page, f"{DIALOG}.includes('at 100 Hz')")
@@ -42,10 +44,9 @@ def test_a_spectrum_and_an_allan_deviation(serve: Callable[..., ServerProcess], 
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 100)
     page.get_by_role("button", name="Statistics").click()
     until(page, f"{DIALOG}.includes('Peak to peak')")
+    page.context.close()
 
-
-def test_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    page = opened(serve("sim:xbus?product=MTi-630&rate=100&seed=1"), open_page, PHONE)
+    page = opened(server, open_page, PHONE)
     page.get_by_role("button", name="Analysis").click()
     until(page, f"{CURVES} === 3")
     assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]

@@ -7,7 +7,6 @@ more; profiles are compared and applied; every command and setting of every fami
 from __future__ import annotations
 
 import json
-import time
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.test_page import TARGETS, serious
+from tests.browser.test_page import WATCH, after
 from tests.browser.test_pictures import SIZES, picture
 from tests.chromium import until
 from tests.server_process import ServerProcess
@@ -52,8 +51,11 @@ def configured(server: ServerProcess, open_page: OpenPage, place: str = "", **op
     return page
 
 
-def test_a_rate_is_changed_in_five_actions_and_the_plot_follows(serve: Serve, open_page: OpenPage) -> None:
-    page = open_page(serve("sim:xbus").url)
+def test_a_rate_is_changed_in_five_actions_the_plot_follows_and_a_profile_goes_back(
+    serve: Serve, open_page: OpenPage
+) -> None:
+    server = serve("sim:xbus")
+    page = open_page(server.url)
     until(page, SAMPLES)
     until(page, f"Math.abs(({RATE})('Acceleration') - 100) < 10")
     page.get_by_role("link", name="Configure").click()  # 1
@@ -65,6 +67,18 @@ def test_a_rate_is_changed_in_five_actions_and_the_plot_follows(serve: Serve, op
     page.get_by_role("link", name="Live", exact=True).click()  # 5
     until(page, f"Math.abs(({RATE})('Acceleration') - 50) < 5")
     until(page, "document.querySelector('.plots canvas') !== null")
+
+    page.get_by_role("link", name="Configure").click()
+    page.get_by_role("navigation", name="Snapshots").get_by_role("link", name="First contact").click()
+    until(page, "document.querySelectorAll('.difference-table tbody tr').length === 1")
+    row = page.locator(".difference-table tbody tr")
+    assert "50 Hz" in row.locator("td").first.inner_text()
+    assert "100 Hz" in row.locator("td").last.inner_text()
+    picture(page, "compare-1440")
+    page.get_by_role("button", name="Apply this profile").click()
+    until(page, "document.querySelector('.compare')?.innerText.includes('No difference')")
+    entries = asked(server, "values")["values"]["OutputConfiguration"]["outputs"]
+    assert {"data_identifier": 0x4020, "output_frequency": 100} in entries
 
 
 def test_a_refused_write_is_reported_per_field(serve: Serve, open_page: OpenPage) -> None:
@@ -88,28 +102,6 @@ def set_baud(page: Page, words: str) -> None:
     dialog.get_by_role("button", name="Write, then confirm").click()
 
 
-def test_an_unconfirmed_rate_is_rolled_back_even_without_the_browser(
-    serve: Serve, open_page: OpenPage, tmp_path: Path
-) -> None:
-    config = tmp_path / "imuscope.toml"
-    config.write_text("rollback_s = 10\n")
-    server = serve("sim:xbus", arguments=("--config", str(config)))
-    page = configured(server, open_page, "/PortConfig")
-    set_baud(page, "921 600 Bd")
-    until(page, "document.querySelector('.pending-rollback[role=alertdialog]') !== null")
-    until(page, "document.activeElement.innerText === 'Roll back now'")
-    picture(page, "rollback-1440")
-    assert asked(server, "jobs")["pending_rollback"]["state"] == "pending"
-    page.context.close()
-    block_until(
-        lambda: asked(server, "jobs")["pending_rollback"]["state"] == "rolled-back", "the old settings are back"
-    )
-    other = open_page(server.url)
-    until(other, "window.imuscope?.store.jobs.value.get('1')?.pending_rollback?.state === 'rolled-back'")
-    until(other, "window.imuscope.store.devices.value[0].baud === 115200")
-    until(other, "document.querySelector('.pending-rollback')?.innerText.includes('previous settings')")
-
-
 # Late previews, as from a busy server: a quick user applies before they arrive.
 LATE_PREVIEWS = """() => {
   const fetch = window.fetch;
@@ -120,9 +112,13 @@ LATE_PREVIEWS = """() => {
 }"""
 
 
-def test_confirmed_changes_stay(serve: Serve, open_page: OpenPage) -> None:
+def test_a_confirmed_rate_stays_and_another_is_rolled_back_even_without_the_browser(
+    serve: Serve, open_page: OpenPage, tmp_path: Path
+) -> None:
     """Regression: the confirmation did not mention that the change is temporary, and its button read "Write"."""
-    server = serve("sim:xbus")
+    config = tmp_path / "imuscope.toml"
+    config.write_text("rollback_s = 10\n")
+    server = serve("sim:xbus", arguments=("--config", str(config)))
     page = configured(server, open_page, "/PortConfig")
     page.evaluate(LATE_PREVIEWS)
     set_baud(page, "921 600 Bd")
@@ -132,67 +128,21 @@ def test_confirmed_changes_stay(serve: Serve, open_page: OpenPage) -> None:
     until(page, "window.imuscope.store.devices.value[0].baud === 921600")
     until(page, "/written and read back/.test(document.querySelector('.apply-bar')?.innerText)")
 
-
-def test_two_profiles_are_compared_and_one_is_applied(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("sim:xbus")
-    page = configured(server, open_page)
-    page.locator(f"{ACCELERATION} select").first.select_option("50")
-    page.get_by_role("button", name="Apply", exact=True).click()
-    until(page, "/written and read back/.test(document.querySelector('.apply-bar')?.innerText)")
-    page.get_by_role("navigation", name="Snapshots").get_by_role("link", name="First contact").click()
-    until(page, "document.querySelectorAll('.difference-table tbody tr').length === 1")
-    row = page.locator(".difference-table tbody tr")
-    assert "50 Hz" in row.locator("td").first.inner_text()
-    assert "100 Hz" in row.locator("td").last.inner_text()
-    picture(page, "compare-1440")
-    page.get_by_role("button", name="Apply this profile").click()
-    until(page, "document.querySelector('.compare')?.innerText.includes('No difference')")
-    entries = asked(server, "values")["values"]["OutputConfiguration"]["outputs"]
-    assert {"data_identifier": 0x4020, "output_frequency": 100} in entries
-
-
-PLACES = ("Output%20configuration", "Frame%20and%20mounting", "PortConfig", "SetSyncSettings", "compare", "restore")
-COLOURFUL = ("Output%20configuration", "compare")
-"""Of the places those that have every colour: contrast is asked about there, in both themes."""
-
-
-def shown(page: Page, place: str) -> None:
-    """Go to a place, and wait until it is drawn."""
-    page.evaluate("place => { location.hash = `#/configure/1/${place}`; }", place)
-    page.evaluate("async () => { for (let n = 0; n < 3; n++) await new Promise(requestAnimationFrame); }")
-
-
-def test_the_page_is_accessible(server: ServerProcess, open_page: OpenPage) -> None:
-    """No serious finding of axe-core in every sort of place."""
-    page = configured(server, open_page)
-    page.locator(f"{ACCELERATION} select").first.select_option("50")
-    until(page, "document.querySelector('.hex-part.changed') !== null")
-    page.hover(f"{ACCELERATION} td:nth-child(2)")
-    for place in PLACES:
-        shown(page, place)
-        assert serious(page, colours=place in COLOURFUL) == [], place
-
-
-def test_everything_is_reachable_on_a_phone(server: ServerProcess, open_page: OpenPage) -> None:
-    """No sideways scrolling, also at 360 px, and targets that a finger hits, in every sort of place."""
-    page = configured(server, open_page, width=390, height=844, touch=True)
-    page.locator(f"{ACCELERATION} select").first.select_option("50")
-    until(page, "document.querySelector('.hex-part.changed') !== null")
-    assert serious(page, colours=False) == []
-    for place in (*PLACES, "Filter%20profile", "corrections"):
-        shown(page, place)
-        assert page.evaluate("document.scrollingElement.scrollWidth") <= 390, place
-        if place in PLACES:
-            small = page.evaluate(TARGETS)
-            assert not small, "\n".join([place, *small])
-        page.set_viewport_size({"width": 360, "height": 740})
-        assert page.evaluate("document.scrollingElement.scrollWidth") <= 360, place
-        page.set_viewport_size({"width": 390, "height": 844})
-    page.set_viewport_size({"width": 360, "height": 740})
-    page.evaluate("scrollTo(0, 0)")
-    page.get_by_role("button", name="Settings", exact=True).click()
-    page.get_by_label("Search settings and commands").fill("lever")
-    assert page.get_by_role("navigation", name="Matches").is_visible() or "No matches" in page.inner_text("#rail")
+    page.goto(f"{server.url}/#/configure/1/PortConfig")
+    page.reload()
+    set_baud(page, "115 200 Bd")
+    until(page, "document.querySelector('.pending-rollback[role=alertdialog]') !== null")
+    until(page, "document.activeElement.innerText === 'Roll back now'")
+    picture(page, "rollback-1440")
+    assert asked(server, "jobs")["pending_rollback"]["state"] == "pending"
+    page.context.close()
+    block_until(
+        lambda: asked(server, "jobs")["pending_rollback"]["state"] == "rolled-back", "the old settings are back"
+    )
+    other = open_page(server.url)
+    until(other, "window.imuscope?.store.jobs.value.get('1')?.pending_rollback?.state === 'rolled-back'")
+    until(other, "window.imuscope.store.devices.value[0].baud === 921600")
+    until(other, "document.querySelector('.pending-rollback')?.innerText.includes('previous settings')")
 
 
 @pytest.mark.slow  # for people
@@ -210,45 +160,13 @@ def test_a_change_in_both_themes(server: ServerProcess, open_page: OpenPage, wid
 
 def chord(page: Page, *keys: str) -> None:
     """Keys a tenth of a second after each other, however long a busy page takes for each."""
-    devtools, at = page.context.new_cdp_session(page), time.time()
+    devtools, at = page.context.new_cdp_session(page), page.evaluate("Date.now() / 1000")
     for key in keys:
         at += 0.1
         told = {"key": key, "code": f"Key{key.upper()}", "timestamp": at}
         devtools.send("Input.dispatchKeyEvent", {"type": "keyDown", "text": key, **told})
         devtools.send("Input.dispatchKeyEvent", {"type": "keyUp", **told})
     devtools.detach()
-
-
-def test_keys_switch_pages_and_open_the_search(server: ServerProcess, open_page: OpenPage) -> None:
-    page = open_page(server.url)
-    until(page, SAMPLES)
-    chord(page, "g", "c")
-    until(page, "document.querySelector('.categories a') !== null")
-    page.keyboard.press("/")
-    until(page, "document.activeElement.type === 'search'")
-    page.keyboard.type("baud")
-    until(page, "document.querySelectorAll('.categories.found a').length > 0")
-    page.keyboard.press("Enter")
-    until(page, "location.hash.split('/').length >= 4")
-    page.keyboard.press("Escape")
-    chord(page, "g", "l")
-    until(page, "document.querySelector('.plots') !== null")
-
-
-def test_bytes_by_hand_need_confirmation_and_are_logged(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("sim:xbus")
-    page = configured(server, open_page)
-    page.get_by_role("button", name="Send hex").click()
-    field = page.get_by_label("Bytes to send (hex)")
-    field.fill("FA FF 0")
-    assert "two hex digits" in page.inner_text("#byhand-why")
-    field.fill("FA FF 30 00 D1")
-    page.locator(".send-bytes button").click()
-    page.get_by_role("dialog").get_by_role("button", name="Send", exact=True).click()
-    until(page, "[...document.querySelectorAll('.log-entry.received b')].at(-1)?.innerText === 'GoToConfigAck'")
-    page.get_by_role("button", name="Filter", exact=True).click()
-    page.get_by_placeholder("Name, bytes or text").fill("gotoconf")
-    until(page, "[...document.querySelectorAll('.log-entry b')].every(b => /gotoconf/i.test(b.innerText))")
 
 
 def test_viewers_see_everything_and_change_nothing(serve: Serve, open_page: OpenPage, tmp_path: Path) -> None:
@@ -267,21 +185,6 @@ def test_viewers_see_everything_and_change_nothing(serve: Serve, open_page: Open
     page.evaluate("location.hash = '#/configure/1/compare/~factory'")
     until(page, "document.querySelectorAll('.difference-table tbody tr').length > 0")
     assert page.get_by_role("button", name="Apply this profile").is_disabled()
-
-
-def test_nothing_moves_while_the_device_measures(server: ServerProcess, open_page: OpenPage) -> None:
-    """Load and traffic keep updating; with reduced motion, nothing is animated."""
-    page = configured(server, open_page, still=True)
-    until(page, "document.querySelector('.budget-bar') !== null")
-    page.wait_for_timeout(1500)
-    page.evaluate("""() => {
-      window.shift = 0;
-      new PerformanceObserver(list => { for (const entry of list.getEntries()) window.shift += entry.value; })
-        .observe({type: "layout-shift"});
-    }""")
-    page.wait_for_timeout(3000)
-    assert page.evaluate("window.shift") < 0.01
-    assert page.evaluate("document.getAnimations().filter(a => a.playState === 'running').length") == 0
 
 
 def test_a_profile_goes_to_two_devices_each_with_its_own_differences(serve: Serve, open_page: OpenPage) -> None:
@@ -328,3 +231,43 @@ def test_changes_by_others_are_shown_and_edits_stay(serve: Serve, open_page: Ope
     page.keyboard.press("Escape")
     until(page, "document.querySelector('dialog') === null")
     assert "#/configure" in page.url
+
+
+def test_keys_reach_the_search_nothing_moves_and_bytes_by_hand_are_logged(serve: Serve, open_page: OpenPage) -> None:
+    """Load and traffic keep updating; with reduced motion, nothing is animated."""
+    server = serve("sim:xbus")
+    page = open_page(server.url, still=True)
+    until(page, SAMPLES)
+    chord(page, "g", "c")
+    until(page, "document.querySelector('.categories a') !== null")
+    page.keyboard.press("/")
+    until(page, "document.activeElement.type === 'search'")
+    page.keyboard.type("baud")
+    until(page, "document.querySelectorAll('.categories.found a').length > 0")
+    page.keyboard.press("Enter")
+    until(page, "location.hash.split('/').length >= 4")
+    page.keyboard.press("Escape")
+    chord(page, "g", "l")
+    until(page, "document.querySelector('.plots') !== null")
+
+    chord(page, "g", "c")
+    until(page, "document.querySelector('.categories a') !== null")
+    page.get_by_role("button", name="Read settings").click()
+    until(page, "document.querySelector('.budget-bar') !== null")
+    after(page, 1)
+    page.evaluate(WATCH)
+    after(page, 2)
+    assert page.evaluate("window.shift") < 0.01
+    assert page.evaluate("document.getAnimations().filter(a => a.playState === 'running').length") == 0
+
+    page.get_by_role("button", name="Send hex").click()
+    field = page.get_by_label("Bytes to send (hex)")
+    field.fill("FA FF 0")
+    assert "two hex digits" in page.inner_text("#byhand-why")
+    field.fill("FA FF 30 00 D1")
+    page.locator(".send-bytes button").click()
+    page.get_by_role("dialog").get_by_role("button", name="Send", exact=True).click()
+    until(page, "[...document.querySelectorAll('.log-entry.received b')].at(-1)?.innerText === 'GoToConfigAck'")
+    page.get_by_role("button", name="Filter", exact=True).click()
+    page.get_by_placeholder("Name, bytes or text").fill("gotoconf")
+    until(page, "[...document.querySelectorAll('.log-entry b')].every(b => /gotoconf/i.test(b.innerText))")

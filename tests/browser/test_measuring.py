@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import re
+import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -11,8 +13,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
-from tests.browser.test_page import opened as live
+from tests.browser.page_checks import DESKTOP, PHONE, TARGETS, serious, show
+from tests.browser.page_checks import opened as live
+from tests.browser.test_panels import ABOUT, HISTOGRAM, INK, OUTLINES, XY
 from tests.browser.test_recordings import ask, opened, recorded
 from tests.chromium import until
 from tests.server_process import ServerProcess
@@ -21,9 +24,17 @@ __all__ = ["recorded"]  # a fixture
 
 PANEL = "document.querySelector('.measure')"
 COUNTED = f"{PANEL} !== null && {PANEL}.querySelector('.pending') === null && {PANEL}.querySelector('td') !== null"
+DIALOG = "document.querySelector('.packet')"
+BYTES = f"{DIALOG}?.querySelector('tbody tr') != null"
+ROWS = f"""[...{DIALOG}.querySelectorAll('tbody tr')].map(row => [...row.cells].map(cell => cell.textContent))"""
 SOURCE = "sim:xbus?product=MTi-630&rate=100&seed=1"
 DRAWN_ANEW = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
 COPIED = "window.copied = undefined; navigator.clipboard.writeText = async text => { window.copied = text; }"
+
+
+def floats(text: str) -> tuple[float, ...]:
+    data = bytes.fromhex(text)
+    return struct.unpack(f">{len(data) // 4}f", data)
 
 
 def area(page: Page) -> tuple[float, float, float]:
@@ -45,9 +56,10 @@ def figures(page: Page) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(page.evaluate("window.copied"))))
 
 
-def test_two_clicks_measure_and_cursors_are_dragged(
+def test_live_is_measured_and_led_to_its_bytes(
     serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
 ) -> None:
+    """Two clicks measure, cursors are dragged, one key measures; one action leads to the bytes, and one back."""
     page = live(serve(SOURCE), open_page, DESKTOP)
     until(page, "imuscope.store.channels.value.some(({ring}) => ring.length > 800)")
     left, right, y = area(page)
@@ -77,17 +89,30 @@ def test_two_clicks_measure_and_cursors_are_dragged(
     page.keyboard.press("Escape")
     until(page, f"{PANEL} === null")
 
-
-def test_one_key_measures_live_and_on_a_phone(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
-) -> None:
-    server = serve(SOURCE)
-    page = live(server, open_page, DESKTOP)
+    page.get_by_role("button", name="Live", exact=True).click()
     page.keyboard.press("b")
     until(page, COUNTED)
     page.keyboard.press("b")
     until(page, f"{PANEL} === null")
-    page = live(server, open_page, PHONE)
+
+    left, right, y = area(page)
+    page.mouse.click(left + 0.8 * (right - left), y, button="right")
+    until(page, BYTES)
+    rows: Any = page.evaluate(ROWS)
+    acceleration = next(row for row in rows if row[2].startswith("Acceleration:"))
+    assert [float(word) for word in acceleration[3].split(", ")] == pytest.approx(floats(acceleration[1]), rel=1e-6)
+    assert "".join(row[1] for row in rows).startswith("FA")
+    assert "device time" in page.evaluate(f"{DIALOG}.textContent")
+    assert serious(page, "document.querySelector('dialog')") == []
+    counted = next(row[3] for row in rows if row[2].startswith("PacketCounter"))
+    page.keyboard.press("ArrowRight")
+    until(page, f"{ROWS}.some(row => row[2] === 'PacketCounter: {(int(counted) + 1) % 65536}')")
+    page.get_by_role("button", name="Show in plot").click()
+    until(page, f"{DIALOG} === null && imuscope.cursor.value?.kind === 'pinned'")
+
+
+def test_a_thumb_measures_and_reads_bytes(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    page = live(serve(SOURCE), open_page, PHONE)
     left, right, y = area(page)
     page.touchscreen.tap(left + 0.8 * (right - left), y)
     finger = page.context.new_cdp_session(page)
@@ -100,13 +125,30 @@ def test_one_key_measures_live_and_on_a_phone(
     small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{PANEL}.querySelectorAll"))
     assert not small, small
 
+    page.keyboard.press("p")
+    until(page, BYTES)
+    width = "document.querySelector('dialog').scrollWidth - document.querySelector('dialog').clientWidth"
+    assert page.evaluate(width) <= 0
+    assert serious(page, "document.querySelector('dialog')") == []
 
-@pytest.mark.parametrize("whole", [True, False])
-def test_numbers_of_a_recording_are_those_of_numpy(
-    recorded: ServerProcess, open_page: Callable[..., Page], whole: bool
-) -> None:
+
+def test_numbers_of_a_recording_are_those_of_numpy(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
     """The same definitions everywhere: counted on the page, on the server, and here."""
     page = opened(recorded, open_page)
+    for whole in (True, False):
+        measure_as_numpy(recorded, page, whole)
+    page.evaluate("imuscope.actions.fit()")
+    go_to_a_condition(recorded, page)
+    page.keyboard.press("Escape")
+    open_the_bytes(page)
+    zoom_the_y_axis(recorded, page)
+    page.evaluate("imuscope.actions.fit()")
+    pair_on_the_server(recorded, page)
+    histogram_as_numpy(recorded, page)
+
+
+def measure_as_numpy(recorded: ServerProcess, page: Page, whole: bool) -> None:
+    """The same definitions everywhere: counted on the page, on the server, and here."""
     if not whole:
         page.evaluate(
             """const {end, span} = imuscope.view.value;
@@ -144,13 +186,12 @@ def test_numbers_of_a_recording_are_those_of_numpy(
         for key, value in expected.items():
             assert float(row[key]) == pytest.approx(value, rel=1e-6, abs=1e-9), key
         assert row["slope_unit"] == samples["units"]["values"].replace("m/s²", "m/s³").replace("°/s", "°/s²")
+    page.keyboard.press("b")
+    until(page, f"{PANEL} === null")
 
 
-def test_to_the_next_place_of_a_condition_in_three_actions(
-    recorded: ServerProcess, open_page: Callable[..., Page]
-) -> None:
+def go_to_a_condition(recorded: ServerProcess, page: Page) -> None:
     """Opened by a key, typed, and gone to; the key N goes on."""
-    page = opened(recorded, open_page)
     page.keyboard.press("j")
     page.keyboard.type("norm(Acceleration) > 9.9 m/s²")
     page.keyboard.press("Enter")
@@ -171,10 +212,14 @@ def test_to_the_next_place_of_a_condition_in_three_actions(
     assert serious(page, "document.querySelector('.go-to')") == []
 
 
-def test_the_y_axis_is_zoomed_over_its_labels_and_says_what_is_outside(
-    recorded: ServerProcess, open_page: Callable[..., Page]
-) -> None:
-    page = opened(recorded, open_page)
+def open_the_bytes(page: Page) -> None:
+    page.keyboard.press("p")
+    until(page, BYTES)
+    assert page.get_by_role("button", name="Show in plot").is_visible()
+    page.keyboard.press("Escape")
+
+
+def zoom_the_y_axis(recorded: ServerProcess, page: Page) -> None:
     labels = page.locator(".plot .y-gutter").first
     box = labels.bounding_box()
     assert box is not None
@@ -191,3 +236,54 @@ def test_the_y_axis_is_zoomed_over_its_labels_and_says_what_is_outside(
     assert serious(page, "document.querySelector('dialog[open]')") == []
     page.get_by_role("button", name="Automatic", exact=True).click()
     until(page, "document.querySelector('.y-mark').textContent === ''")
+
+
+def pair_on_the_server(recorded: ServerProcess, page: Page) -> None:
+    show(page, "XY plot", "Histogram")
+    until(page, f"/[1-9].* samples · same sample times/.test({ABOUT})")
+    until(page, f"{INK} > 20")
+    shown = int(re.sub(r"\D", "", page.evaluate(ABOUT).split("samples")[0]))
+    [info] = ask(recorded, "GET", "/api/recordings")
+    view = page.evaluate("imuscope.view.value")
+    [x] = ask(
+        recorded,
+        "POST",
+        "/api/analysis/statistics",
+        {
+            "source": info["id"],
+            "signals": [f"{view['device']}/MagneticField.x"],
+            "t0": view["end"] - view["span"],
+            "t1": view["end"],
+        },
+    )
+    assert shown == x["figures"]["n"]
+    # half of it: no longer the same range, and again every sample of it
+    page.evaluate("{const {end, span} = imuscope.view.value; imuscope.actions.select(end - span / 2, end);}")
+    until(page, f"Math.abs(Number({ABOUT}.split('samples')[0].replace(/\\D/g, '')) - {shown / 2}) < 3")
+    assert serious(page, XY) == []
+
+
+def histogram_as_numpy(recorded: ServerProcess, page: Page) -> None:
+    page.evaluate("imuscope.actions.fit()")
+    until(page, f"{OUTLINES} === 3")
+    view = page.evaluate("imuscope.view.value")
+    [info] = ask(recorded, "GET", "/api/recordings")
+    body: dict[str, Any] = {
+        "source": info["id"],
+        "signals": [f"{view['device']}/RateOfTurn.x"],
+        "t0": view["end"] - view["span"],
+        "t1": view["end"],
+    }
+    [samples] = ask(recorded, "POST", "/api/analysis/expression", body)
+    values = np.array(samples["figures"]["values"])
+    row = page.evaluate(f"[...{HISTOGRAM}.querySelectorAll('tbody tr')[0].cells].map(one => one.innerText)")
+    plain = [cell.replace("−", "-").replace("\u2009", "") for cell in row]
+    assert int(plain[1]) == len(values)
+    mean, sigma = (float(part.split()[0]) for part in plain[2].split(" ± "))
+    assert mean == pytest.approx(values.mean(), rel=1e-4, abs=1e-6)
+    assert sigma == pytest.approx(values.std(ddof=1), rel=1e-3)
+    assert float(plain[5].split()[0]) == pytest.approx(np.diff(np.histogram_bin_edges(values, "fd"))[0], rel=1e-3)
+    page.evaluate("{const {end, span} = imuscope.view.value; imuscope.actions.select(end - span / 2, end);}")
+    until(
+        page, f"Number({HISTOGRAM}.querySelectorAll('tbody td')[0].innerText.replace(/\\D/g, '')) < {0.6 * len(values)}"
+    )

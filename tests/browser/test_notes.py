@@ -6,10 +6,8 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
-from tests.browser.test_page import opened as opened_live
-from tests.browser.test_recordings import ask, opened, recorded, view_of
-from tests.browser.test_xy import show
+from tests.browser.page_checks import serious, show
+from tests.browser.test_recordings import ask, opened, recorded, view_of, write_notes
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
@@ -24,11 +22,6 @@ def notes_of(server: ServerProcess, title: str = "") -> str:
     return str(found[0]["notes"])
 
 
-def write(page: Page, text: str) -> None:
-    page.get_by_role("button", name="Write notes").or_(page.get_by_role("button", name="Edit", exact=True)).click()
-    page.get_by_label("Notes of the recording").fill(text)
-
-
 def test_times_are_inserted_and_lead_into_the_plots(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
     page, other = opened(recorded, open_page), opened(recorded, open_page)
     for one in (page, other):
@@ -39,7 +32,7 @@ def test_times_are_inserted_and_lead_into_the_plots(recorded: ServerProcess, ope
       actions.pin(first + 2);
       actions.pinMeasure(first + 3);
     })()""")
-    write(page, "Turn")
+    write_notes(page, "Turn")
     page.get_by_role("button", name="Insert A to B").click()
     page.get_by_role("button", name="Save", exact=True).click()
     until(page, f"/^Turn \\d\\d:\\d\\d:\\d\\d\\.\\d+ – /.test({TEXT})")
@@ -53,7 +46,7 @@ def test_times_are_inserted_and_lead_into_the_plots(recorded: ServerProcess, ope
     assert serious(page, PANEL) == []
 
     # the other person read the notes before that
-    write(other, "Dry road")
+    write_notes(other, "Dry road")
     other.get_by_role("button", name="Save", exact=True).click()
     until(other, f"{PANEL}.innerText.includes('The notes were changed elsewhere.')")
     until(other, f"{PANEL}.querySelector('.notes-theirs')?.innerText === {stored!r}")
@@ -63,35 +56,3 @@ def test_times_are_inserted_and_lead_into_the_plots(recorded: ServerProcess, ope
     other.keyboard.press("Control+Enter")
     until(other, f"{TEXT}?.includes('Dry road')")
     assert notes_of(recorded) == f"{stored}\nDry road"
-
-
-def test_live_notes_belong_to_the_running_recording(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
-) -> None:
-    server = serve("sim:xbus")
-    page = opened_live(server, open_page, DESKTOP)
-    show(page, "Notes")
-    until(page, f"{PANEL}?.innerText.includes('Start one with Record')")
-    page.get_by_role("button", name="Record", exact=True).click()
-    until(page, f"{TEXT} === 'No notes yet.'")
-    write(page, "Start of the run")
-    page.get_by_role("button", name="Insert time").click()
-    page.get_by_role("button", name="Save", exact=True).click()
-    until(page, f"{TEXT}?.startsWith('Start of the run')")
-    page.keyboard.press("Shift+R")
-    until(page, "window.imuscope.store.recorder.value.running === false")
-    assert notes_of(server).startswith("Start of the run [")
-
-
-def test_notes_are_written_with_a_thumb(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(recorded, open_page, PHONE)
-    page.locator(".arrange-phone").tap()
-    page.get_by_role("button", name="Show Notes").tap()
-    page.get_by_text("Done", exact=True).tap()
-    until(page, f"{PANEL}?.querySelector('.btn') != null")
-    page.locator("[data-panel=notes]").scroll_into_view_if_needed()
-    page.locator("[data-panel=notes] .btn").tap()
-    page.get_by_label("Notes of the recording").fill("Kerb")
-    small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{PANEL}.querySelectorAll"))
-    assert not small, small
-    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]

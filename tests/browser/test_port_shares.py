@@ -8,7 +8,7 @@ from pathlib import Path
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import TARGETS, serious
+from tests.browser.page_checks import TARGETS, serious
 from tests.chromium import until
 from tests.free_ports import free_port
 from tests.links.shared_port import DevicePort

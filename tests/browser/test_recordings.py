@@ -21,7 +21,7 @@ from playwright.sync_api import Page
 from protocols.xbus.simulator.device import XbusSimulator
 from recordings.mcap_writer import McapWriter
 from recordings.sources import McapSource
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
+from tests.browser.page_checks import DESKTOP, PHONE, show
 from tests.chromium import until
 from tests.conftest import READY
 from tests.server_process import ServerProcess
@@ -31,6 +31,8 @@ from tests.wire_scenes import RATE, START, TITLE, yard_loop
 OPEN = "window.imuscopeReplay !== undefined"
 DRAWN = """window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 20)
     && window.imuscopeReplay.near.channels.value.some(channel => channel.ring.length > 20)"""
+NOTES = "document.querySelector('[data-panel=notes]')"
+NOTES_TEXT = f"{NOTES}?.querySelector('.notes-text')?.innerText"
 FIRST = "document.querySelector('.recording-list tbody tr b a')"
 
 
@@ -62,6 +64,11 @@ def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[in
     return page
 
 
+def write_notes(page: Page, text: str) -> None:
+    page.get_by_role("button", name="Write notes").or_(page.get_by_role("button", name="Edit", exact=True)).click()
+    page.get_by_label("Notes of the recording").fill(text)
+
+
 def view_of(page: Page) -> dict[str, Any]:
     """The visible range and the playhead."""
     return page.evaluate("({...window.imuscope.view.value, head: window.imuscopeReplay.head})")  # type: ignore[no-any-return]
@@ -70,11 +77,19 @@ def view_of(page: Page) -> dict[str, Any]:
 def test_from_the_record_button_to_the_list(
     serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
 ) -> None:
+    """Notes and markers belong to the recording that runs."""
     server = serve("sim:xbus")
     page = open_page(server.url)
     until(page, READY)
+    show(page, "Notes")
+    until(page, f"{NOTES}?.innerText.includes('Start one with Record')")
     page.get_by_role("button", name="Record", exact=True).click()
     until(page, "window.imuscope.store.recorder.value?.running === true")
+    until(page, f"{NOTES_TEXT} === 'No notes yet.'")
+    write_notes(page, "Start of the run")
+    page.get_by_role("button", name="Insert time").click()
+    page.get_by_role("button", name="Save", exact=True).click()
+    until(page, f"{NOTES_TEXT}?.startsWith('Start of the run')")
     until(page, "window.imuscope.store.recorder.value.bytes > 20000")
     page.keyboard.press("m")
     until(page, "document.body.innerText.includes('Marker at')")
@@ -90,10 +105,17 @@ def test_from_the_record_button_to_the_list(
     until(page, OPEN)
     until(page, DRAWN)
     assert page.locator(".markers li").count() == 1
+    assert info["notes"].startswith("Start of the run [")
 
 
-def test_zoom_and_scrub_as_live(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+def test_a_recording_is_read_as_live(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = opened(recorded, open_page)
+    for look in (zoom_and_scrub, read_at_every_zoom, see_its_health, play, see_a_loss_at_every_zoom, measure_the_whole):
+        page.keyboard.press("f")
+        look(recorded, page)
+
+
+def zoom_and_scrub(recorded: ServerProcess, page: Page) -> None:
     whole = view_of(page)
     box = page.locator(".overview canvas").bounding_box()
     assert box is not None
@@ -117,8 +139,7 @@ def test_zoom_and_scrub_as_live(recorded: ServerProcess, open_page: Callable[...
     assert view_of(page)["span"] == pytest.approx(whole["span"], rel=0.05)
 
 
-def test_readings_are_samples_at_every_zoom(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(recorded, open_page)
+def read_at_every_zoom(recorded: ServerProcess, page: Page) -> None:
     [info, *_] = ask(recorded, "GET", "/api/recordings")
     detail = ask(recorded, "GET", f"/api/recordings/{info['id']}")
     t = detail["t0"] + 0.6 * (detail["t1"] - detail["t0"])
@@ -139,34 +160,33 @@ def test_readings_are_samples_at_every_zoom(recorded: ServerProcess, open_page: 
             page.keyboard.press("+")
 
 
-def test_differences_and_statistics_of_a_whole_recording(
-    recorded: ServerProcess, open_page: Callable[..., Page]
-) -> None:
-    """Regression: Δ was "—" more than a second from the cursor, and mean and σ where the window was summarised."""
-    page = opened(recorded, open_page)
-    first, last = page.evaluate("[window.imuscopeReplay.bounds.first, window.imuscopeReplay.bounds.last]")
-    a, b = first + 0.2 * (last - first), first + 0.8 * (last - first)
-    box = page.locator(".plot canvas").first.bounding_box()
-    assert box is not None
-    place = "([t]) => { const {end, span} = window.imuscope.view.value; return (t - end + span) / span; }"
-    for t, modifier in ((a, []), (b, ["Shift"])):
-        x = 164 + page.evaluate(place, [t]) * (box["width"] - 204)
-        page.locator(".plot canvas").first.click(position={"x": x, "y": 40}, modifiers=modifier)
-    until(page, "document.querySelector('.plot .legend .series-value').textContent.match(/^Δ [−0-9.]+$/) !== null")
-    mean = "[...document.querySelectorAll('.values-table td.num')].slice(0, 12).map(cell => cell.textContent)"
-    until(page, f"{mean}.every(text => /[0-9]/.test(text))")
-    [info, *_] = ask(recorded, "GET", "/api/recordings")
-    detail = ask(recorded, "GET", f"/api/recordings/{info['id']}")
-    channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
-    columns = ask(recorded, "GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")["columns"]
-    x, z = (sum(columns[axis]) / len(columns[axis]) for axis in "xz")
-    shown = [float(text.replace("−", "-")) for text in page.evaluate(mean)]
-    assert shown[1] == pytest.approx(x, abs=0.01)
-    assert shown[7] == pytest.approx(z, abs=0.01)
+def see_its_health(recorded: ServerProcess, page: Page) -> None:
+    """Bytes, delays and the last minute's pictures were empty in a recording."""
+    page.evaluate("window.imuscopeReplay.seek(window.imuscopeReplay.bounds.first + 4)")
+    health = "window.imuscopeReplay.near.health.value.get(window.imuscope.view.value.device)"
+    until(page, f"{health}?.bytes_per_s > 0 && {health}.jitter_ms !== null && {health}.messages.length > 0")
+    told = page.evaluate(health)
+    assert told["rate"] == pytest.approx(RATE, rel=0.05)
+    came = 0
+    for part in McapSource(recorded.data / "recordings" / "yard.mcap").parts():
+        if part.device == "1" and (before := int((part.times <= told["time"] * 1e9).sum())):
+            came += int(part.ends[before - 1])
+    assert told["bytes"] == pytest.approx(came, rel=0.05)
+    assert told["last_arrival"] == pytest.approx(told["time"], abs=1.1)
+    until(page, "window.imuscopeReplay.deps.recentHealth.of(window.imuscope.view.value.device).length > 4")
+    until(page, "/[1-9][0-9.]*\\s*kB/.test(document.querySelector('.side').innerText)")
 
 
-def test_a_lost_sample_is_visible_at_every_zoom(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(recorded, open_page)
+def play(recorded: ServerProcess, page: Page) -> None:
+    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 1); r.speed.value = 5; }")
+    before = view_of(page)["head"]
+    page.keyboard.press("Space")
+    until(page, "t => window.imuscopeReplay.head > t + 2", before)
+    page.keyboard.press("Space")
+    assert not page.evaluate("window.imuscopeReplay.playing.value")
+
+
+def see_a_loss_at_every_zoom(recorded: ServerProcess, page: Page) -> None:
     losses = page.evaluate("window.imuscopeReplay.drawn.losses('1')")
     assert losses, "the simulator drops frames"
     middle = losses[len(losses) // 2]
@@ -200,18 +220,39 @@ def test_a_lost_sample_is_visible_at_every_zoom(recorded: ServerProcess, open_pa
     until(page, breaks, middle["t1"])
 
 
-def test_it_plays_at_its_speed(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(recorded, open_page)
-    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 1); r.speed.value = 5; }")
-    before = view_of(page)["head"]
-    page.keyboard.press("Space")
-    until(page, "t => window.imuscopeReplay.head > t + 2", before)
-    page.keyboard.press("Space")
-    assert not page.evaluate("window.imuscopeReplay.playing.value")
+def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
+    """Regression: Δ was "—" more than a second from the cursor, and mean and σ where the window was summarised."""
+    first, last = page.evaluate("[window.imuscopeReplay.bounds.first, window.imuscopeReplay.bounds.last]")
+    a, b = first + 0.2 * (last - first), first + 0.8 * (last - first)
+    box = page.locator(".plot canvas").first.bounding_box()
+    assert box is not None
+    place = "([t]) => { const {end, span} = window.imuscope.view.value; return (t - end + span) / span; }"
+    for t, modifier in ((a, []), (b, ["Shift"])):
+        x = 164 + page.evaluate(place, [t]) * (box["width"] - 204)
+        page.locator(".plot canvas").first.click(position={"x": x, "y": 40}, modifiers=modifier)
+    until(page, "document.querySelector('.plot .legend .series-value').textContent.match(/^Δ [−0-9.]+$/) !== null")
+    mean = "[...document.querySelectorAll('.values-table td.num')].slice(0, 12).map(cell => cell.textContent)"
+    until(page, f"{mean}.every(text => /[0-9]/.test(text))")
+    [info, *_] = ask(recorded, "GET", "/api/recordings")
+    detail = ask(recorded, "GET", f"/api/recordings/{info['id']}")
+    channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
+    columns = ask(recorded, "GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")["columns"]
+    x, z = (sum(columns[axis]) / len(columns[axis]) for axis in "xz")
+    shown = [float(text.replace("−", "-")) for text in page.evaluate(mean)]
+    assert shown[1] == pytest.approx(x, abs=0.01)
+    assert shown[7] == pytest.approx(z, abs=0.01)
 
 
-def test_a_shared_link_opens_at_its_range(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+def test_a_view_is_shared_exported_and_played(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = opened(recorded, open_page)
+    share_a_link(page, open_page)
+    page.keyboard.press("f")
+    export_the_view(page)
+    page.keyboard.press("Escape")
+    play_as_a_device(recorded, page)
+
+
+def share_a_link(page: Page, open_page: Callable[..., Page]) -> None:
     page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 1.234); }")
     for _ in range(5):
         page.keyboard.press("+")
@@ -228,10 +269,10 @@ def test_a_shared_link_opens_at_its_range(recorded: ServerProcess, open_page: Ca
     assert now["device"] == was["device"]
     pressed = "document.querySelectorAll('.plot .legend button')[1].getAttribute('aria-pressed')"
     assert other.evaluate(pressed) == "false"
+    other.context.close()
 
 
-def test_the_view_is_exported_and_downloaded(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(recorded, open_page)
+def export_the_view(page: Page) -> None:
     page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 2); }")
     for _ in range(5):
         page.keyboard.press("+")
@@ -258,32 +299,7 @@ def csv_tables(data: bytes) -> dict[str, list[list[str]]]:
         return {name: list(csv.reader(io.StringIO(files.read(name).decode()))) for name in files.namelist()}
 
 
-def test_the_whole_recording_downloads_as_one_file(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = open_page(f"{recorded.url}/#/recordings")
-    page.locator(".recording-list tbody tr").first.click(position={"x": 30, "y": 20})
-    with page.expect_download() as coming:
-        page.locator(".detail .actions a", has_text="Download").click()
-    data = Path(coming.value.path()).read_bytes()
-    assert data.startswith(b"\x89MCAP0\r\n")
-    assert coming.value.suggested_filename.endswith(".mcap")
-
-
-def test_a_file_is_added_with_its_progress(
-    recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
-) -> None:
-    page = open_page(f"{recorded.url}/#/recordings")
-    until(page, f"{FIRST} !== null")
-    before = page.locator(".recording-list tbody tr").count()
-    capture = tmp_path / "other.mcap"
-    [info, *_] = ask(recorded, "GET", "/api/recordings")
-    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{info['id']}/download", timeout=PATIENCE_S) as answer:
-        capture.write_bytes(answer.read())
-    page.locator("input[type=file]").set_input_files(capture)
-    until(page, f"document.querySelectorAll('.recording-list tbody tr').length === {before + 1}")
-
-
-def test_a_recording_is_played_as_a_live_device(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = opened(recorded, open_page)
+def play_as_a_device(recorded: ServerProcess, page: Page) -> None:
     before = len(ask(recorded, "GET", "/api/devices"))
     page.get_by_role("button", name="As device").click()
     until(page, "!location.hash.includes('recordings')")
@@ -297,75 +313,44 @@ def test_a_recording_is_played_as_a_live_device(recorded: ServerProcess, open_pa
         )
 
 
-@pytest.mark.parametrize("pages", [3, 4])
-def test_the_bar_has_room_while_it_records(server: ServerProcess, open_page: Callable[..., Page], pages: int) -> None:
-    """With Questions as the fourth page too, which a server with a store has."""
-    page = open_page(server.url)
-    until(page, READY)
-    if pages == 4:
-        page.evaluate("document.querySelector('.nav a:last-child').insertAdjacentHTML('afterend', '<a>Questions</a>')")
-    recording = "window.imuscope.store.recorder.value?.running === "
-    fits = "(() => { const bar = document.querySelector('.bar'); return bar.scrollWidth <= bar.clientWidth; })()"
-    for state in ("true", "false"):
-        page.keyboard.press("Shift+R")
-        until(page, recording + state)
-        for width in (*range(1840, 720, -40), 721, 390, 360):
-            page.set_viewport_size({"width": width, "height": 844})
-            until(page, fits)
-        if state == "false":  # on a phone, the selected device is named in full
-            name = "document.querySelector('.device-name .ellipsis')"
-            page.set_viewport_size({"width": 390, "height": 844})
-            until(page, f"{name}.innerText.length > 3 && {name}.scrollWidth <= {name}.clientWidth")
-        page.set_viewport_size({"width": 1440, "height": 844})
-
-
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("place", ["library", "replay"])
-def test_the_page_is_accessible(
-    recorded: ServerProcess, open_page: Callable[..., Page], place: str, size: tuple[int, int]
-) -> None:
-    """Nothing serious from axe; on a phone a finger hits every control, and 360 px do not scroll sideways."""
-    if place == "replay":
-        page = opened(recorded, open_page, size)
-    else:
-        page = open_page(f"{recorded.url}/#/recordings", width=size[0], height=size[1], touch=size == PHONE)
-        until(page, f"{FIRST} !== null")
-        if size == DESKTOP:
-            page.locator(".recording-list tbody tr").first.click(position={"x": 30, "y": 20})
-    page.wait_for_timeout(400)
-    assert serious(page, colours=size == DESKTOP) == []
-    if size == PHONE:
-        small = page.evaluate(TARGETS)
-        assert not small, "\n".join(small)
-        page.set_viewport_size({"width": 360, "height": 740})
-        assert page.evaluate("document.scrollingElement.scrollWidth") <= 360
-
-
-def test_the_health_of_a_recording_is_that_of_the_moment(
-    recorded: ServerProcess, open_page: Callable[..., Page]
-) -> None:
-    """Bytes, delays and the last minute's pictures were empty in a recording."""
-    page = opened(recorded, open_page)
-    page.evaluate("window.imuscopeReplay.seek(window.imuscopeReplay.bounds.first + 4)")
-    health = "window.imuscopeReplay.near.health.value.get(window.imuscope.view.value.device)"
-    until(page, f"{health}?.bytes_per_s > 0 && {health}.jitter_ms !== null && {health}.messages.length > 0")
-    told = page.evaluate(health)
-    assert told["rate"] == pytest.approx(RATE, rel=0.05)
-    came = 0
-    for part in McapSource(recorded.data / "recordings" / "yard.mcap").parts():
-        if part.device == "1" and (before := int((part.times <= told["time"] * 1e9).sum())):
-            came += int(part.ends[before - 1])
-    assert told["bytes"] == pytest.approx(came, rel=0.05)
-    assert told["last_arrival"] == pytest.approx(told["time"], abs=1.1)
-    until(page, "window.imuscopeReplay.deps.recentHealth.of(window.imuscope.view.value.device).length > 4")
-    until(page, "/[1-9][0-9.]*\\s*kB/.test(document.querySelector('.side').innerText)")
-
-
-def test_refused_and_damaged_uploads_and_renaming(
+def test_files_are_downloaded_added_refused_and_renamed(
     recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
 ) -> None:
     page = open_page(f"{recorded.url}/#/recordings")
     until(page, f"{FIRST} !== null")
+    download_the_whole(page)
+    add_a_file(recorded, page, tmp_path)
+    add_refused_and_damaged_files(recorded, page, tmp_path)
+    cut_long_names(recorded, page)
+
+
+def to_the_list(page: Page) -> None:
+    """From a recording, whose page keeps requesting the shown range."""
+    page.evaluate("location.hash = '#/recordings'")
+    until(page, f"{OPEN.replace('!==', '===')} && {FIRST} !== null")
+
+
+def download_the_whole(page: Page) -> None:
+    page.locator(".recording-list tbody tr").first.click(position={"x": 30, "y": 20})
+    with page.expect_download() as coming:
+        page.locator(".detail .actions a", has_text="Download").click()
+    data = Path(coming.value.path()).read_bytes()
+    assert data.startswith(b"\x89MCAP0\r\n")
+    assert coming.value.suggested_filename.endswith(".mcap")
+
+
+def add_a_file(recorded: ServerProcess, page: Page, tmp_path: Path) -> None:
+    until(page, f"{FIRST} !== null")
+    before = page.locator(".recording-list tbody tr").count()
+    capture = tmp_path / "other.mcap"
+    [info, *_] = ask(recorded, "GET", "/api/recordings")
+    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{info['id']}/download", timeout=PATIENCE_S) as answer:
+        capture.write_bytes(answer.read())
+    page.locator("input[type=file]").set_input_files(capture)
+    until(page, f"document.querySelectorAll('.recording-list tbody tr').length === {before + 1}")
+
+
+def add_refused_and_damaged_files(recorded: ServerProcess, page: Page, tmp_path: Path) -> None:
     [whole, *_] = [one for one in ask(recorded, "GET", "/api/recordings") if one["title"] == TITLE]
     with urllib.request.urlopen(f"{recorded.url}/api/recordings/{whole['id']}/download", timeout=PATIENCE_S) as answer:
         data = answer.read()
@@ -390,11 +375,11 @@ def test_refused_and_damaged_uploads_and_renaming(
     page.evaluate("location.hash = '#/recordings/battery%20pulled'")
     until(page, DRAWN)
     until(page, "document.querySelector('.band.warning')?.innerText.includes('torn off')")
-    page.close()  # it keeps requesting the shown range
+    to_the_list(page)
     ask(recorded, "DELETE", "/api/recordings/battery%20pulled")
 
 
-def test_long_names_are_cut_and_cover_nothing(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+def cut_long_names(recorded: ServerProcess, page: Page) -> None:
     """Regression: a long serial number left no room for the name beside it and covered the plots."""
     path, name = recorded.data / "recordings" / "long.mcap", "MTi-" + "long-" * 30
     writer = McapWriter(path, {"title": name})
@@ -403,7 +388,7 @@ def test_long_names_are_cut_and_cover_nothing(recorded: ServerProcess, open_page
     for step in range(1, 200):
         writer.chunk("1", "rx", device.advance(step * 10_000_000), START + step * 10_000_000)
     writer.close()
-    page = open_page(f"{recorded.url}/#/recordings/long")
+    page.evaluate("location.hash = '#/recordings/long'")
     until(page, OPEN)
     until(page, DRAWN)
     widths = page.evaluate(
@@ -414,5 +399,5 @@ def test_long_names_are_cut_and_cover_nothing(recorded: ServerProcess, open_page
         })"""
     )
     assert all(0.2 < width < 0.7 and inside for width, inside in widths)
-    page.close()  # it keeps requesting the shown range
+    to_the_list(page)
     ask(recorded, "DELETE", "/api/recordings/long")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import serious
+from tests.browser.page_checks import serious
 from tests.chromium import until
 from tests.server.fleet.robot_with_pages import CONTROL, fleet_of
 

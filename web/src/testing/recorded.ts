@@ -18,6 +18,7 @@ export type Scene =
   | "attitude-ins-2"
   | "attitude-ins-4"
   | "attitude-imu-quat"
+  | "secure"
   | "unverified"
   | "shared-link"
   | "waiting"
