@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import statistics
 import sys
 import tempfile
@@ -32,7 +33,8 @@ from tests.bench import serial_device as feeding  # noqa: E402
 from tests.bench.compiled_code import use_compiled_code  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import report  # noqa: E402
-from tests.server.recorder_harness import lost_by_kill  # noqa: E402
+from tests.bench.tcp_device import TcpDevice  # noqa: E402
+from tests.server.recorder_harness import chunks, flowing, recorded  # noqa: E402
 from tests.server_process import ServerProcess  # noqa: E402
 
 SETTLE_S = 3.0
@@ -91,6 +93,20 @@ def bare(rate: float, seconds: float) -> float:
                 synced = now
             time.sleep(0.008)
         return (time.process_time() - before) / seconds
+
+
+def lost_by_kill(data: Path) -> float:
+    """Kill a server while it records 2000 frames/s: the age of the oldest byte that is not in its file, s."""
+    with TcpDevice(2000) as line, ServerProcess(line.source, data=data, arguments=("--record",)) as server:
+        flowing(server, line)
+        killed = time.monotonic()
+        os.kill(server.process.pid, signal.SIGKILL)
+        server.process.wait()
+        found = chunks(recorded(data), "rx/1")
+        sent = line.sent
+    assert len(found) > 100_000
+    assert sent.startswith(found), "what is in the file is what was sent, in order, from the beginning"
+    return max(0.0, killed - line.sent_at(len(found))) if len(found) < len(sent) else 0.0
 
 
 def killed(times: int) -> list[float]:

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recordings.mcap_reader import LENGTH, TIME, McapReader
+from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.floods import RECORDING, Place
 from tests.fault_injection.recorded_files import received, recording
-from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until

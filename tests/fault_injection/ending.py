@@ -19,9 +19,9 @@ from recordings.mcap_reader import McapReader
 from server import wire, wire_codec
 from server.library.cleanup import DataFolderLock
 from server.library.compaction_worker import uncompacted
+from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, received, recording
-from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, http_client
 from tests.viser_client import CAMERA, subprotocol

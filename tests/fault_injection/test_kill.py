@@ -26,10 +26,10 @@ from recordings.mcap_writer import RecordingError
 from server.library.cleanup import LOCK, DataFolderLock
 from server.library.compaction_worker import uncompacted
 from server.links.simulator import SimulatorThread
+from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, received, recording
 from tests.server.control_harness import bench, outputs
-from tests.server.tcp_device import TcpDevice
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import http_client
 from tests.waiting import block_until

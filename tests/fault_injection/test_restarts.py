@@ -22,12 +22,12 @@ import pytest
 from recordings.compaction import compact, is_uncompacted
 from recordings.mcap_reader import TIME, McapReader
 from server.config import Config
+from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import received, recording
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import send, settled
-from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess, begun
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until

@@ -109,7 +109,7 @@ async def bench(port: int = 0, *, measuring: bool = False, **faults: int) -> Asy
     """
     options = SimulatorOptions("xbus", faults=LineFaults(baud=115_200, **faults))
     made = SimulatorThread(
-        lambda start_ns: XbusSimulator("MTi-630", start_ns=start_ns, rate=100, port=port, measuring=measuring), options
+        lambda start_ns: XbusSimulator("MTi-630", start_ns=start_ns, rate=20, port=port, measuring=measuring), options
     )
     made.start()
     try:

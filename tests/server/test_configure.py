@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -303,9 +302,7 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
 
     def ops(socket: Any, enough: Callable[[list[Any]], bool]) -> list[Any]:
         found: list[Any] = []
-        ends = time.monotonic() + PATIENCE_S
         while not enough(found):
-            assert time.monotonic() < ends, found
             message = json.loads(socket.recv(timeout=PATIENCE_S))
             if message["op"] in ("jobs", "traffic"):
                 found.append(message)

@@ -51,7 +51,7 @@ def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
 def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus")
+            desk = await here.add("sim:xbus?rate=20")
             job = await here.apply(desk, {"OutputConfiguration": outputs(130, 0x2010)})
             assert job.state == "done"
             assert [(one.path, one.requested, one.actual) for one in job.outcomes] == [
@@ -64,7 +64,7 @@ def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> 
 def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus")
+            desk = await here.add("sim:xbus?rate=20")
             await here.apply(desk, {"LocationID": {"location_id": 7}})
             job = await here.apply(desk, {"LocationID": {"location_id": 7}})
             assert "Nothing to change" in job.message
@@ -78,7 +78,7 @@ def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus")
+            desk = await here.add("sim:xbus?rate=20")
             first = desk.add("first", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 1}}, ""))
             second = desk.add("second", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 2}}, ""))
             assert [job.title for job in desk.job_report.queue] == ["first", "second"]
@@ -138,7 +138,7 @@ def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
 def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus")
+            desk = await here.add("sim:xbus?rate=20")
             tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
             await desk.drop(tasks[2].job.id)
             assert tasks[2].job.state == "stopped"
@@ -152,7 +152,7 @@ def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: Path) 
 def test_a_full_queue_is_reported(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus")
+            desk = await here.add("sim:xbus?rate=20")
             work = here.desks.jobs.read(desk, ["LocationID"], "")
             for _ in range(MAX_WAITING):
                 desk.add("Read", work)
@@ -181,7 +181,7 @@ def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
 def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus")
+            desk = await here.add("sim:xbus?rate=20")
             await here.apply(desk, {"LocationID": {"location_id": 3}})
             entries = desk.log.tail(limit=500)
             at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
@@ -201,7 +201,7 @@ def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
 def test_a_stubborn_device_is_reset_and_caught(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?stubborn=1")
+            desk = await here.add("sim:xbus?stubborn=1&rate=20")
             job = await here.read(desk)
             assert job.state == "done", job.message
             assert "Reset" in [entry.name for entry in sent(desk)]
@@ -326,7 +326,7 @@ def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: P
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:isb")
+            desk = await here.add("sim:isb?rate=20")
             await here.read(desk)
             before = dict(desk.values["DID_FLASH_CONFIG"])
             job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21, "dynamicModel": 8}})
@@ -345,7 +345,7 @@ def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: P
 def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:idtp")
+            desk = await here.add("sim:idtp?rate=20")
             assert desk.rows == {}
             job = await over(desk.add("Send", here.desks.jobs.raw(desk, b"\x00\x01")))
             assert job.state == "done"

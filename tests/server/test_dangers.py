@@ -90,7 +90,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
 
     async def check() -> None:
         async with house(tmp_path, listening=BRIEFEST) as here:
-            desk = await here.add("sim:isb")
+            desk = await here.add("sim:isb?rate=20")
             await here.read(desk)
             values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}
             wish = plan_command(desk, "SET_DID_FLASH_CONFIG", values)
@@ -114,7 +114,7 @@ def test_the_command_line_asks_for_confirmation_where_the_page_does(message: str
     """Regression: changes that cut the line or turn the frame were sent without the confirmation
     described in the help.
     """
-    wish = send.SendRequest("sim:isb", message, pairs)
+    wish = send.SendRequest("sim:isb?rate=20", message, pairs)
     with pytest.raises(SendError, match=words) as refused:
         asyncio.run(send.send(wish, DecodeOptions(), io.StringIO(), io.StringIO()))
     assert "--yes" in str(refused.value)

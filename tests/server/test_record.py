@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 
 import pytest
@@ -12,11 +11,12 @@ from recordings.compaction import is_uncompacted
 from recordings.importers import open_file
 from recordings.mcap_reader import McapReader
 from server.commands.record import amount
+from tests.bench.tcp_device import TcpDevice
 from tests.each_row import each_row
 from tests.server.recorder_harness import chunks
-from tests.server.tcp_device import TcpDevice
 from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 
 @pytest.fixture(scope="module")
@@ -48,11 +48,12 @@ def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: sig
     path = tmp_path / "drive.mcap"
     with TcpDevice(500) as line:
         process = begun("record", line.source, "-o", str(path), "--data", str(data), apart=True)
-        end = time.monotonic() + PATIENCE_S
-        while not (path.exists() and path.stat().st_size > 20_000):
+
+        def is_flowing() -> bool:
             assert process.poll() is None
-            assert time.monotonic() < end
-            time.sleep(0.02)
+            return path.exists() and path.stat().st_size > 20_000
+
+        block_until(is_flowing, "something is recorded")
         process.send_signal(number)
         said, problem = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0, problem

@@ -84,7 +84,7 @@ def test_a_foreign_snapshot_shows_nothing(body: dict[str, Any]) -> None:
 @in_a_loop
 async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
     async with recorder(tmp_path, times=SILENT) as (made, one):
-        desk = await made.add("sim:xbus")
+        desk = await made.add("sim:xbus?rate=20")
 
         async def refuse(data: bytes) -> None:
             return  # nothing reaches the device
@@ -101,7 +101,7 @@ async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: 
 @in_a_loop
 async def test_settings_that_are_known_are_in_the_recording_and_those_read_later_too(tmp_path: Path) -> None:
     async with recorder(tmp_path, RecordingOptions(tmp_path / "recordings", ask_head=False)) as (made, one):
-        desk = await made.add("sim:xbus")
+        desk = await made.add("sim:xbus?rate=20")
         await made.read(desk)
         state = await one.start()
         path = tmp_path / "recordings" / f"{state.id}.mcap"

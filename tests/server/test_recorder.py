@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import os
 import shutil
 import signal
-import statistics
-import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -29,24 +28,21 @@ from server.errors import DomainError
 from server.library.api_models import MarkerRequest
 from server.library.compaction_worker import CompactionWorker, uncompacted
 from server.library.recorder import RecordingOptions
+from tests.bench.tcp_device import TcpDevice
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import (
     chunks,
     flowing,
     in_a_loop,
-    lost_by_kill,
     recorded,
     recorder,
     send,
     settled,
 )
-from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
-from tests.waiting import until
-
-LOST_S = 0.020  # allowed loss of a killed server
+from tests.waiting import block_until, until
 
 
 def notes(path: Path) -> list[dict[str, Any]]:
@@ -131,12 +127,13 @@ def test_chosen_devices_only_and_all_with_those_that_come_later(
 
 def test_a_recording_is_named_after_devices_that_sent_data(running: InProcessServer, links: FakeLinks) -> None:
     """Regression: a port that never received anything came first in the name."""
-    end = time.monotonic() + PATIENCE_S
-    n = 0
-    while running.call(lambda: running.services.sessions.get("2").info.last_arrival) is None:
-        assert time.monotonic() < end
-        send(running, links, "/dev/two", sample(n := n + 1))
-        time.sleep(0.01)
+    counts = itertools.count(1)
+
+    def has_arrived() -> bool:
+        send(running, links, "/dev/two", sample(next(counts) % 256))
+        return running.call(lambda: running.services.sessions.get("2").info.last_arrival) is not None
+
+    block_until(has_arrived, "the second port has received something")
     name = running.call(lambda: running.services.sessions.get("2").info.name)
     began = running.client.post("/api/recordings/start", json={}).json()
     assert began["id"].endswith(slug(name))
@@ -190,6 +187,16 @@ def test_with_record_a_disk_that_fails_does_not_keep_the_server_from_starting(tm
         assert state["message"]
 
 
+def ended(running: InProcessServer) -> dict[str, Any]:
+    """The recorder's state when it has ended by itself."""
+
+    def found() -> dict[str, Any] | None:
+        state: dict[str, Any] = running.client.get("/api/recorder").json()
+        return None if state["running"] else state
+
+    return dict(block_until(found, "the recording has ended"))
+
+
 def test_a_full_disk_ends_the_recording_with_a_message(
     running: InProcessServer, links: FakeLinks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,10 +210,7 @@ def test_a_full_disk_ends_the_recording_with_a_message(
     with monkeypatch.context() as patch:
         patch.setattr(AtomicRecordFile, "write", full)
         send(running, links, "/dev/one", sample(2))
-        end = time.monotonic() + PATIENCE_S
-        while (state := running.client.get("/api/recorder").json())["running"]:
-            assert time.monotonic() < end
-            time.sleep(0.02)
+        state = ended(running)
     assert "disk is full" in state["message"]
     assert "kept" in state["hint"]
     assert chunks(tmp_path / "recordings" / f"{state['id']}.mcap", "rx/1") == sample(1)
@@ -222,10 +226,7 @@ def test_a_folder_that_is_removed_ends_the_recording_with_a_message(
     send(running, links, "/dev/one", sample(1))
     settled(running)
     shutil.rmtree(tmp_path / "recordings")
-    end = time.monotonic() + PATIENCE_S
-    while (state := running.client.get("/api/recorder").json())["running"]:
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    state = ended(running)
     assert "removed" in state["message"]
     assert chunks(tmp_path / "recordings" / f"{state['id']}.mcap", "rx/1") == sample(1)
 
@@ -369,10 +370,28 @@ async def test_a_title_marks_and_refusals_without_http(tmp_path: Path) -> None:
 # ── whatever ends the server ─────────────────────────────────────────────────────────────────────────────────────────
 
 
-def test_a_killed_server_loses_at_most_the_last_20_ms(tmp_path: Path) -> None:
-    """Three times, the middle one counts: a machine that runs other things may hold a thread up for longer."""
-    lost = [lost_by_kill(tmp_path / str(n)) for n in range(3)]
-    assert statistics.median(lost) <= LOST_S, [f"{one * 1e3:.1f} ms" for one in lost]
+def test_a_killed_server_keeps_what_it_has_received(tmp_path: Path) -> None:
+    """Nothing has to follow for a byte to get into the file, and no end of the server.
+
+    How long it takes is for the benchmark (tests/bench/recording.py: 20 ms).
+    """
+    with TcpDevice(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
+        flowing(server, line)
+        line.pause()
+        block_until(lambda: chunks(recorded(tmp_path), "rx/1") == line.sent, "all that was sent is in the file")
+        os.kill(server.process.pid, signal.SIGKILL)
+        server.process.wait()
+        assert chunks(recorded(tmp_path), "rx/1") == line.sent
+
+
+def test_a_file_that_is_cut_off_while_data_come_is_the_beginning_of_what_was_sent(tmp_path: Path) -> None:
+    with TcpDevice(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
+        flowing(server, line)
+        os.kill(server.process.pid, signal.SIGKILL)
+        server.process.wait()
+        found = chunks(recorded(tmp_path), "rx/1")
+        assert len(found) > 10_000
+        assert line.sent.startswith(found), "in order, from the beginning"
 
 
 def test_a_recording_left_by_a_killed_server_is_packed_by_the_next(tmp_path: Path) -> None:
@@ -384,11 +403,8 @@ def test_a_recording_left_by_a_killed_server_is_packed_by_the_next(tmp_path: Pat
     before = chunks(path, "rx/1")
     assert uncompacted(tmp_path / "recordings") == [path]
     (tmp_path / "recordings" / f".{path.name}.packing").write_bytes(b"left by a packing that was killed")
-    with ServerProcess("sim:isb", data=tmp_path):
-        end = time.monotonic() + 60
-        while is_uncompacted(path):
-            assert time.monotonic() < end
-            time.sleep(0.1)
+    with ServerProcess("udp://127.0.0.1:0", data=tmp_path):
+        block_until(lambda: not is_uncompacted(path), "it is packed")
     assert chunks(path, "rx/1") == before
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]
 
@@ -400,6 +416,6 @@ def test_a_server_that_is_asked_to_end_finishes_the_file(tmp_path: Path) -> None
         assert server.process.wait(PATIENCE_S) in (0, -signal.SIGTERM)
         found = chunks(recorded(tmp_path), "rx/1")
         assert line.sent.startswith(found)
-        assert len(found) > 100_000
+        assert len(found) > 30_000
     with McapReader(recorded(tmp_path)) as recording:
         assert recording.whole

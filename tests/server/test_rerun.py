@@ -9,7 +9,6 @@ import json
 import re
 import socket
 import subprocess
-import time
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -36,6 +35,7 @@ from tests.recordings.recorded_drive import drive
 from tests.recordings.rrd_tables import entities, numbers
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connect, http_client
+from tests.waiting import block_until
 
 PAGE = ROOT / "server" / "integrations" / "rerun_page"
 
@@ -149,7 +149,7 @@ def looked(url: str, wanted: int) -> tuple[dict[str, float], list[bytes]]:
     told: dict[str, float] = {}
     with connect(url.replace("http", "ws") + "/rerun/live", max_size=None) as socket:
         while len(batches) < wanted or not told:
-            message = socket.recv(timeout=60)
+            message = socket.recv(timeout=PATIENCE_S)
             if isinstance(message, str):
                 told = json.loads(message)
             else:
@@ -287,12 +287,13 @@ def test_an_invalid_viewer_address_is_refused_before_anything_starts() -> None:
 
 def listens(port: int) -> None:
     """Wait for a viewer: a consumer of its data ends at once if there is none."""
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
+
+    def is_there() -> bool:
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
-            return
-        assert time.monotonic() < deadline, "the viewer elsewhere does not listen"
-        time.sleep(0.05)
+            return True
+        return False
+
+    block_until(is_there, "the viewer elsewhere listens")
 
 
 def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
@@ -316,11 +317,12 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
             )  # fmt: skip
             try:
-                for _ in range(300):
-                    if out.is_file() and out.stat().st_size > 300_000:
-                        break
-                    with pytest.raises(subprocess.TimeoutExpired):
-                        taker.wait(0.2)
+
+                def has_come() -> bool:
+                    assert taker.poll() is None
+                    return out.is_file() and out.stat().st_size > 100_000
+
+                block_until(has_come, "what reached it is saved")
             finally:
                 taker.terminate()
                 taker.wait(PATIENCE_S)

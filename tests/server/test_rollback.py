@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +22,11 @@ from server.wire import PendingRollback
 from tests.each_row import each_row
 from tests.server.control_harness import SILENT, ControlHarness, at_rate, bench, house, over
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, http_client
-from tests.waiting import until
+from tests.timeouts import http_client
+from tests.waiting import block_until, until
 
 FAST = 0x80  # the code of 921 600 Bd
-SOURCE = "sim:xbus?baud=115200"
+SOURCE = "sim:xbus?baud=115200&rate=20"
 
 
 def run(coroutine: Any) -> Any:
@@ -260,7 +259,7 @@ def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
     async def check() -> None:
         monkeypatch.setattr(XbusDriver, "is_alive", late)
         async with house(tmp_path) as here:
-            desk = await here.add("sim:xbus?product=MTi-300&baud=921600")
+            desk = await here.add("sim:xbus?product=MTi-300&baud=921600&rate=20")
             jobs = here.desks.jobs
             await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
             assert desk.session.baud == 921_600
@@ -347,10 +346,7 @@ def rollback_state(http: Client) -> str:
 
 
 def answers(http: Client, condition: Any) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, http.get("/api/devices/1/jobs").text
-        time.sleep(0.05)
+    block_until(condition, lambda: http.get("/api/devices/1/jobs").text)
 
 
 @each_row("state", ["applying", "rolling-back"])

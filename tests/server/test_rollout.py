@@ -31,7 +31,7 @@ def test_the_job_also_refuses_an_excessive_load(tmp_path: Path) -> None:
 
     async def play() -> None:
         async with house(tmp_path) as there:
-            desk = await there.add("sim:xbus")
+            desk = await there.add("sim:xbus?rate=20")
             job = await there.apply(desk, {"OutputConfiguration": OVER, "LocationID": {"location_id": 7}})
             assert job.state == "failed"
             assert "% of the link (115 200 Bd)" in job.message
@@ -58,7 +58,7 @@ def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -> None
 
     async def play() -> None:
         async with house(tmp_path) as there:
-            desk = await there.add("sim:xbus")
+            desk = await there.add("sim:xbus?rate=20")
             await there.read(desk)
             seen = {"OutputConfiguration": desk.values["OutputConfiguration"]}
             assert (await there.apply(desk, {"OutputConfiguration": outputs(50)})).state == "done"

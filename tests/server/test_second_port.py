@@ -16,13 +16,13 @@ from tests.each_row import each_row
 from tests.server.control_harness import house, over
 from tests.waiting import until
 
-UART, FAST = "sim:xbus?product=MTi-680G&port=uart&baud=115200", 0x10080
+UART, FAST = "sim:xbus?product=MTi-680G&port=uart&baud=115200&rate=20", 0x10080
 XBUS_115200 = 0x10002
 
 
 def test_the_host_is_on_the_port_that_the_source_names() -> None:
     for port, word in (("rs232", 0), ("uart", 1)):
-        device = make_device(SimulatorOptions.of(SourceUrl.parse(f"sim:xbus?port={port}")), 0)
+        device = make_device(SimulatorOptions.of(SourceUrl.parse(f"sim:xbus?port={port}&rate=20")), 0)
         assert isinstance(device, XbusSimulator)
         words = [XBUS_115200] * 2
         words[word] = FAST
@@ -70,4 +70,4 @@ def test_changes_that_may_cut_the_line_need_confirmation_on_either_port(tmp_path
 
 def test_a_product_with_one_port_has_no_second() -> None:
     with pytest.raises(LinkError, match="an MTi-3 has one port"):
-        open_link("sim:xbus?product=MTi-3&port=uart")
+        open_link("sim:xbus?product=MTi-3&port=uart&rate=20")

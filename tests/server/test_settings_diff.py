@@ -24,7 +24,7 @@ def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            desk = await here.add("sim:isb?rate=50")
+            desk = await here.add("sim:isb?rate=20")
             await here.read(desk)
             first = ComparedValues("First", desk.values)
             await asyncio.sleep(0.02)
@@ -64,7 +64,7 @@ def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
 
     async def check() -> None:
         async with house(tmp_path) as here:
-            imx, mti = await here.add("sim:isb?rate=50"), await here.add("sim:xbus?baud=921600")
+            imx, mti = await here.add("sim:isb?rate=20"), await here.add("sim:xbus?baud=921600&rate=20")
             for desk in (imx, mti):
                 await here.read(desk)
             error = await refusal(imx, here)

@@ -216,7 +216,7 @@ def test_a_device_under_its_identifier_accepts_nothing_else() -> None:
 @each_row("ids", ["0", "255", "1,1", "1,2,3,4,5", "a", "1,,2", ""])
 def test_invalid_identifiers_are_refused(ids: str) -> None:
     with pytest.raises(LinkError, match="bus_ids"):
-        open_link(f"sim:xbus?bus_ids={ids}")
+        open_link(f"sim:xbus?bus_ids={ids}&rate=20")
 
 
 def test_every_device_of_a_simulated_line_has_its_own_counter() -> None:

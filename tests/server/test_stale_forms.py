@@ -16,7 +16,7 @@ from tests.each_row import each_row
 from tests.server.control_harness import ControlHarness, house, outputs, over
 from tests.waiting import until
 
-IMX, MTI = "sim:isb?rate=50", "sim:xbus?baud=921600"
+IMX, MTI = "sim:isb?rate=20", "sim:xbus?baud=921600&rate=20"
 
 
 def run(coroutine: Any) -> Any:

@@ -9,7 +9,6 @@ import hashlib
 import json
 import ssl
 import sys
-import time
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +26,7 @@ from server.connections import ConnectionLimits
 from tests.each_row import each_row
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connecting, http_client
+from tests.waiting import block_until, until
 
 PEM = serialization.Encoding.PEM
 DAY = datetime.timedelta(days=1)
@@ -228,14 +228,10 @@ def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: 
         async with serving_with(keeper) as port:
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, old.key)  # half way
-            async with asyncio.timeout(PATIENCE_S):
-                while "was not replaced" not in caplog.text:
-                    await asyncio.sleep(0.01)
+            await until(lambda: "was not replaced" in caplog.text, "it is tried")
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, new.key)
-            async with asyncio.timeout(PATIENCE_S):
-                while keeper.tls.fingerprint != new.fingerprint:
-                    await asyncio.sleep(0.01)
+            await until(lambda: keeper.tls.fingerprint == new.fingerprint, "it is replaced")
             assert await shown(port, new.cert) == new.fingerprint
         looking.cancel()
 
@@ -259,10 +255,8 @@ def test_everything_is_served_over_tls(tmp_path: Path) -> None:
             assert let_in.status_code == 303
             cookie = {part.strip() for part in let_in.headers["set-cookie"].split(";")}
             assert {"Secure", "HttpOnly", "SameSite=Strict", "Path=/"} <= cookie
-            deadline = time.monotonic() + 90
-            while (shown := client.get("/viser/")).status_code == 503 and time.monotonic() < deadline:
-                time.sleep(0.2)  # a busy machine takes its time to start it
-            assert shown.status_code == 200, shown.text
+            # a busy machine takes its time to start it
+            block_until(lambda: client.get("/viser/").status_code == 200, lambda: client.get("/viser/").text)
             assert client.get("/rerun/").status_code == 200
         with pytest.raises(httpx.ConnectError):
             httpx.get(server.url, timeout=PATIENCE_S)  # a client that trusts public authorities only

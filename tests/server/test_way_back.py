@@ -26,7 +26,7 @@ from tests.server.control_harness import BRIEFEST, ControlHarness, house, over
 from tests.waiting import until
 
 MODEL = 213  # of motion; not in the table
-SOURCE = "sim:isb?baud=921600"
+SOURCE = "sim:isb?baud=921600&rate=20"
 
 
 def run(coroutine: Any) -> Any:

@@ -30,11 +30,19 @@ class TcpDevice:
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.source = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
         self._stop = threading.Event()
+        self._paused = threading.Event()
+        self._sending = threading.Lock()
         self._pieces: list[bytes] = []
         self._ends: list[int] = []
         self._times: list[float] = []
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
+
+    def pause(self) -> None:
+        """Send nothing more. Connected it stays."""
+        self._paused.set()
+        with self._sending:  # none is half noted any more
+            pass
 
     @property
     def sent(self) -> bytes:
@@ -62,13 +70,17 @@ class TcpDevice:
         started, n = time.monotonic(), 0
         while not self._stop.is_set():
             due = int((time.monotonic() - started) * self._rate) + 1
-            while n < due:
-                data = frame(n, self._rate)
-                self._times.append(time.monotonic())
-                self._pieces.append(data)  # noted before it can be received, to be compared with the recording
-                connection.sendall(data)
-                self._ends.append(self.size + len(data))
-                n += 1
+            with self._sending:
+                while n < due and not self._paused.is_set():
+                    data = frame(n, self._rate)
+                    self._times.append(time.monotonic())
+                    self._pieces.append(data)  # noted before it can be received, to be compared with the recording
+                    connection.sendall(data)
+                    self._ends.append(self.size + len(data))
+                    n += 1
+            if self._paused.is_set():
+                self._stop.wait()
+                return
             time.sleep(0.5 / self._rate)
 
     def __enter__(self) -> TcpDevice:
