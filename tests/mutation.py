@@ -15,20 +15,27 @@ import ast
 import os
 import random
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
+
+import hypothesis  # noqa: F401 (in every process that is forked)
+import numba  # noqa: F401
+import pytest
 
 from tests.checking.affected import affected_tests
 from tests.source_files import ROOT, python_files
 
 FOLDERS = ("protocols", "server/configuration")
 COPIED = ("protocols", "recordings", "server", "tests", "docs", "web/src", "pyproject.toml", "README.md")
+OURS = ("protocols", "recordings", "server", "tests")
 TESTS_S = 8.0  # of tests for each mistake
 NEAREST = 3  # files of tests for each mistake
+PLACES = ("tests/protocols/", "tests/server/test_")  # without those that start processes and devices
 HANGS_S = 240  # a mistake that makes an endless loop is caught
 COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
     **{ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
@@ -110,27 +117,54 @@ class Tree:
     def __init__(self, root: Path, folder: Path) -> None:
         self.root = root
         self.folder = folder
+        self._well: set[str] = set()  # files of tests that pass without a mistake
         for name in COPIED:
             copy = shutil.copytree if (root / name).is_dir() else shutil.copy
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             copy(root / name, folder / name)
 
     def catches(self, mistake: Mistake, tests: Sequence[str]) -> bool:
-        """Whether a test fails with the mistake."""
+        """Whether a test fails with the mistake.
+
+        Raises:
+            RuntimeError: one fails without it.
+        """
         path = self.folder / mistake.path
         path.write_text(mistake.text, encoding="utf-8")
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider"]
         present = [name for name in tests if (self.folder / name).exists()]
-        env = {**os.environ, "PYTHONPATH": str(self.folder)}
         try:
-            done = subprocess.run(
-                [*command, *present], cwd=self.folder, env=env, capture_output=True, text=True, timeout=HANGS_S
-            )
-            return done.returncode != 0
-        except subprocess.TimeoutExpired:
-            return True
+            failed = self._status(present) != 0
         finally:
-            shutil.copy(self.root / mistake.path, path)
+            shutil.copy2(self.root / mistake.path, path)
+        for name in present if failed else ():
+            if name not in self._well and self._status([name]) != 0:
+                raise RuntimeError(f"{self.root / name} fails without a mistake")
+            self._well.add(name)
+        return failed
+
+    def _status(self, tests: Sequence[str]) -> int:
+        child = os.fork()  # what is imported from elsewhere is there already
+        if child == 0:
+            self._run_tests(tests)
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+    def _run_tests(self, tests: Sequence[str]) -> NoReturn:
+        """In a process of its own: import this tree and run its tests."""
+        status = 1
+        try:
+            signal.alarm(HANGS_S)
+            os.setpgid(0, 0)
+            nothing = os.open(os.devnull, os.O_RDWR)
+            for stream in range(3):
+                os.dup2(nothing, stream)
+            os.chdir(self.folder)
+            sys.path[:0] = [str(self.folder)]
+            for name in [name for name in sys.modules if name.partition(".")[0] in OURS]:
+                del sys.modules[name]
+            imported = "ignore::pytest.PytestAssertRewriteWarning"  # hypothesis is there already
+            status = pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-W", imported, *tests])
+        finally:
+            os._exit(int(status))
 
 
 def main() -> int:
@@ -147,7 +181,8 @@ def main() -> int:
         roots = [ROOT, *([given.against.resolve()] if given.against else [])]
         trees = [Tree(root, Path(folder) / str(number)) for number, root in enumerate(roots)]
         for number, mistake in enumerate(mistakes, 1):
-            tests = affected_tests([mistake.path], TESTS_S).files[:NEAREST]
+            near = affected_tests([mistake.path], 10 * TESTS_S).files
+            tests = [name for name in near if name.startswith(PLACES)][:NEAREST]
             found = [tree.catches(mistake, tests) for tree in trees]
             caught = [count + one for count, one in zip(caught, [*found, False], strict=False)]
             figures = " · ".join(f"{count} of {number}" for count in caught[: len(trees)])
