@@ -21,6 +21,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -108,10 +109,16 @@ def patient_shutdown() -> Iterator[None]:
         yield
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Every worker has to have the tests in the same order, whoever notes other durations meanwhile."""
+    node.workerinput["durations"] = durations()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The longest files first, as the last run had them: begun last, they would run on alone. The browser's last."""
     folder = Path(__file__).parent / "browser"
-    seconds = durations()
+    seconds: dict[str, float] = getattr(config, "workerinput", {}).get("durations") or durations()
     drives = {path: folder in path.parents for path in {item.path for item in items}}
     for item in items:
         if drives[item.path]:
