@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from server.library.compaction_worker import CompactionWorker
+from server.workers import Worker
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
 from tests.waiting import until
@@ -19,14 +20,14 @@ def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
 ) -> None:
     """Regression: each had a separate process, which took 1.5 s of a core for a file of 40 kB."""
     begun: list[int] = []
-    begin = asyncio.create_subprocess_exec
+    begin = Worker.create_process
 
-    async def counted(*command: str, **options: Any) -> asyncio.subprocess.Process:
+    async def counted(*command: str, **options: Any) -> Any:
         process = await begin(*command, **options)
         begun.append(process.pid)
         return process
 
-    monkeypatch.setattr(asyncio, "create_subprocess_exec", counted)
+    monkeypatch.setattr(Worker, "create_process", staticmethod(counted))
     packed: list[Path] = []
     packer = CompactionWorker(packed.append)
     for name in "abcde":

@@ -167,8 +167,8 @@ def test_frames_of_each_family_are_found(protocol: str) -> None:
         )
 
 
-@given(st.binary(max_size=60), st.integers(0, 59))
 @each_row("protocol", sorted(PROTOCOLS))
+@given(st.binary(max_size=60), st.integers(0, 59))
 def test_any_bytes_have_a_size_or_none(protocol: str, data: bytes, at: int) -> None:
     if PROTOCOLS[protocol].frame_size and at < len(data):
         assert import_module(PROTOCOLS[protocol].frame_size).frame_size(data, at) >= -1

@@ -124,10 +124,10 @@ TEXTS = [
 CUTS = st.lists(st.floats(0, 1), max_size=30)
 
 
-@settings(max_examples=20, deadline=None)
-@given(cuts=CUTS)
 @each_row("kind", ["even", "gaps"])
 @each_row("text", TEXTS)
+@settings(max_examples=10, deadline=None)
+@given(cuts=CUTS)
 def test_pieces_give_what_everything_at_once_gives(text: str, kind: str, cuts: list[float]) -> None:
     rows = EVEN if kind == "even" else GAPPY
     live, found = in_pieces(text, rows, cuts)

@@ -161,13 +161,20 @@ def children(parent: int) -> list[int]:
 
 
 def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
+    async def visit(url: str) -> None:
+        async with looking(url):
+            pass
+
     config = Config(sources=("/dev/one",), data=tmp_path)
-    with InProcessServer(config, FakeLink, timings=ViewerTimings(scene_idle_s=0.5)) as running:
+    with InProcessServer(config, FakeLink, timings=ViewerTimings(scene_idle_s=PATIENCE_S)) as running:
         assert children(os.getpid()) == []
-        assert get(running.url + "/viser/", timeout=PATIENCE_S).status_code == 200
+        assert get(running.url + "/viser/").status_code == 200
         [pid] = children(os.getpid())
+        running.services.viser._idle_s = 0.01  # from here on, so that it is still there when it is counted
+        asyncio.run(visit(running.url))
         block_until(lambda: not children(os.getpid()), "it has ended")
-        assert get(running.url + "/viser/", timeout=PATIENCE_S).status_code == 200
+        running.services.viser._idle_s = PATIENCE_S
+        assert get(running.url + "/viser/").status_code == 200
         [again] = children(os.getpid())
         assert again != pid
 
