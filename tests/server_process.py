@@ -55,7 +55,7 @@ def forked() -> list[Child]:
 
 
 def begun(
-    *words: str, fresh: bool = False, prefix: Sequence[str] = (), apart: bool = False
+    *words: str, fresh: bool = False, prefix: Sequence[str] = (), apart: bool = False, module: str = ""
 ) -> subprocess.Popen[str] | Child:
     """`imuscope WORDS`, running, in a process group of its own: an interrupted run of tests stops it through who began
     it, not behind their back.
@@ -64,18 +64,19 @@ def begun(
         fresh: in an interpreter of its own, also where tests share the work of starting one.
         prefix: put before the command, to run it as somebody else.
         apart: what is printed as an error has a pipe of its own.
+        module: runs instead of the command line, with these words.
     """
     if nursery is not None and not fresh and not prefix:
         pipes = [os.pipe() for _ in range(1 + apart)]
         with open(os.devnull) as nothing:
-            child = nursery.start(words, nothing.fileno(), pipes[0][1], pipes[-1][1])
+            child = nursery.start(words, nothing.fileno(), pipes[0][1], pipes[-1][1], module=module)
         for _, written in pipes:
             os.close(written)
         child.stdout, *errors = (os.fdopen(read, encoding="utf-8", errors="replace") for read, _ in pipes)
         child.stderr = errors[0] if errors else None
         return child
     return subprocess.Popen(
-        [*prefix, *tied([sys.executable, "-m", "server.cli", *words])],
+        [*prefix, *tied([sys.executable, "-m", module or "server.cli", *words])],
         cwd=ROOT,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
         stdin=subprocess.DEVNULL,
