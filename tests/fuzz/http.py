@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,9 +38,12 @@ from schemathesis.checks import CHECKS, load_all_checks
 from tests.fuzz.cases import FINDINGS, BrokenError
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S  # a longer time counts as no answer
+from tests.waiting import block_until
 
 MAX_GROWN_MB = 400.0  # growth of the server's memory over all requests
-SIMULATORS = ("sim:xbus", "sim:isb", "sim:idtp")
+SIMULATORS = tuple(
+    f"sim:{family}?rate=10" for family in ("xbus", "isb", "idtp")
+)  # slow ones: they only have to be there
 TIDY_EVERY = 40
 MAX_DEVICES = 6
 SLOW = {"/api/ports/scan"}  # listens for seconds, as it should
@@ -118,12 +120,12 @@ class FuzzedServer:
             headers={"content-type": "application/octet-stream"},
             timeout=PATIENCE_S,
         ).raise_for_status()
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
+
+        def recognised() -> Any:
             devices = self.read("/api/devices")
-            if len(devices) == len(SIMULATORS) and all(device["protocol"] for device in devices):
-                break
-            time.sleep(0.1)
+            return len(devices) == len(SIMULATORS) and all(device["protocol"] for device in devices) and devices
+
+        devices = block_until(recognised, "the simulators are recognised")
         self.forms = [self.read(f"/api/devices/{device['id']}/forms") for device in devices]
         self.look()
 
