@@ -1,7 +1,8 @@
-"""Clock that only a test moves."""
+"""Clocks that only a test moves, or what it runs."""
 
 from __future__ import annotations
 
+import threading
 from typing import Generic, TypeVar
 
 N = TypeVar("N", int, float)
@@ -19,3 +20,23 @@ class ManualClock(Generic[N]):
 
     def __call__(self) -> N:
         return self.now
+
+
+class SleptTime:
+    """In place of the module `time` in code that waits: a sleep moves the clock, and takes no time.
+
+    Attributes:
+        slept: each pause, s.
+    """
+
+    def __init__(self) -> None:
+        self.slept: list[float] = []
+        self._lock = threading.Lock()
+
+    def sleep(self, seconds: float) -> None:
+        with self._lock:
+            self.slept.append(seconds)
+
+    def monotonic(self) -> float:
+        with self._lock:
+            return sum(self.slept)

@@ -55,7 +55,12 @@ def forked() -> list[Child]:
 
 
 def begun(
-    *words: str, fresh: bool = False, prefix: Sequence[str] = (), apart: bool = False, module: str = ""
+    *words: str,
+    fresh: bool = False,
+    prefix: Sequence[str] = (),
+    apart: bool = False,
+    module: str = "",
+    by: ForkServer | None = None,
 ) -> subprocess.Popen[str] | Child:
     """`imuscope WORDS`, running, in a process group of its own: an interrupted run of tests stops it through who began
     it, not behind their back.
@@ -65,11 +70,13 @@ def begun(
         prefix: put before the command, to run it as somebody else.
         apart: what is printed as an error has a pipe of its own.
         module: runs instead of the command line, with these words.
+        by: forks it instead of the fork server that all tests share.
     """
-    if nursery is not None and not fresh and not prefix:
+    forking = by or nursery
+    if forking is not None and not fresh and not prefix:
         pipes = [os.pipe() for _ in range(1 + apart)]
         with open(os.devnull) as nothing:
-            child = nursery.start(words, nothing.fileno(), pipes[0][1], pipes[-1][1], module=module)
+            child = forking.start(words, nothing.fileno(), pipes[0][1], pipes[-1][1], module=module)
         for _, written in pipes:
             os.close(written)
         child.stdout, *errors = (os.fdopen(read, encoding="utf-8", errors="replace") for read, _ in pipes)
@@ -123,6 +130,7 @@ class ServerProcess:
         prefix: put before the command, to run it as somebody else.
         timeout_s: time allowed until /healthz answers (a first start compiles).
         fresh: start an interpreter for it, also where tests share the work of that (tests/fork_server.py).
+        by: fork server to use instead of the one that all tests share.
 
     Raises:
         RuntimeError: the server ended or did not answer; the message holds what it printed.
@@ -137,9 +145,10 @@ class ServerProcess:
         timeout_s: float = 180,
         fresh: bool = False,
         command: str = "serve",
+        by: ForkServer | None = None,
     ) -> None:
         words = [command, *sources, "--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
-        self.process = begun(*words, fresh=fresh, prefix=prefix)
+        self.process = begun(*words, fresh=fresh, prefix=prefix, by=by)
         self.data = data
         self.lines: list[str] = []
         self._certificate = data / "tls" / "certificate.pem"

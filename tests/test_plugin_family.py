@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 import tomllib
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -29,6 +28,7 @@ from tests.each_row import each_row
 from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 PACKAGE = ROOT / "tests" / "plugin_family"
 VECTORS: list[dict[str, str]] = json.loads((PACKAGE / "vectors.json").read_text())
@@ -74,15 +74,20 @@ def family(installed: Path) -> ProtocolInfo:
 
 
 @pytest.fixture(scope="module")
-def server(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    with ServerProcess("sim:mip?rate=50", data=tmp_path_factory.mktemp("data"), fresh=True) as server:
+def own(installed: Path) -> ForkServer | None:
+    """Starts processes that find the package."""
+    return ForkServer() if fork_server.IS_THERE else None
+
+
+@pytest.fixture(scope="module")
+def server(own: ForkServer | None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    with ServerProcess("sim:mip?rate=50", data=tmp_path_factory.mktemp("data"), fresh=own is None, by=own) as server:
         yield server
 
 
 @pytest.fixture(scope="module")
-def run(installed: Path) -> Run:
+def run(own: ForkServer | None) -> Run:
     """Output of `imuscope WORDS` in a new process that has found the package."""
-    own = ForkServer() if fork_server.IS_THERE else None
 
     def run(*words: str, given: str = "") -> str:
         done = imuscope(*words, given=given.encode(), fresh=own is None, by=own)
@@ -101,11 +106,7 @@ def ask(server: ServerProcess, path: str, body: Any = None) -> Any:
 
 def eventually(look: Callable[[], Any]) -> Any:
     """Result of `look` once it is true."""
-    ends = time.monotonic() + PATIENCE_S
-    while not (found := look()):
-        assert time.monotonic() < ends
-        time.sleep(0.05)
-    return found
+    return block_until(look, "a result")
 
 
 @each_row("vector", VECTORS, ids=lambda vector: f"{vector['of']}, {vector['from']}")

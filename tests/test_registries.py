@@ -107,15 +107,22 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def server(package: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    with ServerProcess(f"repeat:{FRAMES.hex()}", data=tmp_path_factory.mktemp("data"), fresh=True) as server:
+def own(package: None) -> ForkServer | None:
+    """Starts processes that find the package."""
+    return ForkServer() if fork_server.IS_THERE else None
+
+
+@pytest.fixture(scope="module")
+def server(own: ForkServer | None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    with ServerProcess(
+        f"repeat:{FRAMES.hex()}", data=tmp_path_factory.mktemp("data"), fresh=own is None, by=own
+    ) as server:
         yield server
 
 
 @pytest.fixture(scope="module")
-def run(package: None) -> Callable[..., str]:
+def run(own: ForkServer | None) -> Callable[..., str]:
     """Output of `imuscope WORDS` in a new process that has found the package."""
-    own = ForkServer() if fork_server.IS_THERE else None
 
     def run(*words: str) -> str:
         done = imuscope(*words, fresh=own is None, by=own)

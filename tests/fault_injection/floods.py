@@ -1,4 +1,4 @@
-"""Floods by clients, faulty devices and hostile files, each for a given time.
+"""Floods by clients, faulty devices and hostile files, each for as long as somebody says.
 
     of bytes       of a device's link, over TCP and UDP at once: noise, valid frames, beginnings of frames and sentences
     of senders     thousands of IDTP devices, of names of sentences, of UDP ports
@@ -6,8 +6,8 @@
     of questions   requests, and tables of long recordings
     of files       pipes as sources, recordings made to do harm
 
-FLOODS has them by name: tests/fault_injection/test_floods.py runs each for half a second, tests/bench/floods.py for as
-long as one likes.
+FLOODS has them by name: tests/fault_injection/test_floods.py runs each until the server has answered a few times beside
+it, tests/bench/floods.py for so many seconds.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import contextlib
 import json
 import os
 import random
+import select
 import socket
 import struct
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +36,7 @@ from server import wire
 from tests.bench.serial_device import frame
 from tests.protocols.nmea_sentences import sentence
 from tests.timeouts import PATIENCE_S, connect, http_client
+from tests.waiting import block_until
 
 DATAGRAMS = 1400, 60_000  # bytes, in turn
 PIECE = 1 << 20  # bytes sent over TCP
@@ -50,22 +51,26 @@ class Place:
     Args:
         url: of the server.
         data: its data folder.
-        seconds: how long each flood lasts.
+        lasts: called when a flood begins; returns what tells whether it is over.
     """
 
     url: str
     data: Path
-    seconds: float
-    ends: float = 0.0
+    lasts: Callable[[], Callable[[], bool]]
+    _is_over: Callable[[], bool] = lambda: False
 
     def begin(self) -> None:
         """Start the flood."""
-        self.ends = time.monotonic() + self.seconds
+        self._is_over = self.lasts()
 
     @property
     def over(self) -> bool:
         """It has lasted for long enough."""
-        return time.monotonic() >= self.ends
+        return self._is_over()
+
+    def until_over(self) -> None:
+        """Wait for that."""
+        block_until(lambda: self.over, "the end of the flood", seconds=float("inf"))
 
     @property
     def address(self) -> tuple[str, int]:
@@ -73,7 +78,7 @@ class Place:
         return host, int(port)
 
     def connected(self) -> socket.socket:
-        """A connection with a short time-out."""
+        """A connection."""
         return socket.create_connection(self.address, PATIENCE_S)
 
 
@@ -163,10 +168,10 @@ def sources(place: Place, protocol: str) -> Iterator[tuple[tuple[str, int], tupl
         for kind, (host, port) in addresses.items():
             body = {"source": f"{kind}://{host}:{port}", "protocol": protocol}
             made.append(http.post("/api/devices", json=body).raise_for_status().json()["id"])
-        ends = time.monotonic() + PATIENCE_S
-        while not all(one["is_open"] for one in http.get("/api/devices").json() if one["id"] in made):
-            assert time.monotonic() < ends, "the sources do not open"
-            time.sleep(0.01)
+        block_until(
+            lambda: all(one["is_open"] for one in http.get("/api/devices").json() if one["id"] in made),
+            "the sources are open",
+        )
         try:
             yield addresses["tcp-listen"], addresses["udp"]
         finally:
@@ -208,8 +213,7 @@ def silent_connections(place: Place) -> None:
         for _ in range(SILENT):
             with contextlib.suppress(OSError):
                 held.enter_context(place.connected())
-        while not place.over:
-            time.sleep(0.01)
+        place.until_over()
 
 
 @flood
@@ -237,8 +241,7 @@ def unread_answers(place: Place) -> None:
             stream.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             with contextlib.suppress(OSError):
                 stream.sendall(b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n" * 4)
-        while not place.over:
-            time.sleep(0.01)
+        place.until_over()
 
 
 def _browser(place: Place) -> ClientConnection:
@@ -300,7 +303,7 @@ def requests(place: Place) -> None:
                 except OSError:
                     streams[number] = held.enter_context(place.connected())
                     streams[number].setblocking(False)
-            time.sleep(0.001)
+            select.select(streams, [], [], PATIENCE_S)
 
 
 @flood
@@ -322,17 +325,14 @@ def tables(place: Place) -> None:
 
 def read(answer: httpx.Response, place: Place) -> None:
     """Take an answer, as long as the flood lasts."""
-    ends = place.ends
     for _ in answer.iter_raw():
-        if time.monotonic() >= ends:
+        if place.over:
             return
 
 
 def until_open(http: httpx.Client, recording: str) -> None:
     """Wait until a recording is decoded, or cannot be."""
-    ends = time.monotonic() + PATIENCE_S
-    while http.get(f"/api/recordings/{recording}").status_code == 202 and time.monotonic() < ends:
-        time.sleep(0.02)
+    block_until(lambda: http.get(f"/api/recordings/{recording}").status_code != 202, "the recording is decoded")
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
@@ -351,7 +351,6 @@ def pipes(place: Place) -> None:
                 answer = http.post("/api/devices", json={"source": f"{path}?protocol=xbus"})
                 if answer.status_code == 201:
                     http.delete(f"/api/devices/{answer.json()['id']}").raise_for_status()
-                time.sleep(0.01)
 
 
 @flood
@@ -368,7 +367,6 @@ def hostile_files(place: Place) -> None:
             for name in HOSTILE:
                 if (recording := name.partition(".")[0]) in listed:
                     http.get(f"/api/recordings/{recording}")
-            time.sleep(0.02)
 
 
 def _metadata(path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -14,13 +13,23 @@ import httpx
 import pytest
 
 from server.devices.decode_options import DecodeOptions
-from server.fleet.limited_line import LimitedLine, Pace
+from server.fleet import limited_line
+from server.fleet.limited_line import BURST_S, LimitedLine, Pace
 from server.fleet.store import StoreError, limited, location
 from server.fleet.upload import upload
 from tests.free_ports import free_port
+from tests.manual_clock import SleptTime
 from tests.timeouts import PATIENCE_S
 
 RATE = 200_000.0
+
+
+@pytest.fixture(autouse=True)
+def slept(monkeypatch: pytest.MonkeyPatch) -> SleptTime:
+    """The time of the line."""
+    made = SleptTime()
+    monkeypatch.setattr(limited_line, "time", made)
+    return made
 
 
 @pytest.fixture
@@ -53,14 +62,12 @@ def echo() -> Iterator[int]:
     listener.close()
 
 
-def test_bytes_pass_whole_at_the_rate_in_each_direction(echo: int) -> None:
+def test_bytes_pass_whole_at_the_rate_in_each_direction(echo: int, slept: SleptTime) -> None:
     body = os.urandom(100_000)
     with LimitedLine(RATE) as line, httpx.Client(proxy=line.url, timeout=PATIENCE_S) as client:
-        began = time.monotonic()
         answers = [client.put(f"http://127.0.0.1:{echo}/a", content=body) for _ in range(2)]
-        took = time.monotonic() - began
     assert [answer.content for answer in answers] == [body, body]
-    assert took >= 4 * len(body) / RATE * 0.9, "each is sent before it is answered"
+    assert slept.monotonic() >= 4 * len(body) / RATE * 0.9, "each is sent before it is answered"
 
 
 def test_a_tunnel_passes_what_it_is_given(echo: int) -> None:
@@ -93,23 +100,30 @@ def test_a_server_that_is_not_there_is_told() -> None:
         assert client.get(f"http://127.0.0.1:{free_port()}/a").status_code == 502
 
 
-def test_a_pace_is_shared() -> None:
+def test_a_pace_is_shared(slept: SleptTime) -> None:
+    """Whoever comes waits until what was let through before has passed, also by others."""
     pace = Pace(10_000.0)
-    began = time.monotonic()
+    slept.sleep(1.0)
+    for _ in range(4):
+        pace.wait(2_500)
+    assert slept.slept == pytest.approx([1.0, 0.25 - BURST_S, 0.25, 0.25, 0.25])
+
+
+def test_a_pace_is_shared_by_threads(slept: SleptTime) -> None:
+    pace = Pace(10_000.0)
     threads = [threading.Thread(target=pace.wait, args=(2_500,)) for _ in range(4)]
     for one in threads:
         one.start()
     for one in threads:
         one.join()
-    assert time.monotonic() - began >= 0.9
+    assert slept.monotonic() >= 0.9
 
 
-def test_a_folder_is_written_at_the_rate(recording: Path, store: Path) -> None:
+def test_a_folder_is_written_at_the_rate(recording: Path, store: Path, slept: SleptTime) -> None:
     size = recording.stat().st_size
-    began = time.monotonic()
     with limited(location(str(store)), size / 2) as place:
         made = upload(recording, place, "otter", DecodeOptions("", {}))
-    assert time.monotonic() - began >= 1.9
+    assert slept.monotonic() >= 1.9
     assert (store / made.key).read_bytes() == recording.read_bytes()
 
 

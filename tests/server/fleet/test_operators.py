@@ -15,7 +15,7 @@ from server.fleet.operators import Operators, read_operators
 from tests.each_row import each_row
 from tests.server.asgi_client import Answer, Reached, ask
 from tests.server.fleet.robot_with_pages import CONTROL, VIEW, base, commands, fleet_of, token
-from tests.timeouts import get
+from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
 
 ADA, BEN = "token-of-ada-token-of-ada", "token-of-ben-token-of-ben"
@@ -140,9 +140,9 @@ def test_a_command_is_logged_with_the_name_of_the_operator_on_both_ends(tmp_path
         seen = {secret: get(f"{there}/api/build", headers=token(secret)).json()["role"] for secret in (ADA, BEN)}
         assert seen == {ADA: "control", BEN: "view"}
         read = f"{there}/api/devices/1/read"
-        refused = httpx.post(read, json={}, headers=token(BEN), timeout=60)
+        refused = httpx.post(read, json={}, headers=token(BEN), timeout=PATIENCE_S)
         assert (refused.status_code, refused.json()["message"]) == (403, "The token of ben does not command this.")
-        assert httpx.post(read, json={}, headers=token(ADA), timeout=60).status_code == 202
+        assert httpx.post(read, json={}, headers=token(ADA), timeout=PATIENCE_S).status_code == 202
         path = "POST /api/devices/1/read"
         expected = {
             f"Command of ada at 127.0.0.1: {path}: answered with 202.",

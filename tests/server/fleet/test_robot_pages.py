@@ -33,7 +33,7 @@ from tests.server.fleet.robot_with_pages import (
     token,
 )
 from tests.server_process import ServerProcess
-from tests.timeouts import connect, get, http_client
+from tests.timeouts import PATIENCE_S, connect, get, http_client
 from tests.waiting import block_until
 
 FAST = 0x80  # the code of 921 600 Bd
@@ -45,7 +45,7 @@ def test_a_robot_shows_its_devices_and_carries_out_commands_which_both_ends_log(
         block_until(lambda: get(f"{there}/api/devices").json()[0]["serial_number"], "the device is shown")
         assert get(f"{there}/api/capabilities").json() == get(f"{own.url}/api/capabilities").json()
         assert get(f"{there}/api/build").json()["run"] == get(f"{own.url}/api/build").json()["run"]
-        answer = httpx.post(f"{there}/api/devices/1/read", json={}, headers=token(CONTROL), timeout=60)
+        answer = httpx.post(f"{there}/api/devices/1/read", json={}, headers=token(CONTROL), timeout=PATIENCE_S)
         assert answer.status_code == 202, answer.text
         block_until(lambda: get(f"{there}/api/devices/1/values").json()["values"], "the settings are read")
         path = "POST /api/devices/1/read"
@@ -59,10 +59,10 @@ def test_a_robot_shows_its_devices_and_carries_out_commands_which_both_ends_log(
 def test_a_viewer_cannot_command_and_a_robot_that_is_only_viewed_is_not_commanded(tmp_path: Path) -> None:
     with fleet_of(tmp_path, "view") as (server, _, bus):
         there = f"{base(server)}/api/devices/1"
-        refused = httpx.post(f"{there}/read", json={}, headers=token(VIEW), timeout=60)
+        refused = httpx.post(f"{there}/read", json={}, headers=token(VIEW), timeout=PATIENCE_S)
         assert (refused.status_code, refused.json()["kind"]) == (403, "view-only")
         assert commands(server) == []
-        refused = httpx.post(f"{there}/read", json={}, headers=token(CONTROL), timeout=60)
+        refused = httpx.post(f"{there}/read", json={}, headers=token(CONTROL), timeout=PATIENCE_S)
         assert (refused.status_code, refused.json()["kind"]) == (403, "view-only")
         assert 'pages = "control"' in refused.json()["hint"]
         block_until(lambda: any(text.startswith("Refused a command") for text in commands(server)), "it is logged")
@@ -71,7 +71,10 @@ def test_a_viewer_cannot_command_and_a_robot_that_is_only_viewed_is_not_commande
         }
         assert viewed == {VIEW: "view", CONTROL: "view"}
         elsewhere = httpx.post(
-            f"{there}/read", json={}, headers={**token(CONTROL), "origin": "http://elsewhere.example"}, timeout=60
+            f"{there}/read",
+            json={},
+            headers={**token(CONTROL), "origin": "http://elsewhere.example"},
+            timeout=PATIENCE_S,
         )
         assert elsewhere.json()["kind"] == "bad-origin"
         assert get(f"{there}/read", headers={"host": "elsewhere.example"}).json()["kind"] == "bad-host"

@@ -10,16 +10,17 @@ import shutil
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from server.devices.decode_options import DecodeOptions
+from server.fleet import limited_line
 from server.fleet.store import limited, location
 from server.fleet.upload import upload
 from tests.free_ports import free_port
+from tests.manual_clock import SleptTime
 from tests.server.fleet.faulty_proxy import FaultyProxy
 from tests.server.fleet.store_fixtures import Commands
 from tests.server_process import ROOT
@@ -91,13 +92,15 @@ def test_a_bad_line_is_overcome(
 
 
 @pytest.mark.usefixtures("s3_port")
-def test_an_upload_of_limited_rate_is_whole_and_not_faster(commands: Commands, recording: Path, tmp_path: Path) -> None:
+def test_an_upload_of_limited_rate_is_whole_and_not_faster(
+    commands: Commands, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rate = recording.stat().st_size / 2
-    began = time.monotonic()
+    monkeypatch.setattr(limited_line, "time", slept := SleptTime())
     with limited(location(STORE), rate) as store:
         assert store.proxy
         upload(recording, store, "otter", DecodeOptions("", {}))
-    assert time.monotonic() - began >= 3.5, "the recording is sent, and read back after that"
+    assert slept.monotonic() >= 3.5, "the recording is sent, and read back after that"
     check(commands, recording, tmp_path)
 
 
