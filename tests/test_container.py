@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from tests.server_process import ROOT
+from tests.timeouts import PATIENCE_S
 
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
 PROBE = """
@@ -71,7 +72,7 @@ def run(image: Path, arguments: list[str], cwd: Path, **extra: str) -> subproces
         env=env,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=2 * PATIENCE_S,
         check=False,
         preexec_fn=obey_permissions,
     )

@@ -9,7 +9,6 @@ import pty
 import signal
 import subprocess
 import sys
-import time
 import tty
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from tests.bench import fanout, serial_device
 from tests.fork_server import Child
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="ending with a parent is Linux's")
 
@@ -46,10 +46,7 @@ def ends_with(starter: subprocess.Popen[str]) -> None:
     child = int(starter.stdout.readline())
     assert not ended(child)
     starter.send_signal(signal.SIGKILL)
-    deadline = time.monotonic() + PATIENCE_S
-    while not ended(child) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert ended(child)
+    block_until(lambda: ended(child), "the server has ended")
 
 
 @linux

@@ -112,7 +112,11 @@ def test_a_full_disk(tmp_path: Path) -> None:
     if subprocess.run([*here, "true"], capture_output=True).returncode:
         pytest.skip("a file system of its own needs a name space of its own, which is not permitted here")
     done = subprocess.run(
-        tied([*here, sys.executable, "-c", FULL, str(tmp_path)]), cwd=ROOT, capture_output=True, text=True, timeout=60
+        tied([*here, sys.executable, "-c", FULL, str(tmp_path)]),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
     )
     assert done.returncode == 0, done.stderr
     message, hint, size = done.stdout.split(" | ")
@@ -247,7 +251,7 @@ def test_damaged_recordings_over_http(tmp_path: Path, links: FakeLinks, whole: t
         assert any(one["damaged"] for one in listed), "a damage is told in the list"
         for one in listed:
             for path in ("", "/download", "/original?device=1"):
-                answer = client.get(f"/api/recordings/{one['id']}{path}", timeout=60)
+                answer = client.get(f"/api/recordings/{one['id']}{path}", timeout=PATIENCE_S)
                 assert answer.status_code != 500, (one["id"], path, answer.text)
                 if answer.status_code >= 400:
                     assert set(answer.json()) == {"kind", "message", "hint"}

@@ -31,7 +31,7 @@ from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, received, recording
 from tests.server.control_harness import bench, outputs
 from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import http_client
+from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until
 
 
@@ -130,7 +130,7 @@ def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> No
         def let_it_end(share: float) -> None:
             pipe.write("\n" * 1000)
             pipe.flush()
-            old.wait(60)
+            old.wait(PATIENCE_S)
 
         with pytest.raises(RecordingError, match="replaced while it was packed"):
             compaction.compact(path, progress=let_it_end)

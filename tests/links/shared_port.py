@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import os
 import select
-import time
 import tty
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
@@ -18,6 +17,7 @@ from server.links.base import LinkError
 from server.links.held import HeldLink
 from server.links.serial import SerialLink
 from tests.timeouts import PATIENCE_S
+from tests.waiting import until
 
 
 class DevicePort:
@@ -56,13 +56,11 @@ class DevicePort:
 def read_exactly(fd: int, size: int) -> bytes:
     """`size` bytes, or what came within the patience of a test."""
     found = b""
-    deadline = time.monotonic() + PATIENCE_S
-    while len(found) < size and time.monotonic() < deadline:
-        if select.select((fd,), (), (), 0.1)[0]:
-            try:
-                found += os.read(fd, size - len(found))
-            except OSError:
-                break
+    while len(found) < size and select.select((fd,), (), (), PATIENCE_S)[0]:
+        try:
+            found += os.read(fd, size - len(found))
+        except OSError:
+            break
     return found
 
 
@@ -105,11 +103,18 @@ async def received(link: HeldLink, size: int) -> bytes:
 
 async def eventually(condition: Callable[[], Any], link: HeldLink) -> Any:
     """What a condition gives when it is true; the link is read meanwhile by nobody."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < deadline, link.state
-        await asyncio.sleep(0.01)
-    return found
+    found: list[Any] = [None]
+
+    def look() -> Any:
+        found[0] = condition()
+        return found[0]
+
+    try:
+        await until(look, "what the link is to have come to")
+    except AssertionError as error:
+        error.add_note(str(link.state))
+        raise
+    return found[0]
 
 
 def clients(link: HeldLink) -> list[dict[str, Any]]:

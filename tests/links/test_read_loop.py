@@ -17,6 +17,7 @@ from server.links import read_loop
 from server.links.base import Chunk, steady_clock
 from server.links.read_loop import BUFFER_BYTES, MAX_READS, ReadLoop, monotonic_offset_ns
 from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 FAR_NS = 1 << 62
 
@@ -39,10 +40,7 @@ class ReadEnd:
         """Write, and wait until it is read; the times before and after."""
         before = self.now_ns()
         os.write(self.writer, data)
-        deadline = time.monotonic() + PATIENCE_S
-        while self.waiting():
-            assert time.monotonic() < deadline
-            time.sleep(0.001)
+        block_until(lambda: not self.waiting(), "it is read")
         return before, self.now_ns()
 
     def close(self) -> None:

@@ -101,14 +101,16 @@ def test_a_simulator_is_unplugged_and_returns() -> None:
 
 
 def received(port: Any, size: int) -> bytes:
-    """The next `size` bytes of an open port, which is closed then; fewer when they do not come."""
-    data = b""
-    deadline = time.monotonic() + PATIENCE_S
-    while len(data) < size and time.monotonic() < deadline:
-        data += port.read(4096)
-        time.sleep(0.001)
+    """The next `size` bytes of an open port, or some more; it is closed then."""
+    data = bytearray()
+
+    def are_there() -> bool:
+        data.extend(port.read(4096))
+        return len(data) >= size
+
+    block_until(are_there, f"{size} bytes")
     port.close()
-    return data
+    return bytes(data)
 
 
 def test_a_simulator_whose_reader_is_late_loses_nothing() -> None:
