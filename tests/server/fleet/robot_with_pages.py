@@ -14,7 +14,7 @@ from tests.waiting import block_until
 
 PASSWORDS = {"otter 7": "password-of-otter", "b": "password-of-b"}
 VIEW, CONTROL = "view-view-view-view", "control-control-control"
-SOURCE = "sim:xbus?product=MTi-630"
+SOURCE = "sim:xbus?product=MTi-630&rate=10"  # slow: most tests only need it to be there
 
 
 def base(server: ServerProcess, robot: str = "otter%207") -> str:
