@@ -25,7 +25,6 @@ FIXED: dict[str, tuple[int, str]] = {
     "links/test_simulator.py": (4, "a reader that is late, a port that opens slowly, a plug that is out"),
     "record_wire.py": (2, "what is recorded for the page's tests holds figures of some seconds"),
     "server/test_clients.py": (1, "a pause in which nothing is published"),
-    "server/test_replay_command.py": (3, "another process waits for a reader, and tells nobody"),
     "server/test_settings_diff.py": (1, "the device's up-time goes on"),
 }
 

@@ -14,6 +14,7 @@ from server.devices.protocol_detection import unknown_hint
 from server.devices.session import Session
 from server.links import open_link
 from server.links.base import LinkError, LinkSettings
+from tests import virtual_time
 from tests.each_row import each_row
 from tests.protocols.idtp_frames import with_version
 from tests.server.fakes import FakeLink
@@ -62,7 +63,7 @@ def stage_after(device: Any, reading: DecodeOptions, link: type[FakeLink], secon
         found.append(stage.session)
         await stage.session.close()
 
-    asyncio.run(run())
+    virtual_time.run(run())
     return found[0]
 
 

@@ -15,6 +15,7 @@ from server.devices.protocol_set import all_protocols
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.telemetry import Telemetry
+from tests import virtual_time
 from tests.each_row import each_row
 from tests.server.fakes import NOW_NS, FakeClock, FakeLink
 
@@ -52,7 +53,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
         found.append(session.health(clock()))
         await session.close()
 
-    asyncio.run(run())
+    virtual_time.run(run())
     return found[0], found[1]
 
 
