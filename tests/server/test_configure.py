@@ -143,20 +143,6 @@ def test_a_compass_calibration_is_not_interrupted_and_a_query_is_harmless(http: 
     assert sent(http, since) == ["IccCommand"] * 3 + ["GoToConfig", "IccCommand", "GoToMeasurement"]
 
 
-@pytest.mark.parametrize("device", [1, 3, 4])
-def test_every_form_of_every_family_opens_and_previews(http: Client, device: int) -> None:
-    """A row that cannot be shown, or whose defaults cannot be encoded, would otherwise be found by users only."""
-    forms = http.get(f"/api/devices/{device}/forms").json()
-    assert {row["group"] for row in (*forms["settings"], *forms["commands"])} == set(forms["groups"])
-    for kind in ("setting", "command"):
-        for row in forms[f"{kind}s"]:
-            answer = post(http, "preview", {kind: row["name"], "values": {}}, device)
-            assert answer.status_code == 200, (row["name"], answer.text)
-            shown = answer.json()
-            nothing = not row.get("writable", True) or row.get("partial", False)  # to be sent
-            assert nothing or shown["problems"] or shown["frames"], row["name"]
-
-
 def test_present_values_preview_without_a_problem(http: Client) -> None:
     values = read(http)
     forms = {row["name"]: row for row in http.get("/api/devices/1/forms").json()["settings"]}

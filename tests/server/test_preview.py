@@ -6,6 +6,7 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
@@ -13,6 +14,7 @@ from protocols.schema import Bits, Field
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.family import tables
+from server.configuration.api_models import PreviewResult
 from server.configuration.form_builder import field_form, forms_of
 from server.configuration.preview import DevicePresentState, SerialLine, fit, preview_command, preview_setting
 from server.configuration.value_format import entry_comment, entry_title, entry_value, key_of, numbers, words
@@ -44,6 +46,24 @@ def filled(data: st.DataObject, fields: tuple[Field, ...]) -> dict[str, Any]:
         elif kind == 3:
             values[field.name] = data.draw(st.integers(0, 3))
     return values
+
+
+@each_row("family", FAMILIES)
+def test_every_form_of_every_family_opens_and_previews(family: str) -> None:
+    """A row that cannot be shown, or whose defaults cannot be encoded, would otherwise be found by users only."""
+    present = FAMILIES[family]
+    sent = TypeAdapter(PreviewResult)
+    forms = forms_of(present.driver, family, present.known)
+    assert {row.group for row in forms.settings} | {row.group for row in forms.commands} == set(forms.groups)
+    for setting in forms.settings:
+        shown = preview_setting(present, setting.name, {})
+        assert sent.dump_json(shown)
+        nothing = not setting.writable or setting.partial  # to be sent
+        assert nothing or shown.problems or shown.frames, setting.name
+    for command in forms.commands:
+        shown = preview_command(present, command.name, {})
+        assert sent.dump_json(shown)
+        assert shown.problems or shown.frames, command.name
 
 
 @each_row("family", FAMILIES)
