@@ -29,6 +29,7 @@ from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
 from protocols import jit
+from recordings import priority
 from tests import browser_engine, chromium, each_row, fork_server, forked_workers, server_process
 from tests.cache_folder import compiled_code
 from tests.checking import machine
@@ -52,6 +53,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # Servers started by tests have a data folder each; compiled code is shared by all of them, and by all clones.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
+os.environ.setdefault(priority.SAME, "1")
 if fork_server.IS_THERE:
     server_process.nursery = ForkServer(os.environ.get(fork_server.VARIABLE, ""))
     forked_workers.install(server_process.nursery)

@@ -7,7 +7,6 @@ output: one line of JSON, {} or {"kind", "message", "hint"}; then the answer. It
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import os
@@ -22,6 +21,7 @@ import pyarrow.parquet as pq
 
 from recordings.bounds import TooLong, bounded
 from recordings.parent_death import die_with_parent
+from recordings.priority import lower_priority
 from server.fleet.fetch import NotInStoreError, fetch
 from server.fleet.query import QueryError, QueryLimits, ask
 from server.fleet.query_words import query_words
@@ -36,8 +36,7 @@ LARGE = 1 << 53  # JavaScript's integers end here; beyond, they are text
 
 def main() -> int:
     """Answer the question on standard input. Returns 0, or 1 after a reported error."""
-    with contextlib.suppress(OSError):
-        os.nice(10)  # live devices come first
+    lower_priority(10)  # live devices come first
     die_with_parent()
     request = json.loads(sys.stdin.read())
     bounded((request["memory_mb"] + OWN_MB) << 20, round(request["timeout_s"] * (os.cpu_count() or 1)) + 60)

@@ -11,10 +11,8 @@ read again and compared by its checksum, and false with "words" if it has not.
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import json
-import os
 import shutil
 import sys
 import tempfile
@@ -25,6 +23,7 @@ from recordings.bounds import TooLong, bounded, bounded_by
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
+from recordings.priority import lower_priority
 from server.devices.decode_options import DecodeOptions
 from server.fleet.content import recording_id
 from server.fleet.fetch import NotInStoreError, verify
@@ -36,8 +35,7 @@ STEP = 0.01
 
 def main() -> int:
     """Upload the recording that standard input requests. Returns 0, or 1 after a reported error."""
-    with contextlib.suppress(OSError):
-        os.nice(15)  # live devices and everything that a person waits for come first
+    lower_priority(15)  # live devices and everything that a person waits for come first
     die_with_parent()
     bounded()
     request = json.loads(sys.stdin.read())

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -27,6 +26,7 @@ from recordings.bounds import TooLong, bounded
 from recordings.exporters import FORMATS, ExportRequest, export
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
+from recordings.priority import lower_priority
 from server.library.export_worker import request_of
 from server.library.one_file import one_file
 
@@ -93,8 +93,7 @@ def _written(format: str, request: ExportRequest, folder: Path) -> int:
 
 def main() -> int:
     """Measure the export that standard input requests. Returns 0, or 1 on failure."""
-    with contextlib.suppress(OSError):
-        os.nice(10)  # live devices come first
+    lower_priority(10)  # live devices come first
     die_with_parent()
     bounded()
     message = json.loads(sys.stdin.read())

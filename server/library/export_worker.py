@@ -7,10 +7,8 @@ is stopped (SIGTERM) leaves no files behind.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import os
 import signal
 import sys
 from collections.abc import Callable
@@ -23,6 +21,7 @@ from recordings.exporters import ExportRequest, export
 from recordings.exporters.request import ExportStep
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import die_with_parent
+from recordings.priority import lower_priority
 
 STEP = 0.005
 
@@ -33,8 +32,7 @@ def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
     Args:
         work: takes the request and a `step` that is called with the progress; returns the files written.
     """
-    with contextlib.suppress(OSError):
-        os.nice(10)  # live devices and opening of recordings come first
+    lower_priority(10)  # live devices and opening of recordings come first
     signal.signal(signal.SIGTERM, _end)
     die_with_parent()
     bounded()

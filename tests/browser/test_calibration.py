@@ -10,7 +10,7 @@ import yaml
 from playwright.sync_api import Page
 
 from protocols.simulator.setups import GYRO_BIAS, HARD_IRON, SensorSetup
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.page_checks import DESKTOP, PHONE, TARGETS, opened, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
@@ -63,8 +63,29 @@ def test_a_magnetometer_on_a_phone(serve: Callable[..., ServerProcess], open_pag
     assert result["bias"]["data"] == pytest.approx(0.3 * HARD_IRON, abs=0.01)
 
 
-def test_a_gyroscope_on_a_desktop(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    page = opened(serve("sim:xbus?rate=100&seed=1&motion=rest&gyro_bias=0.5"), open_page, DESKTOP)
+@pytest.mark.slow
+def test_six_positions_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    page = opened(serve("sim:isb?rate=100&seed=1&motion=positions&acc_bias=0.3"), open_page, PHONE)
+    coach(page, "Accelerometer", phone=True)
+    until(page, "document.querySelectorAll('.calibration-positions .is-done').length >= 2")
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
+    assert serious(page, PLACE) == []
+    until(page, FOUND)
+    assert "Rests used" in page.evaluate(WORDS)
+
+
+SELECT = "id => { window.imuscope.view.value = {...window.imuscope.view.value, device: id}; }"
+
+
+def test_at_rest_turned_and_mounted_on_a_desktop(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    """A bias is found at rest, a turn about one axis gives no result, and a mounting rotation goes to the device."""
+    rest = "sim:xbus?rate=100&seed=1&motion=rest&gyro_bias=0.5"
+    turn = "sim:isb?rate=100&seed=1&motion=turn"
+    drive = "sim:xbus?rate=100&seed=1&motion=straight&mount=30"
+    page = opened(serve(rest, turn, drive), open_page, DESKTOP)
+    page.evaluate(SELECT, "1")
     coach(page, "Gyroscope bias", phone=False)
     until(page, f"{WORDS}.includes('At rest')")
     until(page, f"!{PLACE}.querySelector('.btn.main').disabled")
@@ -76,24 +97,17 @@ def test_a_gyroscope_on_a_desktop(serve: Callable[..., ServerProcess], open_page
     page.keyboard.press("Escape")
     until(page, f"{PLACE} === null")
 
-
-def test_a_turn_about_one_axis_gives_no_result(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
-) -> None:
-    page = opened(serve("sim:isb?rate=100&seed=1&motion=turn"), open_page, DESKTOP)
+    page.evaluate(SELECT, "2")
     coach(page, "Magnetometer", phone=False)
     until(page, f"{WORDS}.includes('empty fields around')")
     until(page, f"{SEEN} >= 9")
     assert page.get_by_role("button", name="Finish now").is_disabled()
     page.get_by_role("button", name="Stop").click()
     until(page, "document.querySelector('.calibration-kinds') !== null")
+    page.keyboard.press("Escape")
+    until(page, f"{PLACE} === null")
 
-
-def test_a_mounting_rotation_is_written_to_the_device(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
-) -> None:
-    server = serve("sim:xbus?rate=100&seed=1&motion=straight&mount=30")
-    page = opened(server, open_page, DESKTOP)
+    page.evaluate(SELECT, "3")
     coach(page, "Mounting rotation", phone=False)
     until(page, FOUND)
     write = page.locator(".calibration-write")
@@ -106,18 +120,7 @@ def test_a_mounting_rotation_is_written_to_the_device(
     write.get_by_role("button", name="Write to the device").click()
     write.get_by_role("button", name="Continue").click()  # every consumer of the data must be adapted
     until(page, f"{PLACE}.querySelector('.calibration-write')?.innerText.includes('snapshots in Configure')")
-    values = page.evaluate("fetch('/api/devices/1/values').then(answer => answer.json())")["values"]
+    values = page.evaluate("fetch('/api/devices/3/values').then(answer => answer.json())")["values"]
     stored = values["AlignmentRotation.RotSensor"]
     wanted = SensorSetup(mount=30).q_vehicle_from_sensor
     assert [stored[name] for name in ("q0", "q1", "q2", "q3")] == pytest.approx(wanted, abs=0.02)
-
-
-@pytest.mark.slow
-def test_six_positions_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    page = opened(serve("sim:isb?rate=100&seed=1&motion=positions&acc_bias=0.3"), open_page, PHONE)
-    coach(page, "Accelerometer", phone=True)
-    until(page, "document.querySelectorAll('.calibration-positions .is-done').length >= 2")
-    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
-    assert serious(page, PLACE) == []
-    until(page, FOUND)
-    assert "Rests used" in page.evaluate(WORDS)

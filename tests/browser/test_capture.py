@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from playwright.sync_api import Page
 
 from tests.chromium import until
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
+from tests.waiting import block_until
 
 TIMES = (0.1, 0.3, 0.5, 0.7, 0.9)  # as a share of the capture
 
@@ -76,15 +76,17 @@ def pinned(page: Page, counter: int) -> tuple[int, dict[str, float], dict[str, f
     """Pin the cursor on a sample. Returns its counter, the derived angles in memory and those written on the page."""
     found: dict[str, Any] = until(page, FIND, counter)
     page.evaluate(PIN, found["time"])
-    deadline = time.monotonic() + PATIENCE_S
-    while True:  # the table is written a few times a second, less often by a busy machine
-        shown = {name: number(text) for name, text in page.evaluate(SHOWN).items()}
-        is_there = all(shown.get(name) == pytest.approx(value, abs=0.0052) for name, value in found["angles"].items())
-        if is_there or time.monotonic() > deadline:
-            page.wait_for_timeout(100)  # the numerals are of the same frame or of the next
-            shown = {name: number(text) for name, text in page.evaluate(SHOWN).items()}
-            return found["counter"], found["angles"], shown
-        page.wait_for_timeout(50)
+
+    def shown() -> dict[str, float]:
+        return {name: number(text) for name, text in page.evaluate(SHOWN).items()}
+
+    def is_there() -> bool:
+        return all(shown().get(name) == pytest.approx(value, abs=0.0052) for name, value in found["angles"].items())
+
+    with suppress(AssertionError):  # the caller says which angle is wrong
+        block_until(is_there, "the angles of that moment")  # the table is written a few times a second
+    page.evaluate("async () => { for (let n = 0; n < 2; n++) await new Promise(requestAnimationFrame); }")  # numerals
+    return found["counter"], found["angles"], shown()
 
 
 def test_a_capture_plays_and_its_attitude_is_right(
@@ -121,21 +123,3 @@ def test_a_capture_plays_and_its_attitude_is_right(
                 assert shown[f"numeral {angle}"] == pytest.approx(value, abs=0.052), f"{angle} at counter {counter}"
         yaws.add(round(truth["yaw"], 2))
     assert len(yaws) > 2, "the capture moves, so the test must have seen different angles"
-
-
-def test_it_plays_at_its_own_pace(
-    serve: Callable[..., ServerProcess], open_page: Callable[..., Page], captures: Path
-) -> None:
-    page = open_page(serve(f"{captures}/xbus/mti_100hz_49s.bin").url)
-    newest = """() => {
-      const ring = window.imuscope?.store.channels.value.find(c => c.info.name === "PacketCounter")?.ring;
-      return ring && ring.length > 50 ? [ring.value(0, ring.length - 1), performance.now()] : null;
-    }"""
-    # 100 Hz of samples; GNSS frames count too, four a second. A busy machine is late, and then early, by chance.
-    paces: list[float] = []
-    while not any(pace == pytest.approx(102, abs=8) for pace in paces):
-        assert len(paces) < 4, paces
-        first = until(page, newest)
-        page.wait_for_timeout(2500)
-        later = page.evaluate(newest)
-        paces.append(1000 * (later[0] - first[0]) / (later[1] - first[1]))

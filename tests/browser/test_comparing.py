@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.page_checks import DESKTOP, PHONE, TARGETS, opened, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess
 from tests.timeouts import http_client
@@ -17,25 +17,6 @@ PAIRS = "document.querySelectorAll('.overlay-chart .side-a path[d^=M]').length"
 SECOND = "document.querySelectorAll('.overlay-chart .side-b path[d^=M]').length"
 DIFFERENCES = "document.querySelectorAll('.overlay-chart .difference path[d^=M]').length"
 SOURCES = ("sim:xbus?product=MTi-630&rate=100&seed=1", "sim:xbus?product=MTi-630&rate=100&seed=2")
-
-
-def test_two_live_devices(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
-    """One key from Live; one click more aligns. Both simulators make the same motion at the same time."""
-    page = opened(serve(*SOURCES), open_page, DESKTOP)
-    page.keyboard.press("d")
-    until(page, f"{PAIRS} === 3 && {SECOND} === 3 && {DIFFERENCES} === 3")
-    until(page, f"{TEXT}.includes('95 % within')")
-    assert serious(page, "document.querySelector('main')") == []
-    until(page, "location.hash.includes('b=2')")
-    before = page.evaluate("location.hash")
-    page.keyboard.press("Tab")
-    chart = page.get_by_role("slider", name="Acceleration.x of A and B").first
-    chart.press("Shift+ArrowRight")
-    until(page, "/offset=0\\.[0-9]*[1-9]/.test(location.hash)")
-    moved = page.evaluate("location.hash")
-    assert moved != before
-    page.reload()
-    until(page, f"{PAIRS} === 3 && location.hash === {moved!r}")
 
 
 def test_a_recording_and_its_range(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
@@ -76,10 +57,30 @@ def test_a_recording_and_its_range(serve: Callable[..., ServerProcess], open_pag
     until(page, f"{TEXT}.includes('The settings agree.')")
 
 
-def test_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+def test_two_live_devices(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    """One key from Live; one click more aligns. Both simulators make the same motion at the same time. On a phone the
+    link has room.
+    """
     server = serve(*SOURCES)
-    page = opened(server, open_page, PHONE)
-    page.goto(f"{server.url.rstrip('/')}/#/recordings?a=1&al=30&b=2&bl=30")
+    page = opened(server, open_page, DESKTOP)
+    page.keyboard.press("d")
+    until(page, f"{PAIRS} === 3 && {SECOND} === 3 && {DIFFERENCES} === 3")
+    until(page, f"{TEXT}.includes('95 % within')")
+    assert serious(page, "document.querySelector('main')") == []
+    until(page, "location.hash.includes('b=2')")
+    before = page.evaluate("location.hash")
+    page.keyboard.press("Tab")
+    chart = page.get_by_role("slider", name="Acceleration.x of A and B").first
+    chart.press("Shift+ArrowRight")
+    until(page, "/offset=0\\.[0-9]*[1-9]/.test(location.hash)")
+    moved = page.evaluate("location.hash")
+    assert moved != before
+    page.reload()
+    until(page, f"{PAIRS} === 3 && location.hash === {moved!r}")
+    page.context.close()
+
+    at = f"{server.url.rstrip('/')}/#/recordings?a=1&al=30&b=2&bl=30"
+    page = open_page(at, width=PHONE[0], height=PHONE[1], touch=True)
     until(page, f"{PAIRS} === 3")
     assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
     assert page.evaluate("document.querySelector('main').scrollWidth") <= PHONE[0]

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.test_page import PHONE, serious
+from tests.browser.page_checks import PHONE, serious
 from tests.browser.test_recordings import opened
 from tests.chromium import until
 from tests.conftest import READY
@@ -23,6 +23,13 @@ from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 from tests.wire_scenes import yard_loop
 
+ENOUGH = """(() => {
+  const {devices, channels} = window.imuscope.store;
+  const of = name => channels.value.find(one => one.info.name === name)?.ring;
+  return devices.value[0].product.startsWith("MTi")
+    && ["Acceleration", "RateOfTurn", "EulerAngles"].every(name => of(name)?.newest - of(name)?.time(0) > 3);
+})()"""
+"""The device has said what it is, and its last seconds are more than a finger is wide."""
 MADE = "document.querySelector('dialog .jobs a') !== null"
 CHIP = "[...document.querySelectorAll('.chip')].find(chip => chip.textContent.startsWith(NAME))?.textContent"
 AXIS = "document.querySelector('canvas').getAttribute('aria-label')"
@@ -128,6 +135,7 @@ def test_live_becomes_a_file_on_a_phone(
 ) -> None:
     page = open_page(recorded.url)
     until(page, READY)
+    until(page, ENOUGH)
     path = made(page, tmp_path, "Leave out position")
     content = content_in(path.read_text(encoding="utf-8"))
     assert content["position"]["signals"] == 0

@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
+from tests.browser.page_checks import DESKTOP, PHONE, TARGETS, serious
 from tests.chromium import until
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess
 from tests.synthetic_fleet import SyntheticFleet
+from tests.waiting import block_until
 
 ROWS = "[...document.querySelectorAll('.fleet-row')]"
 NAMES = f"{ROWS}.sort((a, b) => a.ariaRowIndex - b.ariaRowIndex).map(row => row.querySelector('a')?.textContent)"
@@ -41,13 +42,21 @@ def opened(
     return page
 
 
+def afresh(page: Page, fleet: SyntheticFleet) -> None:
+    """The page as opened for the first time."""
+    page.goto("about:blank")
+    page.goto(fleet.url)
+    until(page, f"{ROWS}.length > 5")
+
+
 def lost(fleet: SyntheticFleet) -> set[str]:
     return {one.name for one in fleet.maker.robots if one.state == "lost"}
 
 
-def test_the_page_opens_with_the_robots_that_need_somebody(
+def test_robots_that_need_somebody_are_reached_by_keys_and_by_a_link(
     fleet: SyntheticFleet, open_page: Callable[..., Page]
 ) -> None:
+    """Without a connection figures stay, with their age."""
     page = opened(fleet, open_page)
     assert page.evaluate("location.hash") == "#/fleet"
     names = page.evaluate(NAMES)
@@ -55,26 +64,14 @@ def test_the_page_opens_with_the_robots_that_need_somebody(
     assert page.evaluate(f"{ROWS}.length") < 80
     assert serious(page) == []
 
+    page.route("**/api/fleet/robots*", lambda route: route.abort("connectionrefused"))
+    until(page, "document.querySelector('.fleet .band')?.innerText.includes('No connection to the fleet server')")
+    assert page.evaluate(NAMES)[:10] == names[:10]
+    page.unroute("**/api/fleet/robots*")
+    until(page, "document.querySelector('.fleet .band') === null")
 
-def test_a_link_shows_the_same_robots(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
-    page = opened(fleet, open_page)
-    page.get_by_role("button", name="Losing samples").click()
-    page.get_by_label("Group by").select_option("firmware")
-    page.get_by_role("columnheader", name="Loss").get_by_role("button").click()
-    page.keyboard.press("/")
-    page.keyboard.type("amr")
-    address = "#/fleet?sort=loss&show=loss&q=amr&by=firmware"
-    until(page, f"location.hash === {address!r}")
-    listed = page.evaluate(NAMES)
-    page.reload()
-    until(page, f"{ROWS}.length > 1")
-    assert page.evaluate("location.hash") == address
-    assert page.evaluate(NAMES) == listed
-    assert page.get_by_role("searchbox").input_value() == "amr"
-
-
-def test_keys_reach_every_robot_and_its_details(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
-    page = opened(fleet, open_page, "#/fleet?sort=name")
+    page.evaluate("location.hash = '#/fleet?sort=name'")
+    until(page, f"{ROWS}.length > 5")
     page.get_by_role("grid").focus()
     page.keyboard.press("End")
     until(page, "document.querySelector('.fleet-row.active a')?.textContent === 'amr-300'")
@@ -95,29 +92,7 @@ def test_keys_reach_every_robot_and_its_details(fleet: SyntheticFleet, open_page
     page.go_back()
     until(page, "document.querySelector('.fleet-details') === null")
 
-
-def test_nothing_moves_while_figures_change(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
-    page = opened(fleet, open_page, "#/fleet?sort=temperature")
-    box = page.get_by_role("grid").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 300, box["y"] + 200)  # the pointer holds the order
-    names, boxes = page.evaluate(NAMES), page.evaluate(BOXES)
-    shown = page.evaluate(f"{ROWS}.map(row => row.innerText).join()")
-    until(page, "document.querySelector('.sort-now').disabled")
-    for _ in range(200):
-        fleet.change()
-        page.wait_for_timeout(100)
-        if page.evaluate("!document.querySelector('.sort-now').disabled"):
-            break
-    assert page.evaluate(f"{ROWS}.map(row => row.innerText).join()") != shown
-    assert page.evaluate(NAMES) == names
-    assert page.evaluate(BOXES) == boxes
-    page.get_by_role("button", name="Sort now").click()
-    until(page, f"{NAMES}.join() !== {','.join(names)!r}")
-
-
-def test_the_map_has_one_cell_for_each_robot(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
-    page = opened(fleet, open_page)
+    afresh(page, fleet)
     page.locator(".fleet-summary").get_by_role("button", name="Lost").click()
     page.get_by_role("button", name="Map", exact=True).click()
     until(page, "document.querySelectorAll('.map-cell').length === 300")
@@ -130,6 +105,42 @@ def test_the_map_has_one_cell_for_each_robot(fleet: SyntheticFleet, open_page: C
     until(page, "document.querySelector('.fleet-details h2')?.textContent === 'amr-002'")
     assert page.evaluate("location.hash") == "#/fleet?show=lost&view=map&robot=amr-002"
     assert serious(page) == []
+
+    afresh(page, fleet)
+    page.get_by_role("button", name="Losing samples").click()
+    page.get_by_label("Group by").select_option("firmware")
+    page.get_by_role("columnheader", name="Loss").get_by_role("button").click()
+    page.keyboard.press("/")
+    page.keyboard.type("amr")
+    address = "#/fleet?sort=loss&show=loss&q=amr&by=firmware"
+    until(page, f"location.hash === {address!r}")
+    listed = page.evaluate(NAMES)
+    page.reload()
+    until(page, f"{ROWS}.length > 1")
+    assert page.evaluate("location.hash") == address
+    assert page.evaluate(NAMES) == listed
+    assert page.get_by_role("searchbox").input_value() == "amr"
+
+
+def test_nothing_moves_while_figures_change(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
+    page = opened(fleet, open_page, "#/fleet?sort=temperature")
+    box = page.get_by_role("grid").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 300, box["y"] + 200)  # the pointer holds the order
+    names, boxes = page.evaluate(NAMES), page.evaluate(BOXES)
+    shown = page.evaluate(f"{ROWS}.map(row => row.innerText).join()")
+    until(page, "document.querySelector('.sort-now').disabled")
+
+    def has_changed() -> bool:
+        fleet.change()
+        return bool(page.evaluate("!document.querySelector('.sort-now').disabled"))
+
+    block_until(has_changed, "another order")
+    assert page.evaluate(f"{ROWS}.map(row => row.innerText).join()") != shown
+    assert page.evaluate(NAMES) == names
+    assert page.evaluate(BOXES) == boxes
+    page.get_by_role("button", name="Sort now").click()
+    until(page, f"{NAMES}.join() !== {','.join(names)!r}")
 
 
 def test_everything_is_reachable_on_a_phone(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
@@ -146,16 +157,6 @@ def test_everything_is_reachable_on_a_phone(fleet: SyntheticFleet, open_page: Ca
     assert not small, "\n".join(small)
     page.get_by_role("button", name="Close the details").tap()
     until(page, "document.querySelector('.fleet-details') === null")
-
-
-def test_figures_stay_with_their_age_while_the_server_is_away(tmp_path: Path, open_page: Callable[..., Page]) -> None:
-    with SyntheticFleet(20, tmp_path) as running:
-        page = opened(running, open_page)
-        page.route("**/api/fleet/robots*", lambda route: route.abort("connectionrefused"))
-        until(page, "document.querySelector('.fleet .band')?.innerText.includes('No connection to the fleet server')")
-        assert page.evaluate(f"{ROWS}.length") == 20
-        page.unroute("**/api/fleet/robots*")
-        until(page, "document.querySelector('.fleet .band') === null")
 
 
 def test_a_robot_joins_and_is_lost(tmp_path: Path, open_page: Callable[..., Page]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 import struct
 from collections.abc import Callable
 from typing import Any
@@ -242,24 +241,20 @@ def pair_on_the_server(recorded: ServerProcess, page: Page) -> None:
     show(page, "XY plot", "Histogram")
     until(page, f"/[1-9].* samples · same sample times/.test({ABOUT})")
     until(page, f"{INK} > 20")
-    shown = int(re.sub(r"\D", "", page.evaluate(ABOUT).split("samples")[0]))
     [info] = ask(recorded, "GET", "/api/recordings")
-    view = page.evaluate("imuscope.view.value")
-    [x] = ask(
-        recorded,
-        "POST",
-        "/api/analysis/statistics",
-        {
+    for part in (1, 2):  # half of it: no longer the same range, and again every sample of it
+        page.evaluate(
+            "part => {const {end, span} = imuscope.view.value; imuscope.actions.select(end - span / part, end);}", part
+        )
+        view = page.evaluate("imuscope.view.value")
+        body = {
             "source": info["id"],
             "signals": [f"{view['device']}/MagneticField.x"],
             "t0": view["end"] - view["span"],
             "t1": view["end"],
-        },
-    )
-    assert shown == x["figures"]["n"]
-    # half of it: no longer the same range, and again every sample of it
-    page.evaluate("{const {end, span} = imuscope.view.value; imuscope.actions.select(end - span / 2, end);}")
-    until(page, f"Math.abs(Number({ABOUT}.split('samples')[0].replace(/\\D/g, '')) - {shown / 2}) < 3")
+        }
+        [x] = ask(recorded, "POST", "/api/analysis/statistics", body)
+        until(page, f"Number({ABOUT}.split('samples')[0].replace(/\\D/g, '')) === {x['figures']['n']}")
     assert serious(page, XY) == []
 
 
@@ -276,6 +271,7 @@ def histogram_as_numpy(recorded: ServerProcess, page: Page) -> None:
     }
     [samples] = ask(recorded, "POST", "/api/analysis/expression", body)
     values = np.array(samples["figures"]["values"])
+    until(page, f"Number({HISTOGRAM}.querySelectorAll('tbody td')[0].innerText.replace(/\\D/g, '')) === {len(values)}")
     row = page.evaluate(f"[...{HISTOGRAM}.querySelectorAll('tbody tr')[0].cells].map(one => one.innerText)")
     plain = [cell.replace("−", "-").replace("\u2009", "") for cell in row]
     assert int(plain[1]) == len(values)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import BOXES, PHONE, opened
+from tests.browser.page_checks import BOXES, PHONE, drawn, opened
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
@@ -33,6 +33,8 @@ def test_nothing_moves_while_values_change(server: ServerProcess, open_page: Cal
     for size in (None, PHONE):
         if size:
             page.set_viewport_size({"width": size[0], "height": size[1]})
+            until(page, "document.querySelector('.stack.narrow') !== null")
+            drawn(page)
             after(page, 1)
         page.evaluate(WATCH)
         before = page.evaluate(BOXES)

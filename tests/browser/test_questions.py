@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 from server.devices.decode_options import DecodeOptions
 from server.fleet.store import location
 from server.fleet.upload import upload
-from tests.browser.test_page import PHONE, TARGETS, serious
+from tests.browser.page_checks import PHONE, TARGETS, serious
 from tests.chromium import until
 from tests.recordings.recorded_drive import drive
 from tests.server_process import ServerProcess
@@ -90,17 +90,7 @@ def test_a_question_from_the_keyboard_to_the_recording(
     assert "t0=" in page.evaluate("location.hash")
 
 
-def test_a_question_that_takes_long_is_cancelled(asked: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = open_page(f"{asked.url.rstrip('/')}/#/questions")
-    _run(page, "SELECT sum(a.range * b.range) FROM range(1000000000) a, range(1000000000) b")
-    until(page, "/Running for [1-9]\\d* s/.test(document.querySelector('.question-status')?.innerText)")
-    page.get_by_role("button", name="Cancel").click()
-    until(page, "document.querySelector('.question-status')?.innerText === 'Cancelled.'")
-    _run(page, "SELECT 42 AS answer")
-    until(page, "document.querySelector('.answer-table td')?.innerText === '42'")
-
-
-def test_a_phone(asked: ServerProcess, open_page: Callable[..., Page]) -> None:
+def test_a_phone_and_a_question_that_takes_long(asked: ServerProcess, open_page: Callable[..., Page]) -> None:
     width, height = PHONE
     page = open_page(f"{asked.url.rstrip('/')}/#/questions", width=width, height=height, touch=True)
     until(page, "document.querySelectorAll('.question-start button').length === 4")
@@ -117,8 +107,10 @@ def test_a_phone(asked: ServerProcess, open_page: Callable[..., Page]) -> None:
     page.set_viewport_size({"width": 360, "height": 740})
     until(page, "document.documentElement.scrollWidth <= 360")
 
-
-def test_a_server_without_a_store_has_no_such_page(server: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = open_page(server.url)
-    until(page, "window.imuscope?.view.value.device !== undefined")
-    assert page.evaluate(PAGES) == "Live Configure Recordings"
+    _run(page, "SELECT sum(a.range * b.range) FROM range(1000000000) a, range(1000000000) b")
+    until(page, "/Running for [1-9]\\d* s/.test(document.querySelector('.question-status')?.innerText)")
+    page.get_by_role("button", name="Cancel").click()
+    until(page, "document.querySelector('.question-status')?.innerText === 'Cancelled.'")
+    page.get_by_role("button", name="Table", exact=True).click()
+    _run(page, "SELECT 42 AS answer")
+    until(page, "document.querySelector('.answer-table td')?.innerText === '42'")

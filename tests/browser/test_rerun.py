@@ -6,7 +6,6 @@ What is drawn is compared by pixels: the 3D view is filled, and two attitudes lo
 from __future__ import annotations
 
 import io
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -25,7 +24,8 @@ from tests.chromium import until
 from tests.conftest import ARTIFACTS
 from tests.recordings.recorded_drive import START, drive
 from tests.server_process import ServerProcess
-from tests.timeouts import get
+from tests.timeouts import PATIENCE_S, get
+from tests.waiting import block_until
 
 BODY_VIEW = (0, 40, 440, 250)  # of a window of 900 × 600: left, top, right, bottom
 
@@ -57,7 +57,7 @@ def turned(path: Path) -> None:
 
 def picture(page: Page) -> NDArray[Any]:
     """The screen, (height, width, 3). Without a GPU, the viewer's first frames take seconds."""
-    return np.asarray(Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB"), np.int16)
+    return np.asarray(Image.open(io.BytesIO(page.screenshot(timeout=1000 * PATIENCE_S))).convert("RGB"), np.int16)
 
 
 def nose(pixels: NDArray[Any]) -> NDArray[np.bool_]:
@@ -69,21 +69,21 @@ def nose(pixels: NDArray[Any]) -> NDArray[np.bool_]:
 
 def seen(page: Page) -> NDArray[Any]:
     """The first picture with a body in it. A busy machine opens the recording first, which takes its time."""
-    deadline = time.monotonic() + 80
-    while time.monotonic() < deadline:
-        pixels = picture(page)
-        if nose(pixels).sum() > 30:
-            return pixels
-        page.wait_for_timeout(250)
-    page.screenshot(path=str(ARTIFACTS / "rerun-failed.png"))
-    raise AssertionError("the 3D view stayed empty")
+    pixels = [picture(page)]
+
+    def is_filled() -> bool:
+        pixels.append(picture(page))
+        return bool(nose(pixels[-1]).sum() > 30)
+
+    block_until(is_filled, "a body in the 3D view")
+    return pixels[-1]
 
 
 @pytest.fixture(scope="module")
 def running(data: Path) -> Iterator[ServerProcess]:
     """A server that has taken the viewer out of its package, which is done once."""
     with ServerProcess("sim:xbus", data=data) as server:
-        assert get(f"{server.url}/rerun/re_viewer.js", timeout=120).status_code == 200
+        assert get(f"{server.url}/rerun/re_viewer.js", timeout=2 * PATIENCE_S).status_code == 200
         yield server
 
 
@@ -94,7 +94,7 @@ def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Call
     page.on("console", lambda message: chatter.append(message.text) if message.type == "debug" else None)
     seen(page)
     until(page, "document.getElementById('words').textContent === ''")
-    page.screenshot(path=str(ARTIFACTS / "rerun-recording.png"), timeout=120_000)
+    page.screenshot(path=str(ARTIFACTS / "rerun-recording.png"), timeout=1000 * PATIENCE_S)
     assert page.evaluate("fetch('https://tile.openstreetmap.org/3/4/2.png').then(answer => answer.status)") == 204
     assert page.locator("#foot").is_hidden(), "all of it is shown: there is nothing to tell"
     assert chatter == []
@@ -144,7 +144,7 @@ def test_live_data_is_shown_with_its_lag(running: ServerProcess, open_page: Call
     page = open_page(f"{running.url}/rerun/?live&theme=dark", width=900, height=600)
     seen(page)
     until(page, "/\\d+ ms behind/.test(document.getElementById('lag').textContent)")
-    page.screenshot(path=str(ARTIFACTS / "rerun-live.png"), timeout=120_000)
+    page.screenshot(path=str(ARTIFACTS / "rerun-live.png"), timeout=1000 * PATIENCE_S)
 
 
 def test_a_missing_recording_is_reported(running: ServerProcess, browser: Browser) -> None:
