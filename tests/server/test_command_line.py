@@ -64,9 +64,15 @@ def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list
     return words, given
 
 
+@pytest.fixture
+def parser_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise each command line builds it anew, which takes most of the time."""
+    monkeypatch.setattr(arguments, "parser", functools.cache(arguments.parser))
+
+
+@pytest.mark.usefixtures("parser_built_once")
 @each_row("name", COMMANDS)
-def test_options_may_stand_anywhere_among_the_arguments(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arguments, "parser", functools.cache(arguments.parser))  # else it is built some thousand times
+def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
     words, given = arguments_of(COMMANDS[name])
     needed = [one for one in given if any(one[0] in a.option_strings and a.required for a in COMMANDS[name]._actions)]
     doors = [one for group in COMMANDS[name]._mutually_exclusive_groups if group.required for one in given
@@ -118,6 +124,7 @@ def test_one_word_for_one_format_option() -> None:
         assert all(action.dest == "format" and "--format" in (action.help or "") for action in short)
 
 
+@pytest.mark.usefixtures("parser_built_once")
 @each_row("name", COMMANDS)
 def test_usage_errors_are_one_line_without_a_traceback(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     words, given = arguments_of(COMMANDS[name])
