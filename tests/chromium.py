@@ -55,7 +55,7 @@ NOT_WANTED = (
 )
 ARGUMENTS.append(f"--disable-features={','.join(NOT_WANTED)}")
 
-# A screen of five frames a second. Without a graphics card the processor paints, 40 ms for a frame: at the sixty that
+# A screen of three frames a second. Without a graphics card the processor paints, 40 ms for a frame: at the sixty that
 # Chromium asks for, each page that a test opens takes a core and makes the others late.
 SLOW_SCREEN = """(() => {
   const draw = window.requestAnimationFrame.bind(window);
@@ -71,7 +71,7 @@ SLOW_SCREEN = """(() => {
     waiting.set(++last, paint);
     if (!isDue) {
       isDue = true;
-      setTimeout(() => draw(all), 200);
+      setTimeout(() => draw(all), 333);
     }
     return last;
   };

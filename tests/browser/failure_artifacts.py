@@ -1,4 +1,4 @@
-"""What a failed browser test leaves to look at: pictures of its pages, their consoles, and the logs of its servers.
+"""Pictures of the pages of a failed browser test, their consoles, and the logs of its servers, to be looked at.
 
 artifacts/failures/NAME-OF-THE-TEST.png, …-1.png    the pages that were open
                                    .txt             consoles and servers
