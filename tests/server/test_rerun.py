@@ -320,7 +320,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
 
                 def has_come() -> bool:
                     assert taker.poll() is None
-                    return out.is_file() and out.stat().st_size > 100_000
+                    return out.is_file() and out.stat().st_size > 300_000
 
                 block_until(has_come, "what reached it is saved")
             finally:
