@@ -1,4 +1,4 @@
-"""How soon a server answers during a flood, and how late the bytes of another device are recorded.
+"""Latency of a server during a flood: how soon it answers, and how late the bytes of another device are recorded.
 
 How long a second is, is measured in the same time: a thread of this process needs so many times longer for a piece of
 work than it would alone, because others use the machine, and so does who asks the server. The slowest answer is held
