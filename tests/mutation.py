@@ -1,4 +1,4 @@
-"""How many small mistakes the tests catch: changes random lines, one at a time, and runs the tests nearest to each.
+"""Count of the small mistakes that tests catch: change random lines, one at a time, and run the tests nearest to each.
 
     python -m tests.mutation [--lines 200] [--seed 1] [--against FOLDER] [FOLDER_OF_SOURCES ...]
 

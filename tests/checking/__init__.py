@@ -1,1 +1,1 @@
-"""What tests/check.py is made of: the state of the machine, what a change touches, where the time goes."""
+"""Parts of tests/check.py: the state of the machine, what a change touches, where the time goes."""

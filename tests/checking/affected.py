@@ -1,4 +1,4 @@
-"""Which tests a change touches, for `tests/check.py --quick`.
+"""Selection of the tests that a change touches, for `tests/check.py --quick`.
 
 A test is touched by a changed module if it imports it, itself or through others. In the end nearly every test imports
 nearly every module, so the nearest are taken first (the fewest imports between), until what they took in the last whole

@@ -1,4 +1,4 @@
-"""What is looked at during a flood: whether the server answers, and whether another device's recording is whole.
+"""Checks during a flood: whether the server answers, and whether another device's recording is whole.
 
 How soon it answers is a question of the machine and of who else uses it (tests/bench/floods.py measures that). Here the
 processor time counts that the server itself takes from a question to its answer: whoever asks waits at least as long.
