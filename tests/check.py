@@ -51,7 +51,7 @@ from tests.source_files import python_files  # noqa: E402
 PYTHON = sys.executable
 QUICK_S = 45.0  # seconds of tests in the quick part
 STRESS_RUNS = 20
-WORKERS = 3  # of pytest; tests wait at times, and two cores have as much as they can do
+WORKERS = 4  # of pytest: two cores, and tests that wait for half of their time
 
 
 def _node() -> str:
