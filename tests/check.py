@@ -13,7 +13,7 @@ is well.
 
     tests/check.py                       everything
     tests/check.py --quick               before each commit: style, types, and what the change touches, in 90 s
-    tests/check.py ruff pytest           parts alone; `browser` is pytest's part with a real browser
+    tests/check.py ruff pytest           parts alone; `browser` are the tests with a real browser
     tests/check.py pytest -- -k clocks   everything after `--` goes to pytest
     tests/check.py --slow                the tests that are slow and rare, and only those
     tests/check.py --deep                many more examples in the property tests
@@ -52,6 +52,7 @@ PYTHON = sys.executable
 QUICK_S = 45.0  # seconds of tests in the quick part
 STRESS_RUNS = 20
 WORKERS = 4  # of pytest: two cores, and tests that wait for half of their time
+BROWSERS = 2  # a page that is open costs half a core, however little is asked of it
 
 
 def _node() -> str:
@@ -89,14 +90,20 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
     return lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *arguments, *options.pytest]
 
 
-def _tests(name: str, *arguments: str, is_named: bool = False) -> Part:
+def _tests(name: str, workers: int, *arguments: str) -> Part:
     own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # each process notes its own failures
     beside = (
-        *("--numprocesses", str(WORKERS), "--dist", "loadfile"),
+        *("--numprocesses", str(workers), "--dist", "loadfile"),
         *("--max-worker-restart", "0"),  # a new one gets no tests
         "--no-loadscope-reorder",  # the longest files first (tests/conftest.py), not those with the most tests
     )
-    return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"), lane="wide", is_named=is_named)
+    return Part(
+        name,
+        _pytest(*own, *beside),
+        r"\d+ (passed|failed|error|skipped)",
+        alone=_pytest(*own, "--last-failed"),
+        lane="wide",
+    )
 
 
 COLLECTED = ROOT / ".pytest_cache" / "collected"
@@ -122,8 +129,8 @@ PARTS = (
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
     Part("biome", _biome, "Found", folder=ROOT / "web"),
     Part("vitest", _vitest, "Tests "),
-    _tests("pytest", "-p", "tests.checking.durations"),
-    _tests("browser", "tests/browser", is_named=True),
+    _tests("pytest", WORKERS, "-p", "tests.checking.durations", "--ignore=tests/browser"),
+    _tests("browser", BROWSERS, "-p", "tests.checking.durations", "tests/browser"),
 )
 QUICK = ("page", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
 
@@ -176,7 +183,7 @@ def _options(own: Sequence[str]) -> argparse.Namespace:
     options.pytest = [*(("-m", "slow") if options.slow else ()), *own[cut + 1 :]]
     options.page_files = None
     if options.slow and not options.parts:
-        options.parts = ["pytest"]
+        options.parts = ["pytest", "browser"]
     if unknown := set(options.parts) - set(names):
         parser.error(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
     if options.quick:
@@ -250,9 +257,7 @@ def main() -> int:
     """The command line."""
     options = _options(sys.argv[1:])
     env = _environment(options)
-    chosen = [
-        part for part in PARTS if (part.name in options.parts if options.parts else not part.is_named) and part.is_due()
-    ]
+    chosen = [part for part in PARTS if part.name in (options.parts or [one.name for one in PARTS]) and part.is_due()]
     if any(part.alone for part in chosen) and not options.quick and (path := chromium.provide(print)):
         env["IMUSCOPE_CHROMIUM"] = str(path)
     if options.stress:

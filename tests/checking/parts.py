@@ -27,11 +27,10 @@ class Part:
 
     name: str
     command: Callable[[argparse.Namespace], list[str]]
-    closing: str = ""  # start of the line with the result; "" for the last line
+    closing: str = ""  # pattern of the start of the line with the result; "" for the last line
     alone: Callable[[argparse.Namespace], list[str]] | None = None  # repeats the tests that failed beside other work
     lane: str = "narrow"  # parts of one lane run one after the other
     folder: Path = ROOT  # where it runs
-    is_named: bool = False  # runs only when it is asked for by name
     is_due: Callable[[], bool] = lambda: True
 
 
@@ -83,7 +82,7 @@ def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     if not is_wide:
         shown = "".join(held) if process.returncode or not lines else f"{title}{lines[-1]}\n"
         print(shown, end="", flush=True)
-    closing = [line for line in lines if line.startswith(part.closing)] or lines
+    closing = [line for line in lines if re.match(part.closing, line)] or lines
     closing = closing or [f"exit status {process.returncode}" if process.returncode else "no complaint"]
     failed = tuple(found[2] for line in lines if (found := re.match(r"(FAILED|ERROR) (\S.*?)(?: - .*)?$", line)))
     seconds, processor = time.monotonic() - began, usage.ru_utime + usage.ru_stime

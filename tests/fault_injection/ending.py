@@ -82,7 +82,7 @@ def end(data: Path) -> float:
     folder.mkdir(parents=True)
     recording(folder / "long.mcap", frames(0, 2000) * 30)
     with TcpDevice(1000) as line:
-        with ServerProcess(line.source, *SOURCES, data=data, arguments=("--record",)) as server:
+        with ServerProcess(line.source, *SOURCES, data=data, arguments=("--record",), fresh=True) as server:
             with http_client(base_url=server.url) as http, busy(server, http):
                 block_until(lambda: line.size > 100_000, "the line was busy, too")
                 # Between the process that opens the recording and the one that exports it, none exists for a moment.

@@ -117,7 +117,7 @@ def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
             assert job.state == ("done" if keep else "failed")
             assert desk.session.baud == (921_600 if keep else 115_200)
             if keep:
-                assert job.hint == "Open it as sim:xbus?baud=921600 when this server is started again."
+                assert job.hint == "Open it as sim:xbus?baud=921600&rate=20 when this server is started again."
             assert files(tmp_path) == []
             assert (await here.read(desk)).state == "done"
 
