@@ -166,10 +166,9 @@ def test_the_viewer_is_shown_on_request_and_as_a_panel_of_a_workspace(
     page.get_by_role("button", name="Close the 3D scene").click()
     until(page, "!document.querySelector('iframe')")
 
-    page.set_viewport_size({"width": 1440, "height": 900})  # a phone has no panels
+    page.close()
     workspace = quote(json.dumps({"layout": {"panels": {"scene": {"shown": True}}}}))
-    page.goto(f"{server.url}/#/?workspace={workspace}")
-    page.reload()
+    page = open_scene(f"{server.url}/#/?workspace={workspace}")
     inner = page.locator("[data-panel=scene] iframe").element_handle().content_frame()
     assert inner is not None
     until(inner, CONNECTED)
