@@ -174,3 +174,23 @@ def test_the_table_sums_what_the_processes_wrote(tmp_path: Path) -> None:
 def test_every_part_of_the_quick_check_exists() -> None:
     assert set(check.QUICK) <= {part.name for part in check.PARTS}
     assert textwrap.dedent(check.__doc__ or "").count("--quick") == 1
+
+
+def test_a_part_that_prints_dots_is_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run of few tests prints no whole line for minutes."""
+    seen: list[str] = []
+    read, written = os.pipe()
+    dots = f"import os\nos.write(1, b'.')\nos.read({read}, 1)\nos.write(1, b'. 2 passed')"
+
+    def go_on(watch: object) -> None:
+        seen.append("printed")
+        os.write(written, b"x")  # only what was passed on without a line's end lets it go on
+
+    monkeypatch.setattr(parts._SilenceWatch, "printed", go_on)
+    os.set_inheritable(read, True)
+    monkeypatch.setattr(parts, "INHERITED", (read,))
+    outcome = parts.run(python(dots), [sys.executable, "-c", dots], {})
+    assert outcome.closing == ".. 2 passed"
+    assert seen
+    for descriptor in (read, written):
+        os.close(descriptor)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import codecs
 import os
 import re
 import signal
@@ -19,6 +20,7 @@ from tests.source_files import ROOT
 SILENT_S = 300.0  # a part that prints nothing for so long hangs: a single test that hangs is reported after 50 s
 
 ABORT_S = 5.0  # to print that
+INHERITED: tuple[int, ...] = ()  # descriptors of this process that parts keep
 
 
 @dataclass(frozen=True)
@@ -62,17 +64,19 @@ def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
         start_new_session=True,
+        pass_fds=INHERITED,
     )
     assert process.stdout
     watch = _SilenceWatch(process)
-    for line in process.stdout:
+    decoder, rest = codecs.getincrementaldecoder("utf-8")("replace"), ""
+    while data := os.read(process.stdout.fileno(), 1 << 16):  # not by lines: a test prints a dot
         watch.printed()
-        say(line)
-        if line.strip():
-            lines.append(line.strip())
+        text = decoder.decode(data)
+        say(text)
+        *whole, rest = (rest + text).split("\n")
+        lines += [line.strip() for line in whole if line.strip()]
+    lines += [rest.strip()] if rest.strip() else []
     process.stdout.close()
     _, waited, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(waited)
@@ -92,7 +96,7 @@ def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
 class _SilenceWatch:
     """Ends a process, and what it began, that prints nothing any more."""
 
-    def __init__(self, process: subprocess.Popen[str]) -> None:
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self._process = process
         self._ended = threading.Event()
         self._last = time.monotonic()
