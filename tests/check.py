@@ -1,7 +1,6 @@
 """The whole check, in one command: `uv run tests/check.py`.
 
     page     built, when it is stale                       web/build.py
-    collect  tests compiled, once for all workers, when they have changed
     style    ruff check, ruff format; biome                Python; TypeScript, CSS
     types    mypy --strict, tsc                            Python, TypeScript
     tests    vitest; pytest: units, server, real browser   TypeScript; Python
@@ -13,7 +12,7 @@ is well.
 
     tests/check.py                       everything
     tests/check.py --quick               before each commit: style, types, and what the change touches, in 90 s
-    tests/check.py ruff pytest           parts alone; `browser` are the tests with a real browser
+    tests/check.py ruff pytest           parts alone
     tests/check.py pytest -- -k clocks   everything after `--` goes to pytest
     tests/check.py --slow                the tests that are slow and rare, and only those
     tests/check.py --deep                many more examples in the property tests
@@ -46,13 +45,11 @@ from tests.checking.affected import affected_tests, changed_files, page_files  #
 from tests.checking.machine import MemoryPeak  # noqa: E402
 from tests.checking.parts import Outcome, Part  # noqa: E402
 from tests.checking.stress import stress  # noqa: E402
-from tests.source_files import python_files  # noqa: E402
 
 PYTHON = sys.executable
 QUICK_S = 45.0  # seconds of tests in the quick part
 STRESS_RUNS = 20
 WORKERS = 4  # of pytest: two cores, and tests that wait for half of their time
-BROWSERS = 2  # a page that is open costs half a core, however little is asked of it
 
 
 def _node() -> str:
@@ -90,47 +87,24 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
     return lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *arguments, *options.pytest]
 
 
-def _tests(name: str, workers: int, *arguments: str) -> Part:
-    own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # each process notes its own failures
-    beside = (
-        *("--numprocesses", str(workers), "--dist", "loadfile"),
-        *("--max-worker-restart", "0"),  # a new one gets no tests
-        "--no-loadscope-reorder",  # the longest files first (tests/conftest.py), not those with the most tests
-    )
-    return Part(
-        name,
-        _pytest(*own, *beside),
-        r"\d+ (passed|failed|error|skipped)",
-        alone=_pytest(*own, "--last-failed"),
-        lane="wide",
-    )
-
-
-COLLECTED = ROOT / ".pytest_cache" / "collected"
-
-
-def _is_collect_due() -> bool:
-    """Whether a file of tests is younger than the last time that all were compiled."""
-    return not COLLECTED.exists() or COLLECTED.stat().st_mtime < max(
-        path.stat().st_mtime for path in python_files("tests")
-    )
-
-
-STAGES = (("page", "collect"), ("narrow", "wide"))
+STAGES = (("page",), ("narrow", "wide"))
 """Lanes that run beside each other, and what waits for them."""
 
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="page"),
-    # otherwise each of pytest's processes would compile every test anew, as none has yet stored what it compiled
-    Part("collect", _tool("pytest", "--color=no", "--collect-only", "-q"), lane="collect", is_due=_is_collect_due),
     Part("mypy", lambda _: [PYTHON, "-m", "mypy", "--cache-dir", str(cache_folder("mypy"))]),
     Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found"),
     Part("format", _fixing("ruff", "format", check="--check")),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
     Part("biome", _biome, "Found", folder=ROOT / "web"),
     Part("vitest", _vitest, "Tests "),
-    _tests("pytest", WORKERS, "-p", "tests.checking.durations", "--ignore=tests/browser"),
-    _tests("browser", BROWSERS, "-p", "tests.checking.durations", "tests/browser"),
+    Part(
+        "pytest",
+        _pytest("--workers", str(WORKERS), "-p", "tests.checking.durations"),
+        r"\d+ (passed|failed|error|skipped)",
+        alone=_pytest("--last-failed"),
+        lane="wide",
+    ),
 )
 QUICK = ("page", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
 
@@ -138,9 +112,6 @@ QUICK = ("page", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
 def run_part(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
     """Run one part. If it failed, report whether the failed tests also fail alone; the part has failed either way."""
     outcome = parts.run(part, part.command(options), env)
-    if part.name == "collect" and not outcome.status:
-        COLLECTED.parent.mkdir(exist_ok=True)
-        COLLECTED.touch()
     if part.alone is None or outcome.status != 1:
         return outcome
     again = parts.run(part, part.alone(options), env)
@@ -183,7 +154,7 @@ def _options(own: Sequence[str]) -> argparse.Namespace:
     options.pytest = [*(("-m", "slow") if options.slow else ()), *own[cut + 1 :]]
     options.page_files = None
     if options.slow and not options.parts:
-        options.parts = ["pytest", "browser"]
+        options.parts = ["pytest"]
     if unknown := set(options.parts) - set(names):
         parser.error(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
     if options.quick:
@@ -249,7 +220,7 @@ def report(outcomes: Sequence[Outcome], memory: int) -> None:
         for name in dict.fromkeys(failed):
             print(f"  {python} -m pytest '{name}'")
     for outcome in outcomes:
-        if outcome.name in ("pytest", "browser"):
+        if outcome.name == "pytest":
             print(outcome.closing)  # as pytest wrote it, last
 
 
@@ -257,7 +228,7 @@ def main() -> int:
     """The command line."""
     options = _options(sys.argv[1:])
     env = _environment(options)
-    chosen = [part for part in PARTS if part.name in (options.parts or [one.name for one in PARTS]) and part.is_due()]
+    chosen = [part for part in PARTS if part.name in (options.parts or [one.name for one in PARTS])]
     if any(part.alone for part in chosen) and not options.quick and (path := chromium.provide(print)):
         env["IMUSCOPE_CHROMIUM"] = str(path)
     if options.stress:

@@ -21,7 +21,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -54,9 +53,15 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Servers started by tests have a data folder each; compiled code is shared by all of them, and by all clones.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(compiled_code()))
 os.environ.setdefault(priority.SAME, "1")
-if fork_server.IS_THERE:
+
+
+def _use_nursery() -> None:
     server_process.nursery = ForkServer(os.environ.get(fork_server.VARIABLE, ""))
     forked_workers.install(server_process.nursery)
+
+
+if fork_server.IS_THERE:
+    _use_nursery()
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=30, deadline=None, derandomize=True, suppress_health_check=SLOW)
@@ -74,15 +79,32 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Compile before the tests, and before several workers would do it beside each other."""
     each_row.only = config.getoption("row")
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        return
     from protocols import registry  # noqa: F401 (its modules have the functions)
     from server.links import read_loop  # noqa: F401
 
     if not jit.is_stored(Path(os.environ["NUMBA_CACHE_DIR"])):
         subprocess.run([sys.executable, "-c", COMPILE], cwd=ROOT, check=False)
-    if fork_server.IS_THERE and getattr(config.option, "numprocesses", None):
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_before_workers() -> None:
+    """Load once what each worker would load: compiled functions, and what servers are forked from."""
+    from protocols import registry  # noqa: F401 (its modules have the functions)
+
+    jit.load(checked=True)
+    if fork_server.IS_THERE:
         fork_server.share()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_worker_begins() -> None:
+    if fork_server.IS_THERE:
+        _use_nursery()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_worker_ends() -> None:
+    browser_engine.close()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -111,16 +133,10 @@ def patient_shutdown() -> Iterator[None]:
         yield
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_configure_node(node: Any) -> None:
-    """Every worker has to have the tests in the same order, whoever notes other durations meanwhile."""
-    node.workerinput["durations"] = durations()
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest files first, as the last run had them: begun last, they would run on alone. The browser's last."""
     folder = Path(__file__).parent / "browser"
-    seconds: dict[str, float] = getattr(config, "workerinput", {}).get("durations") or durations()
+    seconds = durations()
     drives = {path: folder in path.parents for path in {item.path for item in items}}
     for item in items:
         if drives[item.path]:

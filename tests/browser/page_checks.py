@@ -101,7 +101,9 @@ BOXES = """() => {
     .map(element => {
       const {x, y, width, height} = element.getBoundingClientRect();
       const place = [x, y, width, height].map(value => value.toFixed(1));
-      return `${element.cloneNode(false).outerHTML.slice(0, 90)} ${place}`;
+      const tag = element.cloneNode(false);
+      for (const name of ["width", "height"]) tag.removeAttribute(name); // a canvas has these once it is drawn
+      return `${tag.outerHTML.slice(0, 90)} ${place}`;
     });
 }"""
 

@@ -23,5 +23,4 @@ class Durations:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if not hasattr(config, "workerinput"):  # in the process that has all reports
-        config.pluginmanager.register(Durations(), "durations_of_files")
+    config.pluginmanager.register(Durations(), "durations_of_files")

@@ -77,7 +77,16 @@ MOST_FRAMES = 12  # of each thread, the innermost
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if "PYTEST_XDIST_WORKER" in os.environ or not getattr(config.option, "numprocesses", None):
-        report = HangReport(os.dup(2))
-        config.pluginmanager.register(report, "hang_report_watch")
-        config.add_cleanup(report.close)
+    if config.option.workers == 1:
+        _register(config)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_worker_begins(config: pytest.Config) -> None:
+    _register(config)  # a thread is not forked
+
+
+def _register(config: pytest.Config) -> None:
+    report = HangReport(os.dup(2))
+    config.pluginmanager.register(report, "hang_report_watch")
+    config.add_cleanup(report.close)

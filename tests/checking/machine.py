@@ -14,7 +14,7 @@ from pathlib import Path
 
 TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 MB = 1_000_000
-SAMPLE_S = 5.0
+SAMPLE_S = 15.0  # to add up the memory of all processes takes 0.1 s of a processor
 MOST_SHOWN = 8  # processes in a report
 
 

@@ -33,7 +33,6 @@ class Part:
     alone: Callable[[argparse.Namespace], list[str]] | None = None  # repeats the tests that failed beside other work
     lane: str = "narrow"  # parts of one lane run one after the other
     folder: Path = ROOT  # where it runs
-    is_due: Callable[[], bool] = lambda: True
 
 
 @dataclass(frozen=True)

@@ -73,10 +73,17 @@ class TimeProfile:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    folder = os.environ.get("IMUSCOPE_PROFILE")
-    if not folder or getattr(config.option, "numprocesses", None):
-        return  # the process that only distributes
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "main")
-    file = (Path(folder) / f"{worker}-{os.getpid()}.jsonl").open("w")
-    config.pluginmanager.register(TimeProfile(file), "time_profile_lines")
-    config.add_cleanup(file.close)
+    _register(config, "main")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_worker_begins(config: pytest.Config, name: str) -> None:
+    config.pluginmanager.unregister(name="time_profile_lines")
+    _register(config, name)
+
+
+def _register(config: pytest.Config, name: str) -> None:
+    if folder := os.environ.get("IMUSCOPE_PROFILE"):
+        file = (Path(folder) / f"{name}-{os.getpid()}.jsonl").open("w")
+        config.pluginmanager.register(TimeProfile(file), "time_profile_lines")
+        config.add_cleanup(file.close)

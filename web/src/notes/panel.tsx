@@ -40,8 +40,12 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   const theirs = useSignal<string | undefined>(undefined);
   const problem = useSignal<Problem | undefined>(undefined);
   const field = useRef<HTMLTextAreaElement>(null);
+  /** Counts what sets the stored text: an answer that a later one has overtaken is old. */
+  const turn = useRef(0);
   const read = async (): Promise<string | undefined> => {
+    const mine = ++turn.current;
     const list = await server.list();
+    if (mine !== turn.current) return stored.peek();
     const info = list.ok ? list.value.find((one) => one.id === id) : undefined;
     problem.value = list.ok ? undefined : list.problem;
     if (info === undefined) return undefined;
@@ -79,6 +83,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
     const outcome = await server.edit(id, { notes, notes_before: before.peek() ?? "" });
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) {
+      turn.current++;
       stored.value = outcome.value.notes;
       before.value = theirs.value = undefined;
     } else if (outcome.problem.kind === CHANGED) {
@@ -90,6 +95,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   };
   const cancel = (): void => {
     before.value = theirs.value = problem.value = undefined;
+    void read(); // what others changed meanwhile was not looked at
   };
   const note = problem.value && <ProblemNote problem={problem.value} />;
   if (stored.value === undefined) return note ?? <p class="foot-note dim" aria-busy="true" />;

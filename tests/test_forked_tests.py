@@ -1,0 +1,64 @@
+"""Tests in forked workers: each one is reported once, and one that takes its process with it is named."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.source_files import ROOT
+
+DIES = """
+import os, signal, pytest
+
+@pytest.fixture(scope="module")
+def shared():
+    print("begins")
+    yield
+    print("ends")
+
+def test_has_a_folder(shared, tmp_path):
+    assert not list(tmp_path.iterdir())
+
+def test_wrong(shared):
+    assert 1 == 2
+
+def test_dies(shared):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def test_after(shared):
+    pass
+"""
+OTHER = """
+import pytest
+
+def test_passes():
+    pass
+
+def test_skipped():
+    pytest.skip("no")
+"""
+
+
+def run(folder: Path, *words: str) -> str:
+    plain = ("-p", "no:cacheprovider", "-p", "no:schemathesis", "-p", "tests.checking.forked_tests", "-c", "/dev/null")
+    command = [sys.executable, "-m", "pytest", *plain, "-q", "--color=no", "--rootdir", str(folder), *words]
+    done = subprocess.run([*command, str(folder)], cwd=ROOT, capture_output=True, text=True)
+    return done.stdout + done.stderr
+
+
+def test_a_test_that_ends_its_process_is_named_and_the_others_run(tmp_path: Path) -> None:
+    (tmp_path / "test_dies.py").write_text(DIES)
+    (tmp_path / "test_other.py").write_text(OTHER)
+    printed = run(tmp_path, "--workers", "2")
+    assert "2 failed, 3 passed, 1 skipped" in printed
+    assert "ended with status -9 during this test" in printed
+    assert re.search(r"_ test_wrong _+\n\[worker1\]", printed)
+    assert "E       assert 1 == 2" in printed
+
+
+def test_the_first_failure_ends_all_workers_when_asked(tmp_path: Path) -> None:
+    (tmp_path / "test_fails.py").write_text("def test_fails():\n    assert False\n")
+    (tmp_path / "test_waits.py").write_text("import signal\n\ndef test_waits():\n    signal.pause()\n")
+    assert "1 failed" in run(tmp_path, "--workers", "2", "-x")
