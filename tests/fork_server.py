@@ -377,12 +377,10 @@ def _end(status: int) -> NoReturn:
     os._exit(status)
 
 
-def _main(listener: socket.socket, owner: socket.socket) -> int:
+def _main(listener: socket.socket, owner: socket.socket) -> NoReturn:
     request = _Nursery(listener, owner).run()
-    if request is not None:
-        _end(_run(request))
-    return 0
+    _end(0 if request is None else _run(request))
 
 
 if __name__ == "__main__":
-    sys.exit(_main(*(socket.socket(fileno=int(word)) for word in sys.argv[1:])))
+    _main(*(socket.socket(fileno=int(word)) for word in sys.argv[1:]))
