@@ -108,6 +108,14 @@ BOXES = """() => {
 }"""
 
 
+# Add up in `shift` how far what is on the page moves by itself.
+WATCH = """() => {
+  window.shift = 0;
+  new PerformanceObserver(list => { for (const entry of list.getEntries()) window.shift += entry.value; })
+    .observe({type: "layout-shift"});
+}"""
+
+
 def small_targets(page: Page, place: str = "document") -> list[str]:
     """Controls in a place that a finger may miss."""
     return list(page.evaluate(TARGETS.replace("document.querySelectorAll", f"{place}.querySelectorAll")))

@@ -1,4 +1,4 @@
-"""The Configure page from recorded answers: accessibility, room on a phone, and no motion."""
+"""The Configure page from recorded answers: accessibility, room on a phone, no motion, and keys beside a dialog."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, fits, go_to, serious, small_targets
+from tests.browser.page_checks import PHONE, WATCH, drawn, fits, go_to, serious, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until
 
@@ -33,9 +33,39 @@ def test_every_sort_of_place_is_accessible(open_page: Callable[..., Page]) -> No
         page = configured(story, open_page, still=True)
         page.hover(f"{ACCELERATION} td:nth-child(2)")
         assert page.evaluate("document.getAnimations().filter(a => a.playState === 'running').length") == 0
-        for place in PLACES:
+        assert serious(page) == []
+        for place in PLACES[1:]:
             shown(page, place)
-            assert serious(page, colours=place in COLOURFUL) == [], place
+            assert serious(page, "document.querySelector('main')", colours=place in COLOURFUL) == [], place
+        nothing_moves_while_traffic_comes(story, page)
+        keys_rest_while_a_question_is_open(page)
+
+
+def nothing_moves_while_traffic_comes(story: Story, page: Page) -> None:
+    """Load and traffic keep updating."""
+    shown(page, PLACES[0])
+    page.evaluate(WATCH)
+    [health] = [text for text in story.texts if text["op"] == "health"]
+    log = story.answers["GET /api/devices/1/traffic?limit=200"]
+    newest = max(entry["seq"] for entry in log)
+    for n, entry in enumerate(log[-3:], 1):
+        texts = [health, {"op": "traffic", "entries": [{**entry, "seq": newest + n}]}]
+        page.evaluate("texts => texts.forEach(text => window.imuscope.store.receive({kind: 'text', text}))", texts)
+        drawn(page)
+    assert page.evaluate("[...document.querySelectorAll('.log-entry')].length") >= 3
+    assert page.evaluate("window.shift") < 0.01
+
+
+def keys_rest_while_a_question_is_open(page: Page) -> None:
+    """Keys led away from it, and Esc left it open."""
+    shown(page, "RestoreFactoryDef")
+    page.get_by_role("button", name="Send", exact=True).click()
+    until(page, "document.querySelector('dialog[open]') !== null")
+    page.keyboard.press("g")
+    page.keyboard.press("l")
+    page.keyboard.press("Escape")
+    until(page, "document.querySelector('dialog') === null")
+    assert "#/configure" in page.url
 
 
 def test_everything_is_reachable_on_a_phone(open_page: Callable[..., Page]) -> None:
@@ -45,11 +75,11 @@ def test_everything_is_reachable_on_a_phone(open_page: Callable[..., Page]) -> N
         assert serious(page, colours=False) == []
         for place in (*PLACES, "Filter%20profile", "corrections"):
             shown(page, place)
-            assert fits(page, width=390), place
+            assert fits(page, width=360), place
             if place in PLACES:
                 small = small_targets(page)
                 assert not small, "\n".join([place, *small])
-            assert fits(page, width=360), place
+        assert fits(page, width=390)
         page.evaluate("scrollTo(0, 0)")
         page.get_by_role("button", name="Settings", exact=True).click()
         page.get_by_label("Search settings and commands").fill("lever")

@@ -9,16 +9,11 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import BOXES, PHONE, drawn, opened
+from tests.browser.page_checks import BOXES, PHONE, WATCH, drawn, opened
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
 HEARTBEATS = "window.imuscope.store.health.value.get('1')?.time ?? 0"
-WATCH = """() => {
-  window.shift = 0;
-  new PerformanceObserver(list => { for (const entry of list.getEntries()) window.shift += entry.value; })
-    .observe({type: "layout-shift"});
-}"""
 
 
 def after(page: Page, reports: int) -> None:

@@ -1,0 +1,245 @@
+// @vitest-environment happy-dom
+/** What is written to devices: asked before, refused, changed by others meanwhile, taken back, sent to several, and seen as bytes. */
+import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import type { Difference, PreviewResult, SnapshotBody } from "../../forms/types";
+import { type Opened, openConfigure } from "../../testing/configure-page";
+import { recorded } from "../../testing/recorded";
+import type { DeviceInfo, Job, TrafficEntry } from "../../wire/types";
+
+const ROW = 'tr[data-id="0x4020"] select';
+const find = (selector: string): HTMLElement => {
+  const found = document.querySelector(selector);
+  if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
+  return found;
+};
+const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector));
+/** Found by its words: to look for a role among hundreds of fields takes ten times as long. */
+function button(name: string, place: ParentNode = document): HTMLButtonElement {
+  const found = [...place.querySelectorAll("button")].find(({ textContent }) => textContent?.trim() === name);
+  if (found === undefined) throw new Error(`no button ${name}`);
+  return found;
+}
+const choose = (field: HTMLElement, value: string): void => void fireEvent.change(field, { target: { value } });
+const bodiesOf = ({ asked }: Opened, path: string): readonly unknown[] =>
+  asked.filter((one) => one.method === "POST" && one.path === path).map(({ body }) => body);
+
+const job = (id: number, more: Partial<Job> = {}): Job => ({
+  ...{ id, device: "1", title: "Write Output configuration", state: "done", step: "", message: "", hint: "" },
+  ...{ snapshot: "", values: {}, outcomes: [], started: 1, ended: 2 },
+  ...more,
+});
+
+const known = recorded("xbus");
+const VALUES = known.answers["GET /api/devices/1/values"] as SnapshotBody;
+
+/** The device's values with another rate of an output. */
+function withRate(id: number, rate: number): SnapshotBody {
+  const { outputs } = VALUES.values["OutputConfiguration"] as { outputs: Record<string, unknown>[] };
+  const changed = outputs.map((one) => (one["data_identifier"] === id ? { ...one, output_frequency: rate } : one));
+  return { ...VALUES, values: { ...VALUES.values, OutputConfiguration: { outputs: changed } } };
+}
+
+test("a refused value is reported, and the edit is still there to be made again", async () => {
+  const page = await openConfigure("xbus", { answers: { "POST /api/devices/1/apply": job(7, { state: "waiting" }) } });
+  choose(await until(ROW), "50");
+  await waitFor(() => expect(button("Apply").disabled).toBe(false));
+  fireEvent.click(button("Apply"));
+  await waitFor(() => expect(bodiesOf(page, "/api/devices/1/apply")).toHaveLength(1));
+  const lost = { setting: "OutputConfiguration", path: "", title: "Output configuration", requested: "", actual: "" };
+  page.tell({ done: [job(7, { outcomes: [{ ...lost, reason: "no answer" }] })] });
+  expect((await until(".outcomes li")).textContent).toContain("Output configuration");
+  expect(find(".outcomes li").textContent).toContain("no answer");
+  fireEvent.click(button("Edit again"));
+  await waitFor(() => expect(find(".apply-bar").textContent).toContain("1 change"));
+});
+
+/** Regression: the confirmation did not mention that the change is temporary, and its button read "Write". */
+test("who applies before the preview has come is told all the same that the change is temporary", async () => {
+  const [, preview] = Object.entries(known.answers).find(([key]) => key.includes('"PortConfig"')) ?? [];
+  const line = "The device will answer at 921 600 Bd.";
+  const harm = { kind: "confirm", message: line, hint: "" };
+  const page = await openConfigure("xbus", {
+    place: "PortConfig",
+    slow: "/preview",
+    answers: {
+      "POST /api/devices/1/preview": { ...(preview as PreviewResult), line },
+      "POST /api/devices/1/apply": () =>
+        new Response(JSON.stringify(harm), { status: 409, headers: { "content-type": "application/json" } }),
+    },
+  });
+  const rate = (await until("[data-field=words] select")) as HTMLSelectElement;
+  choose(rate, [...rate.options].find((one) => one.textContent === "921 600 Bd")?.value ?? "");
+  await waitFor(() => expect(button("Apply").disabled).toBe(false));
+  fireEvent.click(button("Apply"));
+  const dialog = await until("dialog");
+  await waitFor(() => expect(document.activeElement?.textContent === "Leave unchanged").toBe(true));
+  expect(dialog.textContent).toContain(line);
+  fireEvent.click(button("Write, then confirm", dialog));
+  await waitFor(() =>
+    expect(bodiesOf(page, "/api/devices/1/apply")).toMatchObject([{ confirmed: false }, { confirmed: true }]),
+  );
+});
+
+test("a change that was confirmed says so, and one that was rolled back says what there is again", async () => {
+  const page = await openConfigure("xbus");
+  const words = "The device answers at 921 600 Bd.";
+  const pending = { device: "1", changes: [], words, deadline: 0, seconds: 20 };
+  page.tell({ pending_rollback: { ...pending, state: "confirmed" } });
+  await waitFor(() => expect(find(".pending-rollback h3").textContent).toMatch(/Confirmed$/));
+  page.tell({ pending_rollback: { ...pending, state: "rolled-back" } });
+  await waitFor(() => expect(find(".pending-rollback").textContent).toContain("previous settings"));
+});
+
+/** Regression: one change became three, which undid the other person's without a word. */
+test("a change by others is shown, and the own edit stays the only one", async () => {
+  let now = VALUES;
+  const page = await openConfigure("xbus", { answers: { "GET /api/devices/1/values": () => now } });
+  choose(await until(ROW), "50");
+  await waitFor(() => expect(find(".apply-bar").textContent).toContain("1 change"));
+  now = withRate(0x2010, 20);
+  page.tell({ done: [job(9)] });
+  await waitFor(() => expect(find(".band").textContent).toContain("Changed elsewhere"));
+  expect(find(".band").textContent).toContain("Quaternion: 100 Hz → 20 Hz");
+  expect(find(".apply-bar").textContent).toContain("1 change");
+  expect((find(ROW) as HTMLSelectElement).value).toBe("50");
+  const other = document.querySelector<HTMLSelectElement>('tr[data-id="0x2010"] select');
+  expect(other?.value).toBe("20");
+});
+
+/** Regression: a silent device was treated as unreachable, Apply stayed disabled, and the form showed streams as on. */
+test("streams that were stopped are shown as off, and can be switched on again in the silence", async () => {
+  const isb = recorded("isb");
+  const before = isb.answers["GET /api/devices/1/values"] as SnapshotBody;
+  let now = before;
+  const page = await openConfigure("isb", {
+    place: "streams",
+    answers: { "GET /api/devices/1/values": () => now, "POST /api/devices/1/apply": job(4, { state: "waiting" }) },
+  });
+  const tick = (): HTMLInputElement => find('tr[data-id="4"] input') as HTMLInputElement;
+  await waitFor(() => expect(tick().checked).toBe(true));
+  expect(find(".rail").textContent).not.toContain("Factory default"); // no document tells them
+  now = { ...before, values: { ...before.values, streams: { streams: [] } } };
+  page.tell({ done: [job(3)] });
+  const silent = page.store.devices.value.map((one): DeviceInfo => ({ ...one, status: "lost", is_open: true }));
+  page.store.receive({ kind: "text", text: { op: "devices", devices: silent } });
+  await waitFor(() => expect(tick().checked).toBe(false));
+  fireEvent.click(tick());
+  await waitFor(() => expect(button("Apply").disabled).toBe(false));
+  fireEvent.click(button("Apply"));
+  await waitFor(() =>
+    expect(bodiesOf(page, "/api/devices/1/apply")).toMatchObject([{ changes: { streams: { streams: [{ did: 4 }] } } }]),
+  );
+});
+
+test("who may only look sees bytes, load and differences, and nothing to write them with", async () => {
+  const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
+  const other = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz" };
+  const row = { ...other, left: "50 Hz", right: "100 Hz", left_value: 50, right_value: 100, writable: true };
+  const difference = { ...(same as Difference), rows: [row], changes: { OutputConfiguration: {} } };
+  const page = await openConfigure("xbus", {
+    answers: { "GET /api/build": { role: "view" }, "POST /api/devices/1/compare": difference },
+  });
+  await until(".budget-bar");
+  await waitFor(() => expect(document.querySelectorAll(".hex-part").length).toBeGreaterThan(5));
+  page.goTo("compare/~factory");
+  const cells = await waitFor(() => {
+    const [shown] = document.querySelectorAll(".difference-table tbody tr");
+    if (shown === undefined) throw new Error("no difference");
+    return [...shown.querySelectorAll("td")].map((cell) => cell.textContent);
+  });
+  expect(cells).toEqual(["50 Hz", "100 Hz"]);
+  await until('.rollout tr[data-device="1"] summary');
+  expect(button("Apply this profile").disabled).toBe(true);
+});
+
+/** Regression: the differences of the selected device were written to all, and only its result was reported. */
+test("a profile goes to the chosen device with that device's own differences, and its result is shown", async () => {
+  const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
+  const equal = same as Difference;
+  const row = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz", writable: true };
+  const differs = { ...row, left: "100 Hz", right: "50 Hz", left_value: 100, right_value: 50 };
+  const profile = { OutputConfiguration: { outputs: [] } };
+  const unread = { ...VALUES, info: { ...VALUES.info, taken: 0 } };
+  let third = unread;
+  const page = await openConfigure("xbus", {
+    place: "compare/device",
+    answers: {
+      "POST /api/devices/1/compare": equal,
+      "GET /api/devices/2/values": VALUES,
+      "GET /api/devices/3/values": () => third,
+      "POST /api/devices/2/compare": { ...equal, rows: [differs], changes: profile, profile },
+      "POST /api/devices/3/compare": { ...equal, dangers: ["The profile is of “MTi-680G”."] },
+      "POST /api/devices/3/read": job(1, { device: "3", state: "waiting" }),
+      "POST /api/devices/2/apply": job(5, { device: "2", state: "waiting" }),
+    },
+  });
+  const [one] = page.store.devices.value;
+  if (one === undefined) throw new Error("no device");
+  page.store.receive({
+    kind: "text",
+    text: { op: "devices", devices: ["1", "2", "3"].map((id) => ({ ...one, id, serial_number: id })) },
+  });
+  const line = (id: string): HTMLElement => find(`.rollout tr[data-device="${id}"]`);
+  fireEvent.click(await waitFor(() => within(line("3")).getByRole("button", { name: /^Read/ })));
+  await waitFor(() => expect(bodiesOf(page, "/api/devices/3/read")).toHaveLength(1));
+  third = VALUES;
+  const idle = { state: "", running: null, queue: [], pending_rollback: null, unfinished: "" };
+  const told = (device: string, done: readonly Job[]): void =>
+    page.store.receive({ kind: "text", text: { op: "jobs", devices: [{ ...idle, device, done }] } });
+  told("3", [job(1, { device: "3" })]);
+  await waitFor(() => expect(line("3").textContent).toContain("“MTi-680G”"));
+  expect(line("3").textContent).toContain("No change");
+  expect(within(line("2")).getByText("Acceleration: 100 Hz → 50 Hz")).toBeTruthy();
+  expect(button("Apply this profile").disabled).toBe(true);
+  fireEvent.click(find('.rollout tr[data-device="2"] input'));
+  fireEvent.click(button("Apply this profile"));
+  await waitFor(() => expect(bodiesOf(page, "/api/devices/2/apply")).toMatchObject([{ changes: profile }]));
+  expect(bodiesOf(page, "/api/devices/1/apply")).toEqual([]);
+  told("2", [job(5, { device: "2", message: "1 of 1 settings written and read back." })]);
+  await waitFor(() => expect(line("2").textContent).toContain("written and read back"));
+});
+
+test("a key leads to the search, Enter to what was found, and Escape away from it", async () => {
+  await openConfigure("xbus");
+  fireEvent.keyDown(document.body, { key: "/" });
+  const search = await waitFor(() => {
+    const found = document.activeElement as HTMLInputElement;
+    expect(found.type).toBe("search");
+    return found;
+  });
+  fireEvent.input(search, { target: { value: "baud" } });
+  await until(".categories.found a");
+  fireEvent.keyDown(search, { key: "Enter" });
+  expect(location.hash.split("/").length).toBeGreaterThanOrEqual(4);
+  fireEvent.keyDown(search, { key: "Escape" });
+  await waitFor(() => expect(document.querySelector(".found")).toBeNull());
+  expect(document.activeElement).not.toBe(search);
+});
+
+test("bytes by hand are checked, asked about, sent as they are, and found in the log", async () => {
+  const page = await openConfigure("xbus", { answers: { "POST /api/devices/1/raw": job(2, { state: "waiting" }) } });
+  fireEvent.click(button("Send hex"));
+  const field = screen.getByLabelText("Bytes to send (hex)");
+  fireEvent.input(field, { target: { value: "FA FF 0" } });
+  await waitFor(() => expect(find("#byhand-why").textContent).toContain("two hex digits"));
+  fireEvent.input(field, { target: { value: "FA FF 30 00 D1" } });
+  await waitFor(() => expect((find(".send-bytes button") as HTMLButtonElement).disabled).toBe(false));
+  fireEvent.submit(find(".send-bytes"));
+  fireEvent.click(button("Send", await until("dialog")));
+  await waitFor(() => expect(bodiesOf(page, "/api/devices/1/raw")).toMatchObject([{ hex: "faff3000d1" }]));
+  const entry = (seq: number, name: string, direction: "tx" | "rx"): TrafficEntry => ({
+    ...{ seq, name, direction, time: 1_790_000_000 + seq, device: "1", hex: "faff3100d0", text: "" },
+    ...{ ms: direction === "rx" ? 1.5 : null, level: "info" },
+  });
+  const entries = [entry(9001, "GoToConfig", "tx"), entry(9002, "GoToConfigAck", "rx"), entry(9003, "Reset", "tx")];
+  page.store.receive({ kind: "text", text: { op: "traffic", entries } });
+  const names = (): readonly (string | null)[] =>
+    [...document.querySelectorAll(".log-entry b")].map(({ textContent }) => textContent);
+  await waitFor(() => expect(names().slice(-3)).toEqual(["GoToConfig", "GoToConfigAck", "Reset"]));
+  expect([...document.querySelectorAll(".log-entry.received b")].at(-1)?.textContent).toBe("GoToConfigAck");
+  fireEvent.click(button("Filter"));
+  fireEvent.input(screen.getByPlaceholderText("Name, bytes or text"), { target: { value: "gotoconf" } });
+  await waitFor(() => expect(names().every((name) => /gotoconf/i.test(name ?? ""))).toBe(true));
+  expect(names().slice(-2)).toEqual(["GoToConfig", "GoToConfigAck"]);
+});
