@@ -196,23 +196,24 @@ class Catalogue:
         written = now.id if now is not None and now.running else ""
         stamp = await asyncio.to_thread(self.library.stamp, written)
         entries = await asyncio.to_thread(self.library.all)
-        has_new = await self._index(entries)
-        if has_new or (self._stamp is not None and stamp != self._stamp):
+        has_changed = await self._index(entries)
+        if has_changed or (self._stamp is not None and stamp != self._stamp):
             self.changed()
         self._stamp = stamp
         self._open_newest(entries)
 
     async def _index(self, entries: list[LibraryEntry]) -> bool:
-        """Store information on recordings opened since the last call; returns whether there was one."""
-        has_new = False
+        """Store information on recordings opened since the last call; returns whether the entries are out of date."""
+        has_changed = False
         for entry in entries:
             if entry.indexed or entry.deleted is not None or not self._is_open(entry):
                 continue
             columns = self._columns.cached(entry.id)
             if columns is not None:
-                await asyncio.to_thread(self.library.index, entry.id, columns)
-                has_new = True
-        return has_new
+                with contextlib.suppress(KeyError, OSError):  # deleted or renamed since it was listed
+                    await asyncio.to_thread(self.library.index, entry.id, columns)
+                has_changed = True
+        return has_changed
 
     def _is_open(self, entry: LibraryEntry) -> bool:
         store = self._store(entry.id)

@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from recordings.column_store import ColumnStore
 from recordings.importers import open_file
 from recordings.library import Library
 from recordings.mcap_reader import McapReader
@@ -87,6 +88,24 @@ def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: InProcess
     assert client.delete(f"{URL}/a").json()["deleted"] is not None
     assert [one["deleted"] is None for one in listed(running)] == [False]
     assert client.post(f"{URL}/a/undelete", json={}).json()["title"] == "New mast"
+
+
+def test_a_recording_that_is_deleted_while_the_library_is_listed_is_not_an_error(
+    running: InProcessServer, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: the list was answered with 500 when a recording went between being listed and being indexed."""
+    drive(folder / "a.mcap", seconds=0.2)
+    opened(running, "a")
+    index = Library.index
+
+    def overtaken(library: Library, recording: str, columns: ColumnStore) -> None:
+        library.delete(recording)
+        index(library, recording, columns)
+
+    monkeypatch.setattr(Library, "index", overtaken)
+    answer = running.client.get(URL)
+    assert answer.status_code == 200
+    assert [one["deleted"] is None for one in answer.json()] == [False]
 
 
 def test_a_marker_set_later_is_among_those_of_the_recording(running: InProcessServer, folder: Path) -> None:
