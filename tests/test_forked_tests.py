@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import dataclass
+from multiprocessing import Pipe
 from pathlib import Path
 
+from tests.checking import forked_tests
 from tests.source_files import ROOT
 
 DIES = """
@@ -62,3 +65,31 @@ def test_the_first_failure_ends_all_workers_when_asked(tmp_path: Path) -> None:
     (tmp_path / "test_fails.py").write_text("def test_fails():\n    assert False\n")
     (tmp_path / "test_waits.py").write_text("import signal\n\ndef test_waits():\n    signal.pause()\n")
     assert "1 failed" in run(tmp_path, "--workers", "2", "-x")
+
+
+@dataclass
+class Item:
+    """As much of a test as the distribution looks at."""
+
+    name: str
+
+    def get_closest_marker(self, mark: str) -> str | None:
+        return mark if "browser" in self.name else None
+
+
+def test_one_worker_keeps_a_browser_and_two_have_one_at_the_end() -> None:
+    tests = forked_tests.ForkedTests(3)
+    names = ("plain 1", "plain 2", "plain 3", "browser 1", "browser 2", "browser 3", "browser 4")
+    tests._groups = [[Item(name)] for name in names]  # type: ignore[list-item]
+    workers = []
+    for number in range(3):
+        workers.append(forked_tests._Worker(f"worker{number}", 0, Pipe()[0], tests._take()))
+        tests._workers = list(workers)
+    assert [worker.group[0].name for worker in workers] == ["browser 1", "plain 1", "plain 2"]
+    taken = []
+    for number in (0, 1, 2, 1, 0):
+        worker = workers[number]
+        worker.group = tests._take(worker) or worker.group
+        taken.append(worker.group[0].name)
+    assert taken == ["browser 2", "plain 3", "browser 3", "plain 3", "browser 4"]
+    assert tests._take(workers[2]) == []

@@ -113,18 +113,23 @@ class ForkedTests:
         self._workers.append(_Worker(name, pid, ours, group))
 
     def _take(self, leaving: _Worker | None = None) -> Group:
-        """The next file; empty when there is none, or none for another worker while enough of them have browsers.
+        """The next file for a worker; empty when none is left, or only browsers' while enough of them run.
+
+        One worker has a browser from the beginning, and keeps it: tests without one wait for half of their time.
 
         Args:
-            leaving: the worker that asks at its last test of a file.
+            leaving: the worker that asks at its last test of a file; absent: a new one.
         """
-        if not self._groups:
-            return []
         others = [worker for worker in self._workers if worker is not leaving]
         browsers = sum(_needs_browser(worker.following or worker.group) for worker in others)
-        if _needs_browser(self._groups[0]) and browsers >= BROWSERS:
-            return []
-        return self._groups.pop(0)
+        has_browser = _needs_browser(leaving.group) if leaving else browsers == 0
+        for wanted in (has_browser, not has_browser):
+            if wanted and browsers >= BROWSERS:
+                continue
+            for at, group in enumerate(self._groups):
+                if _needs_browser(group) is wanted:
+                    return self._groups.pop(at)
+        return []
 
     def _listen(self, session: pytest.Session) -> None:
         for line in wait([worker.line for worker in self._workers]):
