@@ -52,11 +52,17 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class WaitFor:
-    """Wait for an event for which `match` returns a value; None after `timeout_s`."""
+    """Wait for an event for which `match` returns a value; None after `timeout_s`.
+
+    Args:
+        is_answer: the device answers at once what was just sent, so only its silence takes the time: a runner on a slow
+            machine may give it longer.
+    """
 
     match: Callable[[Event], Any | None]
     timeout_s: float
     what: str = ""
+    is_answer: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,6 +60,21 @@ WORKERS = (
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
 recordings.compaction, which imports little and may have little memory.
 """
+VIEWERS = {
+    "server.integrations.foxglove_worker": (),
+    "server.integrations.rerun_worker": (),
+    "server.integrations.ros2_worker": ("zenoh",),
+    "server.integrations.rrd_stream_worker": ("recordings.rrd.writer",),
+    "server.integrations.viser_worker": ("server.integrations.scene",),
+}
+"""Processes that feed viewers of others, and what they import late. Their libraries take a second each to import, which
+the nursery does when the first one is asked for.
+"""
+
+
+def worker_name(module: str, asked_by: int) -> str:
+    """Name of the process of a forked worker: what it runs, as far as there is room (comm, proc(5)), and for whom."""
+    return f"{module.rpartition('.')[2][:7]}:{asked_by}"[:15]
 
 
 class Child:
@@ -208,14 +223,19 @@ def _finish(process: subprocess.Popen[bytes], owner: socket.socket, folder: str)
 # -- in the nursery ----------------------------------------------------------------------------------------------------
 
 
-def _learn() -> None:
-    """Import what serving imports, and settle it in memory: none of it is to be copied in every child."""
+def _learn_to_serve() -> None:
+    """Import what serving imports."""
     from server.commands.common import prepare_decoders
 
     prepare_decoders(ROOT / "artifacts")  # first, because it sets the folder of compiled code
-    for name in (*LEARNT, *WORKERS):
-        importlib.import_module(name)
     importlib.import_module("server.library.sources").decoding_mark()  # of the sources as they are now
+    _learn(*LEARNT, *WORKERS)
+
+
+def _learn(*modules: str) -> None:
+    """Import modules, and settle them in memory: none of it is to be copied in every child."""
+    for name in modules:
+        importlib.import_module(name)
     gc.collect()
     gc.freeze()
 
@@ -258,6 +278,7 @@ class _Nursery:
         self._children: dict[socket.socket, set[int]] = {}  # by the connection of who asked for them
         self._asked_by: dict[int, int] = {}  # child -> process
         self._spent_s: dict[int, float] = {}  # process -> processor time of what was forked for it
+        self._learnt: set[str] = set()  # of VIEWERS
 
     def run(self) -> _Request | None:
         """Returns in each child, with what it is asked to do, and at the end, with None."""
@@ -270,7 +291,7 @@ class _Nursery:
             for one in readable:
                 if one is self._listener:
                     if not is_ready:
-                        _learn()
+                        _learn_to_serve()
                         is_ready = True
                     self._children[self._listener.accept()[0]] = set()
                 elif (request := self._answer(one)) is not None:
@@ -289,7 +310,12 @@ class _Nursery:
                     os.kill(pid, signal.SIGTERM)
             return None
         *streams, end = given
+        module = json.loads(asked)["module"]
+        if module in VIEWERS and module not in self._learnt:
+            self._learnt.add(module)
+            _learn(module, *VIEWERS[module])
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # after its process id is known
+        asked_by = _peer(line)
         nursery, pid = os.getpid(), os.fork()
         if pid == 0:
             for one in (self._listener, self._owner, *self._children):
@@ -297,10 +323,12 @@ class _Nursery:
             for descriptor in (end, *self._ends.values()):
                 os.close(descriptor)
             request = json.loads(asked)
+            if module:
+                Path("/proc/self/comm").write_text(worker_name(module, asked_by))
             _settle(nursery, request["env"], streams)
             return _Request(request["argv"], request["module"], self._listener_name)
         self._ends[pid] = end
-        self._asked_by[pid] = _peer(line)
+        self._asked_by[pid] = asked_by
         self._children[line].add(pid)
         for descriptor in streams:
             os.close(descriptor)

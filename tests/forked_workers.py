@@ -12,10 +12,11 @@ import os
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from server.workers import Worker
-from tests.fork_server import WORKERS, Child, ForkServer
+from tests.fork_server import VIEWERS, WORKERS, Child, ForkServer, worker_name
 
 _start = Worker.create_process
 
@@ -53,11 +54,27 @@ def install(nursery: ForkServer) -> None:
     """Have the workers of this process forked by `nursery`."""
 
     async def create(python: str, flag: str, module: str, *words: str, **streams: Any) -> Any:
-        if module not in WORKERS:
+        if module not in WORKERS and module not in VIEWERS:
             return await _start(python, flag, module, *words, **streams)
         return await _forked(nursery, module, words, **streams)
 
     Worker.create_process = staticmethod(create)
+
+
+def workers_of(server: int, module: str) -> list[int]:
+    """Processes that run a module for a server, forked or started, by their parent and their name."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
+        except OSError:
+            continue  # gone meanwhile
+        name, _, rest = line.partition("(")[2].rpartition(")")
+        state, parent = rest.split()[:2]
+        started = int(parent) == server and module in command.split("\0")
+        if state != "Z" and (started or name == worker_name(module, server)):
+            found.append(int(stat.parent.name))
+    return found
 
 
 @contextmanager

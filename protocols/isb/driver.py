@@ -134,7 +134,7 @@ def read_dataset(
     row = SETS[did]
     for _ in range(attempts):
         yield Send(frames.get_data(did, size=size, offset=offset, period=0))
-        answer = yield WaitFor(answer_of(did), timeout_s, row.name)
+        answer = yield WaitFor(answer_of(did), timeout_s, row.name, is_answer=True)
         if answer == NACK:
             raise DeviceRejectedError(f"GET {row.name}", NO, NACK)
         if answer is not None:
@@ -157,7 +157,7 @@ def write_dataset(packet: bytes, what: str, *, attempts: int = ATTEMPTS, require
     offset = int.from_bytes(packet[6:8], "little") if packet[2] & frames.WITH_OFFSET else 0
     for _ in range(attempts):
         yield Send(packet, what)
-        answer = yield WaitFor(ack_of(kind, did, offset), ANSWER_S, "ACK")
+        answer = yield WaitFor(ack_of(kind, did, offset), ANSWER_S, "ACK", is_answer=True)
         if answer == NACK:
             raise DeviceRejectedError(what, NO, NACK)
         if answer == ACK:
@@ -245,7 +245,7 @@ class IsbDriver(DeviceDriver):
     def _begin(packet: bytes, did: int) -> Transaction[Values]:
         """Request a stream: its first packet is the answer."""
         yield Send(packet)
-        answer = yield WaitFor(answer_of(did), 2.0, SETS[did].name)
+        answer = yield WaitFor(answer_of(did), 2.0, SETS[did].name, is_answer=True)
         if answer == NACK:
             raise DeviceRejectedError(f"GET {SETS[did].name}", NO, NACK)
         return as_text(answer or {})
@@ -265,7 +265,7 @@ class IsbDriver(DeviceDriver):
 
         for _ in range(ATTEMPTS):
             yield Send(line, name)
-            answer = yield WaitFor(match, ANSWER_S, f"${reply}")
+            answer = yield WaitFor(match, ANSWER_S, f"${reply}", is_answer=True)
             if answer is not None:
                 return as_text(answer)
         raise NoReplyError(f"${name}", ATTEMPTS, ANSWER_S)
@@ -358,7 +358,7 @@ class IsbDriver(DeviceDriver):
 
         for _ in range(ATTEMPTS):
             yield Send(frames.get_data(DEV_INFO, period=0))
-            if (yield WaitFor(match, ANSWER_S, "DID_DEV_INFO")):
+            if (yield WaitFor(match, ANSWER_S, "DID_DEV_INFO", is_answer=True)):
                 return replace(known, at_rest=False, **found)
         raise NoReplyError("GET DID_DEV_INFO", ATTEMPTS, ANSWER_S)
 

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from protocols.events import Event
@@ -99,7 +100,7 @@ class _Watch:
             return (yield act)
         did, self._waiting = self._waiting, -1
         timeout_s = max(act.timeout_s, PASSIVE_S) if did >= 0 else act.timeout_s
-        answer = yield WaitFor(self._is_receiving(act.match), timeout_s, act.what)
+        answer = yield replace(act, match=self._is_receiving(act.match), timeout_s=timeout_s)
         if did >= 0 and answer is None:
             self._mute.add(did)
         return answer
@@ -186,7 +187,7 @@ class _Watch:
             except (DeviceRejectedError, NoReplyError):
                 return False
         wait_s = max(ANSWER_S, 3e-3 * (self._received.interval_ms(did) or 0))
-        return not (yield WaitFor(lambda event: _is(event, did), wait_s, "streams"))
+        return not (yield WaitFor(lambda event: _is(event, did), wait_s, "streams", is_answer=True))
 
     def _period(self, did: int) -> int:
         """Its multiple; 1 if never observed."""

@@ -346,7 +346,7 @@ def _run(row: CommandRow, frame: bytes, times: requests.StateTimes) -> Transacti
 def _one_sample(frame: bytes, row: CommandRow) -> Transaction[Values]:
     """Request a sample. A streaming device sends samples anyway; its refusal is an Error a moment later."""
     yield Send(frame, row.message)
-    came = yield WaitFor(_sample_or_error, row.timeout_s, "MTData2")
+    came = yield WaitFor(_sample_or_error, row.timeout_s, "MTData2", is_answer=True)
     if came is None:
         raise NoReplyError(row.message, 1, row.timeout_s)
     if came is True:

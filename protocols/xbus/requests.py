@@ -103,7 +103,7 @@ def send_request(
 
     for _ in range(attempts):
         yield Send(frame, what)
-        reply = yield WaitFor(match, timeout_s, what)
+        reply = yield WaitFor(match, timeout_s, what, is_answer=True)
         if reply is not None:
             if reply.message.id == ERROR:
                 raise refusal(what, reply)

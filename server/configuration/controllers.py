@@ -70,6 +70,7 @@ class ControllerRegistry:
         self._bus = bus
         self._sessions = sessions
         self._drivers = drivers
+        self._patience = timings.patience
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
         previous_names.rename_folder(data / "trials", data / "rollbacks")
         self.rollbacks = RollbackStore(data / "rollbacks")
@@ -85,7 +86,7 @@ class ControllerRegistry:
     def _added(self, session: AnyDevice) -> None:
         device = session.info.id
         controller = self._controllers[device] = DeviceController(
-            session, self._bus, self._drivers, decode, self._sharing_line
+            session, self._bus, self._drivers, decode, self._sharing_line, patience=self._patience
         )
 
         async def removed() -> None:

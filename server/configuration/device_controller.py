@@ -97,6 +97,7 @@ class DeviceController:
         driver_of: the driver of a protocol, None if it has none.
         decode: decodes the first frame of some bytes of a protocol to plain values.
         beside: the controllers of the other devices on its link.
+        patience: of its runner.
     """
 
     def __init__(
@@ -106,6 +107,8 @@ class DeviceController:
         driver_of: Callable[[str], DeviceDriver | None],
         decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
         beside: Callable[[str], Sequence[DeviceController]] = lambda device: (),
+        *,
+        patience: float = 1.0,
     ) -> None:
         self.session = session
         self.beside = beside
@@ -118,7 +121,7 @@ class DeviceController:
             lambda frame: self._name_of(frame),
             session.bytes_at,
         )
-        self.runner = Runner(session, self.log)
+        self.runner = Runner(session, self.log, patience)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s

@@ -60,10 +60,12 @@ class Runner:
 
     Args:
         watcher: receives every sent frame and every event that answered.
+        patience: factor of the time that the answer to a request has. A simulator on a busy machine answers late.
     """
 
-    def __init__(self, channel: TransactionPort, watcher: TrafficListener) -> None:
+    def __init__(self, channel: TransactionPort, watcher: TrafficListener, patience: float = 1.0) -> None:
         self._channel = channel
+        self._patience = patience
         self._watcher = watcher
         self._received: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._awaited: tuple[WaitFor, asyncio.Future[Any]] | None = None
@@ -136,7 +138,8 @@ class Runner:
         answered: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self._awaited = (act, answered)
         try:
-            done, _ = await asyncio.wait((answered,), timeout=act.timeout_s)
+            timeout_s = act.timeout_s * (self._patience if act.is_answer else 1.0)
+            done, _ = await asyncio.wait((answered,), timeout=timeout_s)
             if not done:
                 self._channel.decode()
             return answered.result() if answered.done() else None

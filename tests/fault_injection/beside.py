@@ -24,7 +24,7 @@ from tests.waiting import block_until
 
 RATE = 200.0  # of the other device, frames/s
 FRAMES = 10_000  # of the longer recording
-ANSWERS = 3  # during a flood
+ANSWERS = 2  # during a flood: the first may have been asked for before it began
 
 
 def processor_s(pid: int) -> float:

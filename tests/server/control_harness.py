@@ -33,6 +33,8 @@ from tests.waiting import until
 BRIEF = ListeningTimes(least_s=0.3, listen_s=0.5)  # the product's times are for streams of 1 Hz
 BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # for tests that do not concern streams
 
+PATIENT = 10.0  # times as long as the product waits for an answer: a simulator that has no processor is not silent
+
 SILENT = StateTimes(config_s=1.0, reset_s=2.0, stream_s=1.0, answer_s=0.5)  # where an MTi cannot answer
 
 
@@ -82,9 +84,11 @@ async def house(
     Args:
         listening: how long the streams of an IMX are listened to.
         times: how long an MTi is waited for.
-        timings: further ones of ConfigurationTimings; a port is looked for ten times a second.
+        timings: further ones of ConfigurationTimings; a port is looked for ten times a second, and answers are waited
+            for with patience, which those pass as 1 that have a device be silent.
     """
-    limits = ConfigurationTimings(rollback_s=rollback_s, **{"port_look_s": 0.1, **timings})
+    brief = {"port_look_s": 0.1, "patience": PATIENT, **timings}
+    limits = ConfigurationTimings(rollback_s=rollback_s, **brief)
     made = ControlHarness(data, limits, listening, times)
     made.sessions.start()
     try:

@@ -25,6 +25,8 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from recordings.topics import Encoder, fields_of, schema_of, topic_of
+from server.integrations.foxglove import MODULE
+from tests.forked_workers import workers_of
 from tests.server.foxglove_client import attached, channel, protobuf
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, get
@@ -172,9 +174,9 @@ def test_without_the_option_it_is_refused_with_a_reason(server: ServerProcess) -
 
 
 def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
-    [pid] = children(bridged.process.pid)
+    [pid] = workers_of(bridged.process.pid, MODULE)
     os.kill(pid, signal.SIGKILL)
-    block_until(lambda: children(bridged.process.pid) not in ([], [pid]), "another process", seconds=60)
+    block_until(lambda: workers_of(bridged.process.pid, MODULE) not in ([], [pid]), "another process")
 
     async def play() -> None:
         async with attached(bridged) as client:
@@ -200,19 +202,6 @@ def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:
     asyncio.run(play())
     [device] = get(bridged.url + "/api/devices").json()
     assert device["status"] == "live"
-
-
-def children(parent: int) -> list[int]:
-    """The bridge's processes of a server."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
-        except OSError:
-            continue  # gone meanwhile
-        if int(line.rpartition(")")[2].split()[1]) == parent and "foxglove_worker" in command:
-            found.append(int(stat.parent.name))
-    return found
 
 
 # ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────────

@@ -17,10 +17,12 @@ import numpy as np
 import pytest
 import zenoh
 
+from server.integrations.ros2 import MODULE
 from server.ros2 import type_support
 from server.ros2.attachment import Attachment, gid_of
 from server.ros2.key_expressions import RosEndpoint, RosNode, parse_token, parse_topic_key
 from tests.each_row import each_row
+from tests.forked_workers import workers_of
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, get
@@ -181,7 +183,7 @@ def test_a_subscriber_of_another_type_is_named(router: zenoh.Session, published:
 
 def test_it_comes_back_after_a_crash(router: zenoh.Session, published: ServerProcess) -> None:
     before = announced(router)
-    (worker,) = [pid for pid in children(published.process.pid) if "ros2_worker" in command(pid)]
+    (worker,) = workers_of(published.process.pid, MODULE)
     os.kill(worker, signal.SIGKILL)
     block_until(lambda: (now := announced(router)) and not set(now) & set(before), "it is announced anew")
     with received(router) as found:
@@ -272,13 +274,3 @@ def test_invalid_settings_are_one_line(arguments: tuple[str, ...], words: str) -
     assert said.returncode == 1
     assert words in said.stderr
     assert len(said.stderr.splitlines()) == 1
-
-
-def children(parent: int) -> list[int]:
-    return [
-        int(pid) for task in Path(f"/proc/{parent}/task").iterdir() for pid in (task / "children").read_text().split()
-    ]
-
-
-def command(pid: int) -> str:
-    return Path(f"/proc/{pid}/cmdline").read_text()

@@ -8,7 +8,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -16,7 +16,9 @@ import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from server.config import Config
+from server.integrations.viser import MODULE
 from server.timings import ViewerTimings
+from tests.forked_workers import workers_of
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ROOT, ServerProcess
@@ -118,7 +120,7 @@ def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) 
 
 def test_viser_recovers_from_a_crash_and_reports_it(shown: httpx.Client, server: ServerProcess) -> None:
     shown.get("/viser/")
-    pid = children(server.process.pid)[0]
+    pid = viser_of(server.process.pid)[0]
     os.kill(pid, signal.SIGKILL)
 
     def turned_again() -> object:  # viser's page tries again by itself, too
@@ -130,8 +132,12 @@ def test_viser_recovers_from_a_crash_and_reports_it(shown: httpx.Client, server:
             return None
 
     block_until(turned_again, "it turns again")
-    assert children(server.process.pid)[0] != pid
+    assert viser_of(server.process.pid)[0] != pid
     assert any("crashed" in text for text in asyncio.run(events(server.url)))
+
+
+def viser_of(server: int) -> list[int]:
+    return workers_of(server, MODULE)
 
 
 async def events(url: str) -> list[str]:
@@ -147,19 +153,6 @@ async def events(url: str) -> list[str]:
                 return [event["text"] for event in message["events"]]
 
 
-def children(parent: int) -> list[int]:
-    """Viser's processes of a server."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
-        except OSError:
-            continue  # gone meanwhile
-        if int(line.rpartition(")")[2].split()[1]) == parent and "viser_worker" in command:
-            found.append(int(stat.parent.name))
-    return found
-
-
 def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
     async def visit(url: str) -> None:
         async with looking(url):
@@ -167,25 +160,25 @@ def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
 
     config = Config(sources=("/dev/one",), data=tmp_path)
     with InProcessServer(config, FakeLink, timings=ViewerTimings(scene_idle_s=PATIENCE_S)) as running:
-        assert children(os.getpid()) == []
+        assert viser_of(os.getpid()) == []
         assert get(running.url + "/viser/").status_code == 200
-        [pid] = children(os.getpid())
+        [pid] = viser_of(os.getpid())
         running.services.viser._idle_s = 0.01  # from here on, so that it is still there when it is counted
         asyncio.run(visit(running.url))
-        block_until(lambda: not children(os.getpid()), "it has ended")
+        block_until(lambda: not viser_of(os.getpid()), "it has ended")
         running.services.viser._idle_s = PATIENCE_S
         assert get(running.url + "/viser/").status_code == 200
-        [again] = children(os.getpid())
+        [again] = viser_of(os.getpid())
         assert again != pid
 
 
-def test_viser_ends_with_the_server_however_that_ends(serve: Callable[..., ServerProcess]) -> None:
-    server = serve("sim:xbus")
-    assert children(server.process.pid) == []
-    assert get(server.url + "/viser/", timeout=PATIENCE_S).status_code == 200
-    [pid] = children(server.process.pid)
-    server.process.kill()
-    block_until(lambda: not Path(f"/proc/{pid}").exists(), "it is gone, too")
+def test_viser_ends_with_the_server_however_that_ends(tmp_path: Path) -> None:
+    with ServerProcess("sim:xbus", data=tmp_path, fresh=True) as server:  # it starts its processes itself
+        assert viser_of(server.process.pid) == []
+        assert get(server.url + "/viser/", timeout=PATIENCE_S).status_code == 200
+        [pid] = viser_of(server.process.pid)
+        server.process.kill()
+        block_until(lambda: not Path(f"/proc/{pid}").exists(), "it is gone, too")
 
 
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:

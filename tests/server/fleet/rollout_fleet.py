@@ -31,8 +31,8 @@ from tests.timeouts import PATIENCE_S, http_client
 from tests.turned_loop import TurnedLoop
 from tests.waiting import block_until
 
-SOURCE = "sim:xbus?product=MTi-630&rate=20"
-PROFILE_HZ, OTHER_HZ = 50, 20
+SOURCE = "sim:xbus?product=MTi-630&rate=5"
+PROFILE_HZ, OTHER_HZ = 10, 5  # each sample costs each server
 QUATERNION = 0x2010
 LONG_S = 300.0
 """A time of watching that somebody at the robot ends."""
@@ -112,6 +112,7 @@ class RolloutFleet:
     ) -> None:
         self._folder, self._names, self._is_process, self._timing = folder, names, is_process, timing
         self._port = free_port()
+        self.number = 1  # of the newest rollout
         self.lines = {name: CutLine(self._port) for name in behind}
         self.robots: dict[str, Robot] = {}
         self._open = ExitStack()
@@ -174,9 +175,19 @@ class RolloutFleet:
         block_until(lambda: self.device(name)["status"] == "live", f"the device of {name} is live")
         self.post(name, "read", {})
         block_until(lambda: self.values(name), f"the settings of {name} are read")
+        self._write(name)
+
+    def _write(self, name: str) -> None:
         rate = PROFILE_HZ if name == self._names[0] else OTHER_HZ
         self.post(name, "apply", {"changes": outputs(rate), "confirmed": True})
         block_until(lambda: self.rate(name) == rate, "the settings are written")
+
+    def reset(self) -> None:
+        """Give the others again the settings that differ from the profile, after a test that changed them."""
+        for name in self._names[1:]:
+            if self.rate(name) != OTHER_HZ:
+                self._write(name)
+        self._until_drifted()
 
     def _share(self) -> None:
         """Make the first one's settings the profile, and wait until the others differ from it."""
@@ -186,6 +197,9 @@ class RolloutFleet:
         block_until(
             lambda: self.send(f"robots/{first}/profile", device="1", by="Ada").status_code == 200, "there is a profile"
         )
+        self._until_drifted()
+
+    def _until_drifted(self) -> None:
         block_until(
             lambda: (
                 [self.summary(name)["settings"] for name in self._names]
@@ -246,11 +260,14 @@ class RolloutFleet:
 
     def start(self, plan: str, **options: Any) -> httpx.Response:
         """Start a rollout."""
-        return self.send("robots/a/rollout", device="1", plan=plan, **{"by": "Ada", "watch_s": LONG_S, **options})
+        answer = self.send("robots/a/rollout", device="1", plan=plan, **{"by": "Ada", "watch_s": LONG_S, **options})
+        if answer.status_code == 202:
+            self.number = answer.json()["id"]
+        return answer
 
     def rollout(self) -> dict[str, Any]:
-        """The first rollout."""
-        return dict(self._server.get("/api/fleet/rollouts/1").json())
+        """The newest rollout."""
+        return dict(self._server.get(f"/api/fleet/rollouts/{self.number}").json())
 
     def states(self) -> dict[str, str]:
         """Robot → state of its device in the rollout."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,34 +48,47 @@ def test_waves_that_cannot_be_used(text: str) -> None:
         wave_sizes(text, 5)
 
 
-def test_a_profile_is_applied_in_waves_and_confirmed(tmp_path: Path) -> None:
-    with RolloutFleet(tmp_path) as fleet:
-        plan = fleet.plan()
-        assert [one["robot"] for one in plan["devices"]] == ["b", "c"]
-        assert (plan["waves"], plan["same"], plan["left_out"]) == ([1, 1], 1, [])
-        assert [one["change"] for one in plan["devices"]] == [0, 0]
-        changes = [(one["now"], one["profile"]) for one in plan["changes"][0]["rows"]]
-        assert (f"{OTHER_HZ} Hz", f"{PROFILE_HZ} Hz") in changes
-        assert fleet.plan(waves="100 %")["waves"] == [2]
-        assert fleet.start("another").json()["kind"] == "changed"
-        assert fleet.start(plan["id"], by=" ").json()["kind"] == "bad-value"
-        assert fleet.start(plan["id"], waves="none").json()["kind"] == "bad-value"
-        assert fleet.start(plan["id"], watch_s=1).status_code == 202
-        assert fleet.start(plan["id"]).json()["kind"] == "busy"
-        over = fleet.until_over()
-        assert (over["state"], fleet.states()) == ("done", {"b": "done", "c": "done"}), over
-        for name in "bc":
-            assert fleet.rate(name) == PROFILE_HZ
-            assert fleet.rollback(name) == "confirmed"
-        told = "Command through the fleet server of Ada, rollout 1: POST /api/devices/1/apply."
-        block_until(lambda: told in fleet.events("b"), lambda: fleet.events("b"))
-        texts = fleet.events("b")
-        assert any(text.startswith("Rollout 1 of Ada, MTi-630: done.") for text in texts), texts
-        assert "Rollout 1 to 2 devices of the group otters was started by Ada." in fleet.events("")
-        block_until(lambda: fleet.plan()["same"] == 3, "all are as the profile")
-        assert fleet.start(fleet.plan()["id"]).json()["kind"] == "not-now"
-        assert fleet.send("rollouts/1/stop", by="Ada").json()["kind"] == "not-now"
-        assert fleet.send("rollouts/7/stop", by="Ada").status_code == 404
+@pytest.fixture(scope="module")
+def four_robots(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RolloutFleet]:
+    with RolloutFleet(tmp_path_factory.mktemp("fleet"), "abcd") as fleet:
+        yield fleet
+
+
+@pytest.fixture
+def fleet(four_robots: RolloutFleet) -> RolloutFleet:
+    """A fleet that several tests share, whose robots come back from what each did to them."""
+    four_robots.reset()
+    return four_robots
+
+
+def test_a_profile_is_applied_in_waves_and_confirmed(fleet: RolloutFleet) -> None:
+    plan = fleet.plan()
+    assert [one["robot"] for one in plan["devices"]] == ["b", "c", "d"]
+    assert (plan["waves"], plan["same"], plan["left_out"]) == ([1, 2], 1, [])
+    assert [one["change"] for one in plan["devices"]] == [0, 0, 0]
+    changes = [(one["now"], one["profile"]) for one in plan["changes"][0]["rows"]]
+    assert (f"{OTHER_HZ} Hz", f"{PROFILE_HZ} Hz") in changes
+    assert fleet.plan(waves="100 %")["waves"] == [3]
+    assert fleet.start("another").json()["kind"] == "changed"
+    assert fleet.start(plan["id"], by=" ").json()["kind"] == "bad-value"
+    assert fleet.start(plan["id"], waves="none").json()["kind"] == "bad-value"
+    assert fleet.start(plan["id"], watch_s=1).status_code == 202
+    assert fleet.start(plan["id"]).json()["kind"] == "busy"
+    over = fleet.until_over()
+    assert (over["state"], fleet.states()) == ("done", dict.fromkeys("bcd", "done")), over
+    for name in "bcd":
+        assert fleet.rate(name) == PROFILE_HZ
+        assert fleet.rollback(name) == "confirmed"
+    number = fleet.number
+    told = f"Command through the fleet server of Ada, rollout {number}: POST /api/devices/1/apply."
+    block_until(lambda: told in fleet.events("b"), lambda: fleet.events("b"))
+    texts = fleet.events("b")
+    assert any(text.startswith(f"Rollout {number} of Ada, MTi-630: done.") for text in texts), texts
+    assert f"Rollout {number} to 3 devices of the group otters was started by Ada." in fleet.events("")
+    block_until(lambda: fleet.plan()["same"] == 4, "all are as the profile")
+    assert fleet.start(fleet.plan()["id"]).json()["kind"] == "not-now"
+    assert fleet.send(f"rollouts/{number}/stop", by="Ada").json()["kind"] == "not-now"
+    assert fleet.send("rollouts/77/stop", by="Ada").status_code == 404
 
 
 def test_a_device_that_stops_to_deliver_is_rolled_back_and_the_next_wave_does_not_begin(tmp_path: Path) -> None:
@@ -104,30 +117,31 @@ def no_samples(due: Callable[[XbusSimulator, int, list[bytes]], None]) -> Callab
     return silent
 
 
-def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(tmp_path: Path) -> None:
-    with RolloutFleet(tmp_path) as fleet:
-        assert fleet.start(fleet.plan()["id"]).status_code == 202
-        fleet.until_state("b", "watching")
-        assert fleet.post("b", "roll-back", {}).status_code == 200
-        over = fleet.until_over()
-        assert fleet.states() == {"b": "failed", "c": "not-started"}, over
-        assert over["devices"][0]["words"] == "The device was rolled back to the old settings, as requested."
+def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(fleet: RolloutFleet) -> None:
+    assert fleet.start(fleet.plan()["id"]).status_code == 202
+    fleet.until_state("b", "watching")
+    assert fleet.post("b", "roll-back", {}).status_code == 200
+    over = fleet.until_over()
+    assert fleet.states() == {"b": "failed", "c": "not-started", "d": "not-started"}, over
+    assert over["devices"][0]["words"] == "The device was rolled back to the old settings, as requested."
 
 
-def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(tmp_path: Path) -> None:
-    with RolloutFleet(tmp_path, "abcd") as fleet:
-        assert fleet.start(fleet.plan()["id"], waves="1").status_code == 202
-        fleet.until_state("b", "watching")
-        outputs = fleet.values("c")["OutputConfiguration"]
-        for one in outputs["outputs"]:
-            one["output_frequency"] = 10 if one["output_frequency"] == OTHER_HZ else one["output_frequency"]
-        fleet.post("c", "apply", {"changes": {"OutputConfiguration": outputs}, "confirmed": True})
-        block_until(lambda: fleet.rate("c") == 10, "it is changed")
-        fleet.confirm("b")
-        over = fleet.until_over()
-        assert fleet.states() == {"b": "done", "c": "failed", "d": "not-started"}, over
-        assert "was changed by another client" in over["words"]
-        assert [fleet.rate(name) for name in "bcd"] == [PROFILE_HZ, 10, OTHER_HZ]
+OWN_HZ = 4  # that somebody sets at the robot
+
+
+def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(fleet: RolloutFleet) -> None:
+    assert fleet.start(fleet.plan()["id"], waves="1").status_code == 202
+    fleet.until_state("b", "watching")
+    outputs = fleet.values("c")["OutputConfiguration"]
+    for one in outputs["outputs"]:
+        one["output_frequency"] = OWN_HZ if one["output_frequency"] == OTHER_HZ else one["output_frequency"]
+    fleet.post("c", "apply", {"changes": {"OutputConfiguration": outputs}, "confirmed": True})
+    block_until(lambda: fleet.rate("c") == OWN_HZ, "it is changed")
+    fleet.confirm("b")
+    over = fleet.until_over()
+    assert fleet.states() == {"b": "done", "c": "failed", "d": "not-started"}, over
+    assert "was changed by another client" in over["words"]
+    assert [fleet.rate(name) for name in "bcd"] == [PROFILE_HZ, OWN_HZ, OTHER_HZ]
 
 
 def test_a_robot_whose_line_is_cut_rolls_back_by_itself(tmp_path: Path) -> None:
@@ -145,18 +159,17 @@ def test_a_robot_whose_line_is_cut_rolls_back_by_itself(tmp_path: Path) -> None:
         assert fleet.rate("c") == OTHER_HZ
 
 
-def test_a_stop_finishes_what_has_begun_and_begins_nothing_else(tmp_path: Path) -> None:
-    with RolloutFleet(tmp_path) as fleet:
-        assert fleet.start(fleet.plan()["id"]).status_code == 202
-        fleet.until_state("b", "watching")
-        assert fleet.send("rollouts/1/stop", by="  ").json()["kind"] == "bad-value"
-        assert fleet.send("rollouts/1/stop", by="Ben").json()["stopped_by"] == "Ben"
-        fleet.confirm("b")
-        over = fleet.until_over()
-        assert (over["state"], over["words"]) == ("stopped", "Stopped by Ben: 1 not started."), over
-        assert fleet.states() == {"b": "done", "c": "not-started"}
-        assert [fleet.rate(name) for name in "bc"] == [PROFILE_HZ, OTHER_HZ]
-        assert "Rollout 1 was stopped by Ben." in fleet.events("")
+def test_a_stop_finishes_what_has_begun_and_begins_nothing_else(fleet: RolloutFleet) -> None:
+    assert fleet.start(fleet.plan()["id"]).status_code == 202
+    fleet.until_state("b", "watching")
+    assert fleet.send(f"rollouts/{fleet.number}/stop", by="  ").json()["kind"] == "bad-value"
+    assert fleet.send(f"rollouts/{fleet.number}/stop", by="Ben").json()["stopped_by"] == "Ben"
+    fleet.confirm("b")
+    over = fleet.until_over()
+    assert (over["state"], over["words"]) == ("stopped", "Stopped by Ben: 2 not started."), over
+    assert fleet.states() == {"b": "done", "c": "not-started", "d": "not-started"}
+    assert [fleet.rate(name) for name in "bcd"] == [PROFILE_HZ, OTHER_HZ, OTHER_HZ]
+    assert f"Rollout {fleet.number} was stopped by Ben." in fleet.events("")
 
 
 def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
