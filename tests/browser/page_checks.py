@@ -13,6 +13,8 @@ from tests.server_process import ROOT, ServerProcess
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 DESKTOP, PHONE = (1440, 900), (390, 844)
+SILENT = "udp://:0"
+"""A link on which nothing comes. A server without any source shows three simulators, which take a third of a core."""
 
 # Controls a person can see, with how far a finger may miss their middle and still hit them, px to each side.
 TARGETS = """() => {

@@ -1,55 +1,66 @@
-"""The analysis dialog in a real browser: a spectrum in two actions, an Allan deviation in two, and on a phone."""
+"""The analysis dialog in a real browser, from recorded answers: its colours in both themes, its readings, and a phone.
+
+What is asked of the server is tested without a browser, in web/src/analysis/dialog.test.tsx; the figures of a real
+server are shown in test_recordings.py.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, TARGETS, opened, serious
+from tests.browser.page_checks import PHONE, fits, serious, small_targets
+from tests.browser.stories import Story
 from tests.chromium import until
-from tests.server_process import ServerProcess
 
 PLACE = "document.querySelector('dialog[open]')"
-DIALOG = f"{PLACE}?.innerText"
 CURVES = "document.querySelectorAll('dialog[open] path.trace').length"
-PICTURES = "document.querySelectorAll('dialog[open] .spectrogram > canvas').length"
+NUMBERS = [1, 2, 3, 4, 5]
+STATES = ("met", "above", "open")
 
 
-def test_a_spectrum_and_an_allan_deviation(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+def figures(axis: str) -> dict[str, Any]:
+    """Of one signal, for a spectrum and for an Allan deviation, with each verdict on the data sheet."""
+    peak = {"frequency": 31.7, "uncertainty": 0.001, "rms": 0.25, "above_floor": 22.1, "order": 1, "harmonic_of": None}
+    return {
+        "signal": f"Acceleration.{axis}",
+        "device": "1",
+        "units": {
+            **{"psd": "m/s²/√Hz", "frequency": "Hz", "peaks.rms": "m/s²", "adev": "m/s²", "mean": "m/s²"},
+            "parameters.random_walk.value": "m/s²/√Hz",
+        },
+        "figures": {
+            **dict.fromkeys(("frequency", "psd", "tau", "adev", "low", "high", "model", "data_sheet"), NUMBERS),
+            "peaks": [peak],
+            "parameters": {"random_walk": {"value": 0.002, "low": 0.0019, "high": 0.0021}},
+            "verdicts": [
+                {"parameter": "random_walk", "state": state, "words": f"Random walk: {state}."} for state in STATES
+            ],
+            **{"segments": 8, "length": 256, "rate": 100, "n": 5000, "mean": 9.81},
+            "notes": ["1 gap, 0.5 s in sum: nothing is computed across a gap."],
+        },
+    }
+
+
+def test_figures_on_a_desktop_and_a_phone(open_page: Callable[..., Page]) -> None:
     """And on a phone, where the dialog has room and a finger hits all of it."""
-    server = serve("sim:xbus?product=MTi-630&rate=100&seed=1")
-    page = opened(server, open_page, DESKTOP)
-    page.keyboard.press("a")
-    until(page, f"{CURVES} === 3")
-    until(page, f"{DIALOG}.includes('at 100 Hz')")
-    assert serious(page, PLACE) == []
-    box = page.locator(".analysis-chart > svg").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    until(page, "/\\d Hz/.test(document.querySelector('.analysis-reading').innerText)")
-    page.get_by_label("Signals or expressions").fill("norm(Acceleration) - 1 g")
-    until(page, f"{CURVES} === 1")
-    page.keyboard.press("Escape")
-    until(page, f"{PLACE} === null")
-    page.get_by_role("button", name="Analysis").click()
-    page.get_by_role("button", name="Allan deviation").click()
-    until(page, f"{CURVES} === 6 && {DIALOG}.includes('Random walk N')")  # accelerometers and gyroscopes
-    until(page, f"{DIALOG}.includes('of the MTi-630-8A1G6 data sheet')")
-    for verdict in ("met", "above", "open"):  # whichever the noise of these seconds gives
-        page.evaluate(f"document.querySelectorAll('.analysis-verdicts li').forEach(li => li.className = '{verdict}')")
+    found = [figures(axis) for axis in "xyz"]
+    with Story("xbus", answers={f"POST /api/analysis/{name}": found for name in ("psd", "allan")}) as story:
+        page = story.open(open_page)
+        page.keyboard.press("a")
+        until(page, f"{CURVES} === 3")
+        box = page.locator(".analysis-chart > svg").bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        until(page, "/\\d Hz/.test(document.querySelector('.analysis-reading').innerText)")
         assert serious(page, PLACE) == []
-    page.get_by_role("button", name="Spectrogram").click()
-    until(page, f"{PICTURES} > 0")
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 100)
-    page.get_by_role("button", name="Statistics").click()
-    until(page, f"{DIALOG}.includes('Peak to peak')")
-    page.context.close()
+        page.get_by_role("button", name="Allan deviation").click()
+        until(page, f"{PLACE}.querySelectorAll('.analysis-verdicts li').length === {3 * len(STATES)}")
+        assert serious(page, PLACE) == []
 
-    page = opened(server, open_page, PHONE)
-    page.get_by_role("button", name="Analysis").click()
-    until(page, f"{CURVES} === 3")
-    assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
-    assert page.evaluate(f"{PLACE}.scrollWidth") <= PHONE[0]
-    small = page.evaluate(TARGETS.replace("document.querySelectorAll", f"{PLACE}.querySelectorAll"))
-    assert not small, small
+        page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
+        assert fits(page)
+        assert fits(page, place=PLACE)
+        assert small_targets(page, PLACE) == []

@@ -156,6 +156,17 @@ test("the settings of both are a diff, on request", async () => {
   expect(screen.getByText("MTi 2, now")).toBeTruthy();
 });
 
+test("settings that agree are one sentence", async () => {
+  open("a=1&al=30&b=2&bl=30&signal=Quaternion", {
+    "POST /api/comparison/settings": { left: "MTi 1, now", right: "MTi 2, now", rows: [], same: 42, missing: {} },
+  });
+  await screen.findByRole("slider");
+  const details = screen.getByText("Settings of both").closest("details") as HTMLDetailsElement;
+  details.open = true;
+  fireEvent(details, new Event("toggle"));
+  expect(await screen.findByText("The settings agree.")).toBeTruthy();
+});
+
 test("a refused comparison says why", async () => {
   const problem = { kind: "no-result", message: "No offset stands out.", hint: "Choose another range." };
   open("a=1&al=30&b=2&bl=30&signal=Quaternion", {

@@ -1,0 +1,42 @@
+// @vitest-environment happy-dom
+/** The 3D scene: a frame that is there on request only, beside the plots or as a panel of a workspace. */
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
+import { openPage } from "../testing/live-page";
+import { type Answers, recorded } from "../testing/recorded";
+import { TEXT as WORKSPACE } from "../texts/workspace";
+
+const frames = (): readonly (string | null)[] =>
+  [...document.querySelectorAll("iframe")].map((frame) => frame.getAttribute("src"));
+const scenes: Answers = { "GET /api/views/scene": { address: "/viser/1/" } };
+
+test("nothing of it is loaded before it is asked for, and nothing is left once it is closed", async () => {
+  const { asked } = await openPage(recorded("xbus"), { answers: scenes });
+  const requested = (): boolean => asked.some(({ path }) => path.startsWith("/api/views/scene"));
+  await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
+  expect([frames(), requested()]).toEqual([[], false]);
+  fireEvent.click(screen.getAllByRole("button", { name: "3D scene" })[0] as HTMLElement);
+  await waitFor(() => expect(frames()).toEqual([expect.stringMatching(/^\/viser\/1\//)]));
+  fireEvent.click(screen.getByRole("button", { name: "Close the 3D scene" }));
+  await waitFor(() => expect(frames()).toEqual([]));
+});
+
+test("it is a panel of the workspace once a person shows it there", async () => {
+  await openPage(recorded("xbus"), { answers: scenes });
+  await waitFor(() => expect(document.querySelector("[data-panel=values]")).not.toBeNull());
+  fireEvent.keyDown(document.body, { key: "w" });
+  fireEvent.click(await screen.findByLabelText(WORKSPACE.showPanel("3D scene")));
+  const panel = (): Element | null => document.querySelector("[data-panel=scene] iframe");
+  await waitFor(() => expect(panel()?.getAttribute("src") ?? "").toMatch(/^\/viser\/1\//));
+});
+
+test("why there is no scene is said in its place", async () => {
+  const problem = { kind: "missing", message: "viser is not installed.", hint: "Install it." };
+  const refused = { "GET /api/views/scene": () => new Response(JSON.stringify(problem), { status: 503 }) };
+  await openPage(recorded("xbus"), { answers: refused });
+  await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
+  fireEvent.click(screen.getAllByRole("button", { name: "3D scene" })[0] as HTMLElement);
+  expect((await screen.findByText(/viser is not installed/)).closest("[role=alert]")?.textContent).toContain(
+    "Install it.",
+  );
+});
