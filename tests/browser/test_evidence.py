@@ -1,4 +1,8 @@
-"""Evidence in a real browser: made from a recording and from Live, opened from disk without a network, measured."""
+"""Evidence in a real browser: made from a recording, opened from disk without a network, measured, also on a phone.
+
+What is asked of the server, also from Live, is tested without a browser, in web/src/pages/dialogs.test.tsx; what is in
+a file, in tests/server/test_evidence.py.
+"""
 
 from __future__ import annotations
 
@@ -14,22 +18,14 @@ import pyarrow as pa
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, serious
+from tests.browser.page_checks import PHONE, SILENT, serious
 from tests.browser.test_recordings import opened
 from tests.chromium import until
-from tests.conftest import READY
 from tests.server.evidence_harness import content_in
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 from tests.wire_scenes import yard_loop
 
-ENOUGH = """(() => {
-  const {devices, channels} = window.imuscope.store;
-  const of = name => channels.value.find(one => one.info.name === name)?.ring;
-  return devices.value[0].product.startsWith("MTi")
-    && ["Acceleration", "RateOfTurn", "EulerAngles"].every(name => of(name)?.newest - of(name)?.time(0) > 3);
-})()"""
-"""The device has said what it is, and its last seconds are more than a finger is wide."""
 MADE = "document.querySelector('dialog .jobs a') !== null"
 CHIP = "[...document.querySelectorAll('.chip')].find(chip => chip.textContent.startsWith(NAME))?.textContent"
 AXIS = "document.querySelector('canvas').getAttribute('aria-label')"
@@ -40,15 +36,13 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess
     data: Path = tmp_path_factory.mktemp("evidence")
     (data / "recordings").mkdir()
     yard_loop(data / "recordings" / "yard.mcap", title="Yard </script><script>window.hit = 1</script>")
-    with ServerProcess("sim:xbus", data=data) as server:
+    with ServerProcess(SILENT, data=data) as server:
         yield server
 
 
-def made(page: Page, folder: Path, *choices: str) -> Path:
-    """The file that the dialog makes with these choices."""
+def made(page: Page, folder: Path) -> Path:
+    """The file that the dialog makes."""
     page.keyboard.press("e")
-    for choice in choices:
-        page.locator("dialog .evidence").get_by_text(choice, exact=True).click()
     page.get_by_role("button", name="Make the file").click()
     until(page, MADE)
     with page.expect_download() as coming:
@@ -60,8 +54,6 @@ def made(page: Page, folder: Path, *choices: str) -> Path:
 
 def from_disk(open_page: Callable[..., Page], path: Path, **how: object) -> Page:
     page = open_page(path.as_uri(), **how)
-    page.context.set_offline(True)
-    page.reload()
     until(page, "document.querySelectorAll('.plot canvas').length > 2")
     until(page, f"{AXIS} !== null")
     return page
@@ -77,8 +69,13 @@ def cursor(page: Page, name: str) -> float:
 def test_a_file_measures_offline_what_the_recording_holds(
     recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
 ) -> None:
-    path = made(opened(recorded, open_page), tmp_path)
+    of_server = opened(recorded, open_page)
+    path = made(of_server, tmp_path)
+    of_server.context.close()
     page = from_disk(open_page, path)
+    page.context.set_offline(True)
+    page.reload()
+    until(page, f"{AXIS} !== null")
     assert page.evaluate("window.hit") is None
     assert page.title().startswith("Evidence: Yard </script>")
     whole = page.evaluate(AXIS)
@@ -117,6 +114,19 @@ def test_a_file_measures_offline_what_the_recording_holds(
     page.locator("button.time", has_text=re.compile(r"\d")).first.click()
     assert cursor(page, "A") > 0
     assert serious(page) == []
+    page.context.close()
+    on_a_phone(from_disk(open_page, path, width=PHONE[0], height=PHONE[1], touch=True, dark=False))
+
+
+def on_a_phone(phone: Page) -> None:
+    assert phone.evaluate("document.documentElement.scrollWidth") <= PHONE[0]
+    canvas = phone.locator(".plot canvas").first
+    canvas.tap(position={"x": 150, "y": 60})
+    phone.get_by_role("button", name="B", exact=True).click()
+    canvas.tap(position={"x": 250, "y": 60})
+    assert cursor(phone, "B") > cursor(phone, "A")
+    heights = phone.evaluate("[...document.querySelectorAll('.toolbar button')].map(one => one.offsetHeight)")
+    assert min(heights) >= 44
 
 
 def samples(server: ServerProcess, t0: float) -> tuple[np.ndarray, np.ndarray]:
@@ -128,28 +138,3 @@ def samples(server: ServerProcess, t0: float) -> tuple[np.ndarray, np.ndarray]:
     midnight = datetime(moment.year, moment.month, moment.day, tzinfo=UTC).timestamp()
     name = next(name for name in table.column_names if name.endswith("z"))
     return table["time"].to_numpy() - midnight, table[name].to_numpy()
-
-
-def test_live_becomes_a_file_on_a_phone(
-    recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
-) -> None:
-    page = open_page(recorded.url)
-    until(page, READY)
-    until(page, ENOUGH)
-    path = made(page, tmp_path, "Leave out position")
-    content = content_in(path.read_text(encoding="utf-8"))
-    assert content["position"]["signals"] == 0
-    assert path.name.startswith("evidence-")
-    assert content["devices"][0]["product"].startswith("MTi")
-    titles = {plot["title"] for plot in content["plots"]}
-    assert {"Acceleration", "Rate of turn"} <= titles
-    assert any("Roll, pitch" in title for title in titles)
-    phone = from_disk(open_page, path, width=PHONE[0], height=PHONE[1], touch=True, dark=False)
-    assert phone.evaluate("document.documentElement.scrollWidth") <= PHONE[0]
-    canvas = phone.locator(".plot canvas").first
-    canvas.tap(position={"x": 150, "y": 60})
-    phone.get_by_role("button", name="B", exact=True).click()
-    canvas.tap(position={"x": 250, "y": 60})
-    assert cursor(phone, "B") > cursor(phone, "A")
-    heights = phone.evaluate("[...document.querySelectorAll('.toolbar button')].map(one => one.offsetHeight)")
-    assert min(heights) >= 44

@@ -1,4 +1,4 @@
-"""The page of a robot in a real browser, through its fleet server."""
+"""A robot in a real browser, through its fleet server: it joins, shows its page, is lost, and is removed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ from tests.browser.page_checks import serious
 from tests.chromium import until
 from tests.server.fleet.robot_with_pages import CONTROL, fleet_of
 
+ROW = "document.querySelector('.fleet-row')"
 
-def test_a_robot_is_opened_from_the_fleet_and_left_again(tmp_path: Path, open_page: Callable[..., Page]) -> None:
-    with fleet_of(tmp_path, "view") as (server, _, _):
+
+def test_a_robot_is_opened_from_the_fleet_and_lost(tmp_path: Path, open_page: Callable[..., Page]) -> None:
+    with fleet_of(tmp_path, "view") as (server, robot, _):
         page = open_page(f"{server.url}?token={CONTROL}")
+        until(page, f"/otter 7/.test({ROW}.innerText) && /MTi-630/.test({ROW}.innerText) && /Hz/.test({ROW}.innerText)")
+        until(page, f"{ROW}.querySelector('.dot').classList.contains('live')")
+        assert page.locator(".nav").inner_text().split() == ["Fleet", "Recordings"]
         page.get_by_role("link", name="Open the page of otter 7").click()
         until(page, "location.pathname === '/robots/otter%207/'")
         until(page, "/Round trip \\d+/.test(document.querySelector('.through-fleet')?.innerText)")
@@ -22,3 +27,9 @@ def test_a_robot_is_opened_from_the_fleet_and_left_again(tmp_path: Path, open_pa
         assert serious(page, colours=False) == []
         page.get_by_role("link", name="Fleet", exact=True).click()
         until(page, "document.querySelector('.fleet-details h2')?.textContent === 'otter 7'")
+        robot.stop()
+        until(page, f"/lost/.test({ROW}.innerText) && {ROW}.classList.contains('held')")
+        page.get_by_text("Newest events").click()
+        until(page, "document.querySelectorAll('.fleet-events li').length > 0")
+        page.get_by_role("button", name="Remove from the list").click()
+        until(page, "document.querySelector('.card code')?.innerText === 'imuscope serve --fleet tcp/127.0.0.1:7447'")
