@@ -36,6 +36,8 @@ MAC = "/Applications/{0}.app/Contents/MacOS/{0}"
 
 # No sandbox as root, where Chromium refuses to have one; no /dev/shm, which containers keep too small.
 ARGUMENTS = ["--disable-dev-shm-usage", "--force-color-profile=srgb", "--font-render-hinting=none"]
+REBOUND = "rebound.example"  # a name of somebody else that leads to this machine, as after DNS rebinding
+ARGUMENTS.append(f"--host-resolver-rules=MAP {REBOUND} 127.0.0.1")
 if hasattr(os, "geteuid") and os.geteuid() == 0:
     ARGUMENTS.append("--no-sandbox")
 # What a browser without a window does for its address bar takes a second of a core for every page. This replaces what

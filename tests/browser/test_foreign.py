@@ -8,21 +8,18 @@ which the page would be of one origin with the server.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
-from tests import browser_engine, chromium
-from tests.conftest import chromium_path
+from tests.chromium import REBOUND
 from tests.server_process import ServerProcess
 from tests.timeouts import get
 from tests.waiting import block_until
-
-NAME = "rebound.example"
 
 ATTACK = """async ([target, socketTarget, device]) => {
   const seen = {};
@@ -89,13 +86,11 @@ def stranger() -> Iterator[str]:
 
 
 @pytest.fixture
-def visitor() -> Iterator[Page]:
-    """A page in a browser that resolves NAME to this machine, as after DNS rebinding."""
-    rule = f"--host-resolver-rules=MAP {NAME} 127.0.0.1"
-    arguments = [*chromium.ARGUMENTS, rule]
-    engine = browser_engine.playwright().chromium.launch(executable_path=chromium_path(), args=arguments)
-    yield engine.new_page()
-    engine.close()
+def visitor(browser: Browser) -> Iterator[Page]:
+    """A page that may complain: all that it tries is refused."""
+    page = browser.new_page()
+    yield page
+    page.close()
 
 
 def state(server: ServerProcess) -> tuple[Any, ...]:
@@ -106,7 +101,10 @@ def state(server: ServerProcess) -> tuple[Any, ...]:
     return devices, exchange, recorder, get(f"{server.url}/api/recordings").json()
 
 
-def test_a_page_of_another_origin_can_neither_read_nor_act(server: ServerProcess, stranger: str, visitor: Page) -> None:
+def test_a_page_of_another_origin_can_neither_read_nor_act(
+    serve: Callable[..., ServerProcess], stranger: str, visitor: Page
+) -> None:
+    server = serve("sim:xbus?rate=10")
     block_until(lambda: get(f"{server.url}/api/devices").json()[0]["status"] == "live", "the device streams")
     [device] = get(f"{server.url}/api/devices").json()
     before = state(server)
@@ -121,7 +119,7 @@ def test_a_page_of_another_origin_can_neither_read_nor_act(server: ServerProcess
     assert {"opaque", "refused", "TypeError"} >= set(seen.values())
 
     # The same page under a name of its owner that leads here: of one origin with the server, if the server let it.
-    rebound = f"http://{NAME}:{urlsplit(server.url).port}"
+    rebound = f"http://{REBOUND}:{urlsplit(server.url).port}"
     visitor.goto(rebound)
     seen = visitor.evaluate(ATTACK, [rebound, rebound.replace("http", "ws"), device["id"]])
     assert state(server) == before

@@ -20,6 +20,7 @@ from playwright.sync_api import Browser, Page, Route
 from protocols.xbus.simulator.device import XbusSimulator
 from recordings.mcap_writer import McapWriter
 from recordings.rrd.size_limit import limit_for
+from tests.browser.page_checks import SILENT
 from tests.chromium import until
 from tests.conftest import ARTIFACTS
 from tests.recordings.recorded_drive import START, drive
@@ -82,7 +83,7 @@ def seen(page: Page) -> NDArray[Any]:
 @pytest.fixture(scope="module")
 def running(data: Path) -> Iterator[ServerProcess]:
     """A server that has taken the viewer out of its package, which is done once."""
-    with ServerProcess("sim:xbus", data=data) as server:
+    with ServerProcess(SILENT, data=data) as server:
         assert get(f"{server.url}/rerun/re_viewer.js", timeout=2 * PATIENCE_S).status_code == 200
         yield server
 
@@ -92,8 +93,8 @@ def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Call
     page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
     chatter: list[str] = []  # of the viewer, a line or more for every frame
     page.on("console", lambda message: chatter.append(message.text) if message.type == "debug" else None)
-    seen(page)
     until(page, "document.getElementById('words').textContent === ''")
+    seen(page)
     page.screenshot(path=str(ARTIFACTS / "rerun-recording.png"), timeout=1000 * PATIENCE_S)
     assert page.evaluate("fetch('https://tile.openstreetmap.org/3/4/2.png').then(answer => answer.status)") == 204
     assert page.locator("#foot").is_hidden(), "all of it is shown: there is nothing to tell"
@@ -140,17 +141,18 @@ def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_pa
 
 
 @pytest.mark.slow  # tests/server/test_rerun.py streams to a viewer that only reads
-def test_live_data_is_shown_with_its_lag(running: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = open_page(f"{running.url}/rerun/?live&theme=dark", width=900, height=600)
-    seen(page)
-    until(page, "/\\d+ ms behind/.test(document.getElementById('lag').textContent)")
-    page.screenshot(path=str(ARTIFACTS / "rerun-live.png"), timeout=1000 * PATIENCE_S)
+def test_live_data_is_shown_with_its_lag(data: Path, open_page: Callable[..., Page]) -> None:
+    with ServerProcess("sim:xbus", data=data) as server:
+        page = open_page(f"{server.url}/rerun/?live&theme=dark", width=900, height=600)
+        seen(page)
+        until(page, "/\\d+ ms behind/.test(document.getElementById('lag').textContent)")
+        page.screenshot(path=str(ARTIFACTS / "rerun-live.png"), timeout=1000 * PATIENCE_S)
+        page.context.close()
 
 
-def test_a_missing_recording_is_reported(running: ServerProcess, browser: Browser) -> None:
+def test_a_missing_recording_is_reported_before_the_viewer_is_there(running: ServerProcess, browser: Browser) -> None:
     page = browser.new_page()
-    try:
-        page.goto(f"{running.url}/rerun/?recording=none")
-        until(page, "document.getElementById('words').textContent.includes('Recording none not found')")
-    finally:
-        page.close()
+    page.route("**/re_viewer_bg.wasm", lambda route: None)
+    page.goto(f"{running.url}/rerun/?recording=none")
+    until(page, "document.getElementById('words').textContent.includes('Recording none not found')")
+    page.close()

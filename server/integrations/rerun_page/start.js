@@ -138,9 +138,8 @@ async function main() {
   const what = wanted();
   if (!what) throw new Error("This address names no recording. Open one from the page.");
   const address = what.recording ? opened(what) : Promise.resolve();
-  address.catch(() => undefined); // it is told below, when the viewer is here
-  await wasm_bindgen({ module_or_path: new URL("re_viewer_bg.wasm", location.href) });
-  const url = await address;
+  const viewer = wasm_bindgen({ module_or_path: new URL("re_viewer_bg.wasm", location.href) });
+  const [url] = await Promise.all([address, viewer]); // what cannot be opened is said before the viewer is here
   say("");
   const handle = new wasm_bindgen.WebHandle({
     url: url ? [url] : [],

@@ -123,6 +123,25 @@ test("a refusal is said with its reason", async () => {
   expect(find(".card").textContent).toContain("Open the printed address.");
 });
 
+test("without a connection the robots stay, with a word about it", async () => {
+  let isDown = false;
+  const robots: FleetRobots = { revision: 1, time: 1_700_000_100, complete: true, gone: [], robots: [numbered(1)] };
+  const answer = (): unknown => {
+    if (isDown) throw new TypeError("Failed to fetch");
+    return robots;
+  };
+  const page = await openPage(recorded("library"), { place: "#/fleet", answers: { "GET /api/fleet/robots": answer } });
+  page.app.isFleet.value = true;
+  await eventually(() => expect(names()).toEqual(["amr-001"]));
+  isDown = true;
+  fleetOf(page.app).retry();
+  await eventually(() => expect(find(".fleet .band").textContent).toContain("No connection to the fleet server"));
+  expect(names()).toEqual(["amr-001"]);
+  isDown = false;
+  fleetOf(page.app).retry();
+  await eventually(() => expect(document.querySelector(".fleet .band")).toBeNull());
+});
+
 test("a single robot has no fleet", async () => {
   const { asked } = await openPage(recorded("library"), { place: "#/fleet" });
   await eventually(() => expect(document.querySelector(".nav")?.textContent).toBe("LiveConfigureRecordings"));

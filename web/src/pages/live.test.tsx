@@ -151,3 +151,19 @@ test.each([
   await act(() => page.look(device));
   await eventually(() => expect(text("main").toLowerCase()).toContain(words.toLowerCase()));
 });
+
+test("a port that may not be opened names its group and what to type, and is tried again at a press", async () => {
+  const words = "No permission to open /dev/ttyUSB0: it belongs to the group dialout.";
+  const hint = "Run `sudo usermod -aG dialout $USER`, then log out and in again.";
+  const { store, asked } = await open("xbus", { answers: { "POST /api/devices/1/retry": {} } });
+  const [device] = store.devices.value;
+  if (device === undefined) throw new Error("no device");
+  const denied = { ...device, status: "denied", message: words, hint } as const;
+  await act(() => store.receive({ kind: "text", text: { op: "devices", devices: [denied] } }));
+  await eventually(() => expect(text("main")).toContain(words));
+  expect(texts("main code")).toContain("sudo usermod -aG dialout $USER");
+  fireEvent.click(screen.getAllByRole("button", { name: "Try now" }).at(-1) as HTMLElement);
+  await eventually(() =>
+    expect(asked.some(({ method, path }) => method === "POST" && path === "/api/devices/1/retry")).toBe(true),
+  );
+});
