@@ -24,7 +24,7 @@ VIEW, CONTROL = "only-looking", "may-command"
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     data = tmp_path_factory.mktemp("data")
     config = data / "imuscope.toml"
-    config.write_text(f'rollback_s = 0.3\nview_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
+    config.write_text(f'rollback_s = 1.0\nview_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
     sources = (*(f"sim:xbus?seed={seed}&rate=10" for seed in (1, 2)), "sim:isb?rate=10", "sim:idtp?rate=10")
     with ServerProcess(*sources, data=data, arguments=("--config", str(config))) as process:
         with http_client(base_url=process.url) as http:

@@ -10,11 +10,19 @@ from tests.recordings.recorded_drive import drive
 from tests.server.fleet.store_fixtures import Commands
 
 
+@pytest.fixture(scope="session")
+def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Stores of which tests take copies."""
+    return tmp_path_factory.mktemp("stores")
+
+
 @pytest.fixture
-def commands(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Commands:
+def commands(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, stores: Path
+) -> Commands:
     """The commands, with a data folder of their own."""
     monkeypatch.setenv("IMUSCOPE_DATA", str(tmp_path / "data"))
-    return Commands(capsys)
+    return Commands(capsys, stores)
 
 
 @pytest.fixture

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +16,15 @@ from server.cli import main
 
 
 class Commands:
-    """`imuscope upload` and `imuscope query`, run in this process."""
+    """`imuscope upload` and `imuscope query`, run in this process.
 
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+    Args:
+        stores: a folder for stores that are made once, and copied.
+    """
+
+    def __init__(self, capsys: pytest.CaptureFixture[str], stores: Path) -> None:
         self._capsys = capsys
+        self._stores = stores
 
     def run(self, *words: str | Path) -> tuple[int, str, str]:
         """Exit status, output and errors of a command."""
@@ -31,6 +38,13 @@ class Commands:
         status, out, err = self.run("upload", file, "--store", store, "--robot", robot, *more)
         assert (status, err) == (0, "")
         return out
+
+    def uploaded(self, file: Path, store: Path, robot: str = "otter") -> None:
+        """Make a store with this recording, for a test that is not about its upload: a copy of one made before."""
+        key = hashlib.sha256(file.read_bytes() + robot.encode()).hexdigest()
+        if not (self._stores / key).exists():
+            self.upload(file, self._stores / key, robot)
+        shutil.copytree(self._stores / key, store)
 
     def query(self, store: Path | str, sql: str) -> list[dict[str, Any]]:
         """The answer to a question, from JSON."""

@@ -28,10 +28,14 @@ def without(store: Path, table: str, column: str) -> None:
     write_deltalake(str(folder), rows, mode="overwrite", schema_mode="overwrite", partition_by=["date"])
 
 
-@pytest.mark.parametrize("table", ["recordings", "devices", "events", "losses", "minutes"])
-def test_both_readers_give_the_same_rows(table: str, commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store, "a")
+def test_both_readers_give_the_same_rows(commands: Commands, recording: Path, store: Path) -> None:
+    commands.uploaded(recording, store, "a")
     commands.upload(recording, store, "b")
+    for table in ("recordings", "devices", "events", "losses", "minutes"):
+        _assert_read_alike(table, commands, store)
+
+
+def _assert_read_alike(table: str, commands: Commands, store: Path) -> None:
     place, kind = location(str(store)), TABLES[table]
     found = open_table(place, table)
     assert found is not None
@@ -50,7 +54,7 @@ def test_both_readers_give_the_same_rows(table: str, commands: Commands, recordi
 
 
 def test_a_column_that_older_files_lack_is_null(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store, "old")
+    commands.uploaded(recording, store, "old")
     for table, column in (("recordings", "host"), ("devices", "firmware")):
         without(store, table, column)
     assert commands.query(store, "SELECT host, firmware FROM recordings JOIN devices USING (recording)") == [
@@ -73,7 +77,7 @@ def test_a_column_that_older_files_lack_is_null(commands: Commands, recording: P
 @pytest.mark.parametrize("name", ["robot=x", "it's & ü", "{1}"])
 def test_a_folder_may_have_any_name(name: str, commands: Commands, recording: Path, tmp_path: Path) -> None:
     store = tmp_path / name
-    commands.upload(recording, store, "otter 7 (ü)")
+    commands.uploaded(recording, store, "otter 7 (ü)")
     sql = "SELECT r.robot, d.robot AS same FROM recordings r JOIN devices d USING (recording)"
     assert commands.query(store, sql) == [{"robot": "otter 7 (ü)", "same": "otter 7 (ü)"}]
     (rows,) = commands.query(store, "SELECT count(*) AS n FROM samples_wide WHERE robot = 'otter 7 (ü)'")
@@ -81,7 +85,7 @@ def test_a_folder_may_have_any_name(name: str, commands: Commands, recording: Pa
 
 
 def test_other_files_stay_closed(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     stray = store / "tables" / "recordings" / "stray.parquet"
     stray.write_bytes(files_in(store, "recordings")[0].read_bytes())
     for path in (
@@ -94,7 +98,7 @@ def test_other_files_stay_closed(commands: Commands, recording: Path, store: Pat
 
 
 def test_a_file_that_is_gone_or_cut_is_named_in_one_line(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     for table in ("recordings", "samples"):
         (path,) = files_in(store, table)
         content = path.read_bytes()
@@ -106,7 +110,7 @@ def test_a_file_that_is_gone_or_cut_is_named_in_one_line(commands: Commands, rec
 
 
 def test_a_table_with_deletion_vectors_is_refused(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     folder = store / "tables" / "recordings"
     table = DeltaTable(str(folder))
     table.alter.set_table_properties({"delta.enableDeletionVectors": "true"})
@@ -114,7 +118,7 @@ def test_a_table_with_deletion_vectors_is_refused(commands: Commands, recording:
 
 
 def test_an_unfinished_upload_is_left_out_by_both_readers(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     for kind in (DEVICES, SAMPLES):
         rows = delta(store, kind.name)
         at = rows.schema.get_field_index("recording")
@@ -134,7 +138,7 @@ def test_a_folder_whose_name_means_another_is_refused(
     assert not folder.exists()
 
 
-@pytest.mark.parametrize("name", ["a*b", "a b", "a=b", "a{b}", "a?b", "a#b", "100%", "a%zz", "é'\"<&>;"])
+@pytest.mark.parametrize("name", ["a*b?{b}", "a b=b#", "100% a%zz é'\"<&>;"])
 def test_a_folder_of_any_other_name_is_a_store(name: str, commands: Commands, recording: Path, tmp_path: Path) -> None:
     commands.upload(recording, tmp_path / name)
     sql = "SELECT count(*) > 0 AS found FROM minutes, recordings, (SELECT max(time) FROM samples_wide)"

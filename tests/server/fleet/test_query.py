@@ -36,7 +36,7 @@ def test_an_empty_store_has_all_tables_without_rows(table: str, exists: bool, co
 
 
 def test_an_answer_in_each_format(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     sql = "SELECT robot, started, lost, 'nan'::DOUBLE AS x, [1, 2] AS l, 9007199254740993 AS big FROM recordings"
     expected = {"robot": "otter", "started": "2025-10-09T08:53:20Z", "lost": 5, "x": None, "l": [1, 2]}
     assert commands.query(store, sql) == [{**expected, "big": 9007199254740993}]
@@ -51,7 +51,7 @@ def test_an_answer_in_each_format(commands: Commands, recording: Path, store: Pa
 
 
 def test_rows_of_the_tables_join_by_recording_and_device(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     sql = """SELECT d.serial_number, l.samples, l.cause FROM losses l JOIN devices d USING (recording, device)
              JOIN recordings r USING (recording) WHERE r.date = DATE '2025-10-09' AND r.started < l.began"""
     assert commands.query(store, sql) == [{"serial_number": "0080800001", "samples": 5, "cause": "device"}]

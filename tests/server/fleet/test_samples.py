@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -29,14 +31,20 @@ def table(path: Path, columns: dict[str, np.ndarray], rate: float = 50.0, start:
 
 
 def test_samples_are_those_of_the_recording(commands: Commands, recording: Path, store: Path, tmp_path: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     opened = decode(open_file(recording), tmp_path / "columns", all_protocols())
+    by_signal: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for one in commands.query(store, "SELECT signal, time, unit, value FROM samples ORDER BY time"):
+        by_signal[one.pop("signal")].append(one)
+    for name in (next(iter(by_signal)), "RateOfTurn.x"):
+        assert (
+            commands.query(store, f"SELECT time, unit, value FROM samples('{name}') ORDER BY time") == by_signal[name]
+        )
     compared = 0
     for info in opened.manifest["channels"]:
         rows = opened.exact(info["id"], 0, opened.rows(info["id"]))
         for column, values in zip(info["columns"], rows.columns, strict=True):
-            name = f"{info['name']}.{column['name']}"
-            found = commands.query(store, f"SELECT time, unit, value FROM samples('{name}') ORDER BY time")
+            found = by_signal[f"{info['name']}.{column['name']}"]
             assert [one["value"] for one in found] == pytest.approx(values.astype(float).tolist(), nan_ok=True)
             assert {one["unit"] for one in found} == {column["unit"]}
             compared += len(found)
@@ -45,9 +53,16 @@ def test_samples_are_those_of_the_recording(commands: Commands, recording: Path,
     assert bounds == {"a": True}
 
 
-def test_minutes_are_figures_of_the_samples(commands: Commands, store: Path, tmp_path: Path) -> None:
-    drive(tmp_path / "long.mcap", seconds=75.0)
-    commands.upload(tmp_path / "long.mcap", store)
+@pytest.fixture(scope="session")
+def long_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording that is longer than a minute."""
+    path = tmp_path_factory.mktemp("long") / "long.mcap"
+    drive(path, seconds=75.0)
+    return path
+
+
+def test_minutes_are_figures_of_the_samples(commands: Commands, store: Path, long_recording: Path) -> None:
+    commands.uploaded(long_recording, store)
     sql = """SELECT m.minute, m.signal, m.count AS rows, s.n, m.mean, s.mean AS mean_2, m.sigma, s.sigma AS sigma_2,
                     m.min, s.low
              FROM minutes m JOIN (
@@ -105,7 +120,7 @@ def test_names_of_columns_are_plain_and_differ(recording: Path, tmp_path: Path) 
 def test_a_signal_that_is_not_there_has_no_rows(commands: Commands, recording: Path, store: Path) -> None:
     for sql in ("SELECT * FROM samples('None.x')", "SELECT * FROM samples", "SELECT * FROM samples_wide"):
         assert commands.query(store, sql) == []
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     assert commands.query(store, "SELECT * FROM samples('it''s')") == []
     one = (
         "SELECT (SELECT count(*) FROM samples('RateOfTurn.x')) + (SELECT count(*) FROM samples( 'RateOfTurn.y' )) AS n"
@@ -126,9 +141,8 @@ def test_a_prepared_question_is_answered_by_an_empty_store_too(name: str, comman
     assert (status, out) == (0, QUESTIONS[name].sql + "\n")
 
 
-def test_the_prepared_questions_find_what_they_ask_for(commands: Commands, store: Path, tmp_path: Path) -> None:
-    drive(tmp_path / "long.mcap", seconds=90.0)
-    commands.upload(tmp_path / "long.mcap", store)
+def test_the_prepared_questions_find_what_they_ask_for(commands: Commands, store: Path, long_recording: Path) -> None:
+    commands.uploaded(long_recording, store)
 
     def asked(name: str) -> list[dict[str, object]]:
         status, out, _ = commands.run("query", "--store", store, "--question", name, "--format", "json")
@@ -148,12 +162,12 @@ def test_the_prepared_questions_find_what_they_ask_for(commands: Commands, store
 
 
 def test_a_device_counts_once_in_its_batch_however_often_it_was_recorded(
-    commands: Commands, store: Path, tmp_path: Path
+    commands: Commands, store: Path, long_recording: Path
 ) -> None:
-    drive(tmp_path / "long.mcap", seconds=90.0)
     answers = []
-    for robot in ("a", "b"):
-        commands.upload(tmp_path / "long.mcap", store, robot)
+    commands.uploaded(long_recording, store)
+    for robot in ("otter", "b"):
+        commands.upload(long_recording, store, robot)
         answers.append(commands.query(store, QUESTIONS["noise-by-batch"].sql))
     assert answers[0] == answers[1]
     assert {one["devices"] for one in answers[1]} == {1}

@@ -6,8 +6,6 @@ import hashlib
 import os
 import shutil
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -22,9 +20,9 @@ from server.fleet.store import StoreError, location, store_error
 from server.fleet.tables import TABLES
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import START, drive
-from tests.server.fleet import halting_upload
+from tests.server.fleet import halting_upload, without_package
 from tests.server.fleet.store_fixtures import Commands, delta
-from tests.server_process import ROOT, begun, imuscope
+from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S
 
 COUNTS = {"recordings": 1, "devices": 1, "events": 5, "losses": 1, "minutes": 22, "samples": 521}
@@ -51,7 +49,7 @@ def test_a_recording_is_stored_as_it_is(commands: Commands, recording: Path, sto
 
 
 def test_again_is_the_same_as_once(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     before = {path: path.read_bytes() for path in store.rglob("*") if path.is_file()}
     assert "was uploaded before" in commands.upload(recording, f"file://{store}")
     assert {path: path.read_bytes() for path in store.rglob("*") if path.is_file()} == before
@@ -60,7 +58,7 @@ def test_again_is_the_same_as_once(commands: Commands, recording: Path, store: P
 def test_a_recording_that_was_renamed_compacted_and_titled_is_the_same(
     commands: Commands, recording: Path, store: Path, tmp_path: Path
 ) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     other = tmp_path / "other.mcap"
     shutil.copyfile(recording, other)
     compact(other, edit={"title": "Another title"})
@@ -73,7 +71,7 @@ def test_other_content_and_another_robot_are_other_recordings(
     commands: Commands, recording: Path, store: Path, tmp_path: Path
 ) -> None:
     drive(tmp_path / "second.mcap", seconds=2.0)
-    commands.upload(recording, store, "a")
+    commands.uploaded(recording, store, "a")
     commands.upload(recording, store, "b c")
     commands.upload(tmp_path / "second.mcap", store, "a")
     found = commands.query(
@@ -198,7 +196,7 @@ def test_two_uploads_at_once_are_one(commands: Commands, recording: Path, store:
 
 
 def test_a_lost_object_is_uploaded_again(commands: Commands, recording: Path, store: Path) -> None:
-    commands.upload(recording, store)
+    commands.uploaded(recording, store)
     (row,) = commands.query(store, "SELECT object FROM recordings")
     for damage in (lambda path: path.unlink(), lambda path: path.write_bytes(b"x" * path.stat().st_size)):
         damage(store / row["object"])
@@ -288,17 +286,14 @@ def test_a_server_that_does_not_answer_is_one_line(
         assert "does not answer" in commands.refused(*command, "--store", "s3://bucket/prefix")
 
 
-BLOCK = "import sys; sys.modules[sys.argv.pop(1)] = None; from server.cli import main; raise SystemExit(main())"
-
-
 @each_row(("package", "command"), [("deltalake", "upload"), ("obstore", "upload"), ("duckdb", "query")])
 def test_without_the_packages_the_commands_say_what_to_install(
     package: str, command: str, recording: Path, store: Path
 ) -> None:
     given = ("upload", str(recording), "--robot", "a") if command == "upload" else ("query", "SELECT 1")
-    words = [sys.executable, "-c", BLOCK, package, *given, "--store", str(store)]
-    ended = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout) == (1, "")
-    assert ended.stderr == (
-        "imuscope: a store needs further packages; install them with: pip install 'imuscope[fleet]'.\n"
+    process = begun(package, *given, "--store", str(store), module=without_package.__name__, apart=True)
+    assert process.communicate() == (
+        "",
+        "imuscope: a store needs further packages; install them with: pip install 'imuscope[fleet]'.\n",
     )
+    assert process.returncode == 1
