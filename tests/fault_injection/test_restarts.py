@@ -129,7 +129,7 @@ class company:  # noqa: N801 - reads as what it is
     def __init__(self, data: Path, path: Path, line: TcpDevice) -> None:
         self._record = begun("record", line.source, "-o", str(path), "--data", str(data), "--duration", "3")
         block_until(path.exists, "it records into the folder")
-        self._server = ServerProcess("sim:isb", data=data)
+        self._server = ServerProcess("sim:isb?rate=10", data=data)
 
     def __enter__(self) -> None:
         self._server.__enter__()

@@ -101,7 +101,7 @@ def truth(text: str, columns: list[Floats]) -> tuple[Floats, Floats]:
 
 @each_row("columns", [WHOLE, GAPPY], ids=["even", "gaps"])
 @each_row(("text", "clear"), TEXTS)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(cuts=CUTS)
 def test_pieces_are_judged_as_everything_at_once(
     text: str, clear: str, columns: list[Floats], cuts: list[float]

@@ -91,7 +91,7 @@ def test_a_key_on_the_command_line_verifies_and_is_printed_nowhere(tmp_path: Pat
     (tmp_path / "robot.key").write_text(key + "\n")
     arguments = ("--key", f"@{tmp_path / 'robot.key'}")
     with (
-        ServerProcess("sim:idtp?mode=secure", data=tmp_path, arguments=arguments) as server,
+        ServerProcess("sim:idtp?mode=secure&rate=10", data=tmp_path, arguments=arguments) as server,
         http_client(base_url=server.url) as client,
     ):
         protection = block_until(lambda: client.get("/api/devices").json()[0]["protection"], "its frames are verified")

@@ -278,7 +278,10 @@ def test_settings_that_are_not_known_are_refused(running: InProcessServer) -> No
 
 def test_settings_as_recorded_and_as_read_now_are_compared(tmp_path: Path) -> None:
     """A device is read and recorded, then its location is changed: the diff has both values."""
-    with ServerProcess("sim:xbus?seed=1", data=tmp_path) as process, http_client(base_url=process.url) as client:
+    with (
+        ServerProcess("sim:xbus?seed=1&rate=10", data=tmp_path) as process,
+        http_client(base_url=process.url) as client,
+    ):
         url = "/api/devices/1"
         block_until(lambda: client.get("/api/devices").json()[0]["status"] == "live", "it streams")
 

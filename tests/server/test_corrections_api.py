@@ -20,7 +20,7 @@ from tests.waiting import block_until
 
 @pytest.fixture
 def client(serve: Callable[..., ServerProcess]) -> Iterator[Client]:
-    server = serve("sim:isb", "sim:idtp")
+    server = serve("sim:isb?rate=10", "sim:idtp?rate=10")
     with http_client(base_url=server.url, headers={"x-data": str(server.data)}) as client:
         yield client
 

@@ -154,7 +154,7 @@ def test_websocket_rules_apply_to_foxglove_too(bridged: ServerProcess) -> None:
 def test_remote_access_requires_the_token(tmp_path: Path, serve: Callable[..., ServerProcess]) -> None:
     config = tmp_path / "imuscope.toml"
     config.write_text('foxglove = 0\nview_token = "may-look-only"\ncontrol_token = "may-change-too"\n')
-    server = serve("sim:xbus", arguments=("--config", str(config)))
+    server = serve("sim:xbus?rate=10", arguments=("--config", str(config)))
     forwarded = {"X-Forwarded-For": "1.2.3.4"}
     assert status_of(server, additional_headers=forwarded) == 401
     assert status_of(server, additional_headers=forwarded, path="/foxglove?token=wrong") == 401

@@ -31,7 +31,7 @@ def test_devices_of_another_imuscope_have_their_quantities_units_and_attitude(tm
             assert (made.info("Quaternion").kind, made.info("Quaternion").frame) == ("quaternion", "ENU from body")
             assert made.session.health(made.telemetry.bus.now()).rejects == 0
 
-    with ServerProcess("sim:idtp", data=tmp_path, arguments=("--foxglove", "0")) as server:
+    with ServerProcess("sim:idtp?rate=10", data=tmp_path, arguments=("--foxglove", "0")) as server:
         asyncio.run(play(port_of(server)))
 
 
@@ -41,5 +41,5 @@ def test_one_that_does_not_serve_the_protocol_says_so(tmp_path: Path) -> None:
         with pytest.raises(LinkError, match=r"is not enabled on this server\. Start it with --foxglove"):
             await made.link.open()
 
-    with ServerProcess("sim:idtp", data=tmp_path) as server:
+    with ServerProcess("sim:idtp?rate=10", data=tmp_path) as server:
         asyncio.run(play(port_of(server)))

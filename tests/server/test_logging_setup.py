@@ -113,7 +113,7 @@ def test_refusals_are_logged_without_the_token(log: Log, tmp_path: Path) -> None
 def test_the_command_line_writes_one_object_a_line(tmp_path: Path) -> None:
     config = tmp_path / "imuscope.toml"
     config.write_text('view_token = "look-look-look"\ncontrol_token = "act-act-act"\nlog_format = "json"\n')
-    with ServerProcess("sim:idtp", data=tmp_path / "data", arguments=("--config", str(config))) as server:
+    with ServerProcess("sim:idtp?rate=10", data=tmp_path / "data", arguments=("--config", str(config))) as server:
         answer = get(f"{server.url}/api/devices", headers={"host": "evil.example", "cookie": "t=look-look-look"})
         assert answer.status_code == 403
         block_until(lambda: '"refused"' in server.log and '"live"' in server.log, lambda: server.log)

@@ -185,7 +185,7 @@ def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
 
 
 def test_only_ports_can_be_shared(tmp_path: Path) -> None:
-    with ServerProcess("sim:xbus", data=tmp_path) as server:
+    with ServerProcess("sim:xbus?rate=10", data=tmp_path) as server:
         assert "has no port that can be shared" in ask(server, "/shares")["why_not"]
         assert refusal(server, "/shares", {"address": "tcp://127.0.0.1:4001"})["kind"] == "not-now"
 

@@ -29,7 +29,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]
     config = folder / "imuscope.toml"
     config.write_text(f'view_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\nlog_level = "debug"\nfoxglove = 0\n')
     arguments = ("--config", str(config), "--record")
-    with ServerProcess("sim:xbus", data=folder / "data", arguments=arguments, fresh=True) as server:
+    with ServerProcess("sim:xbus?rate=10", data=folder / "data", arguments=arguments, fresh=True) as server:
         yield server
 
 

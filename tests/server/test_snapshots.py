@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,6 +15,7 @@ from protocols.isb.stored_settings import settings_of
 from protocols.schema import Field, Setting
 from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
+from server.configuration import snapshots
 from server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
 from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, from_text, to_text
 from server.configuration.value_format import field_at, title_at, value_at
@@ -42,6 +44,22 @@ def test_any_values_come_back(settings: dict[str, Any], title: str, why: str) ->
     snapshot = Snapshot("xbus", "MTi", "0080", title=title, reason=why, taken=1.0, values=settings, missing={"A": why})
     again = from_text(to_text(snapshot, ROWS))
     assert again == snapshot
+
+
+@each_row("loader", [yaml.SafeLoader, yaml.CSafeLoader])
+def test_a_snapshot_is_read_alike_with_and_without_libyaml(loader: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(snapshots, "_LOADER", loader)
+    snapshot = Snapshot("xbus", "MTi", "0080", title="é 😀", taken=1.0, values={"OutputConfiguration": OUTPUTS})
+    text = to_text(snapshot, ROWS)
+    assert from_text(text) == snapshot
+    for line, words in (
+        ("a: &x 1", "anchors"),
+        ("a: !!set {}", "anchors"),
+        ("a: [", "not valid"),
+        ("a: " + "[" * 50, "deep"),
+    ):
+        with pytest.raises(SnapshotError, match=words):
+            from_text(f"{text}\n{line}\n")
 
 
 def test_a_snapshot_is_readable_text() -> None:

@@ -173,7 +173,7 @@ def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
 
 
 def test_viser_ends_with_the_server_however_that_ends(tmp_path: Path) -> None:
-    with ServerProcess("sim:xbus", data=tmp_path, fresh=True) as server:  # it starts its processes itself
+    with ServerProcess("sim:xbus?rate=10", data=tmp_path, fresh=True) as server:  # it starts its processes itself
         assert viser_of(server.process.pid) == []
         assert get(server.url + "/viser/", timeout=PATIENCE_S).status_code == 200
         [pid] = viser_of(server.process.pid)

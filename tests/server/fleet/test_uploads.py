@@ -204,11 +204,11 @@ def test_a_server_that_is_killed_in_an_upload_stores_it_once(progress: float, tm
         found: dict[str, Any] = one
         return found
 
-    with ServerProcess("sim:xbus", data=data, arguments=("--config", str(settings))) as server:
+    with ServerProcess("sim:xbus?rate=10", data=data, arguments=("--config", str(settings))) as server:
         block_until(lambda: state(server)["progress"] >= progress or state(server)["state"] == "stored", server.log)
         os.kill(server.process.pid, signal.SIGKILL)
         server.process.wait()
-    with ServerProcess("sim:xbus", data=data, arguments=("--config", str(settings))) as server:
+    with ServerProcess("sim:xbus?rate=10", data=data, arguments=("--config", str(settings))) as server:
         block_until(lambda: state(server)["state"] == "stored", lambda: (state(server), server.log))
     assert stored(store) == ["a.mcap"]
     (path,) = (store / "robots").rglob("*.mcap")
