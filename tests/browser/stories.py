@@ -34,6 +34,7 @@ from tests.server_process import ROOT
 
 PAGE = ROOT / "server" / "page"
 KEEP_S = 0.5
+PNG = b"\x89PNG"
 _MAGIC = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # RFC 6455, 1.3
 
 CLOCK = """(() => {
@@ -75,7 +76,8 @@ class Story:
 
     Args:
         names: of files in tests/golden/wire; the first one's frames are sent, answers come from all.
-        answers: more of them, by method and path, with or without the query.
+        answers: more of them, by method and path, with or without the query; a path that ends with `/*` is of all
+        below it.
     """
 
     def __init__(self, *names: str, answers: Mapping[str, Answer] | None = None) -> None:
@@ -129,7 +131,8 @@ class Story:
             if key in self.answers:
                 found = self.answers[key]
                 return found(parse_qs(query), json.loads(body or "null")) if callable(found) else found
-        return None
+        below = (key for key in self.answers if key.endswith("/*") and f"{method} {place}".startswith(key[:-1]))
+        return next((self.answers[key] for key in below), None)
 
     def send_all(self, send: Callable[[str | bytes], None]) -> None:
         """What is sent to a page, until the story ends."""
@@ -162,7 +165,7 @@ class _Handler(BaseHTTPRequestHandler):
         body = self.rfile.read(int(self.headers.get("content-length") or 0)).decode()
         found = self.story.answer(self.command, self.path, body)
         if isinstance(found, bytes):
-            return self._send(200, found, "application/octet-stream")
+            return self._send(200, found, "image/png" if found.startswith(PNG) else "application/octet-stream")
         missing = {"kind": "not-found", "message": f"Nothing was recorded of {self.path}.", "hint": ""}
         status, told = (404, missing) if found is None else (200, found)
         return self._send(status, json.dumps(told).encode(), "application/json")

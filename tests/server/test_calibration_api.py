@@ -7,6 +7,7 @@ import io
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from server import wire
 from server.calibration.kinds import CalibrationInputs
 from server.calibration.session import MAX_SAMPLES, SampleCollector
 from server.config import Config
+from server.devices.protocol_set import all_protocols
+from server.links import open_link
 from server.streaming.channel_store import ChannelStore
 from server.streaming.channels import ChannelRows
 from tests.each_row import each_row
@@ -234,3 +237,43 @@ def test_sensors_are_recognised_by_name_and_unit(names: list[str], found: list[s
     inputs = CalibrationInputs.of([vector("1", name, unit(name)) for name in names])
     wanted = ("accelerometer", "gyroscope", "magnetometer")
     assert [inputs.triads[one].name if one in inputs.triads else None for one in wanted] == found
+
+
+def test_a_mounting_rotation_is_written_once_the_settings_were_read(tmp_path: Path) -> None:
+    """To a real device, which is silent meanwhile: the test sends the samples of its drive."""
+    config = Config(data=tmp_path, sources=("sim:xbus?rate=100&seed=1",))
+    with InProcessServer(config, open_link, all_protocols()) as running:
+        client = running.client
+        jobs = "/api/devices/1/jobs"
+
+        def carried_out(route: str, body: Any) -> Any:
+            answer = client.post(f"/api/devices/1/{route}", json={"confirmed": True, **body})
+            assert answer.status_code == 202, answer.text
+            number = answer.json()["id"]
+            return block_until(
+                lambda: next((job for job in client.get(jobs).json()["done"] if job["id"] == number), None),
+                "the end of the job",
+            )
+
+        block_until(lambda: client.get("/api/devices").json()[0]["status"] == "live", "a live device")
+        carried_out("run", {"command": "GoToConfig"})
+        block_until(lambda: client.get("/api/devices").json()[0]["status"] == "lost", "its silence")
+        device = Rows(running, "1")
+        device.ids = {one.name: one.id for one in running.services.telemetry.store.of_device("1").values()}
+        assert client.post(url(device), json={"kind": "mounting"}).status_code == 200
+        setup = SensorSetup(motion="straight", mount=30)
+        motion = setup.motion_at(np.arange(0, 30, 0.01))
+        begin = device.bus.now()
+        device.feed("RateOfTurn", "°/s", np.degrees(motion.rate), 100.0, begin)
+        device.feed("Acceleration", "m/s²", motion.force, 100.0, begin)
+        write = until(device, lambda found: not found["is_running"])["write"]
+        assert (write["setting"], write["values"]) == ("AlignmentRotation.RotSensor", None)
+        assert "not been read" in write["problem"]
+        carried_out("read", {})
+        values = latest(device)["write"]["values"]
+        job = carried_out("apply", {"changes": {write["setting"]: values}})
+        assert (job["state"], job["outcomes"]) == ("done", []), job
+        stored = client.get("/api/devices/1/values").json()["values"][write["setting"]]
+        assert [stored[name] for name in ("q0", "q1", "q2", "q3")] == pytest.approx(
+            setup.q_vehicle_from_sensor, abs=0.02
+        )
